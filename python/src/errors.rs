@@ -2,13 +2,13 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use servotwin::document::{self, Explained, Located};
+use servotwin::document::Diagnostic;
 use servotwin::files::FileError;
 use servotwin::nearest::UnknownName;
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
-use servotwin::study::{self, StudyError};
-use servotwin::system::{self, SystemError};
+use servotwin::study::StudyError;
+use servotwin::system::SystemError;
 use servotwin::table::{ContentError, TableError};
 use std::fmt::Display;
 
@@ -23,89 +23,25 @@ enum Detail {
     Mistakes(Vec<Place>),
 }
 
-/// A mistake at its place in a file.
+/// A mistake of a file.
 #[derive(Clone, Debug)]
 pub struct Place {
     file: String,
-    line: usize,
-    column: usize,
-    width: usize,
-    message: String,
-    help: Option<String>,
-    range: Option<(f64, f64)>,
-    allowed: Option<String>,
-}
-
-/// A mistake that may know what is allowed.
-pub trait Bounded: Explained {
-    /// The least and the largest number.
-    fn range(&self) -> Option<(f64, f64)> {
-        None
-    }
-
-    /// What is allowed, in words.
-    fn allowed(&self) -> Option<String> {
-        None
-    }
-}
-
-impl Bounded for document::Mistake {
-    fn range(&self) -> Option<(f64, f64)> {
-        match self {
-            document::Mistake::OutOfRange { min, max, .. } => Some((*min, *max)),
-            _ => None,
-        }
-    }
-}
-
-impl Bounded for system::Mistake {
-    fn range(&self) -> Option<(f64, f64)> {
-        match self {
-            system::Mistake::Document(mistake) => mistake.range(),
-            system::Mistake::FluidTemperature { range_k, .. }
-            | system::Mistake::FluidTooSoft { range_k, .. } => Some(*range_k),
-            _ => None,
-        }
-    }
-}
-
-impl Bounded for study::Mistake {
-    fn range(&self) -> Option<(f64, f64)> {
-        match self {
-            study::Mistake::Document(mistake) => mistake.range(),
-            _ => None,
-        }
-    }
-
-    fn allowed(&self) -> Option<String> {
-        match self {
-            study::Mistake::OutOfRange { allowed, .. } => Some(allowed.clone()),
-            _ => None,
-        }
-    }
+    mistake: Diagnostic,
 }
 
 impl Place {
-    /// A mistake of a file.
-    pub fn new<M: Bounded>(file: &str, located: &Located<M>) -> Self {
-        Place {
-            file: file.into(),
-            line: located.line,
-            column: located.column,
-            width: located.width,
-            message: located.mistake.to_string(),
-            help: located.mistake.help(),
-            range: located.mistake.range(),
-            allowed: located.mistake.allowed(),
-        }
+    /// A mistake of the file with this path.
+    pub fn new(file: &str, mistake: Diagnostic) -> Self {
+        Place { file: file.into(), mistake }
     }
 
     /// The Python object.
     pub fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let class = py.import("servotwin.errors")?.getattr("Mistake")?;
-        let Place { file, line, column, width, message, help, range, allowed } = self;
+        let Diagnostic { line, column, width, message, help, range, allowed, .. } = &self.mistake;
         let (help, allowed) = (help.as_ref(), allowed.as_ref());
-        class.call1((file, *line, *column, *width, message, help, *range, allowed))
+        class.call1((&self.file, *line, *column, *width, message, help, *range, allowed))
     }
 }
 
@@ -205,7 +141,7 @@ impl From<SystemError> for Failure {
         let message = error.to_string();
         match error {
             SystemError::File(error) => error.into(),
-            SystemError::Mistakes { path, mistakes } => self::mistakes(message, &path, &mistakes),
+            SystemError::Mistakes { path, mistakes } => self::mistakes(message, &path, mistakes),
         }
     }
 }
@@ -216,16 +152,15 @@ impl From<StudyError> for Failure {
         match error {
             StudyError::File(error) => error.into(),
             StudyError::System(error) => error.into(),
-            StudyError::Mistakes { path, mistakes } => self::mistakes(message, &path, &mistakes),
+            StudyError::Mistakes { path, mistakes } => self::mistakes(message, &path, mistakes),
         }
     }
 }
 
 /// All mistakes of a file; what is known of the first is known of the error.
-fn mistakes<M: Bounded>(message: String, path: &str, mistakes: &[Located<M>]) -> Failure {
-    let places: Vec<Place> = mistakes.iter().map(|located| Place::new(path, located)).collect();
+fn mistakes(message: String, path: &str, mistakes: Vec<Diagnostic>) -> Failure {
     let mut failure = Failure::new("MistakesError", message).in_file(path);
-    if let Some(first) = places.first() {
+    if let Some(first) = mistakes.first() {
         failure = failure
             .with("line", Detail::Count(first.line))
             .with("column", Detail::Count(first.column));
@@ -236,7 +171,8 @@ fn mistakes<M: Bounded>(message: String, path: &str, mistakes: &[Located<M>]) ->
             failure = failure.with("allowed", Detail::Text(allowed.clone()));
         }
     }
-    failure.with("mistakes", Detail::Mistakes(places))
+    let place = |mistake| Place::new(path, mistake);
+    failure.with("mistakes", Detail::Mistakes(mistakes.into_iter().map(place).collect()))
 }
 
 impl From<TableError> for Failure {

@@ -128,7 +128,7 @@ impl System {
             Ok(_) => Ok(vec![]),
             Err(SystemError::File(error)) => Err(Failure::from(error).into()),
             Err(SystemError::Mistakes { path, mistakes }) => {
-                mistakes.iter().map(|located| Place::new(&path, located).to_python(py)).collect()
+                mistakes.into_iter().map(|found| Place::new(&path, found).to_python(py)).collect()
             }
         }
     }

@@ -23,155 +23,83 @@ use toml::de::{DeInteger, DeTable, DeValue};
 /// A range of bytes in the text.
 pub type Span = Range<usize>;
 
-/// A mistake in a file's content: its display is one line.
+/// A mistake in a file's content. Its display is one line.
 pub trait Explained: fmt::Display {
     /// What to do instead, in one line.
-    fn help(&self) -> Option<String>;
+    fn help(&self) -> Option<String> {
+        None
+    }
+
+    /// The smallest and the largest number allowed, SI, where a number is out of range.
+    fn range(&self) -> Option<(f64, f64)> {
+        None
+    }
+
+    /// The allowed values in words, where two numbers cannot say it.
+    fn allowed(&self) -> Option<String> {
+        None
+    }
 }
 
 /// What can be wrong with any TOML file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a kind names its fields")]
 pub enum Mistake {
     /// The text is no TOML.
-    Syntax {
-        /// What the TOML reader says.
-        message: String,
-    },
+    #[error("not valid TOML: {message}")]
+    Syntax { message: String },
     /// The file is of a format that this version does not know.
-    Format {
-        /// What the file says.
-        found: f64,
-        /// What is read.
-        supported: u32,
-    },
+    #[error("format {found} is not known: this version reads format {supported}")]
+    Format { found: f64, supported: u32 },
     /// The file is something else.
-    OtherKind {
-        /// What it is.
-        is: &'static str,
-        /// What is wanted.
-        wanted: &'static str,
-        /// What to do.
-        help: String,
-    },
+    #[error("this is {is}, not {wanted}")]
+    OtherKind { is: &'static str, wanted: &'static str, help: String },
     /// A value of another type is needed.
-    WrongType {
-        /// The key.
-        key: String,
-        /// What is needed.
-        wanted: &'static str,
-        /// What is there.
-        found: &'static str,
-    },
+    #[error("'{key}' must be {wanted}, not {found}")]
+    WrongType { key: String, wanted: &'static str, found: &'static str },
     /// A number is infinite, not a number, or too large.
-    NotFinite {
-        /// The key.
-        key: String,
-    },
-    /// A number is outside its range.
+    #[error("'{key}' must be a finite number")]
+    NotFinite { key: String },
+    /// A number is outside its range; `summary` says what it means.
+    #[error(
+        "{key} = {} is out of range: allowed are {}",
+        Quantity(*.value, .unit), Quantities(*.min, *.max, .unit)
+    )]
     OutOfRange {
-        /// The key.
         key: String,
-        /// What is there.
         value: f64,
-        /// The smallest value allowed.
         min: f64,
-        /// The largest value allowed.
         max: f64,
-        /// The symbol of the unit.
         unit: &'static str,
-        /// What the number means.
         summary: &'static str,
     },
     /// A number is not whole where it must be.
-    NotWhole {
-        /// The key.
-        key: String,
-        /// What is there.
-        value: f64,
-    },
-    /// A list or a table has too few entries.
-    TooFew {
-        /// The key.
-        key: String,
-        /// How many there must be.
-        least: usize,
-    },
+    #[error("{key} = {value} must be a whole number")]
+    NotWhole { key: String, value: f64 },
+    /// A list or a table has fewer entries than `least`.
+    #[error("{}", too_few(.key, *.least))]
+    TooFew { key: String, least: usize },
     /// Two numbers of a range are not in order.
-    NotInOrder {
-        /// The key.
-        key: String,
-        /// The first number.
-        low: f64,
-        /// The second.
-        high: f64,
-    },
+    #[error("'{key}' goes from {low} to {high}: the lower number comes first")]
+    NotInOrder { key: String, low: f64, high: f64 },
     /// A signal that cannot be read.
-    Signal {
-        /// What is wrong.
-        message: String,
-    },
+    #[error("{message}")]
+    Signal { message: String },
     /// A word that is none of those possible.
-    UnknownWord {
-        /// The key.
-        key: String,
-        /// The word.
-        word: String,
-        /// The nearest possible one.
-        nearest: Option<String>,
-        /// All possible ones.
-        known: Vec<String>,
-    },
-    /// A key that must be there is not.
-    Missing {
-        /// Where it should be.
-        place: String,
-        /// The key.
-        key: &'static str,
-        /// What to write.
-        write: String,
-    },
+    #[error("'{key}' cannot be '{word}'")]
+    UnknownWord { key: String, word: String, nearest: Option<String>, known: Vec<String> },
+    /// A key that must be there is missing.
+    #[error("{place} lacks '{key}'")]
+    Missing { place: String, key: &'static str, write: String },
     /// A key that nobody reads.
-    UnknownKey {
-        /// The key.
-        key: String,
-        /// Where it stands.
-        place: String,
-        /// The nearest known key.
-        nearest: Option<String>,
-        /// All known keys.
-        known: Vec<String>,
-    },
+    #[error("unknown key '{key}' in {place}")]
+    UnknownKey { key: String, place: String, nearest: Option<String>, known: Vec<String> },
 }
 
-impl fmt::Display for Mistake {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Mistake::Syntax { message } => write!(out, "not valid TOML: {message}"),
-            Mistake::Format { found, supported } => {
-                write!(out, "format {found} is not known: this version reads format {supported}")
-            }
-            Mistake::OtherKind { is, wanted, .. } => write!(out, "this is {is}, not {wanted}"),
-            Mistake::WrongType { key, wanted, found } => {
-                write!(out, "'{key}' must be {wanted}, not {found}")
-            }
-            Mistake::NotFinite { key } => write!(out, "'{key}' must be a finite number"),
-            Mistake::OutOfRange { key, value, min, max, unit, .. } => {
-                let (value, range) = (Quantity(*value, unit), Quantities(*min, *max, unit));
-                write!(out, "{key} = {value} is out of range: allowed are {range}")
-            }
-            Mistake::NotWhole { key, value } => {
-                write!(out, "{key} = {value} must be a whole number")
-            }
-            Mistake::TooFew { key, least: 1 } => write!(out, "'{key}' is empty"),
-            Mistake::TooFew { key, least } => write!(out, "'{key}' needs at least {least} entries"),
-            Mistake::NotInOrder { key, low, high } => {
-                write!(out, "'{key}' goes from {low} to {high}: the lower number comes first")
-            }
-            Mistake::Signal { message } => write!(out, "{message}"),
-            Mistake::UnknownWord { key, word, .. } => write!(out, "'{key}' cannot be '{word}'"),
-            Mistake::Missing { place, key, .. } => write!(out, "{place} lacks '{key}'"),
-            Mistake::UnknownKey { key, place, .. } => write!(out, "unknown key '{key}' in {place}"),
-        }
+fn too_few(key: &str, least: usize) -> String {
+    match least {
+        1 => format!("'{key}' is empty"),
+        _ => format!("'{key}' needs at least {least} entries"),
     }
 }
 
@@ -183,6 +111,13 @@ impl Explained for Mistake {
             Mistake::Missing { write, .. } => Some(format!("write: {write}")),
             Mistake::UnknownKey { nearest, known, .. }
             | Mistake::UnknownWord { nearest, known, .. } => Some(suggest(nearest, known)),
+            _ => None,
+        }
+    }
+
+    fn range(&self) -> Option<(f64, f64)> {
+        match self {
+            Mistake::OutOfRange { min, max, .. } => Some((*min, *max)),
             _ => None,
         }
     }
@@ -232,9 +167,9 @@ fn write_number(out: &mut fmt::Formatter<'_>, value: f64) -> fmt::Result {
     }
 }
 
-/// A mistake at its place.
+/// A mistake at its place in a file, in words.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Located<M> {
+pub struct Diagnostic {
     /// The line, from 1.
     pub line: usize,
     /// The column in characters, from 1.
@@ -243,13 +178,19 @@ pub struct Located<M> {
     pub width: usize,
     /// The line's text.
     pub source: String,
-    /// What is wrong.
-    pub mistake: M,
+    /// What is wrong, in one line.
+    pub message: String,
+    /// What to do instead, in one line.
+    pub help: Option<String>,
+    /// The smallest and the largest number allowed, SI.
+    pub range: Option<(f64, f64)>,
+    /// The allowed values in words, where two numbers cannot say it.
+    pub allowed: Option<String>,
 }
 
-impl<M> Located<M> {
+impl Diagnostic {
     /// `breaks` are the places of all line ends.
-    fn new(text: &str, breaks: &[usize], span: &Span, mistake: M) -> Self {
+    fn new(text: &str, breaks: &[usize], span: &Span, mistake: &impl Explained) -> Self {
         let start = floor(text, span.start);
         let before = breaks.partition_point(|&at| at < start);
         let begin = before.checked_sub(1).map_or(0, |last| breaks[last] + 1);
@@ -260,7 +201,10 @@ impl<M> Located<M> {
             column: 1 + text[begin..start].chars().count(),
             width: text[start..stop].chars().count().max(1),
             source: text[begin..end].trim_end().to_owned(),
-            mistake,
+            message: mistake.to_string(),
+            help: mistake.help(),
+            range: mistake.range(),
+            allowed: mistake.allowed(),
         }
     }
 }
@@ -274,11 +218,11 @@ fn floor(text: &str, byte: usize) -> usize {
 /// The most characters of a source line that are shown.
 const SHOWN: usize = 100;
 
-impl<M: Explained> Located<M> {
-    /// Shows the mistake with its source line.
-    pub fn write(&self, out: &mut fmt::Formatter<'_>, path: &str) -> fmt::Result {
-        let Self { line, column, mistake, .. } = self;
-        writeln!(out, "{path}:{line}:{column}: {mistake}")?;
+impl Diagnostic {
+    /// Writes the message with its source line.
+    fn write(&self, out: &mut fmt::Formatter<'_>, path: &str) -> fmt::Result {
+        let Self { line, column, message, .. } = self;
+        writeln!(out, "{path}:{line}:{column}: {message}")?;
         let number = line.to_string();
         let margin = " ".repeat(number.len() + 1);
         // Of a very long line, show what surrounds the mistake.
@@ -291,29 +235,32 @@ impl<M: Explained> Located<M> {
         writeln!(out, "{margin}|")?;
         writeln!(out, "{number} | {shown}")?;
         writeln!(out, "{margin}| {indent}{}", "^".repeat(self.width.min(room)))?;
-        match mistake.help() {
+        match &self.help {
             Some(help) => writeln!(out, "{margin}= {help}"),
             None => Ok(()),
         }
     }
 }
 
-/// The most mistakes that are shown: who mends these sees the next.
-const MOST: usize = 20;
+/// The most mistakes that are shown. The next run shows the others once these are mended.
+const MAX_SHOWN: usize = 20;
 
-/// Shows the first mistakes of a file, and how many there are.
-pub fn write_mistakes<M: Explained>(
-    out: &mut fmt::Formatter<'_>,
+/// Writes the first mistakes of a file, and how many there are.
+pub fn write_mistakes(
     path: &str,
-    mistakes: &[Located<M>],
+    mistakes: &[Diagnostic],
+    out: &mut fmt::Formatter<'_>,
 ) -> fmt::Result {
-    for mistake in mistakes.iter().take(MOST) {
+    for mistake in mistakes.iter().take(MAX_SHOWN) {
         mistake.write(out, path)?;
         writeln!(out)?;
     }
     let count = mistakes.len();
     write!(out, "{path}: {}", counted(count, "mistake"))?;
-    if count > MOST { write!(out, ", of which the first {MOST} are shown") } else { Ok(()) }
+    if count <= MAX_SHOWN {
+        return Ok(());
+    }
+    write!(out, ", of which the first {MAX_SHOWN} are shown")
 }
 
 /// The mistakes found so far.
@@ -361,10 +308,13 @@ impl<M: PartialEq> Collector<M> {
     }
 
     /// All mistakes in the order of the file.
-    pub fn locate(mut self, text: &str) -> Vec<Located<M>> {
+    pub fn locate(mut self, text: &str) -> Vec<Diagnostic>
+    where
+        M: Explained,
+    {
         self.found.sort_by_key(|(span, _)| span.start);
         let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
-        self.found.into_iter().map(|(span, m)| Located::new(text, &breaks, &span, m)).collect()
+        self.found.iter().map(|(span, m)| Diagnostic::new(text, &breaks, span, m)).collect()
     }
 }
 

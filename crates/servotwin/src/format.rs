@@ -6,6 +6,7 @@ use crate::nearest::nearest;
 use crate::signal::Signal;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
+use std::collections::BTreeMap;
 use toml::Spanned;
 use toml::de::{DeValue, ValueDeserializer};
 
@@ -54,6 +55,89 @@ pub const fn must(name: &'static str, value: Value, summary: &'static str) -> Ke
 pub const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: false, summary }
 }
+
+/// The kind of value that a field's type implies, where no range or list of words narrows it.
+pub(crate) trait Described {
+    /// The kind of value.
+    const VALUE: Value;
+}
+
+impl Described for f64 {
+    const VALUE: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
+}
+
+impl Described for [f64; 2] {
+    const VALUE: Value = Value::Range;
+}
+
+impl Described for bool {
+    const VALUE: Value = Value::Flag;
+}
+
+impl Described for String {
+    const VALUE: Value = Value::Text;
+}
+
+impl Described for Signal {
+    const VALUE: Value = Value::Signal;
+}
+
+impl<T: Described> Described for Option<T> {
+    const VALUE: Value = T::VALUE;
+}
+
+impl<T: Described> Described for Vec<T> {
+    const VALUE: Value = Value::List(0, &T::VALUE);
+}
+
+impl<T: Described> Described for BTreeMap<String, T> {
+    const VALUE: Value = Value::Names(0, &T::VALUE);
+}
+
+/// Declares a section of a file once: the struct that serde fills, and its keys as data. Checks, JSON Schema, the
+/// book's table and the fields' documentation all come from this declaration.
+///
+/// A field is `must` or `may`, a name, a type, the kind of value where the type does not imply it, and a summary.
+macro_rules! section {
+    (
+        $(#[$attribute:meta])*
+        $vis:vis struct $Name:ident {
+            $(
+                $(#[$on_field:meta])*
+                $need:ident $field_vis:vis $field:ident: $type:ty $(= $value:expr)?, $summary:literal;
+            )*
+        }
+    ) => {
+        #[derive(Clone, Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        $(#[$attribute])*
+        $vis struct $Name {
+            $(
+                #[doc = $summary]
+                $(#[$on_field])*
+                $field_vis $field: $type,
+            )*
+        }
+
+        impl $Name {
+            /// The keys of this section.
+            pub(crate) const KEYS: &'static [$crate::format::Key] = &[
+                $($crate::format::$need(
+                    stringify!($field),
+                    $crate::format::section!(@value $type $(, $value)?),
+                    $summary,
+                )),*
+            ];
+        }
+
+        impl $crate::format::Described for $Name {
+            const VALUE: $crate::format::Value = $crate::format::Value::Table(Self::KEYS);
+        }
+    };
+    (@value $type:ty) => { <$type as $crate::format::Described>::VALUE };
+    (@value $type:ty, $value:expr) => { $value };
+}
+pub(crate) use section;
 
 /// Where mistakes go: the place, and what is wrong there.
 pub type Note<'n> = &'n mut dyn FnMut(&Span, document::Mistake);

@@ -2,7 +2,7 @@
 //! it is read from.
 
 use crate::built_in;
-use crate::document::{Collector, Located, Mistake};
+use crate::document::{Collector, Diagnostic, Mistake};
 use crate::files::{self, FileError};
 use crate::nearest::nearest;
 use std::borrow::Cow;
@@ -92,10 +92,7 @@ impl FileType {
     }
 
     /// The one mistake of a text that is something else.
-    pub(crate) fn wanted<M: From<Mistake> + PartialEq>(
-        self,
-        text: &str,
-    ) -> Option<Vec<Located<M>>> {
+    pub(crate) fn wanted(self, text: &str) -> Option<Vec<Diagnostic>> {
         let is = FileType::of(text).filter(|is| *is != self)?;
         let help = match (is, named_system(text)) {
             (FileType::Study, Some(name)) => format!("it is a study of the system '{name}'"),
@@ -108,7 +105,7 @@ impl FileType {
             }
         };
         let mistake = Mistake::OtherKind { is: is.words(), wanted: self.words(), help };
-        let mut mistakes = Collector::new();
+        let mut mistakes = Collector::<Mistake>::new();
         mistakes.note(&(0..0), mistake);
         Some(mistakes.locate(text))
     }

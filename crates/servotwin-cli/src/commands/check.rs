@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::{Value, json};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
-use servotwin::document::{Explained, Located, counted};
+use servotwin::document::{Diagnostic, counted};
 use servotwin::kind::FileType;
 use servotwin::study::{Setting, Study, StudyError};
 use servotwin::system::{System, SystemError};
@@ -94,13 +94,13 @@ fn told(error: StudyError, global: Global) -> Failure {
     }
 }
 
-fn report<M: Explained>(path: &str, mistakes: &[Located<M>]) -> Value {
-    let list = mistakes.iter().map(|located| {
+fn report(path: &str, mistakes: &[Diagnostic]) -> Value {
+    let list = mistakes.iter().map(|mistake| {
         json!({
-            "line": located.line,
-            "column": located.column,
-            "message": located.mistake.to_string(),
-            "help": located.mistake.help(),
+            "line": mistake.line,
+            "column": mistake.column,
+            "message": mistake.message,
+            "help": mistake.help,
         })
     });
     json!({ "file": path, "valid": false, "mistakes": list.collect::<Vec<_>>() })
@@ -154,8 +154,7 @@ fn of_study(options: &Options, study: &Study) -> Checked {
 }
 
 fn warnings(study: &Study) -> Value {
-    let warnings = study.warnings().into_iter().map(|located| {
-        let (line, column, message) = (located.line, located.column, located.mistake.to_string());
+    let warnings = study.warnings().into_iter().map(|Diagnostic { line, column, message, .. }| {
         json!({ "line": line, "column": column, "message": message })
     });
     warnings.collect()

@@ -13,10 +13,9 @@ pub use mistake::Mistake;
 use super::sequencer::{Rules, Stamped};
 use super::source::{Row, SourceError, Wanted};
 use servotwin::system::System;
-use servotwin_io::document::{Collector, Located, Span};
+use servotwin_io::document::{Collector, Diagnostic, Span, write_mistakes};
 use servotwin_io::files::{self, FileError};
 use servotwin_io::nearest::nearest;
-use std::fmt;
 use std::path::Path;
 
 /// The format of map files that this version reads.
@@ -82,21 +81,8 @@ pub enum MapError {
         /// The file, as it was named.
         path: String,
         /// All that were found, in the order of the file.
-        mistakes: Vec<Located<Mistake>>,
+        mistakes: Vec<Diagnostic>,
     },
-}
-
-fn write_mistakes(
-    path: &str,
-    mistakes: &[Located<Mistake>],
-    out: &mut fmt::Formatter<'_>,
-) -> fmt::Result {
-    for mistake in mistakes {
-        mistake.write(out, path)?;
-        writeln!(out)?;
-    }
-    let count = mistakes.len();
-    write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })
 }
 
 /// A number of the log in SI units.
@@ -234,7 +220,7 @@ impl Map {
     /// It is no mistake of the map.
     pub fn explain(&self, error: SourceError) -> Result<MapError, SourceError> {
         let SourceError::Lacking { address, columns, known } = error else { return Err(error) };
-        let mut mistakes = Collector::new();
+        let mut mistakes = Collector::<Mistake>::new();
         for column in columns {
             let place = self.wanted.names.iter().position(|name| *name == column);
             let span = place.map_or(0..0, |place| self.places[place].clone());

@@ -14,22 +14,24 @@
 //! among those of its case: were faults dealt in turn, one would always meet the same specimen, and trees
 //! would learn to know it.
 
+use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
 use super::{Realism, Role};
 use crate::document::Place;
+use crate::format::{Value, section};
 use crate::signal::Signal;
-use serde::Deserialize;
 use servotwin_model::signal::Piecewise;
 
-/// The section of a study file.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Text {
-    command: Signal,
-    duration_s: f64,
-    judge: usize,
-    learn: usize,
-    in_each_case: usize,
+section! {
+    /// The section of a study file.
+    pub(super) struct Text {
+        must command: Signal, "the calibration flight";
+        must duration_s: f64 = Value::Number(5.0, 1e4, "s"), "length of the calibration flight";
+        must judge: usize = SOME_SPECIMENS, "specimens whose records are judged";
+        must learn: usize = SOME_SPECIMENS, "specimens that run training commands";
+        must in_each_case: usize = SOME_SPECIMENS,
+            "specimens of each group that run the same case";
+    }
 }
 
 /// The calibration flight, and the specimens that fly it.

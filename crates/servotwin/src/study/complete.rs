@@ -1,8 +1,9 @@
 //! What every stage of the main job needs of a study. A file without it is readable, and serves commands that
 //! simulate nothing, such as `watch`. `check` and the stages refuse it before anything is simulated.
 
-use super::{Mistake, Study, StudyError};
-use crate::document::{Collector, Located, Place};
+use super::mistake::Mistake;
+use super::{Study, StudyError};
+use crate::document::{Collector, Diagnostic, Place};
 
 impl Study {
     /// Checks that the study has everything that its campaign and flights need.
@@ -17,9 +18,9 @@ impl Study {
         Err(StudyError::Mistakes { path: self.path.clone(), mistakes })
     }
 
-    fn missing_for_a_campaign(&self) -> Vec<Located<Mistake>> {
+    fn missing_for_a_campaign(&self) -> Vec<Diagnostic> {
         let reader = self.reader();
-        let mut found = Collector::new();
+        let mut found = Collector::<Mistake>::new();
         let mut note = |at: Place, mistake| found.note(&reader.span(&at), mistake);
         if self.classes.is_empty() {
             note(Place::of(&["classes"]), Mistake::NoFaults);

@@ -15,9 +15,11 @@
 //! ```
 
 use super::Setting;
+use super::keys::{SEED, SETTINGS, SOME_SPECIMENS};
 use super::reader::{Noted, Reader};
 use crate::document::Place;
-use serde::Deserialize;
+use crate::format::{Value, section};
+use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
 
@@ -25,28 +27,37 @@ use std::collections::BTreeMap;
 const CRITERIA: [(&str, Criterion); 2] =
     [("gini", Criterion::Gini), ("entropy", Criterion::Entropy)];
 
-/// The section of a study file.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct Text {
-    seed: Option<u64>,
-    random_thirds: Option<usize>,
-    folds: Option<usize>,
-    learned_bands: Option<Vec<String>>,
-    classifiers: Option<Vec<String>>,
-    comparison: Rounds,
-    ablation: Option<Vec<String>>,
-    committee: Boosting,
-    trees: BTreeMap<String, TreesText>,
+section! {
+    /// The section of a study file.
+    #[derive(Default)]
+    #[serde(default)]
+    pub(super) struct Text {
+        may seed: Option<u64> = SEED, "seed of the splits into training and test";
+        may random_thirds: Option<usize> = ROUNDS, "repeats with a random third held out";
+        may folds: Option<usize> = FOLDS, "parts for holding out kinds and intensities";
+        may learned_bands: Option<Vec<String>> = SETTINGS,
+            "scenarios with learned bands; the others use 3 %";
+        may classifiers: Option<Vec<String>> = SETTINGS,
+            "scenarios in which classifiers are compared";
+        may comparison: Rounds, "how the comparison holds out rows";
+        may ablation: Option<Vec<String>> = SETTINGS, "scenarios of the ablation";
+        may committee: Boosting, "the committee of boosted trees";
+        may trees: BTreeMap<String, TreesText>, "the nine trees of a scenario";
+    }
 }
 
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct TreesText {
-    criterion: Option<String>,
-    depth: Option<usize>,
-    leaf_rows: Option<usize>,
+section! {
+    #[derive(Default)]
+    #[serde(default)]
+    struct TreesText {
+        may criterion: Option<String> = Value::Word(criteria), "the measure of impurity";
+        may depth: Option<usize> = Value::Whole(1.0, 100.0), "questions on the longest path";
+        may leaf_rows: Option<usize> = SOME_SPECIMENS, "minimum number of rows in a leaf";
+    }
 }
+
+const ROUNDS: Value = Value::Whole(1.0, 1000.0);
+const FOLDS: Value = Value::Whole(2.0, 1000.0);
 
 /// What a study says of training and judging; `None` is what is usual.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -69,28 +80,30 @@ pub struct Evaluating {
     pub trees: BTreeMap<Setting, Growing>,
 }
 
-/// How often rows are held out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Rounds {
-    /// Number of random thirds.
-    pub random_thirds: Option<usize>,
-    /// Number of folds of groups.
-    pub folds: Option<usize>,
+section! {
+    /// How often rows are held out.
+    #[derive(Copy, Default, PartialEq)]
+    #[serde(default)]
+    pub struct Rounds {
+        may pub random_thirds: Option<usize> = ROUNDS, "repeats with a random third held out";
+        may pub folds: Option<usize> = FOLDS, "parts for holding out kinds and intensities";
+    }
 }
 
-/// How the committee's boosted trees are grown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Boosting {
-    /// Number of trees at each place of the hierarchy.
-    pub trees: Option<usize>,
-    /// Questions on the longest way.
-    pub depth: Option<usize>,
-    /// Factor on what each tree adds.
-    pub learning_rate: Option<f64>,
-    /// Share of the features from which each tree may choose.
-    pub feature_share: Option<f64>,
+section! {
+    /// How the committee's boosted trees are grown.
+    #[derive(Copy, Default, PartialEq)]
+    #[serde(default)]
+    pub struct Boosting {
+        may pub trees: Option<usize> = Value::Whole(1.0, MAX_TREES as f64),
+            "trees at each stage of the hierarchy";
+        may pub depth: Option<usize> = Value::Whole(1.0, MAX_DEPTH as f64),
+            "questions on the longest path";
+        may pub learning_rate: Option<f64> = Value::Number(1e-3, 1.0, ""),
+            "factor on the contribution of each tree";
+        may pub feature_share: Option<f64> = Value::Number(1e-3, 1.0, ""),
+            "share of the features that each tree may use";
+    }
 }
 
 /// How the nine trees are grown.

@@ -21,84 +21,91 @@
 //! measured), and does not know the specimen.
 
 use super::faults::full_name;
+use super::keys::{FLIGHT_S, some};
 use super::reader::{Noted, Reader};
 use super::training::{check_pattern, filled};
 use crate::document::Place;
+use crate::format::{Value, section};
 use crate::signal::bus::as_sent;
 use crate::signal::random::Random;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
 use std::collections::BTreeMap;
 
 type Ranges = BTreeMap<String, [f64; 2]>;
 
-/// The section of a study file.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Text {
-    #[serde(default)]
-    seed: u64,
-    duration_s: f64,
-    onset_s: [f64; 2],
-    windows_s: Vec<f64>,
-    commands: Vec<String>,
-    #[serde(default)]
-    inputs: Ranges,
-    #[serde(default)]
-    unit_inputs: Ranges,
-    #[serde(default)]
-    unit_parameters: Ranges,
-    least_on: Option<u32>,
-    learn: Size,
-    judge: Size,
-    full: Option<Full>,
-    #[serde(default)]
-    limits: Limits,
+section! {
+    /// The section of a study file.
+    pub(super) struct Text {
+        #[serde(default)]
+        may seed: u64 = Value::Whole(0.0, 999.0), "seed of environments, specimens and noise";
+        must duration_s: f64 = FLIGHT_S, "length of a flight with a fault";
+        must onset_s: [f64; 2], "range of the onset of a fault, s";
+        must windows_s: Vec<f64> = Value::List(1, &Value::Number(1e-3, 1e4, "s")),
+            "lengths of the sliding windows";
+        must commands: Vec<String> = some::<Vec<String>>(),
+            "signals with {a..b} and {n}, used in turn";
+        #[serde(default)]
+        may inputs: Ranges, "ranges of inputs";
+        #[serde(default)]
+        may unit_inputs: Ranges, "ranges of inputs of every unit";
+        #[serde(default)]
+        may unit_parameters: Ranges, "ranges of parameters of every unit";
+        may least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
+            "units that always stay on; default 1, or 0 for one unit";
+        must learn: Size, "number of flights for training";
+        must judge: Size, "number of flights for the evaluation";
+        may full: Option<Full>, "the sizes of `servotwin flights --full`";
+        #[serde(default)]
+        may limits: Limits, "the targets of the diagnosis";
+    }
 }
 
-/// Other sizes.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Full {
-    learn: Size,
-    judge: Size,
+section! {
+    /// Other sizes.
+    #[derive(Copy)]
+    struct Full {
+        must learn: Size, "number of flights for training";
+        must judge: Size, "number of flights for the evaluation";
+    }
 }
 
-/// How many flights there are for a purpose.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Size {
-    /// Different environments.
-    pub environments: usize,
-    /// Flights of each fault with each intensity.
-    pub repeats: usize,
-    /// Healthy flights in each environment, each of another specimen.
-    pub healthy: usize,
-    /// How long healthy flights are, s; as long as the others where it is not said.
-    pub healthy_duration_s: Option<f64>,
-    /// Further environments, in each of which one healthy specimen flies; of those to learn from only the windows are kept
-    /// that leave their bands: what is rare shows in many environments, and seldom in many flights of a few.
-    #[serde(default)]
-    pub further: usize,
-    /// How long these flights are, s; as long as healthy ones where it is not said.
-    pub further_duration_s: Option<f64>,
-    /// Environments in which each fault that nobody was trained on is judged.
-    #[serde(default)]
-    pub foreign: usize,
+section! {
+    /// The number of flights for one purpose. Without a length of their own, healthy flights are as long as those with
+    /// a fault, and further ones as long as healthy ones. Training keeps only those windows of further flights that
+    /// leave their bands: rare events appear in many environments, and seldom in many flights of a few.
+    #[derive(Copy, PartialEq, Serialize)]
+    pub struct Size {
+        must pub environments: usize = SOME_FLIGHTS, "number of environments";
+        must pub repeats: usize = FLIGHTS, "flights per fault and intensity";
+        must pub healthy: usize = FLIGHTS, "healthy flights per environment";
+        may pub healthy_duration_s: Option<f64> = FLIGHT_S, "length of these flights";
+        #[serde(default)]
+        may pub further: usize = FLIGHTS, "further environments with one healthy flight each";
+        may pub further_duration_s: Option<f64> = FLIGHT_S, "length of these flights";
+        #[serde(default)]
+        may pub foreign: usize = FLIGHTS, "environments for faults without training";
+    }
 }
 
-/// What is asked of the diagnosis at work; beside each the figure that was measured.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Limits {
-    /// 95 % of the visible shutdown faults of intensity 0.5 and more are isolated so soon, s.
-    pub latency_s: f64,
-    /// The same for a twin that is not fitted to its specimen, s.
-    pub latency_unfitted_s: f64,
-    /// Alarms of healthy actuators for each flight hour.
-    pub false_alarms_per_h: f64,
-    /// Shutdowns of the wrong actuator.
-    pub wrong_shutdowns: f64,
+const FLIGHTS: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
+const SOME_FLIGHTS: Value = Value::Whole(1.0, MAX_ENVIRONMENTS as f64);
+
+section! {
+    /// The targets of the diagnosis at work.
+    #[derive(Copy, PartialEq, Serialize)]
+    #[serde(default)]
+    pub struct Limits {
+        may pub latency_s: f64 = Value::Number(0.0, 1e4, "s"),
+            "latency limit for 95 % of visible shutdown faults";
+        may pub latency_unfitted_s: f64 = Value::Number(0.0, 1e4, "s"),
+            "the same limit for a twin that is not fitted";
+        may pub false_alarms_per_h: f64 = Value::Number(0.0, 1e4, "1/h"),
+            "limit on false alarms of healthy actuators";
+        may pub wrong_shutdowns: f64 = Value::Number(0.0, 1e4, ""),
+            "limit on shutdowns of the wrong actuator";
+    }
 }
 
 impl Default for Limits {
@@ -148,8 +155,8 @@ pub struct Flights {
     pub judged: Vec<Environment>,
 }
 
-/// There are at most so many environments: the draws to judge in lie behind those to learn from.
-const MOST: usize = 100_000;
+/// Upper limit on environments. The evaluation's draws follow those of training.
+const MAX_ENVIRONMENTS: usize = 100_000;
 
 impl Flights {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
@@ -291,7 +298,8 @@ impl Text {
         let position = number % self.commands.len();
         let pattern = &self.commands[position];
         // Judged environments are other draws than those learned from.
-        let first = if letter == 'L' { 1 } else { 1 + MOST } + MOST / 100 * self.seed as usize;
+        let first = if letter == 'L' { 1 } else { 1 + MAX_ENVIRONMENTS }
+            + MAX_ENVIRONMENTS / 100 * self.seed as usize;
         let command = filled(pattern, first + number / self.commands.len());
         let durations_s = [size.healthy_duration_s, size.further_duration_s];
         let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);

@@ -1,99 +1,44 @@
 //! Everything that can be wrong with a study file beside its form, in words.
 
 use super::realism::REALISTIC;
-use crate::document::{self, Explained, suggest};
-use std::fmt;
+use crate::document::{self, Explained, Quantity, suggest};
 
 /// What is wrong with a study file.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Mistake {
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum Mistake {
     /// With any TOML file.
-    Document(document::Mistake),
-    /// A name that the system does not have.
-    Unknown {
-        /// What the name should be.
-        what: &'static str,
-        /// The name.
-        name: String,
-        /// The nearest right one.
-        nearest: Option<String>,
-        /// All right ones, where they are few.
-        known: Vec<String>,
-    },
+    #[error(transparent)]
+    Document(#[from] document::Mistake),
+    /// A name that the system does not have. `known` are all right ones, where they are few.
+    #[error("there is no {what} '{name}'")]
+    Unknown { what: &'static str, name: String, nearest: Option<String>, known: Vec<String> },
     /// A fault or a parameter of a component that all units share, where one of each unit is meant.
-    Shared {
-        /// What it is.
-        what: &'static str,
-        /// Its name.
-        name: String,
-        /// The first of the units.
-        unit: String,
-    },
+    /// `unit` is the first of them.
+    #[error(
+        "the {what} '{name}' is of a component that units share: a name here stands for one of every unit, '{unit}.{name}' and so on"
+    )]
+    Shared { what: &'static str, name: String, unit: String },
     /// A number outside its range.
-    OutOfRange {
-        /// The field.
-        field: String,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        allowed: String,
-    },
+    #[error("{field} is {}, but must be {allowed}", Quantity(*.value, ""))]
+    OutOfRange { field: String, value: f64, allowed: String },
     /// A signal that cannot be built.
-    Signal {
-        /// The signal.
-        name: String,
-        /// Why.
-        error: String,
-    },
+    #[error("signal '{name}': {error}")]
+    Signal { name: String, error: String },
     /// Something that must not be empty.
-    Empty {
-        /// The fields of which one is needed.
-        field: &'static str,
-    },
+    #[error("'{field}' is empty")]
+    Empty { field: &'static str },
     /// Something that stands twice.
-    Repeated {
-        /// What it is.
-        what: &'static str,
-        /// Its name or value.
-        name: String,
-    },
+    #[error("the {what} '{name}' stands twice")]
+    Repeated { what: &'static str, name: String },
     /// The whole system is a unit beside others.
+    #[error("the unit '' is the whole system, which has no other units")]
     WholeBesideUnits,
     /// No class has a fault.
+    #[error("the study has no faults")]
     NoFaults,
     /// Flights need noise and specimens.
+    #[error("flights need the section 'realistic'")]
     NoRealism,
-}
-
-impl From<document::Mistake> for Mistake {
-    fn from(mistake: document::Mistake) -> Self {
-        Mistake::Document(mistake)
-    }
-}
-
-impl fmt::Display for Mistake {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Mistake::Document(mistake) => write!(out, "{mistake}"),
-            Mistake::Unknown { what, name, .. } => write!(out, "there is no {what} '{name}'"),
-            Mistake::Shared { what, name, unit } => write!(
-                out,
-                "the {what} '{name}' is of a component that units share: a name here stands for one of every unit, '{unit}.{name}' and so on"
-            ),
-            Mistake::OutOfRange { field, value, allowed } => {
-                let value = document::Quantity(*value, "");
-                write!(out, "{field} is {value}, but must be {allowed}")
-            }
-            Mistake::Signal { name, error } => write!(out, "signal '{name}': {error}"),
-            Mistake::Empty { field } => write!(out, "'{field}' is empty"),
-            Mistake::Repeated { what, name } => write!(out, "the {what} '{name}' stands twice"),
-            Mistake::NoFaults => write!(out, "the study has no faults"),
-            Mistake::NoRealism => write!(out, "flights need the section 'realistic'"),
-            Mistake::WholeBesideUnits => {
-                write!(out, "the unit '' is the whole system, which has no other units")
-            }
-        }
-    }
 }
 
 impl Explained for Mistake {
@@ -109,6 +54,20 @@ impl Explained for Mistake {
             ),
             Mistake::NoFaults => Some("add [[classes]] with 'faults'".into()),
             Mistake::NoRealism => Some(REALISTIC.example.into()),
+            _ => None,
+        }
+    }
+
+    fn range(&self) -> Option<(f64, f64)> {
+        match self {
+            Mistake::Document(mistake) => mistake.range(),
+            _ => None,
+        }
+    }
+
+    fn allowed(&self) -> Option<String> {
+        match self {
+            Mistake::OutOfRange { allowed, .. } => Some(allowed.clone()),
             _ => None,
         }
     }

@@ -22,7 +22,6 @@ pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
-pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
 pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
 pub use training::Training;
@@ -30,15 +29,17 @@ pub use warning::Warning;
 
 use crate::built_in;
 use crate::document::{
-    self, Collector, Entry, Located, Place, Span, entries, plain_table, write_mistakes,
+    self, Collector, Diagnostic, Entry, Place, Span, entries, plain_table, write_mistakes,
 };
 use crate::files::FileError;
-use crate::format;
+use crate::format::{self, Value, section};
 use crate::kind::{FileType, named_system};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
+use keys::{QUANTITY, RUN_S, some};
+use mistake::Mistake;
 use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::decision::usual_least_on;
@@ -46,7 +47,6 @@ use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Senso
 use servotwin_model::signal::Piecewise;
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
@@ -56,68 +56,76 @@ pub const FORMAT: u32 = 1;
 /// The study that is used where none is named: the paper's.
 const DEFAULT: (&str, &str) = built_in::STUDIES[0];
 
-/// A study as its file says it.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Text {
-    name: String,
-    title: String,
-    system: String,
-    duration_s: f64,
-    sample_hz: f64,
-    intensities: Vec<f64>,
-    units: Vec<String>,
-    command: CommandText,
-    load: Option<LoadText>,
-    sensors: BTreeMap<String, SensorText>,
-    extra_sensor: Option<ExtraText>,
-    #[serde(default)]
-    classes: Vec<ClassText>,
-    realistic: Option<realism::Text>,
-    fitted: Option<calibration::Text>,
-    training: Option<training::Text>,
-    evaluation: Option<evaluating::Text>,
-    flights: Option<flights::Text>,
-    #[serde(default)]
-    reactions: BTreeMap<String, reactions::Text>,
+section! {
+    /// A study as its file says it.
+    struct Text {
+        #[expect(dead_code, reason = "read_text looks at it before anything else")]
+        must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
+        must name: String, "name of the study in files";
+        must title: String, "one line for readers";
+        must system: String, "a built-in system, or a file in the same folder";
+        must duration_s: f64 = RUN_S, "length of every run";
+        must sample_hz: f64 = Value::Number(1.0, 1e4, "Hz"), "samples per second";
+        must intensities: Vec<f64> = Value::List(0, &INTENSITY), "the intensities of every fault";
+        must units: Vec<String> = some::<Vec<String>>(),
+            "the channels that can fail; \"\" for a system of one";
+        must command: CommandText, "the commands of the evaluation";
+        may load: Option<LoadText>, "the loads at which every command runs";
+        must sensors: BTreeMap<String, SensorText> = some::<BTreeMap<String, SensorText>>(),
+            "the sensors that the diagnosis reads";
+        may extra_sensor: Option<ExtraText>, "an additional sensor to assess";
+        #[serde(default)]
+        may classes: Vec<ClassText>, "faults with the same cause and the same remedy";
+        may realistic: Option<realism::Text>, "how real specimens differ from the twin";
+        may fitted: Option<calibration::Text>, "specimens whose twins are fitted to them";
+        may training: Option<training::Text>, "the commands that the diagnosis learns from";
+        may evaluation: Option<evaluating::Text>, "training and evaluation, if not the defaults";
+        may flights: Option<flights::Text>, "flights with the onset of a fault";
+        #[serde(default)]
+        may reactions: BTreeMap<String, reactions::Text>, "the effect of each command of a class";
+    }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CommandText {
-    input: String,
-    signals: BTreeMap<String, Signal>,
+const INTENSITY: Value = Value::Number(1e-6, 1.0, "");
+
+section! {
+    struct CommandText {
+        must input: String, "the input that the commands drive";
+        must signals: BTreeMap<String, Signal> = some::<BTreeMap<String, Signal>>(),
+            "the commands by name";
+    }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LoadText {
-    input: String,
-    values: BTreeMap<String, f64>,
+section! {
+    struct LoadText {
+        must input: String, "the input that carries the load";
+        must values: BTreeMap<String, f64> = some::<BTreeMap<String, f64>>(),
+            "the loads by name, SI";
+    }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SensorText {
-    quantity: String,
-    unit: usize,
-    #[serde(default)]
-    follows: BTreeMap<String, f64>,
+section! {
+    struct SensorText {
+        must quantity: String = QUANTITY, "role of the sensor in the diagnosis";
+        must unit: usize = Value::Whole(0.0, 1e6), "its place in `units`, from 1; 0 for none";
+        #[serde(default)]
+        may follows: BTreeMap<String, f64>, "its slope against other sensors by a law, SI over SI";
+    }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ExtraText {
-    id: String,
-    title: String,
+section! {
+    struct ExtraText {
+        must id: String, "id of the sensor in the system";
+        must title: String, "its name in the report";
+    }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ClassText {
-    detail: String,
-    command: String,
-    faults: Vec<String>,
+section! {
+    struct ClassText {
+        must detail: String, "the component or group at fault";
+        must command: String, "the action that the fault requires";
+        must faults: Vec<String> = some::<Vec<String>>(), "names of faults, without the unit";
+    }
 }
 
 /// One operating case: a command at a load.
@@ -181,32 +189,23 @@ pub struct Study {
 }
 
 /// Why there is no study.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The file cannot be read.
+    #[error(transparent)]
     File(FileError),
     /// The system has mistakes.
+    #[error(transparent)]
     System(SystemError),
     /// The file has mistakes.
+    #[error(fmt = write_mistakes)]
     Mistakes {
         /// The file, as it was named.
         path: String,
         /// All that were found, in the order of the file.
-        mistakes: Vec<Located<Mistake>>,
+        mistakes: Vec<Diagnostic>,
     },
 }
-
-impl fmt::Display for StudyError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            StudyError::File(error) => write!(out, "{error}"),
-            StudyError::System(error) => write!(out, "{error}"),
-            StudyError::Mistakes { path, mistakes } => write_mistakes(out, path, mistakes),
-        }
-    }
-}
-
-impl std::error::Error for StudyError {}
 
 impl Study {
     /// Reads a study from a text; `path` is shown in errors, and a system that
@@ -425,7 +424,7 @@ impl Default for Study {
 
 /// What a study file may say.
 pub fn keys() -> &'static [format::Key] {
-    &keys::STUDY
+    Text::KEYS
 }
 
 /// What a file says, with what is wrong with its form. Where no more can be said, all of that is the
@@ -453,12 +452,10 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
     }
     if mistakes.is_empty() {
         let note = &mut |at: &Span, mistake| mistakes.note(at, mistake);
-        format::check_table(&keys::STUDY, &(0..0), "the file", &all, note);
+        format::check_table(Text::KEYS, &(0..0), "the file", &all, note);
         repetitions(&all, &mut mistakes);
         // What is wrong was told and must not hide the rest.
-        let mut known = format::mended(&keys::STUDY, plain_table(root.get_ref()));
-        known.remove("format");
-        match Text::deserialize(known) {
+        match Text::deserialize(format::mended(Text::KEYS, plain_table(root.get_ref()))) {
             Ok(text) => parsed = Some(text),
             Err(error) if mistakes.is_empty() => {
                 let message = error.message().to_owned();
@@ -467,7 +464,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
             Err(_) => {}
         }
     }
-    let mut doubtful = format::doubtful(&keys::STUDY, &all);
+    let mut doubtful = format::doubtful(Text::KEYS, &all);
     if !mistakes.all(|mistake| is_form(mistake) || matches!(mistake, Mistake::Repeated { .. })) {
         doubtful.push("units");
     }

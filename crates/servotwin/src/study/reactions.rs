@@ -10,21 +10,25 @@
 //! parameters with `unit_` are those of the faulty unit.
 
 use super::faults::full_name;
+use super::keys::QUANTITY;
 use super::reader::{Noted, OF_A_CLASS, Reader};
 use crate::document::Place;
-use serde::Deserialize;
+use crate::format::{Value, section};
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
 
-/// A reaction as the study file says it.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct Text {
-    switches_off: bool,
-    unit_inputs: BTreeMap<String, f64>,
-    unit_parameters: BTreeMap<String, f64>,
-    parameters: BTreeMap<String, f64>,
-    takes_out: Vec<String>,
+section! {
+    /// A reaction as the study file says it.
+    #[derive(Default)]
+    #[serde(default)]
+    pub(super) struct Text {
+        may switches_off: bool, "whether the command switches the unit off";
+        may unit_inputs: BTreeMap<String, f64>, "values for inputs of the unit at fault";
+        may unit_parameters: BTreeMap<String, f64>, "values for parameters of the unit at fault";
+        may parameters: BTreeMap<String, f64>, "values for parameters of the system";
+        may takes_out: Vec<String> = Value::List(0, &QUANTITY),
+            "quantities whose sensors are ignored afterwards";
+    }
 }
 
 /// What is done about a fault of one unit.

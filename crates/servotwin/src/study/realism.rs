@@ -3,28 +3,30 @@
 
 use super::Study;
 use super::faults::full_name;
+use super::keys::{SEED, SPECIMENS, some};
 use super::reader::{Noted, Reader};
 use crate::document::Place;
+use crate::format::{Value, section};
 use crate::signal::random::Random;
-use serde::Deserialize;
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Text {
-    seed: u64,
-    #[serde(default)]
-    healthy: usize,
-    #[serde(default)]
-    tolerances: Vec<ToleranceText>,
+section! {
+    pub(super) struct Text {
+        must seed: u64 = SEED, "seed of noise and specimens";
+        #[serde(default)]
+        may healthy: usize = SPECIMENS, "healthy specimens per case";
+        #[serde(default)]
+        may tolerances: Vec<ToleranceText>, "the tolerances of the specimens";
+    }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ToleranceText {
-    parameters: Vec<String>,
-    sigma: f64,
-    #[serde(default)]
-    absolute: bool,
+section! {
+    struct ToleranceText {
+        must parameters: Vec<String> = some::<Vec<String>>(),
+            "parameters that vary together, without the unit";
+        must sigma: f64 = Value::Number(0.0, 1.0, ""), "one standard deviation";
+        #[serde(default)]
+        may absolute: bool, "sigma is in the parameter's unit, not relative to it";
+    }
 }
 
 impl Text {

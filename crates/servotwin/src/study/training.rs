@@ -19,29 +19,38 @@
 //! is the intensity of every fault, around each of the study's intensities: what changes abruptly
 //! between two of them is then seen.
 
+use super::OperatingCase;
+use super::keys::{RUN_S, SPECIMENS};
+use super::mistake::Mistake;
 use super::reader::{Noted, Reader};
-use super::{Mistake, OperatingCase};
 use crate::document::Mistake::NotInOrder;
 use crate::document::Place;
+use crate::format::{Value, section};
 use crate::signal::{Signal, SignalError};
-use serde::Deserialize;
 use servotwin_model::math::{exp, ln};
 use std::collections::BTreeMap;
 
-/// The section of a study file.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Text {
-    duration_s: f64,
-    #[serde(default)]
-    healthy: usize,
-    load: Option<[f64; 2]>,
-    #[serde(default)]
-    intensity_spread: f64,
-    #[serde(default)]
-    draws: Vec<DrawsText>,
-    #[serde(default)]
-    signals: BTreeMap<String, Signal>,
+section! {
+    /// The section of a study file.
+    pub(super) struct Text {
+        must duration_s: f64 = RUN_S, "length of the records with faults";
+        #[serde(default)]
+        may healthy: usize = SPECIMENS, "healthy specimens per command";
+        may load: Option<[f64; 2]>, "range of the load";
+        #[serde(default)]
+        may intensity_spread: f64 = Value::Number(0.0, 0.5, ""), "spread around each intensity";
+        #[serde(default)]
+        may draws: Vec<DrawsText>, "commands drawn from ranges";
+        #[serde(default)]
+        may signals: BTreeMap<String, Signal>, "further commands by name";
+    }
+}
+
+section! {
+    struct DrawsText {
+        must count: usize = SPECIMENS, "number of draws";
+        must signal: String, "a signal; {a..b} is a number from a to b, {n} the draw";
+    }
 }
 
 impl Text {
@@ -53,13 +62,6 @@ impl Text {
     pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
         self.draws.iter().enumerate().map(|(n, draws)| (pattern_at(n), draws.signal.as_str()))
     }
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DrawsText {
-    count: usize,
-    signal: String,
 }
 
 /// The flights from which a diagnosis learns.

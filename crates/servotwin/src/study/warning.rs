@@ -3,7 +3,7 @@
 use super::faults::full_name;
 use super::reader::Reader;
 use super::{Study, training};
-use crate::document::{Collector, Located, Quantities, Quantity};
+use crate::document::{Collector, Diagnostic, Explained, Quantities, Quantity};
 use crate::signal::{Argument, Signal, Sort};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
@@ -65,9 +65,11 @@ impl fmt::Display for Warning {
     }
 }
 
+impl Explained for Warning {}
+
 impl Study {
     /// What is hardly meant, with its places in the file.
-    pub fn warnings(&self) -> Vec<Located<Warning>> {
+    pub fn warnings(&self) -> Vec<Diagnostic> {
         let reader = self.reader();
         let mut found = Collector::new();
         let mut told = BTreeSet::new();
@@ -120,8 +122,8 @@ impl Study {
 
     /// The same, one line for each: path, line, column and what it is.
     pub fn warnings_in_words(&self) -> Vec<String> {
-        let line = |Located { line, column, mistake, .. }: Located<Warning>| {
-            format!("{}:{line}:{column}: {mistake}", self.path)
+        let line = |Diagnostic { line, column, message, .. }| {
+            format!("{}:{line}:{column}: {message}", self.path)
         };
         self.warnings().into_iter().map(line).collect()
     }

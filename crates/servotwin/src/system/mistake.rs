@@ -7,116 +7,66 @@ use servotwin_model::spec::Unit;
 
 /// What is wrong with a system file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Mistake {
+pub(crate) enum Mistake {
     /// With any TOML file.
-    #[error("{0}")]
-    Document(document::Mistake),
+    #[error(transparent)]
+    Document(#[from] document::Mistake),
     /// A name with letters that ids cannot have.
     #[error("'{name}' cannot be a name")]
-    BadName {
-        /// The name.
-        name: String,
-    },
+    BadName { name: String },
     /// A name that has a meaning of its own.
     #[error("the name '{name}' has a meaning of its own")]
-    ReservedName {
-        /// The name.
-        name: String,
-    },
+    ReservedName { name: String },
     /// A liquid would be thicker at 100 °C than at 40 °C.
     #[error("the fluid '{fluid}' is no thinner at 100 °C than at 40 °C")]
-    ThickensWhenWarm {
-        /// The fluid.
-        fluid: String,
-    },
+    ThickensWhenWarm { fluid: String },
     /// Two things have the same id.
     #[error("there are two things called '{id}'")]
-    DuplicateId {
-        /// The id.
-        id: String,
-    },
+    DuplicateId { id: String },
     /// A word that is none of a list: a component's kind, a liquid, an assembly, a fluid.
     #[error("unknown {what} '{word}'")]
     UnknownWord {
         /// What it should name, e.g. "kind of component".
         what: &'static str,
-        /// The word.
         word: String,
-        /// The nearest known one.
         nearest: Option<String>,
-        /// All known ones.
         known: Vec<String>,
     },
     /// Something is declared and never used.
     #[error("the {what} '{name}' is never used")]
-    Unused {
-        /// What it is.
-        what: &'static str,
-        /// Its name.
-        name: String,
-    },
+    Unused { what: &'static str, name: String },
     /// Both or neither of `kind` and `assembly`.
     #[error("component '{id}' needs either a 'kind' or an 'assembly'")]
-    KindOrAssembly {
-        /// The component.
-        id: String,
-    },
+    KindOrAssembly { id: String },
     /// A parameter's name with another unit.
     #[error("{}", wrong_suffix(.key, .right, *.unit))]
     WrongSuffix {
-        /// The key.
         key: String,
-        /// The parameter.
         right: &'static str,
-        /// Its unit.
         unit: Unit,
         /// The value converted to it.
         si: Option<f64>,
     },
     /// The name of a fault where a parameter is expected.
     #[error("'{key}' is a fault, no parameter")]
-    FaultAmongParameters {
-        /// The fault.
-        key: String,
-    },
+    FaultAmongParameters { key: String },
     /// The name of a port where a parameter is expected.
     #[error("'{key}' is a port, no parameter")]
-    PortAmongParameters {
-        /// The port.
-        key: String,
-        /// The component.
-        id: String,
-    },
+    PortAmongParameters { key: String, id: String },
     /// The kind of a component inside an assembly cannot be overridden.
     #[error("the kind of '{id}' cannot be overridden")]
-    KindOverridden {
-        /// The component.
-        id: String,
-    },
+    KindOverridden { id: String },
     /// A fluid given to a component that takes it from its circuit.
     #[error("'{id}' ({kind}) takes the fluid of its circuit")]
-    FluidNotHere {
-        /// The component.
-        id: String,
-        /// The component's kind.
-        kind: &'static str,
-    },
+    FluidNotHere { id: String, kind: &'static str },
     /// Several fluids are declared and a source names none.
     #[error("several fluids are declared, but '{id}' names none")]
-    WhichFluid {
-        /// The source.
-        id: String,
-        /// The fluids.
-        known: Vec<String>,
-    },
+    WhichFluid { id: String, known: Vec<String> },
     /// The laws of a fluid do not hold at the temperature of its source.
     #[error("'{id}' is at {kelvin} K, but the liquid '{liquid}' is only known for {} … {} K", .range_k.0, .range_k.1)]
     FluidTemperature {
-        /// The source.
         id: String,
-        /// Its temperature.
         kelvin: f64,
-        /// The liquid.
         liquid: String,
         /// The temperatures that it holds for.
         range_k: (f64, f64),
@@ -124,9 +74,7 @@ pub enum Mistake {
     /// A liquid by its own numbers would be softer than any, at the temperature of its source.
     #[error("'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {}: allowed are {} … {} K", Quantity(*.pa, "Pa"), .range_k.0, .range_k.1)]
     FluidTooSoft {
-        /// The source.
         id: String,
-        /// Its temperature.
         kelvin: f64,
         /// The bulk modulus there.
         pa: f64,
@@ -135,24 +83,14 @@ pub enum Mistake {
     },
     /// An end of a connection that names a component but no port.
     #[error("'{id}' is a component: which of its ports?")]
-    NoPort {
-        /// The component.
-        id: String,
-        /// Its ports.
-        known: Vec<String>,
-    },
+    NoPort { id: String, known: Vec<String> },
     /// A port that a component does not have.
     #[error("'{id}' ({kind}) has no port '{port}'")]
     UnknownPort {
-        /// The component.
         id: String,
-        /// Its kind.
         kind: &'static str,
-        /// The port.
         port: String,
-        /// The nearest one.
         nearest: Option<String>,
-        /// Its ports.
         known: Vec<String>,
     },
     /// A connection of fewer than two ports.
@@ -160,44 +98,22 @@ pub enum Mistake {
     TooFewEnds,
     /// A port twice in a connection.
     #[error("'{end}' stands twice in this connection")]
-    RepeatedEnd {
-        /// The port.
-        end: String,
-    },
+    RepeatedEnd { end: String },
     /// A connection names two inputs of the system.
     #[error("the inputs '{first}' and '{second}' feed the same signal")]
-    TwoInputs {
-        /// The first.
-        first: String,
-        /// The other.
-        second: String,
-    },
+    TwoInputs { first: String, second: String },
     /// An input of the system meets an output.
     #[error("the input '{input}' meets the output '{output}'")]
-    InputAndOutput {
-        /// The input.
-        input: String,
-        /// The output.
-        output: String,
-    },
+    InputAndOutput { input: String, output: String },
     /// An input of the system feeds something that reads no signal.
     #[error("an input cannot feed '{end}', which is {family}")]
-    NoSignalInput {
-        /// The port.
-        end: String,
-        /// What it is.
-        family: &'static str,
-    },
+    NoSignalInput { end: String, family: &'static str },
     /// An input of the system feeds nothing.
     #[error("the input '{id}' feeds nothing")]
-    InputUnused {
-        /// The input.
-        id: String,
-    },
+    InputUnused { id: String },
     /// A unit that is unknown, or not of SI.
     #[error("unknown unit '{word}'")]
     UnknownUnit {
-        /// The word.
         word: String,
         /// What was meant.
         meant: Option<Unit>,
@@ -205,7 +121,6 @@ pub enum Mistake {
     /// A sensor that is no output of a component.
     #[error("'{signal}' is no signal output of a component")]
     NoOutput {
-        /// The signal.
         signal: String,
         /// Outputs that it may have meant.
         known: Vec<String>,
@@ -213,27 +128,22 @@ pub enum Mistake {
     /// A sensor whose noise is more than what its residuals are divided by.
     #[error("the scale of sensor '{sensor}' is {}, less than noise and steps of '{component}': {}", Quantity(*.scale, .unit.symbol()), Quantity(rounded(*.noise), .unit.symbol()))]
     ScaleBelowNoise {
-        /// The sensor.
         sensor: String,
         /// The component that it reads.
         component: String,
-        /// What the file says.
         scale: f64,
         /// The standard deviation of its noise and its steps.
         noise: f64,
         /// The full scale of the component.
         full_scale: Option<f64>,
-        /// The unit of all three.
         unit: Unit,
     },
     /// A port that must be connected is open.
     #[error("the {family} port '{end}' is connected to nothing")]
     OpenPort {
-        /// The port.
         end: String,
         /// What flows through it.
         family: &'static str,
-        /// What the port is.
         summary: &'static str,
         /// The same in other instances of the assembly.
         also: Vec<String>,
@@ -243,23 +153,15 @@ pub enum Mistake {
     MixedKinds {
         /// The first port and its family.
         first: (String, &'static str),
-        /// The one that does not fit.
         second: (String, &'static str),
     },
     /// A signal of one unit meets an input of another.
     #[error("'{}' is in {}, but '{}' reads {}", .from.0, quoted(.from.1), .to.0, quoted(.to.1))]
-    MixedUnits {
-        /// The source.
-        from: (String, Unit),
-        /// The input.
-        to: (String, Unit),
-    },
+    MixedUnits { from: (String, Unit), to: (String, Unit) },
     /// Two components set the same pressure, motion or signal.
     #[error("both '{first}' and '{second}' {}", both(sets(.family)))]
     TwoSources {
-        /// The first.
         first: String,
-        /// The second.
         second: String,
         /// What flows through them.
         family: &'static str,
@@ -267,51 +169,32 @@ pub enum Mistake {
     /// Nobody sets the pressure, motion or signal of a node.
     #[error("nothing {} where {} meet", sets(.family), quote_all(.ends))]
     NoSource {
-        /// The ports that are joined.
         ends: Vec<String>,
         /// What flows through them.
         family: &'static str,
     },
     /// A circuit without source and tank.
     #[error("the hydraulic circuit of '{id}' has neither a source nor a tank")]
-    NoReference {
-        /// A component of it.
-        id: String,
-    },
+    NoReference { id: String },
     /// The sources of one circuit disagree.
     #[error("{second} is in one circuit with {first}")]
     TwoFluids {
         /// The first source, its liquid and its temperature.
         first: String,
-        /// The one that disagrees.
         second: String,
     },
     /// Signals depend on each other with no state in between.
     #[error("the signals of {} depend on each other at once", quote_all(.ids))]
-    AlgebraicLoop {
-        /// The components.
-        ids: Vec<String>,
-    },
+    AlgebraicLoop { ids: Vec<String> },
     /// Parameters that are impossible together.
     #[error("'{id}' is impossible: {reason}")]
-    Impossible {
-        /// The component.
-        id: String,
-        /// What does not fit.
-        reason: String,
-    },
+    Impossible { id: String, reason: String },
     /// The system has no states.
     #[error("the system has nothing that moves: no state variable")]
     Empty,
     /// More variables than a program can address.
     #[error("the system is too large for one program")]
     TooLarge,
-}
-
-impl From<document::Mistake> for Mistake {
-    fn from(mistake: document::Mistake) -> Self {
-        Mistake::Document(mistake)
-    }
 }
 
 /// What the component does that gives a node of this family its potential.
@@ -467,5 +350,15 @@ impl Explained for Mistake {
             | Mistake::TooLarge => return None,
         };
         Some(text)
+    }
+
+    fn range(&self) -> Option<(f64, f64)> {
+        match self {
+            Mistake::Document(mistake) => mistake.range(),
+            Mistake::FluidTemperature { range_k, .. } | Mistake::FluidTooSoft { range_k, .. } => {
+                Some(*range_k)
+            }
+            _ => None,
+        }
     }
 }

@@ -38,13 +38,12 @@ mod scope;
 pub mod units;
 
 pub use listing::ListedFault;
-pub use mistake::Mistake;
 pub(crate) use read::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
 use crate::compiled::Compiled;
-use crate::document::{Located, Quantities, Quantity, write_mistakes};
+use crate::document::{Diagnostic, Quantities, Quantity, write_mistakes};
 use crate::files::FileError;
 use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
@@ -53,7 +52,6 @@ use servotwin_model::network::{self, Network};
 use servotwin_model::program::Program;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
-use std::fmt;
 use std::path::Path;
 
 /// The format of system files that this version reads.
@@ -96,35 +94,19 @@ pub struct System {
 }
 
 /// Why there is no system.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SystemError {
     /// The file cannot be read.
-    File(FileError),
+    #[error("{0}")]
+    File(#[source] FileError),
     /// The file has mistakes.
+    #[error(fmt = write_mistakes)]
     Mistakes {
         /// The file, as it was named.
         path: String,
         /// All that were found, in the order of the file.
-        mistakes: Vec<Located<Mistake>>,
+        mistakes: Vec<Diagnostic>,
     },
-}
-
-impl fmt::Display for SystemError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            SystemError::File(error) => write!(out, "{error}"),
-            SystemError::Mistakes { path, mistakes } => write_mistakes(out, path, mistakes),
-        }
-    }
-}
-
-impl std::error::Error for SystemError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            SystemError::File(error) => Some(error),
-            SystemError::Mistakes { .. } => None,
-        }
-    }
 }
 
 impl System {

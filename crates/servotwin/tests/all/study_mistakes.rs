@@ -6,11 +6,35 @@ use crate::golden;
 use servotwin::built_in;
 use servotwin::study::{Study, StudyError};
 use servotwin::system::System;
+use servotwin::template::{Like, Template};
 
 #[test]
 fn broken_studies_are_told_what_is_wrong() {
     let parse = |text: &str, name: &str| Study::parse(text, name).map(drop);
     golden::assert_mistakes("tests/broken_studies", 8, parse);
+}
+
+/// The detail of the class, `leakage`, stands two lines above the fault and is part of its name.
+#[test]
+fn a_misspelt_fault_of_a_template_is_marked_where_it_stands() {
+    for like in Like::ALL {
+        let template = Template::new("trial", like).unwrap();
+        let system = System::parse(&template.system(), "trial.toml").unwrap();
+        let study = template.study();
+        assert!(study.contains("detail = \"leakage\""), "{like:?}");
+        let (right, wrong) = ("\"leakage_a.leakage\"", "\"leakage_x.leakage\"");
+        let text = study.replace(right, wrong);
+        let lines = text.lines().zip(1..);
+        let (column, line) =
+            lines.filter_map(|(text, n)| Some((text.find(wrong)?, n))).next().unwrap();
+        let Err(StudyError::Mistakes { mistakes, .. }) =
+            Study::parse_for(&text, "trial_study.toml", system)
+        else {
+            panic!("{like:?}: no mistake")
+        };
+        let places: Vec<_> = mistakes.iter().map(|m| (m.line, m.column, m.width)).collect();
+        assert_eq!(places, [(line, column + 1, wrong.len())], "{like:?}");
+    }
 }
 
 #[test]
@@ -31,7 +55,7 @@ fn a_temperature_at_which_a_liquid_would_be_too_soft_is_refused_where_it_is_vari
     };
     assert!(study("338.15").is_none());
     let Some(StudyError::Mistakes { mistakes, .. }) = study("345.65") else { panic!() };
-    let told: Vec<String> = mistakes.iter().map(|located| located.mistake.to_string()).collect();
+    let told: Vec<String> = mistakes.iter().map(|mistake| mistake.message.clone()).collect();
     let field = "flights.unit_parameters.supply.temperature_k is 345.65, but must be";
     assert!(told[0].starts_with(field) && told[0].ends_with(would_be), "{told:?}");
     assert!(mistakes[0].source.contains("supply.temperature_k"), "{}", mistakes[0].source);

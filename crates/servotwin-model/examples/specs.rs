@@ -1,5 +1,0 @@
-fn main() {
-    for c in servotwin_model::components::ALL {
-        println!("{:#?}", c.spec());
-    }
-}
