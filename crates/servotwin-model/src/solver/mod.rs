@@ -27,7 +27,7 @@
 //!      |  evaluate_with_jacobian:  equation blocks [14]  fill sums, derivatives and partials;
 //!      |                           chain-rule products [26]  fill the gradients of the sums
 //!      v
-//!  gradients [71] = one and zero [2] | input slopes [1] | sum gradients [@ROWS] | partials [@PARTIALS]
+//!  gradients [71] = one and zero [2] | input slopes [1] | sum gradients [27] | partials [41]
 //!      |
 //!      |  factor:  Jacobian entries [18]  ->  I/(gamma h) - J = L U,  update products [9]
 //!      v
