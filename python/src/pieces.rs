@@ -104,9 +104,9 @@ pub fn join_evaluation(
                 return Err(Failure::value(format!("pieces of subject '{name}' are missing")));
             }
             let desk = job::Desk::new(&folder, &study, subject, watch.workers(threads))?;
-            evaluated.push((desk, own));
+            evaluated.push(job::Evaluated::new(&study, desk, own));
         }
-        let results = job::write_results(&folder, &study, evaluated)?;
+        let results = job::write_results(&folder, &study, &evaluated)?;
         manifest::write(&folder, &study)?;
         Ok(to_text(&results))
     })?;

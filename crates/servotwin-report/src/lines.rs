@@ -119,7 +119,7 @@ impl Who {
     pub const ALL: [Who; 2] = [Who::Trees, Who::Committee];
 
     /// The word in tables.
-    pub fn title(self) -> &'static str {
+    pub const fn title(self) -> &'static str {
         match self {
             Who::Trees => "trees",
             Who::Committee => "committee",

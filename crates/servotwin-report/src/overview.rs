@@ -10,7 +10,7 @@ use crate::words::{begun, chosen, percent, spoken};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
-use servotwin::study::Setting;
+use servotwin::study::{Role, Setting};
 use servotwin_io::text::escaped;
 use std::fmt::Write;
 
@@ -62,6 +62,9 @@ impl Card {
 
 /// Writes the first screen; nothing without a result.
 pub fn write(material: &Material, page: &mut Page) {
+    if let Some(missing) = missing(material) {
+        page.note(&missing);
+    }
     let words = material.words();
     let scenarios = lines::settings(material.results);
     let tabs: Vec<(String, String)> = scenarios
@@ -69,6 +72,31 @@ pub fn write(material: &Material, page: &mut Page) {
         .map(|result| (result.title.clone(), scenario(material, result, &words)))
         .collect();
     page.tabs("scenario", &tabs);
+}
+
+/// What a reader might look for and this report does not have, yet or at all.
+fn missing(material: &Material) -> Option<String> {
+    let Material { study, results, flights, .. } = material;
+    let is_there = |setting: Setting| results.of(Subject::of(setting)).is_some();
+    let expected = Setting::ALL.into_iter().filter(|setting| setting.is_usual());
+    let mut missing: Vec<&str> = expected
+        .filter(|setting| setting.is_possible(study) && !is_there(*setting))
+        .map(Setting::name)
+        .collect();
+    let has_flights = study.is_full && study.flights().is_ok_and(|flights| flights.is_some());
+    missing.extend((has_flights && flights.is_none()).then_some("flights"));
+    if !missing.is_empty() {
+        let missing = missing.join(", ");
+        return Some(format!("Not in this report yet: {missing}. `servotwin study` adds them."));
+    }
+    (!study.is_full).then(|| {
+        format!(
+            "Quick study: records of {} s, {} training commands, main protocols, no flights. \
+             `servotwin study --full` runs everything.",
+            study.duration_s,
+            study.cases_of(Role::Training).len(),
+        )
+    })
 }
 
 fn scenario(material: &Material, result: &SubjectResult, words: &Vocabulary) -> String {

@@ -82,7 +82,7 @@ pub struct StudyOptions {
     /// The folder for data sets, models, results and the report.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
-    /// Remove what the folder holds of another study.
+    /// Remove what the folder holds of another study, or of the full size of this one.
     #[arg(long)]
     replace: bool,
     /// Number of threads [default: all processors; the results do not depend
@@ -92,15 +92,34 @@ pub struct StudyOptions {
 }
 
 impl StudyOptions {
-    /// Reads the study; what is hardly meant in it is told before it runs.
+    /// Reads the study, in its full size where the folder holds that, and warns of its doubtful parts before it runs.
     fn read(&self, global: Global) -> Result<Study, Failure> {
-        let study = match &self.study {
+        let study = self.find()?;
+        warn(global, &study.warnings_in_words());
+        if study.is_full || self.replace || !Folder::new(&self.out).holds_full(&study) {
+            return Ok(study);
+        }
+        let folder = self.out.display();
+        note(
+            global,
+            &format!("{folder} holds the full study, which goes on (--replace for the quick one)"),
+        );
+        Ok(study.full()?)
+    }
+
+    /// Reads the study in its full size.
+    fn read_full(&self, global: Global) -> Result<Study, Failure> {
+        let study = self.find()?.full()?;
+        warn(global, &study.warnings_in_words());
+        Ok(study)
+    }
+
+    fn find(&self) -> Result<Study, Failure> {
+        Ok(match &self.study {
             Some(path) if path.is_dir() => Folder::new(path).read_study()?,
             Some(path) => Study::read(path)?,
             None => Study::default(),
-        };
-        warn(global, &study.warnings_in_words());
-        Ok(study)
+        })
     }
 
     /// Makes the folder ready for the study; what is removed there is told.

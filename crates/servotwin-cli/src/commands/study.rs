@@ -8,18 +8,23 @@ use crate::render::json;
 use crate::{Global, stop};
 use indicatif::ProgressBar;
 use serde_json::json;
-use servotwin::job::{StudyEvent, StudyRun};
+use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
+use servotwin::study::Study;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Runs, one after the other, what `campaign`, `flights`, `train`, `evaluate` and `report` do
-/// alone. An interrupted study goes on where it was; run again, it gives the same bytes.
+/// Runs, one after the other, what `campaign`, `train`, `evaluate`, `flights` and `report` do alone. The report is
+/// there after the first scenario, and grows. An interrupted study goes on where it was; run again, it gives the same
+/// bytes.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
+    /// The full sizes: all records, training commands, protocols and flights, not those of the study's `[quick]`.
+    #[arg(long)]
+    full: bool,
     /// Also the setting in which every specimen has a twin that was fitted to it in a calibration
     /// flight.
     #[arg(long)]
@@ -29,9 +34,12 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
-    let study = options.study.read(global)?;
+    let study = match options.full {
+        true => options.study.read_full(global)?,
+        false => options.study.read(global)?,
+    };
     stop::heed();
-    let screen = Screen::new(global, options);
+    let screen = Screen::new(global, options, &study);
     let run = StudyRun {
         replace: options.study.replace,
         fitted: options.fitted,
@@ -54,15 +62,20 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => {
             let summary = summary::text(&results.evaluation, &study);
-            format!("{summary}\n{path}, after {seconds:.0} s\n")
+            let more = if study.is_full { "" } else { MORE };
+            format!("{summary}\n{path}, after {seconds:.0} s\n{more}")
         }
     })
 }
 
+const MORE: &str = "This was the quick study; --full has longer records, more training commands, every protocol, and \
+                    flights\n";
+
 /// What the user sees while a study runs.
-struct Screen {
+struct Screen<'s> {
     global: Global,
-    out: String,
+    study: &'s Study,
+    folder: Folder,
     notes: Notes,
     state: Mutex<State>,
 }
@@ -70,26 +83,46 @@ struct Screen {
 /// The stage that is shown.
 struct State {
     begin: Instant,
+    /// Its number among all, in words.
+    number: String,
     rows: Option<ProgressBar>,
     stages: Option<Stages>,
 }
 
-impl Screen {
-    fn new(global: Global, options: &Options) -> Self {
+impl<'s> Screen<'s> {
+    fn new(global: Global, options: &Options, study: &'s Study) -> Self {
+        let state =
+            State { begin: Instant::now(), number: String::new(), rows: None, stages: None };
         Screen {
             global,
-            out: options.study.out.display().to_string(),
+            study,
+            folder: Folder::new(&options.study.out),
             notes: Notes::new(global),
-            state: Mutex::new(State { begin: Instant::now(), rows: None, stages: None }),
+            state: Mutex::new(state),
         }
+    }
+
+    /// Writes the report of what is there so far, and shows its main figures.
+    fn report(&self, results: &Results) {
+        let path = self.folder.report();
+        let note = match servotwin_report::write(&self.folder, self.study) {
+            Ok(()) => format!("{}: {}", path.display(), summary::brief(results, self.study)),
+            // The last report ends the command with the same error, should it stay.
+            Err(error) => format!("no report yet: {error}"),
+        };
+        self.notes.write(&note);
     }
 
     fn show(&self, event: &StudyEvent) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
-            StudyEvent::Removed { files } => removed(self.global, &self.out, *files),
+            StudyEvent::Removed { files } => {
+                removed(self.global, &self.folder.path().display().to_string(), *files);
+            }
+            StudyEvent::Began { stage, of } => state.number = format!("{stage}/{of} "),
             StudyEvent::Rows { campaign, done, all } => {
-                let new = || bar(&named(&campaign.settings, campaign.role), self.global);
+                let name = state.number.clone() + &named(&campaign.settings, campaign.role);
+                let new = || bar(&name, self.global);
                 let (done, all) = (*done as u64, *all as u64);
                 state.rows.get_or_insert_with(new).update(|bar| {
                     bar.set_len(all);
@@ -104,15 +137,19 @@ impl Screen {
                 "kept what was measured in the full flights (without flights.json the small ones are flown)",
             ),
             StudyEvent::Flying { what, share } | StudyEvent::Evaluating { what, share } => {
+                let what = state.number.clone() + what;
                 let stages = || Stages::new(self.global);
-                state.stages.get_or_insert_with(stages).show(what, *share);
+                state.stages.get_or_insert_with(stages).show(&what, *share);
             }
             StudyEvent::FlightCampaign(_) => {
                 self.notes.write(&format!("flown in {:.1} s", state.end_stage()));
             }
-            StudyEvent::Evaluated(_) => {
+            StudyEvent::Evaluated { results, remaining } => {
                 let seconds = state.end_stage();
                 self.notes.write(&format!("trained and evaluated in {seconds:.1} s"));
+                if *remaining > 0 {
+                    self.report(results);
+                }
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::render::{Grid, Side};
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::{Results, Subject};
 use servotwin::study::Study;
-use servotwin_report::lines::{self, OF_PAPER};
+use servotwin_report::lines::{self, OF_PAPER, Who};
 use servotwin_report::vocabulary::{PAPER, Vocabulary};
 use servotwin_report::words::{of_count, percent, share};
 
@@ -26,6 +26,22 @@ pub fn text(results: &Results, study: &Study) -> String {
     let held_out = judged.map_or(String::new(), |judged| format!("{}\n", judged.title));
     held_out + &grid.text() + &seed_paper(results) + "Intervals and everything else: the report\n"
 }
+
+/// The main figures of the hardest scenario so far, in a line: two of safety, and what is right.
+pub fn brief(results: &Results, study: &Study) -> String {
+    let settings = lines::settings(results);
+    let Some(hardest) = settings.last() else { return String::new() };
+    let mut rows = lines::headline(&[*hardest], &Vocabulary::of(study));
+    let best = if rows.iter().any(|row| row.who == BEST) { BEST } else { Who::Trees.title() };
+    rows.retain(|row| row.who == best);
+    let safety = rows.iter().filter(|row| row.is_safety).take(2);
+    let shown = safety.chain(rows.last().filter(|row| !row.is_safety));
+    let figures: Vec<String> =
+        shown.map(|row| format!("{} {}", row.title, of_count(row.rates[0]))).collect();
+    format!("{}: {}", hardest.title, figures.join(", "))
+}
+
+const BEST: &str = Who::Committee.title();
 
 /// The seed paper's own test, in a line apart.
 fn seed_paper(results: &Results) -> String {

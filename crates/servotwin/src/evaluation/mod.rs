@@ -77,6 +77,13 @@ pub struct Settings {
     pub classifiers: Vec<classifiers::Settings>,
     /// Whether to take parts away.
     pub ablation: bool,
+    /// Whether to train the trees on fewer commands, too.
+    #[serde(default = "yes")]
+    pub learning_curve: bool,
+}
+
+fn yes() -> bool {
+    true
 }
 
 impl Default for Settings {
@@ -102,7 +109,26 @@ impl Default for Settings {
             committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
             ablation: true,
+            learning_curve: true,
         }
+    }
+}
+
+/// The protocols of a quick study: the paper's, and one for each thing that a diagnosis may not have seen.
+const QUICK_PROTOCOLS: [Protocol; 5] = [
+    Protocol::RandomThird,
+    Protocol::Grouped,
+    Protocol::LeaveCommandOut,
+    Protocol::LeaveKindOut,
+    Protocol::NewCommand,
+];
+
+impl Settings {
+    /// What a quick study leaves of an evaluation.
+    pub fn quick(mut self) -> Self {
+        self.protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
+        self.committee_protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
+        Settings { ablation: false, learning_curve: false, ..self }
     }
 }
 

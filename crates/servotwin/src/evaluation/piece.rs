@@ -62,7 +62,7 @@ pub fn all(settings: &Settings) -> Vec<Piece> {
     let trees = settings.protocols.iter().map(|&protocol| Piece::Trees(protocol));
     let committee = settings.committee_protocols.iter().map(|&p| Piece::Committee(p));
     let mut pieces: Vec<Piece> = trees.chain(committee).collect();
-    pieces.extend(has_several.then_some(Piece::Commands));
+    pieces.extend((has_several && settings.learning_curve).then_some(Piece::Commands));
     pieces.extend(settings.learned_bands.then_some(Piece::PaperBand));
     pieces.extend(has_several.then_some(Piece::Baseline));
     pieces.push(Piece::Classifiers);

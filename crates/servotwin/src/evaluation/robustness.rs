@@ -20,21 +20,30 @@ pub struct Cross {
     pub committee: ProtocolResult,
 }
 
-/// Asks what was trained on the training commands of each setting about the judged rows of every
-/// setting. Nothing without training commands.
+/// A scenario with its model.
+pub struct Tested {
+    /// The scenario.
+    pub name: String,
+    /// Its data set, with the band in use.
+    pub data: DataSet,
+    /// The model that was trained in it.
+    pub trained: Trained,
+}
+
+/// Tests the model of each scenario on the judged rows of every scenario. Nothing without training commands.
 ///
 /// # Errors
-/// [`servotwin_diagnosis::Error::LengthMismatch`] for settings of other features.
+/// [`servotwin_diagnosis::Error::LengthMismatch`] for scenarios of other features.
 pub fn evaluate(
-    settings: &[(String, DataSet, Trained)],
+    scenarios: &[&Tested],
     shutdowns: &[String],
 ) -> Result<Vec<Cross>, EvaluationError> {
     let mut list = vec![];
-    if settings.iter().any(|(_, data, _)| !data.has_training()) {
+    if scenarios.iter().any(|scenario| !scenario.data.has_training()) {
         return Ok(list);
     }
-    for (trained, _, model) in settings {
-        for (tested, data, _) in settings {
+    for Tested { name: trained, trained: model, .. } in scenarios {
+        for Tested { name: tested, data, .. } in scenarios {
             let wanted =
                 |row: &super::data_set::Row| !row.is_healthy && row.is_detected() && !row.reflected;
             let rows = data.rows_where(Role::Judged, wanted);

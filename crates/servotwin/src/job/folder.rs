@@ -186,6 +186,9 @@ impl Folder {
         if results.is_empty() && texts.iter().all(|text| !text.exists()) {
             return Ok(None);
         }
+        if !study.is_full && self.holds_full(study) {
+            return Ok(Some(format!("the full size of the study '{}'", study.name)));
+        }
         let told = Manifest::read(&self.0)?.map(|manifest| manifest.study);
         Ok(match told.or_else(|| name_in(&self.study())) {
             Some(name) if name == study.name => None,
@@ -229,6 +232,11 @@ impl Folder {
             }
         };
         Ok(is_from(self.study(), &study.text) && is_from(self.system(), &study.system.text))
+    }
+
+    /// Whether the folder belongs to the full size of a study.
+    pub fn holds_full(&self, study: &Study) -> bool {
+        is_text(self.study(), &study.full_text()) && is_text(self.system(), &study.system.text)
     }
 
     /// Whether the texts in the folder are those of a study.

@@ -26,6 +26,7 @@ use crate::campaign::{Campaign, data_features};
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::piece::{self, Bench, Found, Piece};
+use crate::evaluation::robustness::Tested;
 use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
 use crate::parallel::{self, Workers};
 use crate::study::{Role, Study};
@@ -229,8 +230,29 @@ pub fn train_all(
     trained?.into_iter().collect()
 }
 
-/// Evaluates every subject in a folder with what was trained for them, and writes
-/// the results. `progress` is told what is being done, and how much of all is done, from 0 to 1.
+/// The results of a subject, and what the other subjects are tested on.
+pub struct Evaluated {
+    result: SubjectResult,
+    /// Data set and model of a scenario; none of the extra sensor, whose features the others lack.
+    tested: Option<Tested>,
+}
+
+impl Evaluated {
+    /// Joins the pieces of a subject's evaluation.
+    pub fn new(study: &Study, desk: Desk, found: Vec<Found>) -> Self {
+        let Desk { prepared: Prepared { subject, data, .. }, trained } = desk;
+        let settings = subject.settings(study);
+        let tested = (!subject.extra_sensor()).then(|| {
+            let (data, _) = evaluation::banded(&data, &settings, &pools(study));
+            Tested { name: subject.name().to_owned(), data, trained }
+        });
+        let result = SubjectResult::new(subject, study, settings, piece::joined(found));
+        Evaluated { result, tested }
+    }
+}
+
+/// Evaluates every subject in a folder with its trained model and writes the results. `progress` receives the task at
+/// hand and the share that is done, from 0 to 1.
 ///
 /// # Errors
 /// A file is missing or cannot be read or written; what evaluation says.
@@ -240,33 +262,38 @@ pub fn evaluate_all(
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Results, JobError> {
-    evaluate_with(folder, study, workers, progress, &|prepared| trained(folder, prepared.subject))
+    let subjects = subjects(folder, study)?;
+    let stored = |prepared: &Prepared| trained(folder, prepared.subject);
+    let evaluated = evaluate_with(folder, study, &subjects, workers, progress, &stored)?;
+    write_results(folder, study, &evaluated)
 }
 
-/// [`train_all`] and [`evaluate_all`] in one, to the same bytes: what both begin with is done once.
+/// Trains and evaluates some subjects, to the same bytes as [`train_all`] and [`evaluate_all`]: the preparation that
+/// both need is done once.
 ///
 /// # Errors
 /// As theirs.
-pub fn train_and_evaluate_all(
+pub fn train_and_evaluate(
     folder: &Folder,
     study: &Study,
+    subjects: &[Subject],
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
-) -> Result<Results, JobError> {
+) -> Result<Vec<Evaluated>, JobError> {
     let train = |prepared: &Prepared| prepared.train(folder, study, workers);
-    evaluate_with(folder, study, workers, progress, &train)
+    evaluate_with(folder, study, subjects, workers, progress, &train)
 }
 
 fn evaluate_with(
     folder: &Folder,
     study: &Study,
+    subjects: &[Subject],
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
     trained: &(dyn Fn(&Prepared) -> Result<Trained, JobError> + Sync),
-) -> Result<Results, JobError> {
-    let subjects = subjects(folder, study)?;
+) -> Result<Vec<Evaluated>, JobError> {
     let shares = Mutex::new(vec![0.0; subjects.len()]);
-    let numbered: Vec<(usize, Subject)> = subjects.into_iter().enumerate().collect();
+    let numbered: Vec<(usize, Subject)> = subjects.iter().copied().enumerate().collect();
     let evaluated = parallel::map(&numbered, workers, |&(place, subject)| {
         let told = |what: &str, share: f64| {
             let mut shares = shares.lock().unwrap_or_else(PoisonError::into_inner);
@@ -279,33 +306,23 @@ fn evaluate_with(
         let desk = Desk { prepared, trained };
         let found = desk.evaluate(study, &pieces(study, subject), workers, &told)?;
         told("done", 1.0);
-        Ok::<_, JobError>((desk, found))
+        Ok::<_, JobError>(Evaluated::new(study, desk, found))
     });
-    let evaluated = evaluated?.into_iter().collect::<Result<Vec<_>, _>>()?;
-    progress("trained on one setting, tested on another", 0.95);
-    write_results(folder, study, evaluated)
+    evaluated?.into_iter().collect()
 }
 
-/// Joins what was found on the desks of all subjects in a folder, and writes it.
+/// Writes the results of some subjects, with every model tested in the scenarios of the others.
 ///
 /// # Errors
-/// A file cannot be written; what evaluation says.
+/// The file cannot be written; what evaluation says.
 pub fn write_results(
     folder: &Folder,
     study: &Study,
-    evaluated: Vec<(Desk, Vec<Found>)>,
+    evaluated: &[Evaluated],
 ) -> Result<Results, JobError> {
-    let (mut list, mut tested) = (vec![], vec![]);
-    for (Desk { prepared: Prepared { subject, data, .. }, trained }, found) in evaluated {
-        let settings = subject.settings(study);
-        list.push(SubjectResult::new(subject, study, settings.clone(), piece::joined(found)));
-        if !subject.extra_sensor() {
-            // What others are tested on: a setting, and not a sensor more.
-            let (data, _) = evaluation::banded(&data, &settings, &pools(study));
-            tested.push((subject.name().to_owned(), data, trained));
-        }
-    }
+    let tested: Vec<&Tested> = evaluated.iter().filter_map(|one| one.tested.as_ref()).collect();
     let robustness = evaluation::robustness::evaluate(&tested, &study.shutdowns())?;
+    let list = evaluated.iter().map(|one| one.result.clone()).collect();
     let results = Results::new(study, list, robustness);
     model_file::write(folder.results(), &results)?;
     Ok(results)

@@ -12,8 +12,9 @@
 use super::flights::{Crew, FlightResults};
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
-use super::{JobError, Results, Subject, flights, manifest};
-use crate::campaign::{Campaign, CampaignError, Outcome, runs};
+use super::{Evaluated, JobError, Results, Subject};
+use super::{flights, manifest, subjects, train_and_evaluate};
+use crate::campaign::{Campaign, CampaignError, Outcome};
 use crate::parallel::Workers;
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::{self, Table};
@@ -44,6 +45,13 @@ pub enum StudyEvent<'e> {
         /// The outcome of the campaign.
         outcome: &'e Outcome,
     },
+    /// A stage begins.
+    Began {
+        /// The number of the stage, from 1.
+        stage: usize,
+        /// The number of stages.
+        of: usize,
+    },
     /// Full flights were measured before, and stay.
     FlightsKept,
     /// Flights are flown.
@@ -62,8 +70,13 @@ pub enum StudyEvent<'e> {
         /// How much of all is done, from 0 to 1.
         share: f64,
     },
-    /// The evaluation is complete and written.
-    Evaluated(&'e Results),
+    /// The scenarios simulated so far are evaluated, and the results written.
+    Evaluated {
+        /// The results so far.
+        results: &'e Results,
+        /// The number of stages that follow.
+        remaining: usize,
+    },
 }
 
 /// How a study is run; see [`Study::run`] for the usual way.
@@ -119,14 +132,15 @@ impl<'r> StudyRun<'r> {
         }
     }
 
-    /// Runs every stage.
+    /// Runs every stage: each group of scenarios is simulated and evaluated before the next, so that results appear
+    /// as they come; flights are last.
     ///
     /// # Errors
     /// As [`Study::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
         // A mistake in the flights is reported now, not after the campaigns.
-        let sizes = study.flights()?;
+        let sizes = study.flights()?.filter(|_| study.is_full);
         if self.fitted && !Setting::Fitted.is_possible(study) {
             return Err(CampaignError::no_section(Setting::Fitted, study).into());
         }
@@ -135,21 +149,56 @@ impl<'r> StudyRun<'r> {
             (self.observer)(&StudyEvent::Removed { files: dropped });
         }
         let before = flights::results(&self.folder)?;
-        for (role, settings) in runs(study, |setting| setting.is_usual() || self.fitted) {
-            self.simulate(role, settings)?;
+        let is_kept = before.as_ref().is_some_and(|results| results.is_full_of(study));
+        let sizes = sizes.filter(|_| !is_kept);
+        let (evaluation, stages) = self.scenarios(usize::from(sizes.is_some()))?;
+        self.check()?;
+        let flights = match &sizes {
+            Some(sizes) => {
+                (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
+                Some(self.fly(sizes)?)
+            }
+            None => before,
+        };
+        if is_kept {
+            (self.observer)(&StudyEvent::FlightsKept);
         }
         self.check()?;
-        let flights = match (before, &sizes) {
-            (Some(results), _) if results.is_full_of(study) => {
-                (self.observer)(&StudyEvent::FlightsKept);
-                Some(results)
-            }
-            (_, Some(sizes)) => Some(self.fly(sizes)?),
-            (before, None) => before,
-        };
-        let evaluation = self.evaluate()?;
-        self.check()?;
         Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: Some(hold) })
+    }
+
+    /// Simulates and evaluates all scenarios, the kindest first. Returns the results and the number of stages,
+    /// with those that follow.
+    fn scenarios(&self, following: usize) -> Result<(Results, usize), JobError> {
+        let study = self.study;
+        let is_wanted = |setting: Setting| {
+            let is_there = || self.folder.data_set(setting, Role::Judged).exists();
+            setting.is_usual() || self.fitted || is_there()
+        };
+        let groups = Setting::groups(study, is_wanted);
+        let of = groups.len() * (study.roles().len() + 1) + following;
+        let mut stage = 0;
+        let mut begin = || {
+            stage += 1;
+            (self.observer)(&StudyEvent::Began { stage, of });
+            stage
+        };
+        let mut evaluated = vec![];
+        let mut results = Results::new(study, vec![], vec![]);
+        for settings in groups {
+            for role in study.roles() {
+                begin();
+                self.simulate(role, settings.clone())?;
+            }
+            self.check()?;
+            let stage = begin();
+            evaluated.extend(self.evaluate(&settings)?);
+            results = super::write_results(&self.folder, study, &evaluated)?;
+            manifest::write(&self.folder, study)?;
+            let remaining = of - stage;
+            (self.observer)(&StudyEvent::Evaluated { results: &results, remaining });
+        }
+        Ok((results, of))
     }
 
     fn check(&self) -> Result<(), JobError> {
@@ -187,14 +236,12 @@ impl<'r> StudyRun<'r> {
         Ok(results)
     }
 
-    fn evaluate(&self) -> Result<Results, JobError> {
+    fn evaluate(&self, settings: &[Setting]) -> Result<Vec<Evaluated>, JobError> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Evaluating { what, share });
-        let results =
-            super::train_and_evaluate_all(&self.folder, self.study, self.workers, &progress)?;
-        manifest::write(&self.folder, self.study)?;
-        (self.observer)(&StudyEvent::Evaluated(&results));
-        Ok(results)
+        let mut subjects = subjects(&self.folder, self.study)?;
+        subjects.retain(|subject| settings.contains(&subject.setting()));
+        train_and_evaluate(&self.folder, self.study, &subjects, self.workers, &progress)
     }
 }
 

@@ -82,9 +82,11 @@ impl Subject {
         self == Subject::ExtraSensor
     }
 
-    /// How it is trained and judged: as the study's section `[evaluation]` says, and else as is usual.
+    /// How it is trained and judged: as the study's section `[evaluation]` says, and else as is usual. A quick study
+    /// has fewer protocols.
     pub fn settings(self, study: &Study) -> Settings {
         let settings = self.as_asked(self.usual(), &study.evaluating);
+        let settings = if study.is_full { settings } else { settings.quick() };
         Settings { shutdowns: study.shutdowns(), ..settings }
     }
 

@@ -12,6 +12,7 @@ pub mod faults;
 pub mod flights;
 mod keys;
 mod mistake;
+mod quick;
 pub mod reactions;
 mod reader;
 mod realism;
@@ -81,6 +82,9 @@ section! {
         may training: Option<training::Text>, "the commands that the diagnosis learns from";
         may evaluation: Option<evaluating::Text>, "training and evaluation, if not the defaults";
         may flights: Option<flights::Text>, "flights with the onset of a fault";
+        may quick: Option<quick::Text>, "the smaller sizes of a study without `--full`";
+        #[serde(default)]
+        may full: bool, "true: the study has its full sizes, as with `--full`";
         #[serde(default)]
         may reactions: BTreeMap<String, reactions::Text>, "the effect of each command of a class";
     }
@@ -183,6 +187,8 @@ pub struct Study {
     pub evaluating: Evaluating,
     /// What the flight control computer does when a command is raised.
     pub reactions: Reactions,
+    /// Whether the study has its full sizes; else those of its section `[quick]`.
+    pub is_full: bool,
     /// Where it was read.
     path: String,
     parsed: Box<Text>,
@@ -295,6 +301,7 @@ impl Study {
             training,
             evaluating,
             reactions,
+            is_full: parsed.is_full(),
             path: path.into(),
             parsed: Box::new(parsed),
             system,
@@ -456,7 +463,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         repetitions(&all, &mut mistakes);
         // What is wrong was told and must not hide the rest.
         match Text::deserialize(format::mended(Text::KEYS, plain_table(root.get_ref()))) {
-            Ok(text) => parsed = Some(text),
+            Ok(text) => parsed = Some(text.in_its_size()),
             Err(error) if mistakes.is_empty() => {
                 let message = error.message().to_owned();
                 mistakes.note(&(0..0), document::Mistake::Syntax { message });

@@ -13,7 +13,7 @@ section! {
     pub(super) struct Text {
         must seed: u64 = SEED, "seed of noise and specimens";
         #[serde(default)]
-        may healthy: usize = SPECIMENS, "healthy specimens per case";
+        may pub(super) healthy: usize = SPECIMENS, "healthy specimens per case";
         #[serde(default)]
         may tolerances: Vec<ToleranceText>, "the tolerances of the specimens";
     }

@@ -33,22 +33,22 @@ use std::collections::BTreeMap;
 section! {
     /// The section of a study file.
     pub(super) struct Text {
-        must duration_s: f64 = RUN_S, "length of the records with faults";
+        must pub(super) duration_s: f64 = RUN_S, "length of the records with faults";
         #[serde(default)]
-        may healthy: usize = SPECIMENS, "healthy specimens per command";
+        may pub(super) healthy: usize = SPECIMENS, "healthy specimens per command";
         may load: Option<[f64; 2]>, "range of the load";
         #[serde(default)]
         may intensity_spread: f64 = Value::Number(0.0, 0.5, ""), "spread around each intensity";
         #[serde(default)]
-        may draws: Vec<DrawsText>, "commands drawn from ranges";
+        may pub(super) draws: Vec<DrawsText>, "commands drawn from ranges";
         #[serde(default)]
         may signals: BTreeMap<String, Signal>, "further commands by name";
     }
 }
 
 section! {
-    struct DrawsText {
-        must count: usize = SPECIMENS, "number of draws";
+    pub(super) struct DrawsText {
+        must pub(super) count: usize = SPECIMENS, "number of draws";
         must signal: String, "a signal; {a..b} is a number from a to b, {n} the draw";
     }
 }

@@ -1,0 +1,108 @@
+//! The two sizes of a study: as its file declares it, and smaller for a first result.
+//!
+//! ```toml
+//! [quick]
+//! duration_s = 30
+//! draws = 4
+//! healthy = 20
+//! ```
+//!
+//! A study with this section runs in the smaller size unless `full = true` stands at the top of its file.
+//! [`Study::full`] adds that line, so the text beside the results states their size.
+
+use super::keys::{RUN_S, SPECIMENS};
+use super::{Study, StudyError};
+use crate::format::section;
+use crate::system::System;
+use toml::de::DeTable;
+
+section! {
+    /// The section of a study file.
+    #[derive(Copy)]
+    pub(super) struct Text {
+        may duration_s: Option<f64> = RUN_S, "length of every run";
+        may draws: Option<usize> = SPECIMENS, "training commands drawn from each pattern, at most";
+        may healthy: Option<usize> = SPECIMENS, "healthy specimens per case, at most";
+    }
+}
+
+impl super::Text {
+    pub(super) fn is_full(&self) -> bool {
+        self.full || self.quick.is_none()
+    }
+
+    /// The same with the sizes that apply.
+    pub(super) fn in_its_size(mut self) -> Self {
+        let Some(quick) = self.quick.filter(|_| !self.full) else { return self };
+        at_most(&mut self.duration_s, quick.duration_s);
+        if let Some(training) = &mut self.training {
+            at_most(&mut training.duration_s, quick.duration_s);
+            at_most(&mut training.healthy, quick.healthy);
+            training.draws.iter_mut().for_each(|draws| at_most(&mut draws.count, quick.draws));
+        }
+        if let Some(realistic) = &mut self.realistic {
+            at_most(&mut realistic.healthy, quick.healthy);
+        }
+        self
+    }
+}
+
+fn at_most<T: PartialOrd>(value: &mut T, limit: Option<T>) {
+    if let Some(limit) = limit.filter(|limit| limit < value) {
+        *value = limit;
+    }
+}
+
+impl Study {
+    /// The same study in its full size.
+    ///
+    /// # Errors
+    /// The mistakes that only show in the full size.
+    pub fn full(&self) -> Result<Self, StudyError> {
+        let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
+        Self::parse_for(&self.full_text(), &self.path, system)
+    }
+
+    /// The text of the study in its full size.
+    pub(crate) fn full_text(&self) -> String {
+        if self.is_full { self.text.clone() } else { with_full(&self.text) }
+    }
+}
+
+/// The text of a study file with `full = true`.
+fn with_full(text: &str) -> String {
+    let (root, _) = DeTable::parse_recoverable(text);
+    match root.get_ref().get("full") {
+        Some(value) => {
+            let mut text = text.to_owned();
+            text.replace_range(value.span(), "true");
+            text
+        }
+        None => format!("full = true\n{text}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_full_size_is_what_the_file_declares() {
+        let quick = Study::default();
+        let draws = |study: &Study| study.training.as_ref().unwrap().cases.len();
+        let quick_sizes = (quick.duration_s, draws(&quick), quick.text.clone());
+        let full = quick.full().unwrap();
+        assert!(full.is_full && full.duration_s > quick_sizes.0 && draws(&full) > quick_sizes.1);
+        assert!(full.text.ends_with(&quick_sizes.2));
+        // The text that a folder keeps gives the same study.
+        let again = Study::parse(&full.text, "study.toml").unwrap();
+        assert_eq!((again.duration_s, draws(&again)), (full.duration_s, draws(&full)));
+        assert_eq!(again.full().unwrap().text, full.text);
+    }
+
+    #[test]
+    fn full_replaces_a_false_that_stands_there() {
+        let text = "name = \"a\"\nfull = false # not yet\n[command]\n";
+        assert_eq!(with_full(text), "name = \"a\"\nfull = true # not yet\n[command]\n");
+    }
+}
