@@ -87,12 +87,11 @@ fn missing(material: &Material) -> Option<String> {
     missing.extend((has_flights && flights.is_none()).then_some("flights"));
     if !missing.is_empty() {
         let missing = missing.join(", ");
-        return Some(format!("Not in this report yet: {missing}. `servotwin study` adds them."));
+        return Some(format!("Not in this report yet: {missing}. servotwin study adds them."));
     }
     (!study.is_full).then(|| {
         format!(
-            "Quick study: records of {} s, {} training commands, main protocols, no flights. \
-             `servotwin study --full` runs everything.",
+            "Quick study: records of {} s, {} training commands. servotwin study --full runs everything.",
             study.duration_s,
             study.cases_of(Role::Training).len(),
         )

@@ -125,6 +125,46 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     lists_its_results(&whole);
 }
 
+#[test]
+fn a_study_is_quick_first_and_a_full_one_is_never_lost_to_it() {
+    let folder = Folder::new("quick");
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    let quick = "[quick]\nduration_s = 1\ndraws = 1\nhealthy = 2\n[reactions]";
+    std::fs::write(&study, tiny(CLASSES).replace("[reactions]", quick)).unwrap();
+    let there = |name: &str| Path::new(&out).join(name);
+    let read = |name: &str| std::fs::read_to_string(there(name)).unwrap();
+    let told = stderr(&run(&["study", &study, "--out", &out]));
+    let (first, behind) = told.split_once("trained and evaluated").unwrap();
+    assert!(!first.contains("report.html"), "{told}");
+    assert!(behind.contains("report.html: noise: wrong actuator shut down"), "{told}");
+    assert!(read("report.html").contains("Quick study: records of 1 s, 2 training commands"));
+    assert!(!there("flights.json").exists());
+    let told = stderr(&run(&["study", &study, "--out", &out, "--full"]));
+    assert!(told.contains("result files of before the study was changed removed"), "{told}");
+    assert!(read("study.toml").starts_with("full = true\n") && there("flights.json").exists());
+    assert!(!read("report.html").contains("Quick study"));
+    let full = contents(Path::new(&out));
+    let told = stderr(&run(&["study", &study, "--out", &out]));
+    assert!(told.contains("holds the full study, which goes on"), "{told}");
+    assert_same(&full, &contents(Path::new(&out)));
+    run(&["study", &study, "--out", &out, "--replace"]);
+    assert!(read("report.html").contains("Quick study"));
+}
+
+#[test]
+fn a_report_names_the_scenarios_that_are_still_to_come() {
+    let folder = Folder::new("partial");
+    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
+    for setting in ["ideal", "noise"] {
+        run(&["campaign", &study, "--out", &out, "--setting", setting]);
+    }
+    run(&["train", &out]);
+    run(&["evaluate", &out]);
+    run(&["report", &out]);
+    let report = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+    assert!(report.contains("Not in this report yet: realistic, flights."));
+}
+
 /// The page of results holds every rate of the JSON, each with its count, and changes nothing in the folder.
 fn lists_its_results(out: &str) {
     let before = contents(Path::new(out));

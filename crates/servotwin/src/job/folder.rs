@@ -324,6 +324,22 @@ mod tests {
     use crate::built_in::STUDIES;
 
     #[test]
+    fn a_quick_study_removes_no_full_one() {
+        let path = std::env::temp_dir().join(format!("servotwin-full-{}", std::process::id()));
+        let folder = Folder::new(&path);
+        let quick = Study::default();
+        let full = quick.full().unwrap();
+        drop(folder.keep_study(&full, false).unwrap());
+        assert!(folder.holds_full(&quick));
+        let refused = folder.keep_study(&quick, false).unwrap_err();
+        assert!(refused.to_string().contains("the full size of the study 'paper'"), "{refused}");
+        drop(folder.keep_study(&quick, true).unwrap());
+        assert!(!folder.holds_full(&quick));
+        drop(folder.keep_study(&full, false).unwrap());
+        std::fs::remove_dir_all(&path).unwrap();
+    }
+
+    #[test]
     fn what_is_of_another_study_or_of_somebody_else_stays() {
         let path = std::env::temp_dir().join(format!("servotwin-kept-{}", std::process::id()));
         let folder = Folder::new(&path);
