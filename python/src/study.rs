@@ -186,6 +186,16 @@ impl Study {
         run.call1((slf, out, fitted, replace, threads, progress))
     }
 
+    /// Return the same study in its full size; a study that declares a quick size has that one first.
+    ///
+    /// Returns
+    /// -------
+    /// Study
+    fn full(&self, py: Python<'_>) -> PyResult<Self> {
+        let inner = py.detach(|| self.inner.full());
+        Ok(Study::made(inner.map_err(Failure::from)?, self.path.clone()))
+    }
+
     fn __repr__(&self) -> String {
         let (faults, cases) = (self.inner.faults.len(), self.inner.cases.len());
         format!("Study('{}', {faults} faults x {cases} cases)", self.inner.name)

@@ -91,7 +91,7 @@ impl Measured {
         Measured {
             study: study.name.clone(),
             version: env!("CARGO_PKG_VERSION"),
-            commands: commands(results, flights),
+            commands: commands(study, results, flights),
             variants: variants.collect(),
             flights: flights.map_or_else(Vec::new, of_flights),
         }
@@ -132,8 +132,9 @@ Shares without such clusters, as of healthy specimens, have Wilson's interval.\n
 The trees always answer, and the committee may stay silent.\n";
 
 /// The commands that measure the same results.
-fn commands(results: &Results, flights: Option<&FlightResults>) -> Vec<String> {
-    let study = &results.study;
+fn commands(study: &Study, results: &Results, flights: Option<&FlightResults>) -> Vec<String> {
+    let full = if study.is_full && study.has_quick_size() { " --full" } else { "" };
+    let study = &study.name;
     let has_fitted =
         results.subjects.iter().any(|result| result.subject == servotwin::job::Subject::Fitted);
     let fitted = if has_fitted { " --fitted" } else { "" };
@@ -141,7 +142,7 @@ fn commands(results: &Results, flights: Option<&FlightResults>) -> Vec<String> {
     if flights.is_some_and(|flights| flights.is_full) {
         commands.push(format!("servotwin flights {study} --full --out out"));
     }
-    commands.push(format!("servotwin study {study}{fitted} --out out"));
+    commands.push(format!("servotwin study {study}{full}{fitted} --out out"));
     commands.push("servotwin results out".into());
     commands
 }

@@ -38,8 +38,18 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read(global)?;
-    let sizes = if options.full { study.full_flights()? } else { study.flights()? };
+    let (study, sizes) = match options.full {
+        true => {
+            let study = options.study.read_full(global)?;
+            let sizes = study.full_flights()?;
+            (study, sizes)
+        }
+        false => {
+            let study = options.study.read(global)?;
+            let sizes = study.flights()?;
+            (study, sizes)
+        }
+    };
     let Some(sizes) = sizes else { return Err(no_flights(&study)?) };
     let named =
         |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());

@@ -63,6 +63,11 @@ impl Study {
         Self::parse_for(&self.full_text(), &self.path, system)
     }
 
+    /// Whether the file declares a smaller size, too.
+    pub fn has_quick_size(&self) -> bool {
+        self.parsed.quick.is_some()
+    }
+
     /// The text of the study in its full size.
     pub(crate) fn full_text(&self) -> String {
         if self.is_full { self.text.clone() } else { with_full(&self.text) }
