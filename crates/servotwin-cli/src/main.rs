@@ -23,12 +23,13 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    band, campaign, check, completions, components, describe, evaluate, explain, faults, features,
-    fit, flights, fly, history, init, man, merge, predict, report, results, schema, simulate,
-    study, train, watch,
+    band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
+    features, fit, flights, fly, history, init, man, merge, predict, report, results, schema,
+    simulate, study, train, watch,
 };
 use failure::Failure;
 use paths::Paths;
+use servotwin::compiled::{self, Policy};
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -51,6 +52,45 @@ pub(crate) struct Global {
     /// Quiet: no progress, no notes, and no summary of what was run, checked or written to files.
     #[arg(long, short, global = true)]
     quiet: bool,
+    /// Compile the equations with the C compiler: where it saves time, never, or always (a failure
+    /// to compile then ends the run). The results are the same.
+    #[arg(
+        long,
+        global = true,
+        value_name = "WHEN",
+        default_value = "auto",
+        hide_default_value = true
+    )]
+    compile: Compile,
+}
+
+/// When equations are compiled.
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum Compile {
+    Auto,
+    Never,
+    Only,
+}
+
+impl Compile {
+    /// Applies to the whole process.
+    fn set(self, is_quiet: bool) {
+        compiled::set_policy(match self {
+            Compile::Auto => Policy::Auto,
+            Compile::Never => Policy::Never,
+            Compile::Only => Policy::Only,
+        });
+        match self {
+            Compile::Only => compiled::report_problems(|problem| {
+                let _ = writeln!(out::stderr(), "{problem} (--compile only)");
+                std::process::exit(1);
+            }),
+            _ if is_quiet => {}
+            _ => compiled::report_problems(|problem| {
+                let _ = writeln!(out::stderr(), "warning: {problem}");
+            }),
+        }
+    }
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
@@ -80,6 +120,7 @@ enum Command {
     Check(check::Options),
     Components(components::Options),
     Init(init::Options),
+    Cache(cache::Options),
     Schema(schema::Options),
     Man(man::Options),
     Completions(completions::Options),
@@ -131,6 +172,7 @@ impl Command {
             Command::Check(options) => check::run(options, global),
             Command::Components(options) => components::run(options, global),
             Command::Init(options) => init::run(options, global),
+            Command::Cache(options) => cache::run(options, global),
             Command::Schema(options) => Ok(schema::run(options)),
             Command::Man(options) => man::run(options),
             Command::Completions(options) => Ok(completions::run(options)),
@@ -141,11 +183,7 @@ impl Command {
 fn main() -> ExitCode {
     stop::listen();
     let cli = Cli::parse();
-    if !cli.global.quiet {
-        servotwin::compiled::report_problems(|problem| {
-            let _ = writeln!(out::stderr(), "warning: {problem}");
-        });
-    }
+    cli.global.compile.set(cli.global.quiet);
     let paths = cli.command.paths();
     paths.remove_leftovers();
     let allowed = paths.check();

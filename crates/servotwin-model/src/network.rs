@@ -12,6 +12,7 @@ use crate::wiring::{Collected, Node, Role, Sum, Variable, Wiring};
 use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
+use core::fmt::{self, Write};
 
 /// One component of a system.
 #[derive(Clone)]
@@ -87,6 +88,31 @@ pub struct Network {
     pub connections: Vec<Vec<PortOf>>,
     /// The inputs from outside.
     pub inputs: Vec<ExternalInput>,
+}
+
+/// Hashes text (FNV-1a, 64 bits).
+struct Hash(u64);
+
+impl Write for Hash {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for &byte in text.as_bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        Ok(())
+    }
+}
+
+impl Network {
+    /// A number that differs between networks with other components, parameters, fluids, connections or inputs.
+    pub fn identity(&self) -> u64 {
+        let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+        for Instance { id, component, parameters, fault_full, fluid } in &self.components {
+            let kind = component.spec().kind;
+            let _ = write!(hash, "{id} {kind} {parameters:?} {fault_full:?} {fluid:?}\n");
+        }
+        let _ = write!(hash, "{:?} {:?}", self.connections, self.inputs);
+        hash.0
+    }
 }
 
 /// What is wrong with a network.

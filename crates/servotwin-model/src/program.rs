@@ -67,6 +67,7 @@ pub(crate) struct Ticking {
 /// A compiled system.
 pub struct Program {
     network: Network,
+    identity: u64,
     circuits: Vec<usize>,
     states: Vec<StateOf>,
     observables: Vec<Observable>,
@@ -89,6 +90,10 @@ impl Program {
     /// The system it was compiled from.
     pub fn network(&self) -> &Network {
         &self.network
+    }
+    /// [`Network::identity`] of the network it was compiled from.
+    pub fn identity(&self) -> u64 {
+        self.identity
     }
     /// The states, in the order of the variable array.
     pub fn states(&self) -> &[StateOf] {

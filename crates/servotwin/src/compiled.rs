@@ -8,6 +8,10 @@
 //! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none. Arguments may
 //! follow, and its path may have spaces. If nothing can be compiled, [`Compiled::problem`] returns the reason, and
 //! [`report_problems`] passes it on once.
+//!
+//! Later runs find compiled steps in the [`cache`]. [`set_policy`] compiles always or never.
+
+pub mod cache;
 
 use crate::leftovers::{own_prefix, remove_abandoned_folders};
 use libloading::Library;
@@ -27,7 +31,7 @@ use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -53,6 +57,7 @@ pub struct Compiled {
 
 struct Loaded {
     steps: CompiledSteps,
+    origin: Origin,
     /// Where the functions stand.
     _libraries: Vec<Library>,
 }
@@ -95,12 +100,19 @@ impl Compiled {
     fn is_worth(&self, method: Method, simulated_s: f64) -> bool {
         let asked_s =
             self.asked_s.load(Ordering::Relaxed).saturating_add(simulated_s.ceil() as u64);
-        method == Settings::campaign().method && asked_s >= WORTH_S
+        let is_worth = asked_s >= WORTH_S || policy() == Policy::Only;
+        method == Settings::campaign().method && is_worth
     }
 
     /// What [`Compiled::steps`] has found before, somewhere else.
     pub fn ready(&self, level: Level) -> Option<&CompiledSteps> {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
+    }
+
+    /// Where the steps in use come from; `None` if none are.
+    pub fn origin(&self) -> Option<&Origin> {
+        let loaded = self.loaded.iter().filter_map(|loaded| loaded.get()?.as_ref());
+        loaded.map(|loaded| &loaded.origin).next()
     }
 
     /// Ends compilers that run, and starts none: nobody needs what they make any more.
@@ -153,6 +165,55 @@ impl Compiled {
     }
 }
 
+/// When steps are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Policy {
+    /// Where it saves more time than it takes.
+    Auto,
+    /// Never.
+    Never,
+    /// Always; a run in which it fails should end.
+    Only,
+}
+
+static POLICY: AtomicU8 = AtomicU8::new(Policy::Auto as u8);
+
+/// Sets when this process compiles steps, before it simulates anything.
+pub fn set_policy(policy: Policy) {
+    POLICY.store(policy as u8, Ordering::Relaxed);
+}
+
+fn policy() -> Policy {
+    let stored = POLICY.load(Ordering::Relaxed);
+    let all = [Policy::Auto, Policy::Never, Policy::Only];
+    all.into_iter().find(|policy| *policy as u8 == stored).unwrap_or(Policy::Auto)
+}
+
+/// Where compiled steps come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Origin {
+    /// The cache.
+    Cached,
+    /// A compiler.
+    Compiled {
+        /// The compiler.
+        program: String,
+        /// How long it took, s.
+        seconds: f64,
+    },
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Origin::Cached => write!(out, "compiled equations from the cache"),
+            Origin::Compiled { program, seconds } => {
+                write!(out, "equations compiled by {program} in {seconds:.1} s")
+            }
+        }
+    }
+}
+
 static REPORT: OnceLock<fn(&CompileProblem)> = OnceLock::new();
 static REPORTED: AtomicBool = AtomicBool::new(false);
 
@@ -163,6 +224,9 @@ pub fn report_problems(report: fn(&CompileProblem)) {
 
 /// The compiler, if one is wanted: a program and its first arguments.
 fn compiler() -> Option<String> {
+    if policy() == Policy::Never {
+        return None;
+    }
     // An empty CC is no wish for slow steps, an empty SERVOTWIN_CC is one.
     let general = || env::var("CC").ok().filter(|named| !named.trim().is_empty());
     let named = env::var("SERVOTWIN_CC").ok().or_else(general);
@@ -272,20 +336,49 @@ impl Loaded {
         compiler: &str,
         patience: &Patience,
     ) -> Result<Self, Option<CompileProblem>> {
-        let method = Settings::campaign().method;
+        let text = c_source::write_step(program, Settings::campaign().method).ok_or(None)?;
+        let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
+        let iterating = if roots_wait() { ITERATING } else { "" };
+        let entry = cache::Entry::new(&text, &[compiler, iterating]);
+        let cached = || {
+            let entry = entry.as_ref()?;
+            let paths: Option<Vec<PathBuf>> = levels.iter().map(|l| entry.find(*l)).collect();
+            let libraries = paths?.iter().map(|path| load(path).ok()).collect::<Option<_>>()?;
+            Self::checked(program, &levels, libraries, Origin::Cached)
+        };
+        if let Some(loaded) = cached() {
+            return Ok(loaded);
+        }
+        let begin = Instant::now();
         let folder = Folder::new()?;
         let source = folder.source();
-        let text = c_source::write_step(program, method).ok_or(None)?;
         fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
-        let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let with = |flags| libraries(compiler, flags, &levels, (&source, &folder), patience);
         let libraries = with(SCHEDULING).or_else(|problem| match problem {
             // Only flags can make another compiler of it.
             Some(CompileProblem::Failed { .. }) => with(&[]),
             other => Err(other),
         })?;
+        let seconds = begin.elapsed().as_secs_f64();
+        let origin = Origin::Compiled { program: named(compiler), seconds };
+        let loaded = Self::checked(program, &levels, libraries, origin)
+            .ok_or_else(|| CompileProblem::OtherNumbers { program: named(compiler) })?;
+        if let Some(entry) = &entry {
+            levels.iter().for_each(|level| entry.keep(*level, &folder.library(*level)));
+        }
+        Ok(loaded)
+    }
+
+    /// Takes the functions of the libraries if they are the program's, and give the bits of the lists.
+    fn checked(
+        program: &Program,
+        levels: &[Level],
+        libraries: Vec<Library>,
+        origin: Origin,
+    ) -> Option<Self> {
+        let method = Settings::campaign().method;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
-            // SAFETY: the text's functions, compiled for lanes of this level, which is available; the library stays
+            // SAFETY: a text's functions, compiled for lanes of this level, which is available; the library stays
             // loaded as long as they are there.
             unsafe {
                 CompiledStep::find(method, level.width(), |name| {
@@ -294,14 +387,18 @@ impl Loaded {
                 })
             }
         });
-        let other = || CompileProblem::OtherNumbers { program: named(compiler) };
-        let functions = functions.collect::<Option<Vec<CompiledStep>>>().ok_or_else(other)?;
-        // SAFETY: made of this program and method.
-        let steps = unsafe { CompiledSteps::new(program, method, functions) };
-        let is_good =
-            first_moments(program, level, Some(&steps)) == first_moments(program, level, None);
-        if is_good { Ok(Self { steps, _libraries: libraries }) } else { Err(Some(other())) }
+        // SAFETY: made of this method.
+        let steps =
+            unsafe { CompiledSteps::new(program, method, functions.collect::<Option<_>>()?) }?;
+        let moments = |steps| first_moments(program, levels[0], steps);
+        let is_good = moments(Some(&steps)) == moments(None);
+        is_good.then_some(Self { steps, origin, _libraries: libraries })
     }
+}
+
+fn load(path: &Path) -> Result<Library, libloading::Error> {
+    // SAFETY: a library of straight lines, which does nothing when it is loaded.
+    unsafe { Library::new(path) }
 }
 
 /// The text compiled for the lanes of all levels, side by side, and loaded.
@@ -329,9 +426,7 @@ fn libraries(
         .collect();
     ended.into_iter().collect::<Result<Vec<()>, _>>()?;
     let load = |level: &Level| {
-        // SAFETY: a library of straight lines, which does nothing when it is loaded.
-        let library = unsafe { Library::new(folder.library(*level)) };
-        library.map_err(|cause| {
+        load(&folder.library(*level)).map_err(|cause| {
             let (folder, cause) = (env::temp_dir(), loader_message(&cause));
             Some(CompileProblem::Load { folder, cause })
         })
@@ -470,30 +565,42 @@ fn first_error(messages: &Path) -> Option<String> {
     Some(line)
 }
 
-/// The bits of what a full set of lanes does at first, at the inputs that are declared.
+/// Distances of the first states from the first guess, in units of their scale: at work, beyond the upper end stop, and
+/// below vapor pressure beyond the lower one.
+const OFFSETS: [f64; 3] = [0.0, 1.5, -1.5];
+
+/// The bits of short runs from several starts, at the declared inputs and at inputs of zero, with which valves close
+/// and a bypass opens.
 fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>) -> Vec<Moment> {
     const DURATION_S: f64 = 0.05;
     let swing = |default: f64| [default, 0.1 * default + 1e-3, 0.0, 0.0];
-    let inputs: Vec<Piecewise> = (program.network().inputs.iter())
-        .map(|input| Piecewise::new(vec![0.0], vec![swing(input.default)]).expect("one piece"))
-        .collect();
+    let constant = |piece| Piecewise::new(vec![0.0], vec![piece]).expect("one piece");
+    let declared = &program.network().inputs;
+    let inputs: [Vec<Piecewise>; 2] = [
+        declared.iter().map(|input| constant(swing(input.default))).collect(),
+        declared.iter().map(|_| constant([0.0; 4])).collect(),
+    ];
     let parameters = program.parameters(&[]);
+    let guess = program.first_guess(&parameters);
+    let start = |offset: f64| {
+        let moved = guess.iter().zip(program.states()).map(|(y, state)| y + offset * state.scale);
+        moved.collect::<Vec<f64>>()
+    };
     let job = |number: usize| Job {
         number,
         constants: program.block_constants(&parameters),
         stand_ins: program.stand_in_values(&parameters),
-        inputs: inputs.iter().collect(),
-        start: program.first_guess(&parameters),
-        settle: true,
+        inputs: inputs[number % inputs.len()].iter().collect(),
+        start: start(OFFSETS[number % OFFSETS.len()]),
+        settle: number % OFFSETS.len() == 0,
         // The last ones go on in fewer lanes.
         duration_s: DURATION_S * (1 + number % 2) as f64,
         sample_period_s: 0.01,
         changes: Vec::new(),
     };
-    let mut moments = Moments {
-        waiting: (0..level.width()).map(job).collect(),
-        of_jobs: vec![Moment::default(); level.width()],
-    };
+    let count = level.width().max(inputs.len() * OFFSETS.len());
+    let mut moments =
+        Moments { waiting: (0..count).map(job).collect(), of_jobs: vec![Moment::default(); count] };
     let record: Vec<Slot> = program.observables().iter().map(|o| o.slot).collect();
     run(program, steps, Settings::campaign(), &record, level, &mut moments);
     moments.of_jobs
@@ -568,6 +675,26 @@ mod tests {
             let told = problem.map(|problem| problem.to_string()).unwrap_or_default();
             assert!(told.contains("set SERVOTWIN_CC") && told.lines().count() == 1, "{told}");
         }
+    }
+
+    #[test]
+    fn the_check_of_a_compiled_step_meets_end_stops_cavitation_and_bypass() {
+        let program = System::default().program;
+        let place = |name: &str| {
+            let is_it = |o: &servotwin_model::program::Observable| o.name == name;
+            program.observables().iter().position(is_it).expect(name)
+        };
+        let moments = first_moments(&program, Level::Portable, None);
+        let values = |name: &str| -> Vec<f64> {
+            let (place, count) = (place(name), program.observables().len());
+            let samples = moments.iter().flat_map(|moment| moment.samples.chunks(count));
+            samples.map(|sample| f64::from_bits(sample[place])).collect()
+        };
+        let reaches = |name: &str, is_met: fn(f64) -> bool| values(name).into_iter().any(is_met);
+        assert!(moments.iter().all(|moment| !moment.samples.is_empty()));
+        assert!(reaches("actuator_1.cylinder.position_m", |x_m| x_m > 23.5e-3), "upper end stop");
+        assert!(reaches("actuator_1.cylinder.position_m", |x_m| x_m < -23.5e-3), "lower end stop");
+        assert!(reaches("actuator_1.cylinder.pressure_a_pa", |p_pa| p_pa < 1e3), "vapor pressure");
     }
 
     #[test]

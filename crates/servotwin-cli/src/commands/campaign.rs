@@ -180,6 +180,9 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
             outcome.alike
         ));
     }
+    if let Some(origin) = campaign.study.system.compiled.origin().filter(|_| ran > 0) {
+        text.push_str(&format!("  with {origin}\n"));
+    }
     text.push_str(&on_the_move(&outcome.on_the_move));
     for (setting, variant, reason) in &outcome.failed {
         text.push_str(&format!("  {} variant {variant}: {reason}\n", setting.name()));

@@ -1,6 +1,7 @@
 //! One file per command, and what they share.
 
 pub mod band;
+pub mod cache;
 pub mod campaign;
 pub mod check;
 pub mod completions;

@@ -1,6 +1,7 @@
 //! The binary is run as its users run it: results, messages, exit codes.
 
 mod book;
+mod cache;
 mod documents;
 mod first_hour;
 mod fit;

@@ -48,6 +48,11 @@ pub fn write_step(program: &Program, method: Method) -> Option<String> {
     for stage in 1..tableau.stages() {
         sums(&mut c, program, tableau, stage);
     }
+    let identity = program.identity();
+    line(
+        &mut c,
+        format_args!("uint64_t program_identity(void) {{ return UINT64_C({identity:#x}); }}"),
+    );
     Some(c)
 }
 

@@ -87,6 +87,7 @@ fn schedule(
         jacobian,
         lu,
         circuits,
+        identity: network.identity(),
         network: network.clone(),
     })
 }

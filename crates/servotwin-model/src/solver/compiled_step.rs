@@ -10,6 +10,7 @@ use alloc::vec::Vec;
 use core::ffi::c_ulong;
 
 type Length = unsafe extern "C" fn() -> c_ulong;
+type Identity = unsafe extern "C" fn() -> u64;
 type Update = unsafe extern "C" fn(*const f64, *const f64, *mut f64, u64);
 type Begin = unsafe extern "C" fn(*const f64, *const f64, *mut f64, *mut f64);
 type Motion = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
@@ -22,6 +23,8 @@ type Sums = unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *
 pub struct CompiledStep {
     /// Number of lanes in the arrays.
     stride: usize,
+    /// [`Program::identity`] of the program that the text came from.
+    identity: u64,
     cached_length: usize,
     update: Update,
     begin: Begin,
@@ -62,6 +65,7 @@ impl CompiledStep {
             let sums = (1..stages).map(|stage| Some(function(find(&format!("sums_{stage}"))?)));
             Some(Self {
                 stride,
+                identity: function::<Identity>(find("program_identity")?)(),
                 cached_length,
                 update: function(find("update")?),
                 begin: function(find("begin")?),
@@ -155,35 +159,33 @@ impl<V: Lanes> Step<V> for CompiledStep {
 #[derive(Debug)]
 pub struct CompiledSteps {
     method: Method,
-    /// The lengths of the program's arrays, which the functions rely on.
-    lengths: [usize; 5],
+    /// [`Program::identity`] of the program that all steps came from.
+    identity: u64,
     steps: Vec<CompiledStep>,
 }
 
-fn array_lengths(program: &Program) -> [usize; 5] {
-    let (states, memory) = (program.states().len(), program.memory());
-    let (gradients, factors) = (program.jacobian().slots(), program.lu().slots());
-    [program.constants(), states, memory, gradients, factors]
-}
-
 impl CompiledSteps {
+    /// `None` if a step comes from another program.
+    ///
     /// # Safety
-    /// The steps must come from this program and method.
-    pub unsafe fn new(program: &Program, method: Method, steps: Vec<CompiledStep>) -> Self {
-        Self { method, lengths: array_lengths(program), steps }
+    /// The steps must come from this method.
+    pub unsafe fn new(program: &Program, method: Method, steps: Vec<CompiledStep>) -> Option<Self> {
+        let identity = program.identity();
+        let is_own = steps.iter().all(|step| step.identity == identity);
+        is_own.then_some(Self { method, identity, steps })
     }
 
     /// The step for arrays of as many lanes.
     ///
     /// # Panics
-    /// The array lengths of the program differ: the steps come from another one.
+    /// The steps come from another program.
     pub(super) fn find(
         &self,
         program: &Program,
         method: Method,
         stride: usize,
     ) -> Option<&CompiledStep> {
-        assert_eq!(self.lengths, array_lengths(program), "compiled from another program");
+        assert_eq!(self.identity, program.identity(), "compiled from another program");
         let fits = |step: &&CompiledStep| method == self.method && step.stride == stride;
         self.steps.iter().find(fits)
     }

@@ -31,6 +31,9 @@ pub struct Manifest {
     pub split_seed: u64,
     /// The solver's settings.
     pub solver: String,
+    /// [`Network::identity`](servotwin_model::network::Network::identity) of the equations, which compiled steps carry.
+    #[serde(default)]
+    pub equations: String,
     /// The data sets.
     pub data_sets: Vec<DataSetEntry>,
     /// Every result file.
@@ -161,6 +164,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Subject::Ideal.settings(study).holding.seed,
         solver: in_words(&solver::Settings::campaign()),
+        equations: format!("{:016x}", study.system.program.identity()),
         data_sets: data_sets
             .map(|(s, role)| data_set(folder, known.as_ref(), s, role))
             .collect::<Result<_, _>>()?,
