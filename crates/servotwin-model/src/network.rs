@@ -108,7 +108,7 @@ impl Network {
         let mut hash = Hash(0xcbf2_9ce4_8422_2325);
         for Instance { id, component, parameters, fault_full, fluid } in &self.components {
             let kind = component.spec().kind;
-            let _ = write!(hash, "{id} {kind} {parameters:?} {fault_full:?} {fluid:?}\n");
+            let _ = writeln!(hash, "{id} {kind} {parameters:?} {fault_full:?} {fluid:?}");
         }
         let _ = write!(hash, "{:?} {:?}", self.connections, self.inputs);
         hash.0

@@ -42,6 +42,10 @@ const WORTH_S: u64 = 60_000;
 /// A compiler that takes longer, hangs.
 const LONGEST: Duration = Duration::from_secs(120);
 
+/// So many simulated seconds a second are enough beside a live stream: faults, other tasks and slower machines
+/// included.
+const ENOUGH_FOR_LIVE: f64 = 20.0;
+
 /// The compiled step of one system.
 #[derive(Default)]
 pub struct Compiled {
@@ -107,6 +111,12 @@ impl Compiled {
     /// What [`Compiled::steps`] has found before, somewhere else.
     pub fn ready(&self, level: Level) -> Option<&CompiledSteps> {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
+    }
+
+    /// The functions for one lane beside a live stream, where the solver would otherwise not keep up by a wide margin.
+    pub fn steps_for_live(&self, program: &Program) -> Option<&CompiledSteps> {
+        let is_needed = policy() == Policy::Only || simulated_per_second(program) < ENOUGH_FOR_LIVE;
+        if is_needed { self.steps(program, Level::Single) } else { None }
     }
 
     /// Where the steps in use come from; `None` if none are.
@@ -565,6 +575,35 @@ fn first_error(messages: &Path) -> Option<String> {
     Some(line)
 }
 
+/// Simulated seconds that one uncompiled lane reaches in a second at the declared inputs.
+fn simulated_per_second(program: &Program) -> f64 {
+    const DURATION_S: f64 = 0.5;
+    let parameters = program.parameters(&[]);
+    let inputs: Vec<Piecewise> = (program.network().inputs.iter())
+        .map(|input| Piecewise::new(vec![0.0], vec![swing(input.default)]).expect("one piece"))
+        .collect();
+    let job = Job {
+        number: 0,
+        constants: program.block_constants(&parameters),
+        stand_ins: program.stand_in_values(&parameters),
+        inputs: inputs.iter().collect(),
+        start: program.first_guess(&parameters),
+        settle: true,
+        duration_s: DURATION_S,
+        sample_period_s: 0.01,
+        changes: Vec::new(),
+    };
+    let mut moments = Moments { waiting: vec![job], of_jobs: vec![Moment::default()] };
+    let begin = Instant::now();
+    run(program, None, Settings::campaign(), &[], Level::Single, &mut moments);
+    DURATION_S / begin.elapsed().as_secs_f64()
+}
+
+/// An input that moves slowly from its default.
+fn swing(default: f64) -> [f64; 4] {
+    [default, 0.1 * default + 1e-3, 0.0, 0.0]
+}
+
 /// Distances of the first states from the first guess, in units of their scale: at work, beyond the upper end stop, and
 /// below vapor pressure beyond the lower one.
 const OFFSETS: [f64; 3] = [0.0, 1.5, -1.5];
@@ -573,7 +612,6 @@ const OFFSETS: [f64; 3] = [0.0, 1.5, -1.5];
 /// and a bypass opens.
 fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>) -> Vec<Moment> {
     const DURATION_S: f64 = 0.05;
-    let swing = |default: f64| [default, 0.1 * default + 1e-3, 0.0, 0.0];
     let constant = |piece| Piecewise::new(vec![0.0], vec![piece]).expect("one piece");
     let declared = &program.network().inputs;
     let inputs: [Vec<Piecewise>; 2] = [

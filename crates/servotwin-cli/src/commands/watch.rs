@@ -19,7 +19,6 @@ use servotwin::study::{Setting, Study};
 use servotwin::system::{System, units};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::diagnoser::environment::Input;
-use servotwin_model::lanes::Level;
 use servotwin_model::spec::Unit;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::{Counts, Kind};
@@ -272,7 +271,7 @@ impl Setup<'_> {
         let end = thread::scope(|scope| {
             // A log is mostly read before a compiler would be done.
             if address.is_live() {
-                scope.spawn(|| system.compiled.steps(&system.program, Level::Single));
+                scope.spawn(|| system.compiled.steps_for_live(&system.program));
             }
             let end = watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
             system.compiled.give_up();
