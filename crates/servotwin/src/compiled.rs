@@ -630,7 +630,7 @@ fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>)
         stand_ins: program.stand_in_values(&parameters),
         inputs: inputs[number % inputs.len()].iter().collect(),
         start: start(OFFSETS[number % OFFSETS.len()]),
-        settle: number % OFFSETS.len() == 0,
+        settle: number.is_multiple_of(OFFSETS.len()),
         // The last ones go on in fewer lanes.
         duration_s: DURATION_S * (1 + number % 2) as f64,
         sample_period_s: 0.01,
