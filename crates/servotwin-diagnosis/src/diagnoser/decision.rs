@@ -525,7 +525,7 @@ mod tests {
         }
     }
 
-    / // The actions are `c0`, `c1`, …; only the first switches off.
+    /// The actions are `c0`, `c1`, …; only the first switches off.
     const IS_OFF: [bool; 8] = [true, false, false, false, false, false, false, false];
 
     fn setup() -> (Settings, Hypotheses, Limits) {
