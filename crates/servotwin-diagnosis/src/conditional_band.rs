@@ -1,5 +1,5 @@
-//! A band that depends on the operating point: how large a healthy residual may be at this command and its rate, this
-//! load, these pressures and this direction of the spool.
+//! A band that depends on the operating point. It limits a healthy residual depending on the command and its rate, the
+//! load, the pressures and the direction of the spool.
 //!
 //! (CB1)  |r_i| ≤ q s_i(u),  s_i(u) = s_i0 Π_j m_ij(u_j)
 //!

@@ -49,7 +49,7 @@ const LARGEST_COUNT: u64 = 1 << 53;
 pub struct Sensor {
     /// The name from which feature names are built.
     pub name: String,
-    /// What it measures.
+    /// The measured quantity.
     pub quantity: Quantity,
     /// Index of its actuator; `None` for a sensor of the whole system.
     #[serde(rename = "unit")]

@@ -70,7 +70,7 @@ impl Quantity {
 pub struct Sensor {
     /// The name from which feature names are built, e.g. `p_A1`.
     pub name: String,
-    /// What it measures.
+    /// The measured quantity.
     pub quantity: Quantity,
     /// Index of its actuator; `None` for a sensor of the whole system.
     pub actuator: Option<usize>,

@@ -10,9 +10,9 @@ pub struct Dialect {
 }
 
 impl Dialect {
-    /// Detects the separator from the beginning of a text, among comma, semicolon and tab. The most frequent one in the
-    /// header wins if the first row has as many. In a tie the tab comes first, then the semicolon: a comma may be part
-    /// of a name or a number.
+    /// Detects the separator from the beginning of a text, among comma, semicolon and tab. One with equal counts in the
+    /// header and the first row takes precedence, then the most frequent one in the header. In a tie the tab comes
+    /// first, then the semicolon: a comma may be part of a name or a number.
     pub fn of(beginning: &[u8]) -> Self {
         let mut lines = Lines { rest: beginning };
         let (header, row) = (lines.next_line(), lines.next_line());
