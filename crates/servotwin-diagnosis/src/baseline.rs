@@ -1,19 +1,19 @@
-//! What a healthy specimen's residuals are, learned beside it.
+//! The mean residuals of a healthy specimen, learned online.
 //!
-//! Specimens differ by their tolerances, so the residuals of a healthy one have means of their own, as large as those of
-//! small faults. A [`Baseline`] is their mean over the first seconds; from then on it follows slowly:
+//! Specimens differ by their tolerances, so the residuals of a healthy one have nonzero means, as large as those of
+//! small faults. A [`Baseline`] is their mean over the first seconds, and follows slowly afterwards:
 //!
 //! ```text
-//! m_n = m_{n−1} + (r_n − m_{n−1}) / n    for n ≤ N, the samples that settle it
-//! m_n = m_{n−1} + (r_n − m_{n−1}) / M    afterwards, M the samples that it remembers
+//! m_n = m_{n−1} + (r_n − m_{n−1}) / n    for n ≤ N, the settling samples
+//! m_n = m_{n−1} + (r_n − m_{n−1}) / M    afterwards, M the memory in samples
 //! ```
 //!
-//! A residual counts at most for a quarter of its scale: no tolerance is larger, and one wild value of a broken line must
+//! Residuals are clipped to a quarter of their scale. No tolerance is larger, and one wild value of a broken line must
 //! not stay for a minute.
 //!
-//! What is left of a residual without it shows what has changed since, however far the specimen is from its twin. It does
-//! not show what was there from the beginning, or comes more slowly than it follows: residuals as they are must be looked
-//! at too.
+//! A residual minus its baseline shows changes since the start, however far the specimen is from its twin. It hides
+//! faults that were present from the start or grow more slowly than the baseline follows. The diagnosis must therefore
+//! watch the uncorrected residuals too.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -21,16 +21,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, require, same_length};
 
-/// A residual counts at most for this part of its scale.
+/// Residuals are clipped to this part of their scale.
 const MOST: f64 = 0.25;
 
-/// How long a reference takes.
+/// Time constants of a baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// Samples whose mean it is at first; at least 1.
+    /// Samples of the initial mean; at least 1.
     pub settle_samples: u32,
-    /// Samples over which it forgets afterwards, at least as many.
+    /// Memory of the slow update afterwards, in samples; at least `settle_samples`.
     pub memory_samples: u32,
 }
 
@@ -52,7 +52,7 @@ impl Settings {
 pub struct Baseline {
     settings: Settings,
     samples: u64,
-    /// In the sensors' units.
+    /// Mean residuals, in the sensors' units.
     means: Vec<f64>,
 }
 
@@ -60,14 +60,14 @@ pub struct Baseline {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stored {
-    /// Samples that were learned from.
+    /// Number of samples learned from.
     pub samples: u64,
     /// The mean residuals, in the sensors' units.
     pub means: Vec<f64>,
 }
 
 impl Baseline {
-    /// One that has learned nothing, of so many sensors.
+    /// An empty baseline for this many sensors.
     ///
     /// # Errors
     /// As [`Settings::check`].
@@ -79,7 +79,7 @@ impl Baseline {
     /// Learns from a sample of a healthy specimen. Does not allocate.
     ///
     /// # Panics
-    /// If there are fewer values or scales than sensors; here and below.
+    /// Here and in `subtract`, if there are fewer values or scales than sensors.
     pub fn learn(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
         self.samples += 1;
         let memory = match self.is_settling() {
@@ -97,13 +97,13 @@ impl Baseline {
         self.samples <= u64::from(self.settings.settle_samples)
     }
 
-    /// Whether it is the mean of enough.
+    /// Whether the initial mean is complete.
     pub fn is_settled(&self) -> bool {
         self.samples >= u64::from(self.settings.settle_samples)
     }
 
-    /// The measured values as they would be of a specimen that is its twin, into `values`; those of sensors in whose
-    /// place something stands stay. Does not allocate.
+    /// Writes measured values without the specimen's mean residual into `values`. Sensors with a stand-in value stay as
+    /// they are. Does not allocate.
     pub fn subtract(&self, measured: &[f64], stands_in: &[bool], values: &mut [f64]) {
         for (place, value) in values.iter_mut().enumerate() {
             let mean = if stands_in[place] { 0.0 } else { self.means[place] };
@@ -117,12 +117,12 @@ impl Baseline {
         self.means.fill(0.0);
     }
 
-    /// Everything that is remembered.
+    /// Returns the complete state.
     pub fn store(&self) -> Stored {
         Stored { samples: self.samples, means: self.means.clone() }
     }
 
-    /// Takes over what was stored of as many sensors.
+    /// Restores a state stored with the same number of sensors.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`].

@@ -1,18 +1,17 @@
 //! Temperature scaling of probabilities.
 //!
-//! `p → p^(1/T) / Σ p^(1/T)`. The order of the classes stays, so no answer changes: a temperature above 1 makes all of
-//! them less sure, below 1 surer.
-//! `servotwin-learning` fits the temperature.
+//! `p → p^(1/T) / Σ p^(1/T)`. The order of the classes stays, so no answer changes. A temperature above 1 lowers the
+//! confidence, one below 1 raises it. `servotwin-learning` fits the temperature.
 //!
 //! Source: Guo, Pleiss, Sun, Weinberger, "On Calibration of Modern Neural Networks", ICML 2017.
 
-/// The smallest probability that a logarithm is taken of: no class is impossible.
+/// Lower limit of a probability before its logarithm is taken: no class is impossible.
 pub const MIN_PROBABILITY: f64 = 1e-15;
 
 /// Scales the probabilities of one row by a temperature above 0. Does not allocate.
 pub fn scale(shares: &mut [f64], temperature: f64) {
     let inverse = 1.0 / temperature;
-    // Relative to the largest, so that not all vanish.
+    // Relative to the largest, so that they do not all underflow.
     let largest = shares.iter().copied().fold(MIN_PROBABILITY, f64::max);
     let mut sum = 0.0;
     for share in shares.iter_mut() {

@@ -1,5 +1,5 @@
-//! A band that depends on the operating point: how large a healthy residual may be at this command and its rate, this
-//! load, these pressures and this direction of the spool.
+//! A band that depends on the operating point. It limits a healthy residual depending on the command and its rate, the
+//! load, the pressures and the direction of the spool.
 //!
 //! (CB1)  |r_i| ≤ q s_i(u),  s_i(u) = s_i0 Π_j m_ij(u_j)
 //!
@@ -13,37 +13,37 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, require, require_sound};
 
-/// A spool that moves less than this part of its scale in a sample stands still.
+/// A spool that moves less than this part of its scale per sample counts as standing still.
 const STILL: f64 = 1e-3;
 
 /// How a covariate is computed. Inputs and sensors have the diagnoser's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Source {
-    /// How large an input is, whatever its sign.
+    /// Magnitude of an input.
     Size {
-        /// The input.
+        /// Index of the input.
         input: u32,
     },
-    /// How fast an input changes, whichever way.
+    /// Magnitude of an input's rate of change, per second.
     Rate {
-        /// The input.
+        /// Index of the input.
         input: u32,
     },
-    /// Which way the twin's value of a sensor goes: −1, 0 or 1.
+    /// Direction in which the twin's value of a sensor moves: −1, 0 or 1.
     Way {
-        /// The sensor.
+        /// Index of the sensor.
         sensor: u32,
     },
-    /// An input.
+    /// Value of an input.
     Input {
-        /// The input.
+        /// Index of the input.
         input: u32,
     },
 }
 
 impl Source {
-    /// Its value in a sample. `last` is what it was made of in the sample before, and is replaced.
+    /// The covariate's value in a sample. `last` holds the raw value of the previous sample and is replaced.
     pub fn value(self, last: &mut Option<f64>, sample: &Sample) -> f64 {
         let now = match self {
             Source::Size { input } | Source::Rate { input } | Source::Input { input } => {
@@ -72,9 +72,9 @@ pub struct Sample<'s> {
     pub inputs: &'s [f64],
     /// The twin's values of the sensors, SI.
     pub twin: &'s [f64],
-    /// What these are divided by.
+    /// The sensors' scales, SI.
     pub scales: &'s [f64],
-    /// Time from sample to sample, s.
+    /// Sampling period, s.
     pub period_s: f64,
 }
 
@@ -82,11 +82,11 @@ pub struct Sample<'s> {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Covariate {
-    /// Its name.
+    /// Name of the quantity.
     pub name: String,
-    /// What it is made of.
+    /// How it is computed.
     pub source: Source,
-    /// Where its bins meet, ascending.
+    /// Boundaries between its bins, ascending.
     pub edges: Vec<f64>,
     /// The range of the training data.
     pub range: (f64, f64),
@@ -108,17 +108,17 @@ impl Covariate {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConditionalBand {
-    /// What it depends on; empty for a band that is the same everywhere.
+    /// The covariates; empty for a constant band.
     pub covariates: Vec<Covariate>,
-    /// s_i0.
+    /// s_i0, by sensor.
     pub base: Vec<f64>,
-    /// m: for each sensor and covariate one factor for each bin.
+    /// m: one factor for each sensor, covariate and bin.
     pub factors: Vec<Vec<Vec<f64>>>,
-    /// q.
+    /// q, the calibrated scale of the band.
     pub scale: f64,
-    /// The share of healthy flights that may leave it.
+    /// Share of healthy flights that may leave the band.
     pub share: f64,
-    /// The number of flights that q was found with.
+    /// Number of flights from which q was calibrated.
     pub calibrated_on: usize,
 }
 
@@ -154,7 +154,7 @@ impl ConditionalBand {
         (farthest.0 > 0.0).then_some(farthest.1)
     }
 
-    /// Checks the numbers, and that they fit so many watched sensors, sensors and inputs.
+    /// Checks the numbers, and that they fit the numbers of watched sensors, sensors and inputs.
     ///
     /// # Errors
     /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`].
@@ -199,7 +199,7 @@ impl Here {
         Here { half_widths: vec![0.0; band.base.len()], point }
     }
 
-    /// Goes to the point of a sample. Does not allocate.
+    /// Updates the point and the half widths from a sample. Does not allocate.
     pub fn go(&mut self, band: &ConditionalBand, last: &mut [Option<f64>], sample: &Sample) {
         for ((value, covariate), last) in self.point.iter_mut().zip(&band.covariates).zip(last) {
             *value = covariate.source.value(last, sample);

@@ -1,25 +1,25 @@
-//! The one error type of the crate.
+//! The error type of this crate and of `servotwin-learning`.
 
 use alloc::string::String;
 use core::fmt;
 
 use crate::numeric::MAX_VALUE;
 
-/// What can go wrong between a table of features and a trained model.
+/// Errors between a table of features and a trained model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
     /// A table without rows, or in which every row has weight zero.
     NoSamples,
-    /// A table without feature columns, or from which every column was excluded.
+    /// A table without feature columns, or with every column excluded.
     NoFeatures,
     /// Two lengths that must agree do not.
     LengthMismatch {
-        /// What was being counted, for example `labels`.
+        /// What was counted, for example `labels`.
         what: &'static str,
-        /// The length that was needed.
+        /// Expected length.
         expected: usize,
-        /// The length that came.
+        /// Actual length.
         found: usize,
     },
     /// A feature value is NaN, infinite, or larger than [`crate::numeric::MAX_VALUE`].
@@ -40,7 +40,7 @@ pub enum Error {
     LabelOutOfRange {
         /// Row, counted from zero.
         row: usize,
-        /// The label.
+        /// The unknown label.
         label: u32,
         /// Number of classes.
         classes: usize,
@@ -49,42 +49,42 @@ pub enum Error {
     WeightOutOfRange {
         /// Row, counted from zero.
         row: usize,
-        /// The weight.
+        /// The rejected weight.
         weight: f64,
     },
     /// An index is past the end of what it indexes.
     IndexOutOfRange {
         /// What was indexed, for example `row`.
         what: &'static str,
-        /// The index.
+        /// The index used.
         index: usize,
-        /// The length.
+        /// Number of items available.
         length: usize,
     },
     /// A setting names a feature that the samples do not have.
     UnknownFeature {
-        /// The name.
+        /// Name of the missing feature.
         name: String,
     },
     /// A setting is outside its range.
     SettingOutOfRange {
         /// Name of the setting.
         setting: &'static str,
-        /// The value given.
+        /// The value found.
         value: f64,
-        /// The values allowed.
+        /// The allowed values, in words.
         allowed: &'static str,
     },
-    /// More folds were asked for than there are rows or groups to fill them.
+    /// There are fewer rows or groups than folds.
     TooFewForFolds {
-        /// Folds asked for.
+        /// Number of folds.
         folds: usize,
         /// Rows or groups available.
         available: usize,
     },
-    /// The parts of a stored model do not fit each other.
+    /// The parts of a stored model do not fit together.
     CorruptModel {
-        /// Which promise is broken.
+        /// The violated condition, in words.
         broken: &'static str,
     },
 }
@@ -147,7 +147,7 @@ pub fn same_length(what: &'static str, expected: usize, found: usize) -> Result<
     if expected == found { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
 }
 
-/// Checks a promise that the parts of a stored model make.
+/// Checks a condition that the parts of a stored model must meet.
 pub(crate) fn require_sound(holds: bool, broken: &'static str) -> Result<(), Error> {
     if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
 }

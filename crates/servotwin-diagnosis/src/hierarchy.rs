@@ -1,27 +1,27 @@
-//! The hierarchy of trees: which actuator, then which command, then which detail.
+//! The hierarchy of trees: first the actuator, then the action, then the detail.
 //!
 //! ```text
 //! A               the actuator, from all sensors
-//! B               the command for it
-//! C, D, E …       the detail within each command
+//! B               the action for it
+//! C, D, E …       the detail within each action
 //! ```
 //!
-//! With two actuators and three commands these are the seed paper's nine trees (its figure 10): A
-//! once, the others once for each actuator. Any classifier can stand at any place.
+//! With two actuators and three actions these are the seed paper's nine trees (its figure 10): A once, the others once
+//! for each actuator. Any classifier can take any place.
 //!
-//! **Views.** A system of like actuators looks the same from each of them. View `k` of a row of
-//! features is the row with the actuators moved round until actuator `k` stands first and the next one second
-//! (the window of [`crate::residual::Window::reordered`] by [`crate::features::Sensors::rotated`]), so view 0 is the row
-//! itself, and of two actuators view 1 is the row with both exchanged. So all views of a row show its fault in each
-//! actuator once. This is used twice:
-//! - *mirror*: A also learns from every view, with the actuator in the label moved alike;
-//! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view, in which its
-//!   sensors stand where those of actuator 0 stand; the nine trees are then five.
+//! **Views.** A system of identical actuators looks the same from each of them. View `k` of a feature row rotates the
+//! actuators until actuator `k` comes first and the next one second. Its window is
+//! [`crate::residual::Window::reordered`] by [`crate::features::Sensors::rotated`]. View 0 is the row itself; with two
+//! actuators, view 1 is the row with both exchanged. So the views of a row together show its fault once in each
+//! actuator. There are two uses:
+//! - *mirror*: A also learns from every view, with the actuator in the label rotated alike;
+//! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view. There its sensors take the
+//!   places of actuator 0's sensors, and the nine trees become five.
 //!
 //! Without pooling, a stage of actuator `k` reads its columns in view 0.
 //!
-//! **Healthy.** Where examples without a fault are given, A may answer that there is none; nothing
-//! is asked after that. So an alarm that a tolerance raised need not become a fault.
+//! **Healthy.** If the training data contain healthy examples, A may answer that there is no fault, and the later
+//! stages do not run. An alarm caused by a tolerance then need not become a fault.
 
 use crate::calibration;
 use crate::classifiers::{Classifier, Model, Scores};
@@ -32,25 +32,25 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-/// The word that a stored hierarchy begins with.
+/// The format name at the start of a stored hierarchy.
 pub const FORMAT: &str = "servotwin hierarchy 2";
 
-/// The answer of A that there is no fault.
+/// A's answer when there is no fault.
 pub const HEALTHY: &str = "healthy";
 
-/// What the only unit is called where it has no name and something is wrong.
+/// Name of a single, unnamed actuator that has a fault.
 pub const FAULTY: &str = "faulty";
 
 /// What a stage decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Question {
-    /// Which actuator the fault is in.
+    /// The faulty actuator.
     Actuator,
-    /// What is to be done with it.
+    /// The action for that actuator.
     #[serde(rename = "command")]
     Action,
-    /// What is broken there.
+    /// The fault class within that action.
     Detail,
 }
 
@@ -58,17 +58,17 @@ pub enum Question {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// What it decides.
+    /// The question it answers.
     pub question: Question,
-    /// The actuator it is for; `None` for any.
+    /// The actuator that it serves; `None` for all.
     pub actuator: Option<u32>,
-    /// The command whose details it tells apart; `None` for the stages above.
+    /// The action whose details it separates; `None` for A and B.
     #[serde(rename = "command")]
     pub action: Option<u32>,
 }
 
 impl Place {
-    /// The paper's letter, and the number of the actuator from 1 where it has one: `A`, `B2`, `C`.
+    /// The paper's letter, followed by the actuator number from 1 for a stage of one actuator: `A`, `B2`, `C`.
     pub fn id(&self) -> String {
         let letter = match self.question {
             Question::Actuator => 'A',
@@ -84,7 +84,7 @@ impl Place {
         }
     }
 
-    /// Whether a fault with this truth is one that the stage is asked about.
+    /// Whether the stage handles faults with this true actuator and action.
     pub fn is_asked(&self, actuator: u32, action: u32) -> bool {
         self.actuator.is_none_or(|own| own == actuator)
             && self.action.is_none_or(|own| own == action)
@@ -101,24 +101,24 @@ impl Place {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Names {
-    /// The features, in the order of a row.
+    /// Feature names, in the order of a row.
     pub features: Vec<String>,
-    /// The actuators; at least one.
+    /// Actuator names; at least one.
     pub actuators: Vec<String>,
-    /// The commands, most urgent first.
+    /// Action names, most urgent first.
     #[serde(rename = "commands")]
     pub actions: Vec<String>,
-    /// The details.
+    /// Detail names.
     pub details: Vec<String>,
 }
 
 impl Names {
-    /// The actuator of a label that says that nothing is wrong, and the class of A for it.
+    /// The actuator number of healthy labels, and A's class for them.
     pub fn healthy(&self) -> u32 {
         self.actuators.len() as u32
     }
 
-    /// The place of an actuator in a view; health is the same in all.
+    /// The number of an actuator in a view; healthy is the same in all.
     pub fn seen_from(&self, view: u32, actuator: u32) -> u32 {
         let actuators = self.healthy();
         if actuator == actuators { actuator } else { (actuator + actuators - view) % actuators }
@@ -145,26 +145,26 @@ impl Names {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
-    /// [`Place::id`], for people.
+    /// [`Place::id`], for readers.
     pub id: String,
-    /// Where it stands.
+    /// The place in the hierarchy.
     pub place: Place,
-    /// The features it reads, by place in [`Names::features`], in the order of the model.
+    /// The features that the model reads, in its order, as indices into [`Names::features`].
     pub columns: Vec<u32>,
-    /// The class of each class of the model, by place in the names that the question is about.
+    /// For each class of the model, its index in the question's names.
     pub classes: Vec<u32>,
-    /// The classifier.
+    #[expect(missing_docs)]
     pub model: Model,
-    /// What calibrates its probabilities ([`crate::calibration`]); 1 leaves them as they are.
+    /// The temperature of [`crate::calibration`] for its probabilities; 1 leaves them as they are.
     pub temperature: f64,
 }
 
-/// What a stage answers.
+/// The answer of a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// The class, a place in the names that the question is about.
+    /// The class, an index into the question's names.
     pub class: u32,
-    /// Its probability, as far as the classifier knows it.
+    /// Its calibrated probability; 1 if the classifier gives none.
     pub probability: f64,
 }
 
@@ -181,7 +181,7 @@ impl Stage {
         let scores = &mut scratch.scores[..self.classes.len()];
         let class = self.model.predict_with(own, scores) as usize;
         let mut probability = 1.0;
-        // Margins are no shares, and give no probability.
+        // Margins are no shares and give no probability.
         if self.model.scores() == Scores::Shares {
             self.model.scores_into(own, scores);
             calibration::scale(scores, self.temperature);
@@ -190,8 +190,8 @@ impl Stage {
         Answer { class: self.classes[class], probability }
     }
 
-    /// The probability of each of the stage's classes for a row of all features; where the
-    /// classifier knows none, 1 for the class decided. Does not allocate.
+    /// The probability of each of the stage's classes for a row of all features. A classifier without probabilities
+    /// gives 1 to the class that it chooses. Does not allocate.
     ///
     /// # Panics
     /// If the row is shorter than the features.
@@ -212,8 +212,7 @@ impl Stage {
         scores
     }
 
-    /// The nodes from the root to the leaf of a row of all features; empty unless the model is a
-    /// CART tree.
+    /// The nodes from the root to the leaf for a row of all features; empty unless the model is a CART tree.
     pub fn path(&self, row: &[f64]) -> Vec<usize> {
         let Model::Cart(tree) = &self.model else {
             return vec![];
@@ -223,56 +222,56 @@ impl Stage {
     }
 }
 
-/// The memory that a diagnosis needs, made once by [`Hierarchy::scratch`].
+/// The working memory of a diagnosis, allocated by [`Hierarchy::scratch`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scratch {
     row: Vec<f64>,
     scores: Vec<f64>,
 }
 
-/// What a hierarchy says about a row: places in [`Names`].
+/// A hierarchy's answer for a row, as indices into [`Names`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Diagnosis {
-    /// The actuator; `None` where nothing is wrong.
+    /// The actuator; `None` if healthy.
     pub actuator: Option<u32>,
-    /// The command; `None` without an actuator, or if no stage was ever trained for it.
+    /// The action; `None` without an actuator or a trained stage.
     pub action: Option<u32>,
-    /// The detail; `None` likewise.
+    /// The detail; `None` without an action or a trained stage.
     pub detail: Option<u32>,
-    /// The probability that actuator and command are right: the product of the stages'.
+    /// The probability that actuator and action are right: the product of both stages' probabilities.
     pub confidence: f64,
-    /// The probability of the detail, given the command; 1 without one.
+    /// The probability of the detail, given the action; 1 without a detail.
     pub detail_confidence: f64,
 }
 
 impl Diagnosis {
-    /// What the flight control computer acts on.
+    /// The part that the flight control computer acts on.
     pub fn actuator_and_action(&self) -> (Option<u32>, Option<u32>) {
         (self.actuator, self.action)
     }
 }
 
-/// A trained hierarchy; stored as JSON with the names that its numbers stand for.
+/// A trained hierarchy, stored as JSON together with its names.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hierarchy {
     /// [`FORMAT`].
     pub format: String,
-    /// The names.
+    /// The names that its indices refer to.
     pub names: Names,
     /// The stages, A first.
     pub stages: Vec<Stage>,
 }
 
 impl Hierarchy {
-    /// The stage asked a question about an actuator and a command.
+    /// Finds the stage that answers a question for an actuator and an action.
     pub fn stage(&self, question: Question, actuator: u32, action: u32) -> Option<&Stage> {
         self.stages.iter().find(|stage| {
             stage.place.question == question && stage.place.is_asked(actuator, action)
         })
     }
 
-    /// How many views of a row a diagnosis needs.
+    /// Number of views of a row that a diagnosis needs.
     pub fn views(&self) -> usize {
         let pooled = |stage: &Stage| {
             stage.place.question != Question::Actuator && stage.place.actuator.is_none()
@@ -280,7 +279,7 @@ impl Hierarchy {
         if self.stages.iter().any(pooled) { self.names.actuators.len() } else { 1 }
     }
 
-    /// Memory for [`Hierarchy::diagnose`].
+    /// Allocates the memory for [`Hierarchy::diagnose`].
     pub fn scratch(&self) -> Scratch {
         let largest = |size: fn(&Stage) -> usize| self.stages.iter().map(size).max().unwrap_or(0);
         Scratch {
@@ -289,11 +288,10 @@ impl Hierarchy {
         }
     }
 
-    /// What the hierarchy says about a row, given in every view. Does not allocate.
+    /// Diagnoses a row, given in every view. Does not allocate.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] if there are fewer than [`Hierarchy::views`] views, or a view has
-    /// another number of features.
+    /// [`Error::LengthMismatch`] for fewer than [`Hierarchy::views`] views, or a view with another number of features.
     pub fn diagnose<V: AsRef<[f64]>>(
         &self,
         views: &[V],
@@ -337,12 +335,11 @@ impl Hierarchy {
         views.iter().try_for_each(of_view)
     }
 
-    /// The probability that nothing is wrong, and behind it that of each command for each actuator,
-    /// actuator by actuator, for a row given in every view. Where no stage tells commands apart they
-    /// share evenly. Does not allocate.
+    /// Writes the probability of healthy, then of each action actuator by actuator, for a row given in every view.
+    /// Without a stage for the actions they share evenly. Does not allocate.
     ///
     /// # Errors
-    /// As [`Hierarchy::diagnose`], and [`Error::LengthMismatch`] if `into` has no room for each.
+    /// As [`Hierarchy::diagnose`], and [`Error::LengthMismatch`] if `into` has another length.
     pub fn probabilities_into<V: AsRef<[f64]>>(
         &self,
         views: &[V],
@@ -386,8 +383,7 @@ impl Hierarchy {
         Ok(())
     }
 
-    /// The detail of a fault whose actuator and command are known, for a row given in every view.
-    /// Does not allocate.
+    /// The detail of a fault with known actuator and action, for a row given in every view. Does not allocate.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
@@ -404,7 +400,7 @@ impl Hierarchy {
         Ok(stage.map(answer))
     }
 
-    /// The stages that a diagnosis went through, each with the nodes from its root to the leaf.
+    /// The stages that a diagnosis passes through, each with its nodes from root to leaf.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
@@ -426,11 +422,11 @@ impl Hierarchy {
         Ok(asked.map(|stage| (stage, with_path(stage))).collect())
     }
 
-    /// Checks that the parts fit each other; for hierarchies that come from outside.
+    /// Checks that the parts of a loaded hierarchy fit together.
     ///
     /// # Errors
-    /// [`Error::CorruptModel`], [`Error::LengthMismatch`], [`Error::IndexOutOfRange`], and what
-    /// [`Classifier::check`] says.
+    /// [`Error::CorruptModel`], [`Error::LengthMismatch`], [`Error::IndexOutOfRange`], and the errors of
+    /// [`Classifier::check`].
     pub fn check(&self) -> Result<(), Error> {
         require_sound(self.format == FORMAT, "the format is another one")?;
         require_sound(!self.names.actuators.is_empty(), "there is no actuator")?;
@@ -446,7 +442,7 @@ impl Hierarchy {
                 Question::Action => &self.names.actions,
                 Question::Detail => &self.names.details,
             };
-            // A has one class more: healthy.
+            // A has the additional class healthy.
             let count = names.len() + usize::from(stage.place.question == Question::Actuator);
             let known = stage.classes.iter().all(|&class| (class as usize) < count);
             require_sound(known, "a stage decides a class that is not there")?;

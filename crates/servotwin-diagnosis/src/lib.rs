@@ -1,9 +1,9 @@
 //! From residuals to a diagnosis: the code that runs beside an actuator.
 //!
-//! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, [`features`] computes a row
-//! of numbers from it, [`classifiers`] runs trained models behind one trait, [`hierarchy`] asks the trees that follow
-//! each other from the actuator to the detail, [`panel`] joins bands, trees and committee, and [`diagnoser`] does all of
-//! this sample by sample. The crate `servotwin-learning` trains the models.
+//! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, and [`features`] computes
+//! a row of numbers from it. [`classifiers`] runs trained models behind one trait. [`hierarchy`] runs the trees from
+//! the actuator down to the detail, and [`panel`] joins bands, trees and committee. [`diagnoser`] does all of this
+//! sample by sample. The crate `servotwin-learning` trains the models.
 //!
 //! Everything is deterministic: ties go to the lowest index, and the same samples give the same answers bit for bit.
 #![no_std]

@@ -1,6 +1,6 @@
-//! The vector arithmetic that classifiers share.
+//! Vector arithmetic shared by the classifiers.
 
-/// No feature and no weight may be larger, so that squares and their sums stay finite.
+/// Upper limit of features and weights, so that squares and their sums stay finite.
 pub const MAX_VALUE: f64 = 1e100;
 
 /// Dot product, summed in eight fixed lanes: the compiler may use SIMD, and the result is the
@@ -27,7 +27,7 @@ pub fn add_scaled(target: &mut [f64], factor: f64, direction: &[f64]) {
     }
 }
 
-/// Place of the largest value; of equal ones the first.
+/// Index of the largest value; the first one of a tie.
 pub fn arg_max(values: impl IntoIterator<Item = f64>) -> usize {
     let mut best = (0, f64::NEG_INFINITY);
     for (place, value) in values.into_iter().enumerate() {
@@ -38,8 +38,8 @@ pub fn arg_max(values: impl IntoIterator<Item = f64>) -> usize {
     best.0
 }
 
-/// Turns logarithms into shares that sum to one, and returns the logarithm of the sum before.
-/// If all are minus infinity (a row absurdly far from every class), the shares are equal.
+/// Turns logarithms into shares that sum to one, and returns the logarithm of the sum before. If all are minus infinity
+/// (a row very far from every class), the shares are equal.
 pub fn softmax(values: &mut [f64]) -> f64 {
     let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if largest == f64::NEG_INFINITY {

@@ -1,8 +1,8 @@
-//! The panel joins bands, the nine trees and the committee to one answer.
+//! The panel joins bands, the nine trees and the committee into one answer.
 //!
-//! While every residual stays in its band, the answer is healthy. Otherwise the trees give the answer that can be
-//! explained. If the committee chooses another actuator or action, or is not sure enough, the fault counts as detected
-//! but not isolated.
+//! While every residual stays in its band, the answer is healthy. Otherwise the trees give the explainable answer. If
+//! the committee chooses another actuator or action, or its confidence is too low, the fault counts as detected but not
+//! isolated.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -11,14 +11,14 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, require_sound};
 use crate::hierarchy::{Diagnosis, Hierarchy, Scratch};
 
-/// The word that a stored panel begins with.
+/// The format name at the start of a stored panel.
 pub const FORMAT: &str = "servotwin panel 1";
 
-/// The band that a residual may stay in.
+/// The tolerance band of one residual.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorBand {
-    /// The sensor.
+    /// Name of the sensor.
     pub sensor: String,
     /// Half width, in parts of the sensor's scale.
     pub half_width: f64,
@@ -30,9 +30,9 @@ pub struct SensorBand {
 pub struct Panel {
     /// [`FORMAT`].
     pub format: String,
-    /// One band for each sensor that is watched.
+    /// One band for each watched sensor.
     pub bands: Vec<SensorBand>,
-    /// The confidence that the committee needs for an answer; `None` for any.
+    /// Minimum confidence of the committee for an answer; `None` for no minimum.
     pub least_confidence: Option<f64>,
     /// The nine trees.
     pub trees: Hierarchy,
@@ -59,7 +59,7 @@ impl Default for Panel {
 }
 
 /// The rule of the committee: trees and committee choose the same fault, and the committee's confidence reaches the
-/// least one, where one is set.
+/// minimum, if there is one.
 pub fn agree<T: PartialEq>(
     trees: T,
     committee: T,
@@ -72,22 +72,22 @@ pub fn agree<T: PartialEq>(
 /// The answer of a panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
-    /// Every residual is in its band, or trees and committee agree that nothing is wrong.
+    /// Every residual is in its band, or trees and committee agree that there is no fault.
     Healthy,
-    /// A residual left its band, but trees and committee do not isolate a fault: the answer of the committee.
+    /// A residual left its band, but trees and committee do not isolate a fault. Holds the committee's answer.
     NotIsolated(Diagnosis),
-    /// Trees and committee agree on actuator and command.
+    /// Trees and committee agree on actuator and action.
     Isolated(Diagnosis),
 }
 
 impl Panel {
-    /// Whether a residual left its band; `largest` is the largest size of each watched residual, in
-    /// parts of scale.
+    /// Whether a residual left its band. `largest` holds the largest magnitude of each watched residual, in parts of
+    /// scale.
     pub fn is_detected(&self, largest: &[f64]) -> bool {
         largest.iter().zip(&self.bands).any(|(size, band)| *size > band.half_width)
     }
 
-    /// The answer of the panel for a row, given in every view.
+    /// Judges a row, given in every view.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
@@ -118,15 +118,15 @@ impl Panel {
         )
     }
 
-    /// Memory for [`Panel::diagnose`].
+    /// Allocates the memory for [`Panel::diagnose`].
     pub fn scratch(&self) -> [Scratch; 2] {
         [self.trees.scratch(), self.committee.scratch()]
     }
 
-    /// Checks that the parts fit each other; for panels that come from outside.
+    /// Checks that the parts of a loaded panel fit together.
     ///
     /// # Errors
-    /// [`Error::CorruptModel`] and what [`Hierarchy::check`] says.
+    /// [`Error::CorruptModel`] and the errors of [`Hierarchy::check`].
     pub fn check(&self) -> Result<(), Error> {
         require_sound(self.format == FORMAT, "the format is another one")?;
         require_sound(

@@ -1,4 +1,4 @@
-//! A small seeded generator of random numbers: xoshiro256++ filled by splitmix64.
+//! A small seeded random number generator: xoshiro256++ filled by splitmix64.
 //!
 //! Written from the public description of both generators (Blackman and Vigna, "Scrambled linear
 //! pseudorandom number generators", 2021). Not for secrets. The sequence for a seed is part of the
@@ -20,7 +20,7 @@ fn splitmix64(counter: &mut u64) -> u64 {
 }
 
 impl Random {
-    /// The sequence of a seed. Every seed is good, zero too.
+    /// The sequence of a seed. Every seed is good, zero included.
     pub fn new(seed: u64) -> Self {
         let mut counter = seed;
         Random { state: core::array::from_fn(|_| splitmix64(&mut counter)) }
@@ -28,8 +28,7 @@ impl Random {
 
     /// The sequence number `stream` of a seed, independent of all other streams.
     ///
-    /// Trees of a forest and repeats of a split each take their own stream, so that they can be
-    /// computed in any order.
+    /// Each tree of a forest and each repetition of a split takes its own stream, so that they can run in any order.
     pub fn stream(seed: u64, stream: u64) -> Self {
         let mut counter = stream;
         Random::new(seed ^ splitmix64(&mut counter))
@@ -61,7 +60,7 @@ impl Random {
 
     /// An index in `0..length`, each equally likely; `0` when `length` is `0`.
     ///
-    /// Multiply-and-reject (Lemire 2019), so without the bias of a remainder.
+    /// Multiply-and-reject (Lemire 2019), free of the modulo bias.
     pub fn index(&mut self, length: usize) -> usize {
         let length = length as u64;
         if length == 0 {

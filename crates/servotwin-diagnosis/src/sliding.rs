@@ -1,13 +1,13 @@
-//! The statistics of the last seconds, for several lengths at once, in fixed memory.
+//! Sliding-window statistics for several window lengths at once, in fixed memory.
 //!
-//! A *span* is the last n *panes* of m samples each. Every sample goes into one pane only, the base
-//! pane, as long as the shortest panes. Where a base pane ends, it is merged into the open pane of
-//! every span; where that ends too, the span's window is merged from its panes anew. So a sample
-//! costs the same whatever the spans' lengths, nothing is ever subtracted, and after days the
-//! windows are those of their samples, to rounding.
+//! A *span* consists of the last n *panes* of m samples each. Every sample enters a single pane, the base pane, which
+//! is as long as the shortest panes. A full base pane is merged into the open pane of every span. When that pane is
+//! full too, the span's window is merged anew from its panes. So the cost of a sample does not depend on the spans'
+//! lengths, and nothing is ever subtracted. Even after days, the windows match an exact recomputation to rounding.
 //!
-//! Spans take turns: the first takes a base pane with its last sample, the second a sample later, and
-//! so on. So no sample brings two windows, and the slowest sample is one window's work.
+//! Spans take turns: the first takes a base pane at its last sample, the second one sample later, and so on. Unless
+//! there are more spans than samples in a base pane, no sample completes two windows. The slowest sample then costs the
+//! work of one window.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -16,38 +16,38 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, require, same_length};
 use crate::residual::Window;
 
-/// No stored count is larger.
+/// Upper limit of stored counts.
 const LARGEST_COUNT: u64 = 1 << 53;
 
-/// No stored statistic is larger: a residual is at most a million times its scale, and squares of it are summed up.
+/// Upper limit of stored statistics: a residual is at most a million times its scale, and its squares are summed.
 const LARGEST_STATISTIC: f64 = 1e30;
 
-/// How long a window is, and how often there is a new one.
+/// Length of a window, and how often a new one is complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Span {
-    /// Samples of a pane: at the end of each there is a new window.
+    /// Samples of a pane; each complete pane brings a new window.
     pub pane_samples: u32,
     /// Panes of a window; `None` for the whole record.
     pub panes: Option<u32>,
 }
 
 impl Span {
-    /// Samples of a full window; `None` for the whole record, which never is.
+    /// Samples of a full window; `None` for the whole record, which has no fixed length.
     pub fn samples(&self) -> Option<u64> {
         self.panes.map(|panes| u64::from(panes) * u64::from(self.pane_samples))
     }
 }
 
-/// One span: a ring of panes that are full, and one that is being filled.
+/// One span: a ring of full panes and the pane being filled.
 #[derive(Debug, Clone)]
 struct Ring {
     span: Span,
     /// The full panes; empty for the whole record, which needs none.
     panes: Vec<Window>,
-    /// Where the next full pane goes.
+    /// Index of the next full pane.
     next: usize,
-    /// Number of panes that were full since the beginning.
+    /// Number of panes completed since the start.
     ended: u64,
     open: Window,
     /// The window over the full panes.
@@ -59,28 +59,28 @@ struct Ring {
 pub struct Sliding {
     base_samples: u32,
     base: Window,
-    /// The newest base pane that is full.
+    /// The newest full base pane.
     full: Window,
-    /// The span that takes it next; none where all have.
+    /// The span that takes it next; the number of spans if all have.
     turn: usize,
     rings: Vec<Ring>,
-    /// Whether the newest sample brought a window of each span.
+    /// For each span, whether the newest sample completed a window.
     ended: Vec<bool>,
 }
 
-/// A stored [`Sliding`]; numbers only, so that any format keeps its bits.
+/// A stored [`Sliding`]; numbers only, so that any format preserves its bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stored {
     /// The statistics of the base pane.
     pub base: Vec<f64>,
-    /// Those of the newest full base pane, if a span has not taken it.
+    /// Statistics of the newest full base pane, if a span has not taken it yet.
     #[serde(default)]
     pub full: Vec<f64>,
-    /// The span that takes it next.
+    /// Index of the span that takes it next.
     #[serde(default)]
     pub turn: usize,
-    /// Those of each span.
+    /// State of each span.
     pub spans: Vec<StoredSpan>,
 }
 
@@ -88,13 +88,13 @@ pub struct Stored {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoredSpan {
-    /// Number of panes that ended.
+    /// Number of completed panes.
     pub ended: u64,
     /// The statistics of the open pane.
     pub open: Vec<f64>,
-    /// Those of the full panes.
+    /// Statistics of the full panes.
     pub panes: Vec<Vec<f64>>,
-    /// Those of the window.
+    /// Statistics of the window.
     pub window: Vec<f64>,
 }
 
@@ -110,7 +110,7 @@ impl Ring {
         }
     }
 
-    /// Takes over a base pane; says whether it ended a pane of this span.
+    /// Adds a base pane; returns whether it completed a pane of this span.
     fn take(&mut self, base: &Window) -> bool {
         self.open.absorb(base);
         if self.open.count() < u64::from(self.span.pane_samples) {
@@ -128,7 +128,7 @@ impl Ring {
         true
     }
 
-    /// The window over the full panes, the oldest first; panes that are still empty add nothing.
+    /// Merges the full panes into the window, oldest first; empty panes add nothing.
     fn merge(&mut self) {
         self.window.clear();
         let (newer, older) = self.panes.split_at(self.next);
@@ -173,7 +173,7 @@ fn possible(holds: bool) -> Result<(), Error> {
     if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
 }
 
-/// Takes over stored statistics of so many samples at most.
+/// Restores stored statistics of at most `most_samples` samples.
 fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(), Error> {
     let is_count = |number: f64| libm::trunc(number) == number && number <= most_samples as f64;
     possible(values.iter().all(|number| number.abs() <= LARGEST_STATISTIC))?;
@@ -191,12 +191,12 @@ fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(),
 }
 
 impl Sliding {
-    /// Windows of so many sensors, of which the first `watched` decide whether something deviates,
-    /// over `spans`: their panes are multiples of the shortest.
+    /// Creates windows over `spans`, whose panes are multiples of the shortest. The first `watched` of the sensors
+    /// decide whether something deviates.
     ///
     /// # Errors
-    /// [`Error::SettingOutOfRange`] for no span, a pane or window of nothing, or a pane that is no
-    /// multiple of the shortest.
+    /// [`Error::SettingOutOfRange`] for no span, an empty pane or window, or a pane that is no multiple of the
+    /// shortest.
     pub fn new(sensors: usize, watched: usize, spans: &[Span]) -> Result<Self, Error> {
         let lengths = || spans.iter().map(|span| span.pane_samples);
         let base_samples = lengths().min().unwrap_or(0);
@@ -210,7 +210,7 @@ impl Sliding {
         Ok(Self::of(Window::watching(sensors, watched), base_samples, spans))
     }
 
-    /// The same, with residuals compared with a band that varies from sample to sample too.
+    /// Creates the same, empty windows that also compare residuals with a conditional band.
     pub fn within_a_conditional_band(self) -> Self {
         let spans: Vec<Span> = self.rings.iter().map(|ring| ring.span).collect();
         Self::of(self.base.within_a_conditional_band(), self.base_samples, &spans)
@@ -222,8 +222,8 @@ impl Sliding {
         Sliding { base_samples, base: empty, full, turn, rings, ended }
     }
 
-    /// Adds one sample as [`Window::add_within`] does, with no half widths where no band varies; says
-    /// whether it brought a window of any span. Does not allocate.
+    /// Adds one sample as [`Window::add_within`] does; `half_widths` is empty without a conditional band. Returns
+    /// whether it completed a window of any span. Does not allocate.
     ///
     /// # Panics
     /// As [`Window::add`].
@@ -237,7 +237,7 @@ impl Sliding {
         self.ended.fill(false);
         self.base.add_within(measured, twin, scales, half_widths);
         if self.base.count() >= u64::from(self.base_samples) {
-            // More spans than samples of a pane: the last of them cannot wait any longer.
+            // With more spans than samples in a pane, the remaining spans cannot wait any longer.
             (self.turn..self.rings.len()).for_each(|_| self.take_turn());
             core::mem::swap(&mut self.base, &mut self.full);
             self.base.clear();
@@ -259,24 +259,23 @@ impl Sliding {
         self.rings.len()
     }
 
-    /// Whether the newest sample brought a window of a span: then [`Sliding::window`] is new.
+    /// Whether the newest sample completed a window of a span: then [`Sliding::window`] is new.
     pub fn has_ended(&self, span: usize) -> bool {
         self.ended[span]
     }
 
-    /// The window of a span as it was where its newest full pane ended; before it is full over what
-    /// there is.
+    /// The window of a span at the end of its newest full pane. Until it is full, it covers the samples so far.
     pub fn window(&self, span: usize) -> &Window {
         &self.rings[span].window
     }
 
-    /// Whether the window of a span has all its panes; the whole record's always does.
+    /// Whether the window of a span has all its panes; the whole record needs one.
     pub fn is_full(&self, span: usize) -> bool {
         let ring = &self.rings[span];
         ring.ended >= ring.panes.len().max(1) as u64
     }
 
-    /// The part of a span's window that its newest pane is: 1 for the first.
+    /// The share of a span's window that its newest pane makes up: 1 for the first.
     pub fn share_of_newest(&self, span: usize) -> f64 {
         let ring = &self.rings[span];
         f64::from(ring.span.pane_samples) / (ring.window.count() as f64).max(1.0)
@@ -290,7 +289,7 @@ impl Sliding {
         self.ended.fill(false);
     }
 
-    /// Everything that is remembered, to be stored.
+    /// Returns the complete state for storing.
     pub fn store(&self) -> Stored {
         let is_taken = self.turn >= self.rings.len();
         Stored {
@@ -301,10 +300,10 @@ impl Sliding {
         }
     }
 
-    /// Takes over what was stored of the same spans and sensors; what follows is the same to the bit.
+    /// Restores the state of the same spans and sensors; later results match to the bit.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] and [`Error::CorruptModel`] if it was stored by another one.
+    /// [`Error::LengthMismatch`] and [`Error::CorruptModel`] for a state of other spans or sensors.
     pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         same_length("spans", self.rings.len(), stored.spans.len())?;
         let of_base = u64::from(self.base_samples);
@@ -335,7 +334,7 @@ mod tests {
         Span { pane_samples: 100, panes: None },
     ];
 
-    /// A slow swing, a quick one, noise and a rare spike, far from zero.
+    /// A slow oscillation, a fast one, noise and a rare spike, far from zero.
     fn sample(random: &mut Random, k: u64) -> ([f64; 1], [f64; 1]) {
         let t = k as f64 * 0.01;
         let spike = if k.is_multiple_of(9973) { 0.5 } else { 0.0 };
@@ -343,7 +342,7 @@ mod tests {
         ([twin + 0.01 * random.unit() + spike + 1e-3 * (t * 0.31).fract()], [twin])
     }
 
-    /// The window of the samples `from .. to`, simulated again from the beginning of the stream.
+    /// The window of exactly these samples, recomputed.
     fn exact(samples: &[([f64; 1], [f64; 1])]) -> Window {
         let mut window = Window::new(1);
         samples.iter().for_each(|(measured, twin)| window.add(measured, twin, &[2.0]));
@@ -358,8 +357,8 @@ mod tests {
         }
     }
 
-    /// 24 h at 100 Hz: every length is compared where many panes have passed, the whole record at the
-    /// end. The last span has its turn three samples after the first.
+    /// 24 h at 100 Hz: every length is compared after many panes, the whole record at the end. The last span takes its
+    /// turn three samples after the first.
     #[test]
     fn a_day_of_samples_gives_the_windows_of_exact_recomputation() {
         const DAY: u64 = 24 * 3600 * 100;
@@ -457,7 +456,7 @@ mod tests {
                 sliding.add(&measured, &twin, &[2.0], &[]);
             }
         };
-        // 777 is no multiple of a pane: in ten rounds there is one within every turn.
+        // 777 is no multiple of a pane: the ten rounds stop within every turn.
         for round in 0..10 {
             run(&mut one, &mut random, 777 * round);
             let text = serde_json::to_string(&one.store()).unwrap();

@@ -1,9 +1,7 @@
-//! TOML files that people write: values with their places, and mistakes shown
-//! where they are.
+//! Hand-written TOML files: values with their places, and mistakes shown at their places.
 //!
-//! A reader walks through [`entries`] in the order of the file, collects every
-//! mistake in a [`Collector`] and goes on. At the end the mistakes are sorted by
-//! place and shown as
+//! A reader walks through [`entries`] in the order of the file, collects every mistake in a [`Collector`] and
+//! continues. At the end the mistakes are sorted by place and shown as
 //!
 //! ```text
 //! systems/x.toml:7:1: unknown kind of component 'orifise'
@@ -23,44 +21,44 @@ use toml::de::{DeInteger, DeTable, DeValue};
 /// A range of bytes in the text.
 pub type Span = Range<usize>;
 
-/// A mistake in a file's content. Its display is one line.
+/// The display of a mistake in a file, in one line, and advice.
 pub trait Explained: fmt::Display {
-    /// What to do instead, in one line.
+    /// The advice, in one line.
     fn help(&self) -> Option<String> {
         None
     }
 
-    /// The smallest and the largest number allowed, SI, where a number is out of range.
+    /// For a number out of range, the smallest and largest allowed values, SI.
     fn range(&self) -> Option<(f64, f64)> {
         None
     }
 
-    /// The allowed values in words, where two numbers cannot say it.
+    /// The allowed values in words, if two numbers cannot express them.
     fn allowed(&self) -> Option<String> {
         None
     }
 }
 
-/// What can be wrong with any TOML file.
+/// Mistakes that any TOML file can contain.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a kind names its fields")]
 pub enum Mistake {
-    /// The text is no TOML.
+    /// The text is not TOML.
     #[error("not valid TOML: {message}")]
     Syntax { message: String },
-    /// The file is of a format that this version does not know.
+    /// This version does not know the file's format version.
     #[error("format {found} is not known: this version reads format {supported}")]
     Format { found: f64, supported: u32 },
-    /// The file is something else.
+    /// The file has another purpose.
     #[error("this is {is}, not {wanted}")]
     OtherKind { is: &'static str, wanted: &'static str, help: String },
-    /// A value of another type is needed.
+    /// The value must have another type.
     #[error("'{key}' must be {wanted}, not {found}")]
     WrongType { key: String, wanted: &'static str, found: &'static str },
     /// A number is infinite, not a number, or too large.
     #[error("'{key}' must be a finite number")]
     NotFinite { key: String },
-    /// A number is outside its range; `summary` says what it means.
+    /// A number is outside its range; `summary` explains its meaning.
     #[error(
         "{key} = {} is out of range: allowed are {}",
         Quantity(*.value, .unit), Quantities(*.min, *.max, .unit)
@@ -73,25 +71,25 @@ pub enum Mistake {
         unit: &'static str,
         summary: &'static str,
     },
-    /// A number is not whole where it must be.
+    /// A number must be whole.
     #[error("{key} = {value} must be a whole number")]
     NotWhole { key: String, value: f64 },
     /// A list or a table has fewer entries than `least`.
     #[error("{}", too_few(.key, *.least))]
     TooFew { key: String, least: usize },
-    /// Two numbers of a range are not in order.
+    /// The two numbers of a range are in the wrong order.
     #[error("'{key}' goes from {low} to {high}: the lower number comes first")]
     NotInOrder { key: String, low: f64, high: f64 },
-    /// A signal that cannot be read.
+    /// A signal cannot be read.
     #[error("{message}")]
     Signal { message: String },
-    /// A word that is none of those possible.
+    /// A word is none of the allowed ones.
     #[error("'{key}' cannot be '{word}'")]
     UnknownWord { key: String, word: String, nearest: Option<String>, known: Vec<String> },
-    /// A key that must be there is missing.
+    /// A required key is missing.
     #[error("{place} lacks '{key}'")]
     Missing { place: String, key: &'static str, write: String },
-    /// A key that nobody reads.
+    /// No reader knows the key.
     #[error("unknown key '{key}' in {place}")]
     UnknownKey { key: String, place: String, nearest: Option<String>, known: Vec<String> },
 }
@@ -123,7 +121,7 @@ impl Explained for Mistake {
     }
 }
 
-/// The nearest right name, or all of them where nothing is near.
+/// The nearest known name, or all of them if none is near.
 pub fn suggest(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("nearest: '{name}'"),
@@ -132,7 +130,7 @@ pub fn suggest(nearest: &Option<String>, known: &[String]) -> String {
     }
 }
 
-/// So many of something that has a plain plural.
+/// A count with a regular singular or plural noun.
 pub fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
@@ -157,7 +155,7 @@ impl fmt::Display for Quantities<'_> {
     }
 }
 
-/// As a person would write it: exponents only far from one.
+/// Uses exponents only for very small or large numbers.
 fn write_number(out: &mut fmt::Formatter<'_>, value: f64) -> fmt::Result {
     let size = value.abs();
     if size == 0.0 || (1e-3..1e6).contains(&size) {
@@ -167,29 +165,29 @@ fn write_number(out: &mut fmt::Formatter<'_>, value: f64) -> fmt::Result {
     }
 }
 
-/// A mistake at its place in a file, in words.
+/// A mistake at its place in a file, as text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnostic {
     /// The line, from 1.
     pub line: usize,
     /// The column in characters, from 1.
     pub column: usize,
-    /// The number of characters concerned, at least 1.
+    /// The number of marked characters, at least 1.
     pub width: usize,
     /// The line's text.
     pub source: String,
-    /// What is wrong, in one line.
+    /// The mistake, in one line.
     pub message: String,
-    /// What to do instead, in one line.
+    /// The advice, in one line.
     pub help: Option<String>,
     /// The smallest and the largest number allowed, SI.
     pub range: Option<(f64, f64)>,
-    /// The allowed values in words, where two numbers cannot say it.
+    /// The allowed values in words, if two numbers cannot express them.
     pub allowed: Option<String>,
 }
 
 impl Diagnostic {
-    /// `breaks` are the places of all line ends.
+    /// `breaks` are the byte positions of all line ends.
     fn new(text: &str, breaks: &[usize], span: &Span, mistake: &impl Explained) -> Self {
         let start = floor(text, span.start);
         let before = breaks.partition_point(|&at| at < start);
@@ -215,7 +213,7 @@ fn floor(text: &str, byte: usize) -> usize {
     (0..=byte).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
 
-/// The most characters of a source line that are shown.
+/// Maximum length of a source line in a message, in characters.
 const SHOWN: usize = 100;
 
 impl Diagnostic {
@@ -225,10 +223,10 @@ impl Diagnostic {
         writeln!(out, "{path}:{line}:{column}: {message}")?;
         let number = line.to_string();
         let margin = " ".repeat(number.len() + 1);
-        // Of a very long line, show what surrounds the mistake.
+        // For a very long line, show the surroundings of the mistake.
         let skipped = if column - 1 > SHOWN - 20 { column - 21 } else { 0 };
         let shown: String = self.source.chars().skip(skipped).take(SHOWN).collect();
-        // Tabs stay tabs, so that the caret stands below its character.
+        // Keep tabs, so that the caret stands below its character.
         let before = shown.chars().take(column - 1 - skipped);
         let indent: String = before.map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
         let room = (SHOWN + skipped + 1).saturating_sub(*column).max(1);
@@ -242,10 +240,10 @@ impl Diagnostic {
     }
 }
 
-/// The most mistakes that are shown. The next run shows the others once these are mended.
+/// Maximum number of mistakes shown. The next run shows the others after these are fixed.
 const MAX_SHOWN: usize = 20;
 
-/// Writes the first mistakes of a file, and how many there are.
+/// Writes the first mistakes of a file and their total number.
 pub fn write_mistakes(
     path: &str,
     mistakes: &[Diagnostic],
@@ -267,17 +265,17 @@ pub fn write_mistakes(
 #[derive(Clone, Debug)]
 pub struct Collector<M> {
     found: Vec<(Span, M)>,
-    /// Where in `found` those at a place stand.
+    /// For each place, the indices of its mistakes in `found`.
     at: BTreeMap<(usize, usize), Vec<usize>>,
 }
 
 impl<M: PartialEq> Collector<M> {
-    /// None yet.
+    /// An empty collector.
     pub fn new() -> Self {
         Self { found: Vec::new(), at: BTreeMap::new() }
     }
 
-    /// Notes a mistake; the same one at the same place only once.
+    /// Adds a mistake; the same one at the same place only once.
     pub fn note(&mut self, span: &Span, mistake: impl Into<M>) {
         let mistake = mistake.into();
         let here = self.at.entry((span.start, span.end)).or_default();
@@ -287,27 +285,27 @@ impl<M: PartialEq> Collector<M> {
         }
     }
 
-    /// Whether something holds for all mistakes.
+    /// Whether a condition holds for all mistakes.
     pub fn all(&self, holds: impl Fn(&M) -> bool) -> bool {
         self.found.iter().all(|(_, mistake)| holds(mistake))
     }
 
-    /// Whether something is wrong at a place.
+    /// Whether a place has a mistake.
     pub fn knows(&self, span: &Span) -> bool {
         self.at.contains_key(&(span.start, span.end))
     }
 
-    /// How much is wrong so far.
+    /// Number of mistakes.
     pub fn len(&self) -> usize {
         self.found.len()
     }
 
-    /// Whether nothing is wrong so far.
+    /// Whether there are no mistakes.
     pub fn is_empty(&self) -> bool {
         self.found.is_empty()
     }
 
-    /// All mistakes in the order of the file.
+    /// Returns all mistakes in the order of the file.
     pub fn locate(mut self, text: &str) -> Vec<Diagnostic>
     where
         M: Explained,
@@ -329,7 +327,7 @@ impl<M: PartialEq> Default for Collector<M> {
 pub struct Entry<'a> {
     /// The key.
     pub key: &'a str,
-    /// Where the key stands.
+    /// Byte range of the key.
     pub at: Span,
     /// The value.
     pub value: &'a Spanned<DeValue<'a>>,
@@ -351,7 +349,7 @@ pub fn entries<'a>(table: &'a DeTable<'a>) -> Vec<Entry<'a>> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Place<'p> {
     steps: Vec<Step<'p>>,
-    /// Whether the last key is meant rather than its value.
+    /// Whether the place means the last key instead of its value.
     marks_key: bool,
 }
 
@@ -397,8 +395,8 @@ impl<'p> Place<'p> {
         }
     }
 
-    /// The range of bytes at the end of the path, as the parser reported it. A table that has a key is marked
-    /// at the key. Where the path leaves the file, the range is that of the last step inside the file.
+    /// Finds the byte range at the end of the path in the parsed file. A table under a key is marked at the key. If the
+    /// path leaves the file, the range is that of the last step inside it.
     pub fn find(&self, root: &DeTable) -> Span {
         let mut found = 0..0;
         let mut table = Some(root);
@@ -427,7 +425,7 @@ impl<'p> Place<'p> {
 }
 
 impl fmt::Display for Place<'_> {
-    /// The keys with dots between them; positions in lists are left out.
+    /// The keys separated by dots, without list positions.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let keys = self.steps.iter().filter_map(|step| match step {
             Step::Key(key) => Some(key.as_ref()),
@@ -449,8 +447,8 @@ fn rounded_integer(integer: &DeInteger) -> f64 {
     digits.parse().unwrap_or_else(|_| by_digit())
 }
 
-/// The plain value of a parsed one. A whole number beyond 64 bits becomes a number with a fraction, so that
-/// one such number does not make the rest of the file unreadable.
+/// The plain form of a parsed value. An integer beyond 64 bits becomes a float, so that the rest of the file stays
+/// readable.
 pub fn plain_value(value: &DeValue) -> toml::Value {
     use toml::Value;
     match value {
@@ -469,13 +467,13 @@ pub fn plain_value(value: &DeValue) -> toml::Value {
     }
 }
 
-/// The same for a table.
+/// The plain form of a parsed table.
 pub fn plain_table(table: &DeTable) -> toml::Table {
     let all = table.iter();
     all.map(|(key, value)| (key.get_ref().to_string(), plain_value(value.get_ref()))).collect()
 }
 
-/// What a value is, in words.
+/// The type of a value, in words.
 pub fn type_name(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a text",
@@ -493,12 +491,12 @@ impl<'a> Entry<'a> {
         Self { key, at: value.span(), value }
     }
 
-    /// Where the value stands.
+    /// Byte range of the value.
     pub fn value_at(&self) -> Span {
         self.value.span()
     }
 
-    /// That another type is needed.
+    /// The mistake that another type is needed.
     pub fn wrong_type(&self, wanted: &'static str) -> Mistake {
         let found = type_name(self.value.get_ref());
         Mistake::WrongType { key: self.key.into(), wanted, found }
@@ -507,7 +505,7 @@ impl<'a> Entry<'a> {
     /// The value as a text.
     ///
     /// # Errors
-    /// It is something else.
+    /// [`Mistake::WrongType`] for another type.
     pub fn text(&self) -> Result<&'a str, Mistake> {
         match self.value.get_ref() {
             DeValue::String(text) => Ok(text),
@@ -518,7 +516,7 @@ impl<'a> Entry<'a> {
     /// The value as a finite number.
     ///
     /// # Errors
-    /// It is something else.
+    /// [`Mistake::WrongType`] for another type, [`Mistake::NotFinite`] for an infinite number or NaN.
     pub fn number(&self) -> Result<f64, Mistake> {
         let value = match self.value.get_ref() {
             DeValue::Float(value) => value.as_str().parse().ok(),
@@ -532,7 +530,7 @@ impl<'a> Entry<'a> {
     /// The value as a table.
     ///
     /// # Errors
-    /// It is something else.
+    /// [`Mistake::WrongType`] for another type.
     pub fn table(&self) -> Result<&'a DeTable<'a>, Mistake> {
         match self.value.get_ref() {
             DeValue::Table(table) => Ok(table),
@@ -543,7 +541,7 @@ impl<'a> Entry<'a> {
     /// The value as a list.
     ///
     /// # Errors
-    /// It is something else.
+    /// [`Mistake::WrongType`] for another type.
     pub fn list(&self) -> Result<&'a [Spanned<DeValue<'a>>], Mistake> {
         match self.value.get_ref() {
             DeValue::Array(list) => Ok(list),

@@ -1,12 +1,10 @@
 //! Reading and writing whole files: every writer of the toolkit goes through here.
 //!
-//! A result file is either the old one or the complete new one, never half of it. [`AtomicFile`]
-//! writes beside the target under a hidden temporary name, and [`AtomicFile::commit`] flushes it
-//! to the disk and renames it over the target. Dropped without a commit, on an error or while a
-//! panic unwinds, it removes what it wrote.
+//! A result file is either the old one or the complete new one, never half of it. [`AtomicFile`] writes beside the
+//! target under a hidden temporary name. [`AtomicFile::commit`] flushes it to the disk and renames it over the target.
+//! If it is dropped without a commit, on an error or during a panic, it removes the temporary file.
 //!
-//! A target that exists and is no regular file (`/dev/stdout`, a pipe) cannot be renamed over
-//! without harm, so it is written directly.
+//! A target that is no regular file (`/dev/stdout`, a pipe) cannot be replaced by renaming, so it is written directly.
 
 use crate::leftovers::{is_being_written, own_prefix};
 use std::fs::{self, File, OpenOptions};
@@ -14,32 +12,32 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Why a file could not be read or written, with its path.
+/// Errors of reading or writing a file, with its path.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file does not exist.
     #[error("{path}: no such file")]
     Missing {
-        /// The file asked for.
+        /// The requested file.
         path: PathBuf,
     },
-    /// The file does not exist, nor is anything built in by that name.
+    /// The file does not exist, and there is no built-in of that name.
     #[error(
         "{path}: no such file, and nothing is built in by that name{}",
         built_in(*.nearest, .known)
     )]
     NotBuiltIn {
-        /// What was asked for.
+        /// The requested name.
         path: PathBuf,
-        /// The nearest name that is built in.
+        /// The nearest built-in name.
         nearest: Option<&'static str>,
-        /// All names.
+        /// All built-in names.
         known: Vec<&'static str>,
     },
     /// The folder that should hold the file does not exist.
     #[error("{path}: the folder {} does not exist", folder_of(.path).display())]
     MissingFolder {
-        /// The file that was to be written.
+        /// The file to be written.
         path: PathBuf,
     },
     /// The path names a folder where a file is needed.
@@ -51,25 +49,25 @@ pub enum FileError {
     /// A part of the path that should be a folder is a file.
     #[error("{path}: a part of this path is a file where a folder is needed")]
     NotFolder {
-        /// The path asked for.
+        /// The requested path.
         path: PathBuf,
     },
     /// The file or its folder may not be read or written by this user.
     #[error("{path}: permission denied")]
     Denied {
-        /// The path asked for.
+        /// The requested path.
         path: PathBuf,
     },
     /// The file, its folder or the file system is read-only.
     #[error("{path}: read-only, it cannot be written")]
     ReadOnly {
-        /// The file that was to be written.
+        /// The file to be written.
         path: PathBuf,
     },
-    /// No space is left on the disk, or the user's share of it is used up.
+    /// The disk or the user's quota is full.
     #[error("{path}: the disk is full")]
     DiskFull {
-        /// The file that was to be written.
+        /// The file to be written.
         path: PathBuf,
     },
     /// The content is no UTF-8 text.
@@ -77,23 +75,23 @@ pub enum FileError {
     NotText {
         /// The file read.
         path: PathBuf,
-        /// The first line, from 1, with a byte that is no text.
+        /// The first line, from 1, with an invalid byte.
         line: usize,
     },
-    /// The content is not what was written: it is damaged, or was changed by hand.
+    /// The content changed since it was written: by damage or by hand.
     #[error("{path}: damaged, or changed since: {remedy}")]
     Altered {
-        /// The file.
+        /// The changed file.
         path: PathBuf,
-        /// How that is known, and what is to be done.
+        /// The evidence and the remedy.
         remedy: String,
     },
     /// Any other failure reported by the operating system.
     #[error("{path}: {source}")]
     System {
-        /// The file concerned.
+        /// The affected file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         source: io::Error,
     },
 }
@@ -114,7 +112,7 @@ impl FileError {
         }
     }
 
-    /// The file concerned.
+    /// The affected file.
     pub fn path(&self) -> &Path {
         match self {
             FileError::Missing { path }
@@ -147,7 +145,7 @@ pub struct AtomicFile {
     temporary: Option<PathBuf>,
     /// `None` once committed.
     writer: Option<BufWriter<File>>,
-    /// The operating system's number of the last error.
+    /// The operating system's code of the last error.
     failure: Option<i32>,
 }
 
@@ -155,13 +153,13 @@ impl AtomicFile {
     /// Opens a temporary file in the folder of `path`.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
-        // Behind a symbolic link, the file pointed at is replaced and the link stays.
+        // For a symbolic link, the target file is replaced and the link stays.
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
         let existing = fs::metadata(&target).ok();
         match &existing {
             Some(found) if found.is_dir() => Err(FileError::IsFolder { path: target }),
             Some(found) if !found.is_file() => Self::open_directly(target),
-            // A rename would succeed over a read-only file: respect the user's wish instead.
+            // Renaming would replace a read-only file: respect the user's protection instead.
             Some(found) if found.permissions().readonly() => {
                 Err(FileError::ReadOnly { path: target })
             }
@@ -186,7 +184,7 @@ impl AtomicFile {
             _ => FileError::from_io(&target, cause),
         })?;
         if let Some(permissions) = permissions {
-            // Best effort: a file system without permissions is no reason to lose a result.
+            // Best effort: a file system without permissions must not lose a result.
             let _ = file.set_permissions(permissions);
         }
         Ok(Self {
@@ -202,14 +200,13 @@ impl AtomicFile {
         &self.target
     }
 
-    /// Brings everything to the disk and puts the file in the target's place.
+    /// Flushes everything to the disk and replaces the target.
     pub fn commit(mut self) -> Result<(), FileError> {
         let target = self.target.clone();
         self.finish().map_err(|cause| FileError::from_io(&target, cause))
     }
 
-    /// Why the last write failed, for callers behind a library that wraps the
-    /// error in its own.
+    /// The cause of the last failed write, for callers behind a library that wraps the error in its own.
     pub fn failure(&self) -> Option<io::Error> {
         self.failure.map(io::Error::from_raw_os_error)
     }
@@ -226,7 +223,7 @@ impl AtomicFile {
         drop(writer);
         fs::rename(temporary, &self.target)?;
         self.temporary = None;
-        // The rename itself is durable only with its folder; not every file system can do it.
+        // Only a synchronized folder makes the rename durable; not every file system supports it.
         if let Ok(folder) = File::open(folder_of(&self.target)) {
             let _ = folder.sync_all();
         }
@@ -260,7 +257,7 @@ impl Seek for AtomicFile {
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         if let Some(writer) = self.writer.take() {
-            // Without a commit, what is still buffered shall not be written.
+            // Without a commit, discard the buffer instead of writing it.
             let _ = writer.into_parts();
         }
         if let Some(temporary) = self.temporary.take() {
@@ -285,7 +282,7 @@ pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(|cause| FileError::from_io(path, cause))
 }
 
-/// Gives the bytes of a file to a function, some of them at a time.
+/// Passes the bytes of a file to a function, part by part.
 pub fn read_through(path: impl AsRef<Path>, mut take: impl FnMut(&[u8])) -> Result<(), FileError> {
     let path = path.as_ref();
     let in_file = |cause| FileError::from_io(path, cause);
@@ -301,7 +298,7 @@ pub fn read_through(path: impl AsRef<Path>, mut take: impl FnMut(&[u8])) -> Resu
     }
 }
 
-/// Reads a whole UTF-8 text file; a byte order mark at its start is dropped.
+/// Reads a whole UTF-8 text file, without a byte order mark at its start.
 pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
     let path = path.as_ref();
     let text = String::from_utf8(read_bytes(path)?).map_err(|cause| {
@@ -312,7 +309,7 @@ pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
-/// Makes a folder and those above it; one that exists already is no error.
+/// Creates a folder and its parents; an existing folder is no error.
 pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     let path = path.as_ref();
     fs::create_dir_all(path).map_err(|cause| match cause.kind() {
@@ -321,8 +318,8 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     })
 }
 
-/// Removes what writers that were killed have left in a folder which this program holds; one that does not
-/// exist is no error. What a process of this machine is still writing stays.
+/// Removes temporary files of killed writers in a folder that this program holds. A missing folder is no error. Files
+/// of running processes of this machine stay.
 pub fn remove_leftovers(folder: impl AsRef<Path>) -> Result<(), FileError> {
     let folder = folder.as_ref();
     let wrong = |cause| FileError::from_io(folder, cause);
@@ -347,7 +344,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// A name in the target's folder that no other writer, thread or process, has.
+/// A name in the target's folder that no other writer, thread or process uses.
 fn temporary_name(target: &Path) -> PathBuf {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
     let count = COUNTER.fetch_add(1, Ordering::Relaxed);

@@ -1,54 +1,54 @@
-//! Temporary names that tell whose they are, and the removal of what a killed process has left.
+//! Temporary names that identify their process, and removal of the files of killed processes.
 //!
-//! A name is `servotwin-MARK-PID-…`. The mark stands for one run of one kernel and its process numbers, so a
-//! process of another host, of another container or from before a restart is never taken for a dead one. Where
-//! there is no mark (other systems than Linux), nothing is removed.
+//! A name is `servotwin-MARK-PID-…`. The mark identifies a boot of a kernel and a PID namespace. So a process of
+//! another host, of another container or from before a restart never counts as dead. Systems without a mark (other than
+//! Linux) remove nothing.
 
 use std::fs;
 use std::path::Path;
 
-/// The prefix of every temporary name; beside results a dot precedes it.
+/// The prefix of every temporary name; a dot precedes it beside results.
 const PREFIX: &str = "servotwin-";
 
-/// The beginning of this process's temporary names.
+/// The prefix of this process's temporary names.
 pub fn own_prefix() -> String {
     format!("{PREFIX}{}-{}-", mark().unwrap_or_default(), std::process::id())
 }
 
-/// The kernel's run and the process numbers as this process sees them, in 16 hexadecimal digits.
+/// A hash of the kernel's boot and this process's PID namespace, in 16 hexadecimal digits.
 fn mark() -> Option<String> {
     let boot = fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
     let numbers = fs::read_link("/proc/self/ns/pid").ok()?;
     let text = format!("{boot}{}", numbers.display());
-    // FNV-1a: for names, not for secrets.
+    // FNV-1a: not for secrets.
     let add = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
     Some(format!("{:016x}", text.bytes().fold(0xcbf2_9ce4_8422_2325, add)))
 }
 
-/// Whether the process of a temporary name still runs; `None` if it cannot be known from here.
+/// Whether the process of a temporary name still runs; `None` if this process cannot know.
 fn is_running(name: &str) -> Option<bool> {
     let own = format!("{PREFIX}{}-", mark()?);
     let process: u32 = name.strip_prefix(own.as_str())?.split('-').next()?.parse().ok()?;
     Some(Path::new("/proc").join(process.to_string()).exists())
 }
 
-/// Whether a name is one of this toolkit whose process has ended.
+/// Whether a name belongs to an ended process of this toolkit.
 fn is_abandoned(name: &str) -> bool {
     is_running(name) == Some(false)
 }
 
-/// Whether a process of this machine writes a temporary file beside results.
+/// Whether a running process of this machine owns a temporary file beside results.
 pub fn is_being_written(name: &str) -> bool {
     let own = name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp"));
     own.and_then(is_running) == Some(true)
 }
 
-/// Removes temporary files beside results whose process has ended. What cannot be removed stays.
+/// Removes temporary files of ended processes beside results. Ignores errors.
 pub fn remove_abandoned_files(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         let own = name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp"));
-        // The type is that of the entry itself: a link is not followed.
+        // The type of the entry itself, without following links.
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         if is_file && own.is_some_and(is_abandoned) {
             let _ = fs::remove_file(entry.path());
@@ -56,8 +56,7 @@ pub fn remove_abandoned_files(folder: &Path) {
     }
 }
 
-/// Removes folders in a folder for temporary files whose process has ended, if they belong to this user. What cannot be
-/// removed stays.
+/// Removes folders for temporary files of ended processes, if they belong to this user. Ignores errors.
 pub fn remove_abandoned_folders(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let is_ours = entry.file_type().is_ok_and(|kind| kind.is_dir()) && belongs_to_us(&entry);
@@ -84,7 +83,7 @@ fn belongs_to_us(_: &fs::DirEntry) -> bool {
 mod tests {
     use super::*;
 
-    /// A process number that belonged to a process that has ended.
+    /// The process number of an ended process.
     fn ended() -> u32 {
         let mut child = std::process::Command::new("true").spawn().unwrap();
         child.wait().unwrap();

@@ -1,11 +1,10 @@
-//! Files: what servotwin reads and writes, without knowing what is in it.
+//! File input and output of servotwin, independent of the content.
 //!
-//! [`table`] holds named columns and reads and writes them as CSV, Parquet and lines of JSON.
-//! [`document`] reads TOML with the place of every value, for messages that point at it.
-//! [`files`] writes a file whole or not at all, and [`leftovers`] removes what a killed process left.
-//! [`manifest`] keeps the checksum of every file of an output folder.
-//! [`moment`] reads dates and times, [`sanitize`] makes text of unknown origin safe to print, [`text`] writes names and numbers for people, and
-//! [`nearest`] finds the known name that a mistyped one was meant for.
+//! [`table`] holds named columns and reads and writes them as CSV, Parquet and lines of JSON. [`document`] reads TOML
+//! with the place of every value, for messages that point at it. [`files`] writes a file whole or not at all, and
+//! [`leftovers`] removes the temporary files of killed processes. [`manifest`] keeps the checksum of every file of an
+//! output folder. [`moment`] reads dates and times, and [`sanitize`] makes untrusted text safe to print. [`text`]
+//! writes names and numbers for readers, and [`nearest`] finds the known name nearest to a mistyped one.
 //!
 //! No module here depends on a system, a study or a diagnosis.
 

@@ -1,8 +1,8 @@
-//! What a folder's `manifest.json` says of the files beside it: where results come from, and the SHA-256 of each.
+//! The manifest of an output folder, `manifest.json`: the origin of the results, and the SHA-256 of each file.
 //!
-//! Who reads a table, a model or the study asks [`check`] first, who writes one tells [`forget`] first. So a file that was damaged or
-//! changed by hand is never taken for the one that was written, and a stage that ends early leaves a file of which
-//! nothing is claimed. Where there is no manifest, nothing is compared.
+//! Readers of a table, a model or the study call [`check`] first, and writers call [`forget`] first. So a damaged or
+//! edited file never passes as the written one, and an interrupted stage leaves no claims about its file. Without a
+//! manifest, nothing is compared.
 
 use crate::files::{self, FileError, read_through, write_atomically};
 use serde::de::DeserializeOwned;
@@ -11,16 +11,16 @@ use sha2::{Digest, Sha256};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// The word that a manifest begins with.
+/// The format name in a manifest.
 pub const FORMAT: &str = "servotwin manifest 1";
 
-/// Its name in the folder.
+/// The manifest's file name.
 pub const NAME: &str = "manifest.json";
 
-/// The part of a manifest that concerns its files; the writer's own words stand beside it.
+/// The part of a manifest with the file hashes; the writer's other entries stay as they are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FileHashes {
-    /// The texts that everything comes from.
+    /// The study and system texts that the results come from.
     pub inputs: Vec<FileHash>,
     /// Every result file.
     pub outputs: Vec<FileHash>,
@@ -28,17 +28,17 @@ pub struct FileHashes {
     words: serde_json::Map<String, serde_json::Value>,
 }
 
-/// A file and what was in it.
+/// A file with the hash of its content.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FileHash {
-    /// The file, seen from the folder.
+    /// Path relative to the folder.
     pub file: String,
     /// SHA-256 of its bytes, in hexadecimal digits.
     pub sha256: String,
 }
 
 impl FileHashes {
-    /// What was in a file when it was written, if that is known.
+    /// The known hash of a file.
     fn hash_of(&self, file: &str) -> Option<&FileHash> {
         self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
     }
@@ -47,16 +47,16 @@ impl FileHashes {
 /// Writes a manifest into its folder; the same manifest gives the same bytes.
 ///
 /// # Errors
-/// It cannot be written.
+/// If it cannot be written.
 pub fn write(folder: &Path, manifest: &impl Serialize) -> Result<(), FileError> {
     let text = serde_json::to_string_pretty(manifest).expect("a manifest is JSON") + "\n";
     write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
 }
 
-/// The manifest of a folder; `None` if there is none of ours.
+/// Reads the manifest of a folder; `None` if there is none of this format.
 ///
 /// # Errors
-/// It cannot be read, or is damaged.
+/// If it cannot be read or is damaged.
 pub fn read<Manifest: DeserializeOwned>(folder: &Path) -> Result<Option<Manifest>, FileError> {
     let path = folder.join(NAME);
     let text = match files::read_text(&path) {
@@ -64,7 +64,7 @@ pub fn read<Manifest: DeserializeOwned>(folder: &Path) -> Result<Option<Manifest
         Err(FileError::Missing { .. } | FileError::NotFolder { .. }) => return Ok(None),
         Err(error) => return Err(error),
     };
-    // Other programs have files of this name, and later versions of this one other formats.
+    // Other programs use this file name, and later versions other formats.
     if !text.contains(&format!("\"{FORMAT}\"")) {
         return Ok(None);
     }
@@ -77,10 +77,10 @@ pub fn read<Manifest: DeserializeOwned>(folder: &Path) -> Result<Option<Manifest
     }
 }
 
-/// Compares a file with what the manifest beside it says, if it says anything.
+/// Compares a file with its hash in the manifest beside it, if there is one.
 ///
 /// # Errors
-/// [`FileError::Altered`]; the file or the manifest cannot be read.
+/// [`FileError::Altered`], or if the file or the manifest cannot be read.
 pub fn check(path: &Path) -> Result<(), FileError> {
     let Some((folder, name)) = place(path).filter(|_| path.is_file()) else { return Ok(()) };
     let Some(manifest) = read::<FileHashes>(folder)? else { return Ok(()) };
@@ -92,13 +92,12 @@ pub fn check(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Takes a file that is about to be written off the manifest beside it. What was lost with a damaged manifest is told to
-/// who reads, not to who writes.
+/// Removes a file from the manifest before it is written. A damaged manifest is no error here; readers report it.
 ///
 /// # Errors
-/// The manifest cannot be written.
+/// If the manifest cannot be written.
 pub fn forget(path: &Path) -> Result<(), FileError> {
-    // Subjects are trained on several threads, and all of them share the manifest.
+    // Several threads write models and share the manifest.
     static WRITING: Mutex<()> = Mutex::new(());
     let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let Some((folder, name)) = place(path) else { return Ok(()) };
@@ -114,14 +113,14 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
 /// SHA-256 of a file's bytes, in hexadecimal digits.
 ///
 /// # Errors
-/// The file cannot be read.
+/// If the file cannot be read.
 pub fn sha256(path: &Path) -> Result<String, FileError> {
     let mut digest = Sha256::new();
     read_through(path, |bytes| digest.update(bytes))?;
     Ok(in_hexadecimal(digest))
 }
 
-/// The same of a text.
+/// SHA-256 of a text, in hexadecimal digits.
 pub fn sha256_of_text(text: &str) -> String {
     in_hexadecimal(Sha256::new_with_prefix(text))
 }
@@ -130,12 +129,12 @@ fn in_hexadecimal(digest: Sha256) -> String {
     digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// A file's folder and its name there.
+/// A file's folder and its name in it.
 fn place(path: &Path) -> Option<(&Path, &str)> {
     Some((path.parent()?, path.file_name()?.to_str()?))
 }
 
-/// The command that writes the files whose names begin so, `FOLDER` standing for theirs.
+/// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
 const WRITERS: [(&str, &str); 11] = [
     ("study.toml", "campaign STUDY --out FOLDER"),
     ("system.toml", "campaign STUDY --out FOLDER"),
@@ -150,10 +149,10 @@ const WRITERS: [(&str, &str); 11] = [
     ("evaluation.json", "evaluate FOLDER"),
 ];
 
-/// A file to which its command adds: it writes over none that is not what was written.
+/// A file that its command extends: the command does not overwrite a changed one.
 const ADDED_TO: &str = "flights.json";
 
-/// What the user can do about a file that changed since it was written.
+/// The remedy for a file that changed since it was written.
 pub fn remedy(folder: &Path, name: &str) -> String {
     let writer = WRITERS.iter().find(|(beginning, _)| name.starts_with(beginning));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

@@ -1,21 +1,21 @@
-//! Times as people write and read them: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `08:15:02`.
+//! Dates and times in readable form: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `08:15:02`.
 
 use jiff::SignedDuration;
 use jiff::civil::Date;
 
 const EPOCH: Date = Date::constant(1970, 1, 1);
 
-/// Times beyond this count from 1970, s: those of a log that began in 1973 or later.
+/// Times above this count from 1970, s; a log from 1973 or later has such times.
 pub const CALENDAR_S: f64 = 1e8;
 
-/// A time as people read it: `2026-11-21 08:15:02.500` where it counts from 1970, else `12.34 s`.
+/// A readable time: `2026-11-21 08:15:02.500` if it counts from 1970, else `12.34 s`.
 ///
-/// A date has no zone: it is UTC, or the clock of a log that names none.
+/// A date has no zone: it is UTC, or the clock of a log without a zone.
 pub fn shown(time_s: f64) -> String {
     date_of(time_s).unwrap_or_else(|| format!("{time_s:.2} s"))
 }
 
-/// A time that counts from 1970 as a date with milliseconds; `None` for any other.
+/// A time that counts from 1970, as a date with milliseconds; `None` for any other.
 pub fn date_of(time_s: f64) -> Option<String> {
     if !is_date(time_s) {
         return None;
@@ -30,16 +30,16 @@ pub fn is_date(time_s: f64) -> bool {
     time_s > CALENDAR_S
 }
 
-/// The slowest and the fastest sampling of a log that is anything of an actuator, s between samples.
+/// Shortest and longest plausible sampling period of an actuator log, s.
 pub const PERIODS_S: (f64, f64) = (1e-4, 0.1);
 
-/// Whether samples may be so far apart, s.
+/// Whether this is a plausible sampling period, s.
 pub fn is_period(step_s: f64) -> bool {
     (PERIODS_S.0..=PERIODS_S.1).contains(&rounded(step_s))
 }
 
-/// The unit in which samples that are a number apart would follow each other in a likely period, and that period, s. Of
-/// several the one nearest to `period_s`.
+/// The time unit that makes a step a plausible sampling period, and that period, s. Of several the one nearest to
+/// `period_s`.
 pub fn likely_unit(step: f64, period_s: f64) -> Option<(&'static str, f64)> {
     let units = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
     let periods = units.map(|(unit, unit_s)| (unit, rounded(step * unit_s)));
@@ -48,15 +48,14 @@ pub fn likely_unit(step: f64, period_s: f64) -> Option<(&'static str, f64)> {
     likely.min_by(|one, other| far(one.1).total_cmp(&far(other.1)))
 }
 
-/// Three digits of a step: what follows is rounding of the times.
+/// A step rounded to three digits, which removes the rounding of the times.
 pub fn rounded(step_s: f64) -> f64 {
     format!("{step_s:.2e}").parse().unwrap_or(step_s)
 }
 
-/// A point in time in seconds: since the beginning of 1970, or since midnight where there is no
-/// date; `None` for any other text. A zone is taken into account, without one the time is taken as it
-/// stands. A month before a day (`11/21/2026`) is not understood: it cannot be told from a day before
-/// a month.
+/// A time in seconds: since the start of 1970, or since midnight without a date; `None` for any other text. A zone is
+/// subtracted; without one, the time stays as it is. The form `11/21/2026` is rejected, because the order of month and
+/// day is ambiguous.
 pub fn seconds(text: &str) -> Option<f64> {
     let text = text.trim();
     match text.split_once(['T', ' ']) {
@@ -66,7 +65,7 @@ pub fn seconds(text: &str) -> Option<f64> {
     }
 }
 
-/// Days since the beginning of 1970.
+/// Days since the start of 1970.
 fn date(text: &str) -> Option<f64> {
     let parts = |mark| {
         let parts: Vec<&str> = text.split(mark).collect();
@@ -86,7 +85,7 @@ fn date(text: &str) -> Option<f64> {
     Some((date.duration_since(EPOCH).as_hours() / 24) as f64)
 }
 
-/// Seconds since midnight in the zone of zero.
+/// Seconds since midnight, UTC.
 fn time_of_day(text: &str) -> Option<f64> {
     let (clock, zone_s) = split_zone(text)?;
     let mut parts = clock.split(':');
@@ -102,7 +101,7 @@ fn time_of_day(text: &str) -> Option<f64> {
     sound.then(|| (3600 * hours + 60 * minutes) as f64 + seconds - zone_s)
 }
 
-/// The time without its zone, and the zone in seconds east of zero.
+/// The time without its zone, and the zone in seconds east of UTC.
 fn split_zone(text: &str) -> Option<(&str, f64)> {
     if let Some(clock) = text.strip_suffix(['Z', 'z']) {
         return Some((clock, 0.0));

@@ -1,26 +1,26 @@
-//! The nearest known name to a mistyped one, for error messages that help.
+//! The nearest known name to a mistyped one, for helpful error messages.
 
 use std::fmt;
 use strsim::levenshtein;
 
-/// The candidate nearest to `word`, if near enough to be what was meant.
+/// The candidate nearest to `word`, if it is near enough.
 ///
-/// What begins with the word, or else has it somewhere, goes first: of several the shortest. Otherwise near enough is a
-/// third of the word's letters, and two in a short word. Case does not count, and of equally near candidates the first
-/// is taken.
+/// Candidates that begin with the word come first, then those that contain it, the shortest first. Otherwise up to a
+/// third of the word's letters may differ, or two in a short word. Case does not count, and the first of equally near
+/// candidates wins.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let candidates: Vec<&str> = candidates.into_iter().collect();
     completed(&lower, &candidates).or_else(|| mistyped(&lower, &candidates))
 }
 
-/// The shortest candidate of which the word is a part.
+/// The shortest candidate that contains the word.
 fn completed<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
     let parts = |least: usize, is_part: fn(&str, &str) -> bool| {
         let own = candidates.iter().filter(|one| is_part(&one.to_lowercase(), word));
         own.min_by_key(|one| one.len()).filter(|_| word.chars().count() >= least).copied()
     };
-    // Two or three letters are a part of too many names.
+    // Two or three letters occur in too many names.
     parts(3, |name, word| name.starts_with(word))
         .or_else(|| parts(4, |name, word| name.contains(word)))
 }
@@ -33,30 +33,30 @@ fn mistyped<'a>(lower: &str, candidates: &[&'a str]) -> Option<&'a str> {
         .map(|candidate| (levenshtein(lower, &candidate.to_lowercase()), *candidate))
         .min_by_key(|(distance, _)| *distance)
         .filter(|(distance, candidate)| {
-            // Two edits can turn any two-letter name into any other: that is no hint.
+            // Two edits turn any two-letter name into any other, which is no useful advice.
             *distance <= limit && *distance < candidate.chars().count().max(letters)
         })
         .map(|(_, candidate)| candidate)
 }
 
-/// A name that a system, or what is asked, does not have.
+/// A name that a system or table does not have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnknownName {
-    /// What it should name.
+    /// What the name refers to, for the message.
     pub what: &'static str,
-    /// What was written.
+    /// The given name.
     pub given: String,
-    /// The names possible.
+    /// The possible names.
     pub known: Vec<String>,
 }
 
 impl UnknownName {
-    /// Whether neither a similar name nor a short list helps.
+    /// Whether there is neither a similar name nor a short list.
     pub fn is_long(&self) -> bool {
         self.known.len() > 20 && self.nearest().is_none()
     }
 
-    /// The most similar name there is.
+    /// The most similar known name.
     pub fn nearest(&self) -> Option<&str> {
         nearest(&self.given, self.known.iter().map(String::as_str))
     }

@@ -1,20 +1,20 @@
-//! Text from files in messages and on the terminal: nothing in it that a terminal would act on.
+//! Removes terminal control from file text in messages and on the terminal.
 //!
-//! [`Printable`] is the one place through which the command line writes: it escapes control characters, and those that
-//! turn the direction of writing, as JSON does (`\\u001b`), so that also JSON stays what it is. [`text`] and [`list`]
-//! cut names short for messages.
+//! The command line writes everything through [`Printable`]. It escapes control characters, and those that change the
+//! writing direction, as JSON does (`\\u001b`), so that JSON stays valid. [`text`] and [`list`] shorten names for
+//! messages.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// So many characters of a text are shown.
+/// Maximum number of characters of a text.
 const TEXT: usize = 40;
 
-/// So many of a list.
+/// Maximum number of entries of a list.
 const LIST: usize = 12;
 
-/// The beginning of a text, with what cannot be printed escaped.
+/// The beginning of a text, with unprintable characters escaped.
 pub fn text(text: &str) -> String {
     let mut shown = String::new();
     for character in text.chars().take(TEXT) {
@@ -26,7 +26,7 @@ pub fn text(text: &str) -> String {
     shown + if text.chars().nth(TEXT).is_some() { "…" } else { "" }
 }
 
-/// The first of some names, and how many there are more.
+/// The first of some names, and the number of the others.
 pub fn list<T: AsRef<str>>(names: &[T]) -> String {
     let first = names.iter().take(LIST).map(|name| text(name.as_ref()));
     let first = first.collect::<Vec<_>>().join(", ");
@@ -36,8 +36,8 @@ pub fn list<T: AsRef<str>>(names: &[T]) -> String {
     }
 }
 
-/// Whether a terminal would act on a character instead of showing it: control characters (C0 but newline and tab, C1,
-/// delete), and those that change the direction of what follows.
+/// Whether a terminal acts on a character instead of showing it. These are control characters (C0 except newline and
+/// tab, C1, delete), and those that change the writing direction.
 fn is_active(character: char) -> bool {
     let turns = matches!(
         character,
@@ -46,7 +46,7 @@ fn is_active(character: char) -> bool {
     turns || (character.is_control() && !matches!(character, '\n' | '\t'))
 }
 
-/// A text in which everything that a terminal would act on is escaped, but newlines and tabs.
+/// Escapes all characters that a terminal acts on, except newlines and tabs.
 pub fn printable(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_active) {
         return Cow::Borrowed(text);
@@ -62,16 +62,16 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// A writer of [`printable`] text. Bytes that are no UTF-8 become `U+FFFD`.
+/// A writer of [`printable`] text. Invalid UTF-8 becomes `U+FFFD`.
 #[derive(Debug)]
 pub struct Printable<W> {
     inner: W,
-    /// The beginning of a character that the next bytes complete.
+    /// The start of a character that the next bytes complete.
     begun: Vec<u8>,
 }
 
 impl<W: Write> Printable<W> {
-    /// Writes through to another writer.
+    /// Creates a filter in front of another writer.
     pub fn new(inner: W) -> Self {
         Printable { inner, begun: Vec::new() }
     }

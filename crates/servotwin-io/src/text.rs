@@ -1,6 +1,6 @@
-//! Text for people: identifiers as words, numbers, and text inside HTML.
+//! Readable text: identifiers as words, numbers, and text in HTML.
 
-/// Text as HTML.
+/// Escapes text for HTML and drops the characters U+0001 to U+0004.
 pub fn escaped(text: &str) -> String {
     let mut html = String::with_capacity(text.len());
     for character in text.chars() {

@@ -1,20 +1,20 @@
-//! Whether probabilities mean what they say, and one number that makes them.
+//! Scores of probability forecasts, and temperature scaling.
 //!
-//! A forecast gives every class a probability; [`Forecasts`] holds many, with what was then the
-//! case. Weighted means over rows of one forecast's
+//! A forecast gives every class a probability; [`Forecasts`] holds many of them with the true classes. The scores are
+//! weighted means over the rows:
 //!
-//! - **log loss** `−ln p(label)`: what boosting minimises; a sure and wrong forecast costs most
-//!   (Good, "Rational Decisions", 1952);
-//! - **Brier score** `Σ (p(class) − [is label])²` over classes, 0 to 2 (Brier, "Verification of
-//!   Forecasts Expressed in Terms of Probability", Monthly Weather Review 78, 1950);
-//! - **reliability**: among rows answered with like probability, how many answers are right; and
-//!   the mean distance of the two, the *expected calibration error* (Murphy and Winkler,
-//!   "Reliability of Subjective Probability Forecasts", Applied Statistics 26, 1977; Guo, Pleiss,
-//!   Sun, Weinberger, "On Calibration of Modern Neural Networks", ICML 2017).
+//! - **log loss** `−ln p(label)`: the loss that boosting minimizes. A confident wrong forecast costs most (Good,
+//!   "Rational Decisions", 1952).
+//! - **Brier score** `Σ (p(class) − [is label])²` over classes, 0 to 2 (Brier, "Verification of Forecasts Expressed in
+//!   Terms of Probability", Monthly Weather Review 78, 1950).
+//! - **reliability**: the share of right answers among rows with similar probability. Its mean distance from the
+//!   probability is the *expected calibration error* (Murphy and Winkler, "Reliability of Subjective Probability
+//!   Forecasts", Applied Statistics 26, 1977; Guo, Pleiss, Sun, Weinberger, "On Calibration of Modern Neural Networks",
+//!   ICML 2017).
 //!
-//! **Temperature scaling** (Guo et al.) divides the logarithms of the probabilities by one number T,
-//! found as that of the least log loss on rows that were not trained with. The order of the classes
-//! stays, so no answer changes: T above 1 makes all of them less sure, below 1 surer.
+//! **Temperature scaling** (Guo et al.) divides the logarithms of the probabilities by one number T. T minimizes the
+//! log loss on held-out rows. The order of the classes stays, so no answer changes. T above 1 lowers the confidence,
+//! below 1 raises it.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -23,10 +23,10 @@ use servotwin_diagnosis::calibration::MIN_PROBABILITY;
 use servotwin_diagnosis::error::{Error, require, same_length};
 use servotwin_diagnosis::numeric::arg_max;
 
-/// Temperatures are sought between this and its inverse.
+/// The search covers temperatures between the inverse of this and this.
 const HOTTEST: f64 = 20.0;
 
-/// Probabilities of many rows, with the classes that were right.
+/// Probabilities of many rows, with their true classes.
 #[derive(Debug, Clone, Copy)]
 pub struct Forecasts<'a> {
     classes: usize,
@@ -36,13 +36,13 @@ pub struct Forecasts<'a> {
     weights: Option<&'a [f64]>,
 }
 
-/// Rows that were answered with like probability.
+/// Rows with similar probability of their answer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReliabilityBin {
-    /// Mean probability of the answers, the class of the largest.
+    /// Mean probability of the answers; an answer is the class with the largest probability.
     pub predicted: f64,
-    /// Share of them that are right.
+    /// Share of right answers.
     pub right: f64,
     /// Number of rows of positive weight.
     pub rows: u64,
@@ -51,11 +51,11 @@ pub struct ReliabilityBin {
 }
 
 impl<'a> Forecasts<'a> {
-    /// Forecasts of `classes` probabilities a row (row-major), each with the class that was right.
+    /// Creates forecasts with `classes` probabilities a row (row-major), each with its true class.
     ///
     /// # Errors
     /// [`Error::NoSamples`] without a row, [`Error::LengthMismatch`], [`Error::LabelOutOfRange`],
-    /// [`Error::SettingOutOfRange`] if something is no probability.
+    /// [`Error::SettingOutOfRange`] for a value that is no probability.
     pub fn new(classes: usize, shares: &'a [f64], labels: &'a [u32]) -> Result<Self, Error> {
         if labels.is_empty() {
             return Err(Error::NoSamples);
@@ -69,11 +69,10 @@ impl<'a> Forecasts<'a> {
         Ok(Forecasts { classes, shares, labels, weights: None })
     }
 
-    /// The same with a weight for each row; a weight of 2 counts as two equal rows.
+    /// Adds a weight for each row; a weight of 2 counts as two equal rows.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`], [`Error::WeightOutOfRange`], [`Error::NoSamples`] when all weights
-    /// are zero.
+    /// [`Error::LengthMismatch`], [`Error::WeightOutOfRange`], [`Error::NoSamples`] if all weights are zero.
     pub fn with_weights(mut self, weights: &'a [f64]) -> Result<Self, Error> {
         same_length("weights", self.labels.len(), weights.len())?;
         let is_wrong =
@@ -95,7 +94,7 @@ impl<'a> Forecasts<'a> {
         rows.map(move |(row, (shares, &label))| (shares, label as usize, weight(row)))
     }
 
-    /// The weighted mean of a number for each row.
+    /// The weighted mean of a quantity over the rows.
     fn mean(&self, mut of_row: impl FnMut(&[f64], usize) -> f64) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
         for (shares, label, weight) in self.rows() {
@@ -118,8 +117,8 @@ impl<'a> Forecasts<'a> {
         })
     }
 
-    /// The rows in bins of equal width of the probability of their answer, the least sure first;
-    /// bins without weight are left out.
+    /// Groups the rows into bins of equal width by the probability of their answer, in ascending order. Omits bins
+    /// without weight.
     pub fn reliability(&self, bins: usize) -> Vec<ReliabilityBin> {
         let empty = ReliabilityBin { predicted: 0.0, right: 0.0, rows: 0, share: 0.0 };
         let mut table = vec![empty; bins.max(1)];
@@ -142,15 +141,15 @@ impl<'a> Forecasts<'a> {
         table
     }
 
-    /// The temperature of the least log loss, between 1/20 and 20.
+    /// The temperature with the smallest log loss, between 1/20 and 20.
     ///
-    /// The loss is convex in 1/T, so its slope has one root, found by halving.
+    /// The loss is convex in 1/T, so its slope has one root, which bisection finds.
     pub fn temperature(&self) -> f64 {
         let logarithms: Vec<f64> =
             self.shares.iter().map(|p| libm::log(p.max(MIN_PROBABILITY))).collect();
         let of_logarithms = Forecasts { shares: &logarithms, ..*self };
         let (mut low, mut high) = (1.0 / HOTTEST, HOTTEST);
-        // Halving in proportion: the last interval is as narrow as rounding.
+        // Geometric bisection: the last interval is as narrow as rounding.
         for _ in 0..60 {
             let middle = libm::sqrt(low * high);
             if of_logarithms.slope(middle) < 0.0 { low = middle } else { high = middle }
@@ -158,8 +157,8 @@ impl<'a> Forecasts<'a> {
         1.0 / libm::sqrt(low * high)
     }
 
-    /// The derivative of the log loss by the inverse temperature β: the mean over rows of what the
-    /// forecast expects of `ln p(class)`, minus `ln p(label)`. For forecasts that hold these logarithms.
+    /// The derivative of the log loss with respect to the inverse temperature β: the mean over rows of the forecast's
+    /// expected `ln p(class)`, minus `ln p(label)`. The forecasts must hold logarithms.
     fn slope(&self, inverse: f64) -> f64 {
         self.mean(|logarithms, label| {
             let largest = logarithms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -174,8 +173,7 @@ impl<'a> Forecasts<'a> {
     }
 }
 
-/// The mean distance of predicted probability and share of right answers, by the weight of bins
-/// (expected calibration error).
+/// The expected calibration error: mean distance of predicted probability and share of right answers, weighted by bin.
 pub fn calibration_error(bins: &[ReliabilityBin]) -> f64 {
     bins.iter().map(|bin| bin.share * libm::fabs(bin.predicted - bin.right)).sum()
 }

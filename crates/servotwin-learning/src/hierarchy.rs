@@ -1,12 +1,12 @@
 //! Training of the hierarchy of trees ([`servotwin_diagnosis::hierarchy`]).
 //!
-//! Views are used twice:
-//! - *mirror*: A also learns from every view, with the actuator in the label moved alike;
-//! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view, in which its sensors stand where
-//!   those of actuator 0 stand; the nine trees are then five.
+//! Views have two uses:
+//! - *mirror*: A also learns from every view, with the actuator in the label rotated alike;
+//! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view. There its sensors take the
+//!   places of actuator 0's sensors, and the nine trees become five.
 //!
-//! Without pooling, a stage of actuator `k` reads its columns in view 0.
-//! Where examples without a fault are given, A learns to answer that there is none.
+//! Without pooling, a stage of actuator `k` reads its columns in view 0. If the examples contain healthy rows, A learns
+//! to answer that there is no fault.
 
 use alloc::string::String;
 use alloc::sync::Arc;
@@ -20,36 +20,36 @@ use crate::tree::Criterion;
 use servotwin_diagnosis::error::{Error, same_length};
 use servotwin_diagnosis::hierarchy::{FORMAT, Hierarchy, Names, Place, Question, Stage};
 
-/// What is wrong with a row: places in [`Names`].
+/// The true class of a row, as indices into [`Names`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Label {
-    /// The actuator; the number of actuators where nothing is wrong ([`Names::healthy`]).
+    /// The actuator; the number of actuators for healthy rows ([`Names::healthy`]).
     pub actuator: u32,
-    /// The command; means nothing where nothing is wrong.
+    /// The action; arbitrary for healthy rows.
     pub action: u32,
-    /// The detail; likewise.
+    /// The detail; arbitrary for healthy rows.
     pub detail: u32,
 }
 
-/// Rows to learn from or to test with: their features in every view, and their labels.
+/// Rows for training or testing: their features in every view, and their labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Examples {
     names: Names,
-    /// For each actuator the columns that its stages may read.
+    /// For each actuator, the columns that its stages may read.
     read: Vec<Vec<usize>>,
     /// The columns that no stage may read.
     hidden: Vec<usize>,
     /// Column-major features of all rows, one table per view.
     views: Arc<Vec<Vec<f64>>>,
     labels: Vec<Label>,
-    /// For each command the details that occur with it, ascending.
+    /// For each action, the details that occur with it, ascending.
     details: Vec<Vec<u32>>,
 }
 
 impl Examples {
-    /// Rows with column-major features in each view. `read` lists for each actuator the columns that
-    /// its stages may read: its own sensors', or also the others' and what compares them;
-    /// without views beyond the first nothing can be mirrored or pooled.
+    /// Creates rows with column-major features in each view. `read` lists for each actuator the columns that its stages
+    /// may read: its own sensors', or also other sensors' and comparisons. With one view, there is no mirroring or
+    /// pooling.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`], [`Error::IndexOutOfRange`] for a column, [`Error::LabelOutOfRange`].
@@ -73,7 +73,7 @@ impl Examples {
         Ok(Examples { names, read, hidden: vec![], views: Arc::new(views), labels, details })
     }
 
-    /// The names.
+    /// The names that labels refer to.
     pub fn names(&self) -> &Names {
         &self.names
     }
@@ -99,7 +99,7 @@ impl Examples {
         }
     }
 
-    /// The same rows with some of the feature columns only, in the order given.
+    /// The same rows with only these feature columns, in this order.
     ///
     /// # Errors
     /// [`Error::IndexOutOfRange`].
@@ -129,11 +129,10 @@ impl Examples {
         })
     }
 
-    /// The same rows and behind them more, whose features `values` gives for each new row and view.
-    /// A new row has the label of the one that it is from.
+    /// Appends rows whose features `values` returns for each new row and view. A new row has the label of its origin.
     ///
     /// # Panics
-    /// If a row is not there, or has too few values.
+    /// If an origin does not exist, or a row has too few values.
     pub fn extended<'v>(
         &self,
         origins: &[usize],
@@ -159,7 +158,7 @@ impl Examples {
         }
     }
 
-    /// Some of the rows, in the order given.
+    /// Only these rows, in this order.
     ///
     /// # Panics
     /// If there is no such row.
@@ -179,7 +178,7 @@ impl Examples {
         }
     }
 
-    /// The same examples with other columns for the stages of each actuator.
+    /// The same examples with other columns for each actuator's stages.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] and [`Error::IndexOutOfRange`].
@@ -198,7 +197,7 @@ impl Examples {
         Ok(Examples { hidden, ..self.clone() })
     }
 
-    /// The classes a stage chooses from: places in the names that its question is about.
+    /// The classes of a stage, as indices into the names of its question.
     pub fn classes(&self, place: &Place) -> Vec<u32> {
         match place.question {
             Question::Actuator => {
@@ -219,7 +218,7 @@ impl Examples {
         self.names.class_name(question, class)
     }
 
-    /// The columns a stage may read.
+    /// The columns that a stage may read.
     pub fn columns(&self, place: &Place) -> Vec<usize> {
         let mut columns: Vec<usize> = match place.question {
             Question::Actuator => (0..self.names.features.len()).collect(),
@@ -229,12 +228,11 @@ impl Examples {
         columns
     }
 
-    /// Samples of a stage from those of the rows that it is asked about, each in its view, and with
-    /// `mirror` also in all others; `None` if there are none or nothing may be read. Beside each
-    /// sample stands the row it is from.
+    /// Samples of a stage from the rows that it handles, each in its view, and with `mirror` also in all others. `None`
+    /// if there are no rows or no columns. Each sample comes with its original row.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] naming the column.
+    /// [`Error::NotFinite`] with the name of the column.
     pub fn samples(
         &self,
         place: &Place,
@@ -263,7 +261,7 @@ impl Examples {
         Ok(Some((samples, origins)))
     }
 
-    /// Row, view and class (its place in [`Examples::classes`]) of every sample of a stage.
+    /// Row, view and class (index in [`Examples::classes`]) of every sample of a stage.
     fn asked(&self, place: &Place, rows: &[usize], mirror: bool) -> Vec<(usize, usize, u32)> {
         let classes = self.classes(place);
         let mut asked = Vec::new();
@@ -290,7 +288,7 @@ impl Examples {
         asked
     }
 
-    /// The stages of a hierarchy over these rows, A first.
+    /// The stages of a hierarchy over these examples, A first.
     pub fn places(&self, pool: bool) -> Vec<Place> {
         let actuators = self.names.actuators.len() as u32;
         let actions = self.names.actions.len() as u32;
@@ -348,18 +346,18 @@ fn details_of_actions(names: &Names, labels: &[Label]) -> Vec<Vec<u32>> {
     (0..names.actions.len() as u32).map(of_action).collect()
 }
 
-/// How a hierarchy is trained.
+/// Training settings of a hierarchy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// The classifier that finds the actuator.
+    /// The classifier for the actuator.
     pub actuator: classifiers::Settings,
-    /// The classifier that finds the command.
+    /// The classifier for the action.
     #[serde(rename = "command")]
     pub action: classifiers::Settings,
-    /// The classifier that finds the detail.
+    /// The classifier for the detail.
     pub detail: classifiers::Settings,
-    /// Whether A also learns from the mirror images.
+    /// Whether A also learns from the other views.
     pub mirror: bool,
     /// Whether the actuators share the stages below A.
     pub pool: bool,
@@ -384,7 +382,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The same settings for every stage.
+    /// The same classifier for every stage.
     pub fn all(classifier: classifiers::Settings) -> Self {
         Settings {
             actuator: classifier.clone(),
@@ -394,8 +392,7 @@ impl Settings {
         }
     }
 
-    /// The classifier settings of a stage, with the resolutions and exclusions of those features
-    /// only that its samples have.
+    /// The classifier settings of a stage, with only the resolutions and exclusions of features that its samples have.
     pub fn of_stage(&self, question: Question, samples: &Samples) -> classifiers::Settings {
         let mut settings = match question {
             Question::Actuator => &self.actuator,
@@ -411,11 +408,11 @@ impl Settings {
         settings
     }
 
-    /// Trains every stage for which there are rows.
+    /// Trains every stage that has rows.
     ///
     /// # Errors
-    /// [`Error::NoSamples`] if there are no rows at all; what a classifier says;
-    /// [`Error::LengthMismatch`] if mirror or pool is asked for without views.
+    /// [`Error::NoSamples`] without any rows; the classifier's errors; [`Error::LengthMismatch`] for mirroring or
+    /// pooling without views.
     pub fn fit(&self, examples: &Examples, rows: &[usize]) -> Result<Hierarchy, Error> {
         if self.mirror || self.pool {
             same_length("views", examples.names.actuators.len(), examples.views())?;
@@ -430,7 +427,7 @@ impl Settings {
         Ok(Hierarchy { format: FORMAT.into(), names: examples.names.clone(), stages })
     }
 
-    /// Trains one stage; `None` if there is no row for it.
+    /// Trains one stage; `None` without rows for it.
     ///
     /// # Errors
     /// As [`Settings::fit`].

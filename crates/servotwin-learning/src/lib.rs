@@ -1,10 +1,10 @@
 //! Training of the models that `servotwin-diagnosis` runs.
 //!
-//! `no_std` with `alloc`. From the bottom up: [`samples`] holds validated training samples, [`tree`] grows the decision
-//! trees of CART, random forest and AdaBoost, [`classifiers`] trains all classifiers behind one trait, [`calibration`]
-//! fits what their probabilities are worth, [`splits`] and [`metrics`] judge them, [`hierarchy`] trains the trees that
-//! follow each other from the actuator to the detail, [`novelty`] learns what training looked like, [`augmentation`]
-//! makes windows as they might have been.
+//! `no_std` with `alloc`. From the bottom up: [`samples`] holds validated training samples, and [`tree`] grows the
+//! decision trees of CART, random forest and AdaBoost. [`classifiers`] trains all classifiers behind one trait, and
+//! [`calibration`] fits their probabilities. [`splits`] and [`metrics`] evaluate them. [`hierarchy`] trains the trees
+//! from the actuator down to the detail, [`novelty`] learns the ranges of the training data, and [`augmentation`] makes
+//! variations of windows.
 //!
 //! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the same samples and
 //! settings give the same model bit for bit.

@@ -1,10 +1,10 @@
-//! What training rows of each class looked like: [`Novelty`] learned from examples.
+//! Learns the ranges of each class's training rows, [`Novelty`].
 //!
-//! The limit is a quantile of the score over training rows that had no part in the ranges: the ranges are learned from
-//! one half of the groups and the scores taken over the other, and the other way round.
+//! The limit is a quantile of the score over held-out rows. The ranges come from one half of the groups and the scores
+//! from the other, and vice versa.
 //!
-//! Classes are healthy and the commands; a fault is looked at in the view of its actuator, so like actuators share what
-//! was learned.
+//! The classes are healthy and the actions. A fault is scored in the view of its actuator, so that identical actuators
+//! share the learned ranges.
 
 use crate::hierarchy::Examples;
 use alloc::vec;
@@ -12,14 +12,14 @@ use alloc::vec::Vec;
 use servotwin_diagnosis::diagnoser::novelty::{Known, Novelty};
 use servotwin_diagnosis::error::{Error, require, same_length};
 
-/// A range is at least this part of the feature's range over all classes.
+/// Minimum width of a range, as a part of the feature's range over all classes.
 const LEAST_WIDTH: f64 = 0.05;
 
-/// Rows of which less than half a feature is outside are never unknown.
+/// Minimum limit: a row is never unknown while the distances of its features sum to less than half a feature.
 const LEAST_LIMIT: f64 = 0.5;
 
-/// Learns from rows of examples; `groups` says of each row of the examples what it was recorded
-/// with (a flight), so that like rows stay in one half.
+/// Learns from rows of examples. `groups` holds the origin of each row of the examples (a flight), so that similar rows
+/// stay in one half.
 ///
 /// # Errors
 /// [`Error::LengthMismatch`], [`Error::SettingOutOfRange`].
@@ -61,7 +61,7 @@ impl Ranges {
         ranges
     }
 
-    /// What these ranges know, with the width of a feature not below its part of the overall one.
+    /// The learned ranges, with each width at least a part of the overall one.
     fn known(self, overall: &Ranges, limit: f64) -> Known {
         let widths = (0..self.lows.len()).map(|j| {
             let all = overall.highs[j] - overall.lows[j];

@@ -1,13 +1,12 @@
-//! The linear algebra that training shares.
+//! Linear algebra shared by the training algorithms.
 
 use crate::samples::Samples;
 use alloc::vec;
 use alloc::vec::Vec;
 use servotwin_diagnosis::numeric::{add_scaled, dot};
 
-/// `target += factors[0] * directions[0] + …`, added one after the other as by [`add_scaled`], but
-/// with the target read and written once for four directions. `directions` holds one after the
-/// other, each as long as the target.
+/// `target += factors[0] * directions[0] + …`, added one after the other as by [`add_scaled`]. The target is read and
+/// written only once for four directions. `directions` lists them one after the other, each as long as the target.
 pub(crate) fn add_many(target: &mut [f64], factors: &[f64], directions: &[f64]) {
     let length = target.len();
     let (blocks, rest) = factors.as_chunks::<4>();
@@ -27,9 +26,9 @@ pub(crate) fn add_many(target: &mut [f64], factors: &[f64], directions: &[f64]) 
     }
 }
 
-/// Replaces the lower half of a symmetric matrix (row-major, `size` × `size`) by its Cholesky factor L, and returns
-/// whether every pivot was above the floor that `min_pivot` gives for its diagonal element. A pivot that is not becomes
-/// zero and its column with it: the row follows from those before. `dot` fixes the order of the sums.
+/// Replaces the lower half of a symmetric matrix (row-major, `size` × `size`) by its Cholesky factor L. Returns whether
+/// every pivot was above the floor that `min_pivot` gives for its diagonal element. Any other pivot becomes zero
+/// together with its column: its row depends on the previous ones. `dot` fixes the order of the sums.
 pub(crate) fn cholesky(
     matrix: &mut [f64],
     size: usize,
@@ -69,7 +68,7 @@ pub(crate) fn cholesky_solve(factor: &[f64], size: usize, b: &mut [f64]) {
 
 /// Weighted mean and standard deviation (divisor: the sum of weights) of a column.
 ///
-/// A column that varies by rounding only has the deviation 0.
+/// A column that varies by rounding only has a deviation of 0.
 pub(crate) fn mean_and_deviation(column: &[f64], weight: impl Fn(usize) -> f64) -> (f64, f64) {
     let (mut total, mut sum) = (0.0, 0.0);
     for (row, value) in column.iter().enumerate() {
@@ -110,8 +109,7 @@ impl Standardiser {
         Standardiser { means, scales }
     }
 
-    /// The standardised table, row-major with `stride` places a row; places past the features
-    /// are 0.
+    /// The standardized table, row-major with `stride` entries a row; entries past the features are 0.
     pub fn rows(&self, samples: &Samples, stride: usize) -> Vec<f64> {
         let mut table = vec![0.0; samples.rows() * stride];
         for feature in 0..samples.features() {

@@ -1,6 +1,6 @@
 //! Training samples: a validated table of features with a class for each row.
 //!
-//! The table is stored column by column, because learning a tree reads one feature at a time.
+//! The table is column-major, because tree learning reads one feature at a time.
 
 use alloc::string::String;
 use alloc::sync::Arc;
@@ -12,12 +12,12 @@ use servotwin_diagnosis::numeric::MAX_VALUE;
 
 /// A table of finite features (rows × features), one class label per row, and row weights.
 ///
-/// Made only by constructors that check it, so that no classifier has to: at least one row and one
-/// feature, every value finite and at most [`MAX_VALUE`] in size, every label with a class name, weights
-/// likewise and not all zero. Samples [with missing values](Samples::with_missing) hold a NaN where a
-/// value is not known; only trees learn from them.
+/// Constructors check the contents, so that no classifier has to. There is at least one row and one feature, every
+/// value is finite and at most [`MAX_VALUE`] in magnitude, and every label has a class name. Weights have the same
+/// limit and are not all zero. Samples [with missing values](Samples::with_missing) hold NaN for unknown values; only
+/// trees learn from them.
 ///
-/// A clone shares the features, so that the same table with other weights costs no second one.
+/// A clone shares the features, so that the same table with other weights needs no copy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Samples {
     feature_names: Vec<String>,
@@ -30,12 +30,11 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Samples from column-major values: all rows of the first feature, then of the second …
+    /// Creates samples from column-major values: all rows of the first feature, then of the second …
     ///
     /// # Errors
-    /// [`Error::NoSamples`], [`Error::NoFeatures`], [`Error::LengthMismatch`] unless there are
-    /// `labels.len() * feature_names.len()` values, [`Error::NotFinite`] naming column and row,
-    /// [`Error::LabelOutOfRange`].
+    /// [`Error::NoSamples`], [`Error::NoFeatures`], [`Error::LengthMismatch`] unless there are `labels.len() *
+    /// feature_names.len()` values, [`Error::NotFinite`] with column and row, [`Error::LabelOutOfRange`].
     pub fn from_columns(
         feature_names: Vec<String>,
         class_names: Vec<String>,
@@ -45,8 +44,8 @@ impl Samples {
         Samples::checked(feature_names, class_names, values, labels, false)
     }
 
-    /// Samples from column-major values of which some are NaN: not known. Only decision trees and
-    /// what is made of them learn from missing values; see [`Samples::complete`].
+    /// Creates samples from column-major values, with NaN for unknown values. Only decision trees and their ensembles
+    /// learn from missing values; see [`Samples::complete`].
     ///
     /// # Errors
     /// As [`Samples::from_columns`], but [`Error::NotFinite`] only for infinities.
@@ -58,7 +57,7 @@ impl Samples {
     ) -> Result<Self, Error> {
         let mut has_missing = false;
         for value in values.iter_mut().filter(|value| value.is_nan()) {
-            // One NaN of all: it sorts behind every number.
+            // The positive NaN sorts after every number.
             *value = f64::NAN.copysign(1.0);
             has_missing = true;
         }
@@ -79,7 +78,7 @@ impl Samples {
         Ok(samples)
     }
 
-    /// Samples from row-major values: all features of the first row, then of the second …
+    /// Creates samples from row-major values: all features of the first row, then of the second …
     ///
     /// # Errors
     /// As [`Samples::from_columns`].
@@ -100,12 +99,10 @@ impl Samples {
         Samples::from_columns(feature_names, class_names, columns, labels)
     }
 
-    /// The same samples with a weight for each row. A weight of 2 counts as two equal rows; rows
-    /// of weight 0 are not learnt from.
+    /// Adds a weight for each row. A weight of 2 counts as two equal rows; rows of weight 0 are ignored.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`], [`Error::WeightOutOfRange`], [`Error::NoSamples`] when all
-    /// weights are zero.
+    /// [`Error::LengthMismatch`], [`Error::WeightOutOfRange`], [`Error::NoSamples`] if all weights are zero.
     pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self, Error> {
         same_length("weights", self.rows(), weights.len())?;
         for (row, &weight) in weights.iter().enumerate() {
@@ -120,15 +117,15 @@ impl Samples {
         Ok(self)
     }
 
-    /// Whether a value is missing somewhere.
+    /// Whether any value is missing.
     pub fn has_missing(&self) -> bool {
         self.has_missing
     }
 
-    /// That no value is missing; what every classifier asks first that cannot learn from less.
+    /// Checks that no value is missing, for classifiers that need complete rows.
     ///
     /// # Errors
-    /// [`Error::Missing`] with the first place.
+    /// [`Error::Missing`] with the first missing value.
     pub fn complete(&self) -> Result<(), Error> {
         let mut columns = self.values.chunks_exact(self.rows()).enumerate();
         let first = columns.find_map(|(column, values)| {
@@ -152,7 +149,7 @@ impl Samples {
         self.feature_names.len()
     }
 
-    /// Number of class names. Some classes may have no row.
+    /// Number of class names. Some classes may have no rows.
     pub fn classes(&self) -> usize {
         self.class_names.len()
     }
@@ -197,7 +194,7 @@ impl Samples {
         self.weights.as_deref()
     }
 
-    /// The weight of one row; 1 when no weights were given.
+    /// The weight of one row; 1 without weights.
     ///
     /// # Panics
     /// If `row` is not below [`Samples::rows`].
@@ -205,7 +202,7 @@ impl Samples {
         self.weights.as_ref().map_or(1.0, |weights| weights[row])
     }
 
-    /// The place of a feature name.
+    /// The index of a feature name.
     ///
     /// # Errors
     /// [`Error::UnknownFeature`].
@@ -223,11 +220,10 @@ impl Samples {
         totals
     }
 
-    /// The samples of some rows, in the order given; a row may come twice. Class names are kept,
-    /// so that labels keep their meaning.
+    /// Only these rows, in this order; a row may occur twice. Class names stay, so that labels keep their meaning.
     ///
     /// # Errors
-    /// [`Error::IndexOutOfRange`], [`Error::NoSamples`] if no row of positive weight is left.
+    /// [`Error::IndexOutOfRange`], [`Error::NoSamples`] without a remaining row of positive weight.
     pub fn select_rows(&self, rows: &[usize]) -> Result<Self, Error> {
         check_indices("row", rows, self.rows())?;
         let mut values = Vec::with_capacity(rows.len() * self.features());
@@ -249,7 +245,7 @@ impl Samples {
         }
     }
 
-    /// The samples with some feature columns only, in the order given.
+    /// The samples with only these feature columns, in this order.
     ///
     /// # Errors
     /// [`Error::IndexOutOfRange`], [`Error::NoFeatures`].
@@ -308,12 +304,11 @@ fn check_indices(what: &'static str, indices: &[usize], length: usize) -> Result
 
 /// The classes that have rows of positive weight, renumbered without gaps.
 ///
-/// Classifiers that estimate something for each class learn only these; a class that is only a
-/// name can then never make a division by zero.
+/// Classifiers with parameters per class learn only these, so that an empty class cannot cause a division by zero.
 pub(crate) struct PresentClasses {
     /// The original label of each present class, ascending.
     pub labels: Vec<u32>,
-    /// For every row the place of its label in `labels`; 0 for rows of a class without weight.
+    /// For every row, the index of its label in `labels`; 0 for rows of a class without weight.
     pub of_row: Vec<usize>,
     /// The weight of each present class, positive.
     pub weights: Vec<f64>,

@@ -1,6 +1,6 @@
-//! Splits of samples into rows to train with and rows to test with.
+//! Splits of samples into training and test rows.
 //!
-//! All splits are made from explicit seeds and list rows in ascending order.
+//! Every split depends on an explicit seed and lists rows in ascending order.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -11,15 +11,15 @@ use crate::samples::Samples;
 use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::random::Random;
 
-/// The share of rows that the seed paper holds out for testing.
+/// Share of test rows in the seed paper.
 pub const HELD_OUT: f64 = 1.0 / 3.0;
 
-/// Rows to train with and rows to test with; none is in both.
+/// Training and test rows; no row is in both.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
-    /// Rows to train with, ascending.
+    /// Training rows, ascending.
     pub train: Vec<usize>,
-    /// Rows to test with, ascending.
+    /// Test rows, ascending.
     pub test: Vec<usize>,
 }
 
@@ -30,7 +30,7 @@ impl Split {
     }
 }
 
-/// Holds out a random share of the rows, rounded to the nearest row but leaving one on each side.
+/// Holds out a random share of the rows, rounded to the nearest row, with at least one row on each side.
 ///
 /// # Errors
 /// [`Error::SettingOutOfRange`] unless `0 < held_out < 1`; [`Error::TooFewForFolds`] for fewer
@@ -60,8 +60,7 @@ pub fn repeated_hold_out(
     (0..repeats).map(|_| hold_out(rows, held_out, seeds.next_u64())).collect()
 }
 
-/// Folds in which every class has nearly the same share: counts differ by one at most, for each
-/// class and for the whole fold.
+/// Folds with nearly equal shares of every class: counts differ by at most one, for each class and for the whole fold.
 ///
 /// # Errors
 /// [`Error::TooFewForFolds`] unless there are at least 2 folds and as many rows as folds.
@@ -71,16 +70,16 @@ pub fn stratified_k_fold(labels: &[u32], folds: usize, seed: u64) -> Result<Vec<
     Random::new(seed).shuffle(&mut order);
     order.sort_by_key(|&row| labels[row]);
     let mut fold_of = vec![0; labels.len()];
-    // Dealt out like cards, class after class, so that the rest of one class and the beginning of
-    // the next share a round.
+    // Deals the rows in turn, class after class, so that the rest of one class and the beginning of the next share a
+    // round.
     for (place, &row) in order.iter().enumerate() {
         fold_of[row] = place % folds;
     }
     Ok(splits(&fold_of, folds))
 }
 
-/// Folds in which all rows of a group (an operating case, a fault variant) stay together; the
-/// largest groups are placed first, each into the smallest fold.
+/// Folds in which all rows of a group (an operating case, a fault variant) stay together. The largest groups come
+/// first, each into the smallest fold.
 ///
 /// # Errors
 /// [`Error::TooFewForFolds`] unless there are at least 2 folds and as many groups as folds.
@@ -90,7 +89,7 @@ pub fn grouped_k_fold(groups: &[u32], folds: usize, seed: u64) -> Result<Vec<Spl
     let size = |name: u32| groups.iter().filter(|&&group| group == name).count();
     Random::new(seed).shuffle(&mut names);
     let mut sized: Vec<(usize, u32)> = names.iter().map(|&name| (size(name), name)).collect();
-    // Stable: groups of one size stay shuffled.
+    // Stable: groups of the same size stay shuffled.
     sized.sort_by_key(|&(size, _)| core::cmp::Reverse(size));
     let mut fold_sizes = vec![0; folds];
     let mut fold_of = vec![0; groups.len()];
@@ -104,7 +103,7 @@ pub fn grouped_k_fold(groups: &[u32], folds: usize, seed: u64) -> Result<Vec<Spl
     Ok(splits(&fold_of, folds))
 }
 
-/// One split for each group, in ascending order: test with the group, train with all others.
+/// One split for each group, in ascending order: the group is for testing, all others for training.
 ///
 /// # Errors
 /// [`Error::TooFewForFolds`] for fewer than two groups.
@@ -134,11 +133,10 @@ fn enough_folds(folds: usize, available: usize) -> Result<(), Error> {
     enough(folds, available)
 }
 
-/// Trains on each split's training rows and counts the predictions of its test rows, one table
-/// per split.
+/// Trains on each split and counts the predictions of its test rows, one table per split.
 ///
 /// # Errors
-/// What training says, and [`Error::IndexOutOfRange`] for splits of other samples.
+/// The errors of training, and [`Error::IndexOutOfRange`] for splits of other samples.
 pub fn cross_validate(
     settings: &Settings,
     samples: &Samples,

@@ -14,7 +14,7 @@ pub(super) struct Axis {
     pub high: f64,
     pub log: bool,
     pub ticks: Vec<Tick>,
-    /// What the labels are to be multiplied by, such as `×10⁶`; empty for one.
+    /// The labels' common factor, such as `×10⁶`; empty for one.
     pub factor: String,
 }
 
@@ -52,7 +52,7 @@ impl Axis {
             1.2..3.0 => &[1.0, 2.0, 5.0],
             _ => &[1.0],
         };
-        // Of many decades only every second, third … is labelled.
+        // With many decades, only every second, third … gets a label.
         let every = (1 + (last - first) / 8) as usize;
         let decades = (first..=last).step_by(every);
         let all = decades.flat_map(|decade| multiples.iter().map(move |part| (*part, decade)));
@@ -65,8 +65,7 @@ impl Axis {
         Self { low, high, log: true, ticks, factor: String::new() }
     }
 
-    /// The axis with its ends moved outwards to the next tick where that is very near, as 90 s is
-    /// to the end of 9000 samples at 100 Hz.
+    /// Extends the axis to the next tick if that is very near, like 90 s for 9000 samples at 100 Hz.
     pub fn reaching_ticks(self) -> Self {
         let [first, second, ..] = self.ticks.as_slice() else {
             return self;
@@ -80,7 +79,7 @@ impl Axis {
         Self::linear((low, high), count)
     }
 
-    /// Where a value stands between two coordinates; `None` if it has no place on the axis.
+    /// Maps a value to a coordinate between `from` and `to`; `None` if the axis cannot show it.
     pub fn place(&self, value: f64, from: f64, to: f64) -> Option<f64> {
         let share = match self.log {
             true if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -100,7 +99,7 @@ impl Axis {
     }
 }
 
-/// The least and the greatest finite value; `None` without any.
+/// The smallest and largest finite value; `None` without any.
 pub(super) fn extent(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     values.into_iter().filter(|value| value.is_finite()).fold(None, |range, value| {
         let (low, high) = range.unwrap_or((value, value));
@@ -115,7 +114,7 @@ pub(super) fn padded((low, high): (f64, f64), share: f64) -> (f64, f64) {
     (low - pad, high + pad)
 }
 
-/// A range with some width around a single value.
+/// A range, widened if it is a single value.
 fn widened((low, high): (f64, f64)) -> (f64, f64) {
     let scale = low.abs().max(high.abs());
     if !(high - low).is_finite() {
@@ -139,7 +138,7 @@ fn round_step(rough: f64) -> f64 {
     part.unwrap_or(10.0) * decade
 }
 
-/// The exponent taken out of the labels: a multiple of three, 0 for everyday numbers.
+/// The exponent of the labels' common factor: a multiple of three, 0 for numbers of usual size.
 fn engineering_exponent(largest: f64) -> i32 {
     if !(1e-2..1e4).contains(&largest) && largest > 0.0 && largest.is_finite() {
         return (largest.log10() / 3.0).floor() as i32 * 3;
@@ -156,7 +155,7 @@ fn digits_after_point(step: f64) -> usize {
         .unwrap_or(12) as usize
 }
 
-/// A number as a reader wants it who points at it: four significant digits, no idle zeros.
+/// A number for a tooltip: four significant digits, no trailing zeros.
 pub(super) fn plain(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return if value == 0.0 { "0".to_owned() } else { "–".to_owned() };
@@ -172,7 +171,7 @@ pub(super) fn plain(value: f64) -> String {
     signed(text.to_owned())
 }
 
-/// A number's text with the typographic minus sign, and without the sign of zero.
+/// Uses the typographic minus sign, and removes the sign of zero.
 pub(super) fn signed(text: String) -> String {
     match text.strip_prefix('-') {
         Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),

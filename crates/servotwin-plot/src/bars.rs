@@ -1,4 +1,4 @@
-//! Grouped horizontal bars with confidence intervals: scores of several methods side by side.
+//! Grouped horizontal bars with confidence intervals, to compare several methods.
 
 use super::Figure;
 use super::axis::{Axis, extent, plain};
@@ -15,17 +15,17 @@ pub struct Bars {
     pub title: String,
     /// The title of the horizontal axis, with its unit.
     pub x_label: String,
-    /// The names of the series; with only one, no legend is drawn.
+    /// The names of the series; a single series has no legend.
     pub series: Vec<String>,
-    /// How they look; without it, as their places say.
+    /// Styles of the series; the others get the default style of their index.
     pub looks: Vec<Look>,
-    /// The groups from the top.
+    /// The groups, from top to bottom.
     pub groups: Vec<Group>,
-    /// The range of the axis; without it, from zero to the largest value.
+    /// The range of the axis; `None` for zero to the largest value.
     pub range: Option<(f64, f64)>,
-    /// Digits after the point of the values written beside the bars.
+    /// Decimal places of the values beside the bars.
     pub digits: usize,
-    /// The figure's width.
+    /// The figure's width, px.
     pub width: f64,
 }
 
@@ -34,7 +34,7 @@ pub struct Bars {
 pub struct Group {
     /// The label at the left.
     pub label: String,
-    /// A bar for each series; `None` where there is no result.
+    /// A bar for each series; `None` without a result.
     pub bars: Vec<Option<Bar>>,
 }
 
@@ -165,7 +165,7 @@ impl Bars {
         super::axis::signed(format!("{value:.*}", self.digits))
     }
 
-    /// A bar's value and interval in words.
+    /// A bar's value and interval as text.
     fn in_words(&self, bar: Option<&Bar>) -> [String; 2] {
         let Some(bar) = bar else {
             return ["no result".to_owned(), String::new()];
@@ -174,7 +174,7 @@ impl Bars {
         [self.full(bar.value), bar.interval.map(ends).unwrap_or_default()]
     }
 
-    /// A value with at least the digits that stand beside the bar.
+    /// A value with at least the decimal places shown beside the bar.
     fn full(&self, value: f64) -> String {
         let text = plain(value);
         let digits = text.split_once('.').map_or(0, |(_, behind)| behind.len());
@@ -230,13 +230,13 @@ impl Bars {
                 canvas.line((end, middle - 3.0), (end, middle + 3.0), &style);
             }
         }
-        // The values stand in a column of their own, where no bar or grid line crosses them.
+        // The values have their own column, which no bar or grid line crosses.
         let column = right + 6.0;
         canvas.text((column, middle + 3.4), &self.value_text(bar.value), Type::new(VALUE_SIZE));
     }
 }
 
-/// The mark of a bar that does not begin at zero: two strokes across its foot.
+/// Marks a bar that does not start at zero: two strokes across its foot.
 fn draw_break(canvas: &mut Canvas, (x, y): (f64, f64)) {
     for shift in [3.0, 7.0] {
         let ends = [(x + shift, y + BAR / 2.0), (x + shift + 4.0, y - BAR / 2.0)];

@@ -1,13 +1,12 @@
-//! Fewer points that draw the same line.
+//! Decimation: fewer points that draw the same line.
 //!
-//! The range of `x` is cut into buckets about a pixel wide, and of each bucket the first sample,
-//! the last one and those with the least and the greatest `y` are kept: no peak is lost, however
-//! short.
+//! The range of `x` is divided into buckets about one pixel wide. Each bucket keeps its first and last sample and those
+//! with the smallest and largest `y`, so no peak is lost.
 
 /// The indices of the samples to draw, in order; all of them if there are few.
 ///
-/// `x` must not decrease; if it does anywhere, every sample is kept. Samples that are not finite
-/// are kept where they begin a gap, so that the line can be broken there.
+/// If `x` decreases anywhere, every sample is kept. The first non-finite sample of a gap is kept, so that the line
+/// breaks there.
 pub fn decimate(x: &[f64], y: &[f64], buckets: usize) -> Vec<usize> {
     let count = x.len().min(y.len());
     let (x, y) = (&x[..count], &y[..count]);

@@ -1,16 +1,14 @@
 //! Block diagrams: components in columns, their connections as right-angled wires.
 //!
-//! The layout is automatic and layered. A block's column is its distance, counted in wires, from
-//! the nearest block that nothing leads to (or the column asked for); its group, such as an
-//! actuator, is a horizontal band. Within a band the blocks are ordered and placed by the mean of
-//! their neighbours, a few times forwards and backwards. Wires run only between the columns, each
-//! on a track of its own, and pass a column through a gap kept for them: none crosses a block. Wires
-//! that leave the same port are one line that branches, with a dot at every branch; where lines cross without one,
-//! nothing is joined.
-//!
-//! A diagram can be drawn downwards: what is said of columns then holds for rows, bands stand side by
-//! side, and ports have their names in the blocks. The layout is the same; only the picture is turned,
-//! so *along* is the way from layer to layer, and *across* is the way within one.
+//! The layout is automatic and layered. A block's column is its distance, in wires, from the nearest block without
+//! incoming wires, or the requested column. Its group, such as an actuator, is a horizontal band. Within a band, the
+//! blocks are ordered and placed by the mean of their neighbors, in several forward and backward sweeps. Wires run only
+//! between the columns, each on its own track, and pass a column through a reserved gap: none crosses a block. Wires
+//! from the same port form one branching line, with a dot at every branch. Lines that cross without a dot are not
+//! connected.
+//! A diagram can be drawn downwards. Rows then replace columns, bands stand side by side, and blocks show the names of
+//! their ports. Only the picture is turned, not the layout. So *along* is the direction from layer to layer, and
+//! *across* is the direction within one.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -26,17 +24,18 @@ use super::svg::{Anchor, Area, Canvas, Type};
 pub struct Diagram {
     /// The figure's title, may be empty.
     pub title: String,
-    /// The groups from the top; those not named here follow as they first appear.
+    /// The groups from top to bottom; others follow in the order of their appearance.
     pub groups: Vec<String>,
     /// The blocks.
     pub blocks: Vec<Block>,
-    /// The wires; one that leads to an unknown block or back to its own is not drawn.
+    /// The wires; those to an unknown block or back to their own are not drawn.
     pub wires: Vec<Wire>,
-    /// Kinds whose colours come first, so that they are the same in every diagram.
+    /// Kinds with the first colors, so that these are the same in every diagram.
     pub kinds: Vec<String>,
-    /// How the kinds look, in the order of `kinds` and then as they first appear; without it, as their places say.
+    /// Styles of the kinds, in the order of `kinds` and then of appearance; the others get the default style of their
+    /// index.
     pub looks: Vec<Look>,
-    /// Whether layers follow each other from the top downwards.
+    /// Whether the layers run from top to bottom.
     pub downwards: bool,
 }
 
@@ -47,11 +46,11 @@ pub struct Block {
     pub id: String,
     /// The text, the first line in bold.
     pub lines: Vec<String>,
-    /// What kind of component it is: decides the colour.
+    /// The kind of component, which sets the color.
     pub kind: String,
     /// The band it stands in, may be empty.
     pub group: String,
-    /// The column it stands in, from 0; without it, found from the wires.
+    /// The column, from 0; `None` to derive it from the wires.
     pub layer: Option<usize>,
 }
 
@@ -81,19 +80,18 @@ impl Block {
 /// A connection.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wire {
-    /// The id of the block it comes from.
+    /// The id of the block where it starts.
     pub from: String,
-    /// The id of the block it leads to.
+    /// The id of the block where it ends.
     pub to: String,
-    /// What it carries: decides colour and dash.
+    /// The kind of medium or signal, which sets color and dash.
     pub kind: String,
     /// A text at its end, may be empty.
     pub label: String,
     /// Whether its end has an arrow head.
     pub arrow: bool,
-    /// The names of the ports it connects, shown where the diagram is drawn downwards; a space for a
-    /// port without a name. Wires from the same port are drawn as one line that branches; those from
-    /// no port, empty, are lines of their own.
+    /// The names of its ports, shown if the diagram is drawn downwards; a space for a port without a name. Wires from
+    /// the same port form one branching line. Wires with an empty start port are separate lines.
     pub ports: [String; 2],
 }
 
@@ -103,7 +101,7 @@ impl Wire {
         Self { from: from.to_owned(), to: to.to_owned(), kind: kind.to_owned(), ..Self::default() }
     }
 
-    /// What it connects, e.g. `valve.a → cylinder.a`.
+    /// The connected ports as text, e.g. `valve.a → cylinder.a`.
     fn in_words(&self) -> String {
         let end = |id: &str, port: &str| match port.trim() {
             "" => id.to_owned(),
@@ -118,11 +116,11 @@ impl Wire {
 const MARGIN: f64 = 12.0;
 const SIZE: f64 = 9.5;
 const PORT_SIZE: f64 = 7.5;
-/// Room for the names of ports at one edge of a block.
+/// Space for port names at one edge of a block.
 const PORT_LINE: f64 = 10.0;
-/// The radius of the dot where lines of one net meet.
+/// Radius of the dot at a junction.
 const JUNCTION: f64 = 2.4;
-/// Blocks are not widened further for the names of their ports.
+/// Maximum width of a block due to the names of its ports.
 const WIDEST: f64 = 300.0;
 const LINE: f64 = 12.0;
 const LABEL_SIZE: f64 = 8.0;
@@ -131,7 +129,7 @@ const BAND_GAP: f64 = 10.0;
 const BAND_HEAD: f64 = 18.0;
 const TRACK: f64 = 7.0;
 const CHANNEL_SIDE: f64 = 12.0;
-/// Passes of ordering and placing; the picture hardly changes after half of them.
+/// Number of sweeps of ordering and placing; the picture hardly changes after half of them.
 const SWEEPS: usize = 12;
 
 impl Diagram {
@@ -162,14 +160,14 @@ impl Diagram {
         canvas.finish(width, top + high + MARGIN, &self.title)
     }
 
-    /// Every kind once, those with a place of their own first, then those of wires.
+    /// Every kind once: those of `kinds` first, then those of wires and blocks.
     fn kinds(&self) -> Vec<&str> {
         let first = self.kinds.iter().map(String::as_str);
         let wires = self.wires.iter().map(|wire| wire.kind.as_str());
         unique(first.chain(wires).chain(self.blocks.iter().map(|block| block.kind.as_str())))
     }
 
-    /// Every kind that occurs, once: a block and a wire of one kind have the same colour.
+    /// Every kind in use, once: blocks and wires of one kind have the same color.
     fn legend(&self, kinds: &[&str]) -> Vec<Entry> {
         let mut entries = Vec::new();
         for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_empty()) {
@@ -202,7 +200,7 @@ impl Diagram {
         (block.height() + edges, block.width().max(names_width.min(WIDEST)))
     }
 
-    /// What joins wires to one line: the port that they come from, or each wire by itself.
+    /// The key that joins wires into one line: the port where they start, or the single wire.
     fn net(&self, wire: usize) -> String {
         let own = &self.wires[wire];
         match own.ports[0].as_str() {
@@ -223,7 +221,7 @@ fn port_width(name: &str) -> f64 {
     font::width(name, PORT_SIZE, false) + 8.0
 }
 
-/// How the layout becomes a picture.
+/// Converts the layout to the picture.
 #[derive(Debug, Clone, Copy)]
 struct View {
     downwards: bool,
@@ -272,29 +270,29 @@ impl Item {
     }
 }
 
-/// A piece of a wire between neighbouring columns, or within one.
+/// A piece of a wire between adjacent columns, or within one.
 #[derive(Debug, Clone)]
 struct Piece {
     wire: usize,
-    /// What it is part of: pieces of one net may touch each other.
+    /// Index of its net: pieces of one net may touch each other.
     net: usize,
-    /// The items at the two ends; the first one's column is the lower or the same.
+    /// The items at both ends; the first one's column is the lower or the same.
     ends: [usize; 2],
-    /// The heights at which it leaves them.
+    /// Its positions at both items, across.
     ports: [f64; 2],
-    /// Its track in the channel right of the first end's column.
+    /// Its track in the channel after the first end's column.
     track: Option<usize>,
 }
 
-/// Where pieces leave a side of an item: those of one port leave at one point.
+/// The point where pieces of one port leave a side of an item.
 struct Port {
     /// The name, empty for none.
     name: String,
-    /// The net of the pieces.
+    /// Index of the pieces' net.
     net: usize,
-    /// The heights of the items at the pieces' other ends.
+    /// Positions of the items at the other ends, across.
     aims: Vec<f64>,
-    /// The pieces, and which of their ends is here.
+    /// The pieces, each with its end (0 or 1) at this port.
     ends: Vec<(usize, usize)>,
 }
 
@@ -303,7 +301,7 @@ impl Port {
         self.aims.iter().sum::<f64>() / self.aims.len() as f64
     }
 
-    /// The share of the side that it takes.
+    /// Its share of the side.
     fn width(&self) -> f64 {
         port_width(&self.name)
     }
@@ -381,7 +379,7 @@ impl Layout {
         let neighbours = self.neighbours();
         let layers = self.layer_count();
         for sweep in 0..SWEEPS {
-            // Early passes find an order, later ones only straighten wires.
+            // Early sweeps find an order, later ones only straighten wires.
             let reorder = sweep < SWEEPS * 2 / 3;
             for step in 0..layers {
                 let layer = if sweep % 2 == 0 { step } else { layers - 1 - step };
@@ -414,7 +412,7 @@ impl Layout {
         }
     }
 
-    /// Where each piece leaves its two items.
+    /// Places the ends of each piece on its two items.
     fn place_ports(&mut self, diagram: &Diagram) {
         let mut sides: BTreeMap<(usize, bool), Vec<Port>> = BTreeMap::new();
         for (place, piece) in self.pieces.iter().enumerate() {
@@ -446,7 +444,7 @@ impl Layout {
             let all: f64 = ports.iter().map(Port::width).sum();
             let mut before = 0.0;
             for port in &ports {
-                // Names need room; without any, all ports are as wide.
+                // Names need space; without names, all ports have equal shares.
                 let share = (before + port.width() / 2.0) / all;
                 before += port.width();
                 for &(place, end) in &port.ends {
@@ -460,7 +458,7 @@ impl Layout {
         }
     }
 
-    /// The name of the port at an end of a piece; empty where it has none, or passes a gap.
+    /// The port name at an end of a piece; empty without a name or at a gap.
     fn port_name(&self, piece: &Piece, end: usize, diagram: &Diagram) -> String {
         let wire = &diagram.wires[piece.wire];
         let Some(block) = self.items[piece.ends[end]].block else { return String::new() };
@@ -468,7 +466,7 @@ impl Layout {
         wire.ports[usize::from(!is_from)].clone()
     }
 
-    /// A wire alone on a side is moved to where it runs straight, if its block reaches there.
+    /// Straightens a wire that is alone on a side, if its block extends far enough.
     fn straighten(&mut self, place: usize, alone: [bool; 2]) {
         let piece = &self.pieces[place];
         let items = piece.ends.map(|end| &self.items[end]);
@@ -493,7 +491,7 @@ impl Layout {
         }
     }
 
-    /// Moves ports apart where the end of one wire would run into the beginning of another.
+    /// Separates ports where the end of one wire would overlap the start of another.
     fn part_ports(&mut self) {
         for place in 0..self.pieces.len() {
             let [from, to] = self.pieces[place].ports;
@@ -507,7 +505,7 @@ impl Layout {
             let mut others = shifts.into_iter().map(|shift| to + shift);
             let free = others.find(|y| *y >= low && *y <= high && self.is_free(place, *y));
             let (net, own) = (self.pieces[place].net, self.pieces[place].ends[1]);
-            // What leaves the same port goes with it.
+            // All pieces of the same port move together.
             for piece in self.pieces.iter_mut().filter(|piece| piece.net == net) {
                 for end in [0, 1] {
                     if piece.ends[end] == own && piece.ports[end] == to {
@@ -518,7 +516,7 @@ impl Layout {
         }
     }
 
-    /// Whether no other net's wire of a piece's channel ends at a height.
+    /// Whether no other net in a piece's channel ends near a position.
     fn is_free(&self, place: usize, y: f64) -> bool {
         let layer = self.items[self.pieces[place].ends[0]].layer;
         let others = self.pieces.iter().enumerate().filter(|(other, piece)| {
@@ -529,7 +527,7 @@ impl Layout {
         others.flat_map(|(_, piece)| piece.ports).all(|port| (port - y).abs() >= 3.0)
     }
 
-    /// Gives each piece that changes its height a track where it touches no other.
+    /// Gives each bent piece a track where it touches no other.
     fn place_tracks(&mut self) {
         for layer in 0..self.layer_count() {
             let bent = |place: &usize| {
@@ -538,7 +536,7 @@ impl Layout {
                     && (self.same_layer(piece) || (piece.ports[0] - piece.ports[1]).abs() > 0.5)
             };
             let places: Vec<usize> = (0..self.pieces.len()).filter(bent).collect();
-            // Pieces of one net lie on one track.
+            // Pieces of one net share a track.
             let mut spans: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
             for &place in &places {
                 let [one, other] = self.pieces[place].ports;
@@ -588,7 +586,7 @@ impl Layout {
         }
     }
 
-    /// The left and right edge of an item's box; a gap's are those of its column.
+    /// The left and right edge of a block's box, or of a gap's column.
     fn sides(&self, item: &Item) -> (f64, f64) {
         let (left, width) = self.columns[item.layer];
         match item.block {
@@ -600,7 +598,7 @@ impl Layout {
         }
     }
 
-    /// A piece's corners from its first end to its second, the figure's head left out.
+    /// A piece's corners from its first end to its second, without the offset of the figure's header.
     fn corners(&self, piece: &Piece) -> Vec<(f64, f64)> {
         let [first, second] = piece.ends.map(|end| &self.items[end]);
         let start = self.sides(first).1;
@@ -645,7 +643,7 @@ impl Layout {
                 canvas.path(&drawn, &style);
                 for (item, (along, across)) in self.gap_ends(piece, &corners) {
                     let (left, right) = self.sides(item);
-                    // The wire goes on through the gap, from its right end to its left one.
+                    // Extends the wire through the gap, from one side to the other.
                     let ends = [(left, across), (right.max(along), across)];
                     let ends = ends.map(|end| view.point(end));
                     canvas.line(ends[0], ends[1], &style);
@@ -656,7 +654,7 @@ impl Layout {
                 self.draw_arrow(canvas, view, piece, (diagram, look.colour));
             }
         }
-        // Above all lines: what crosses a junction is none of it.
+        // Draw dots above all lines, so that crossing lines do not cover them.
         for (look, lines) in nets.values() {
             for point in junctions(lines) {
                 canvas.circle(point, JUNCTION, &format!(" fill=\"{}\"", look.colour));
@@ -664,7 +662,7 @@ impl Layout {
         }
     }
 
-    /// The gaps that a piece enters from the left.
+    /// The gap that a piece enters from the left, if any.
     fn gap_ends<'a>(
         &'a self,
         piece: &Piece,
@@ -675,7 +673,7 @@ impl Layout {
         last.filter(|_| item.block.is_none()).map(|corner| (item, corner)).into_iter()
     }
 
-    /// Which end of a piece is the wire's end, if any is.
+    /// The end of a piece that is the wire's end, if any.
     fn target_end(&self, piece: &Piece, diagram: &Diagram) -> Option<usize> {
         let target = &diagram.wires[piece.wire].to;
         let is_target = |end: &usize| {
@@ -697,7 +695,7 @@ impl Layout {
         };
         let corners = self.corners(piece);
         let (along, across) = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
-        // An end on the right of its block is entered leftwards.
+        // A wire enters an end on the right of its block leftwards.
         let leftwards = end == 0 || self.same_layer(piece);
         let back = if leftwards { along + 7.0 } else { along - 7.0 };
         let head = [(along, across), (back, across - 3.2), (back, across + 3.2)];
@@ -726,7 +724,7 @@ impl Layout {
         }
     }
 
-    /// The names of ports stand in their blocks, each once on a side, where the line leaves.
+    /// Draws each port name in its block, once on a side, where the line leaves.
     fn draw_port_names(&self, canvas: &mut Canvas, view: View, diagram: &Diagram) {
         if !view.downwards {
             return;
@@ -736,7 +734,7 @@ impl Layout {
             for end in [0, 1] {
                 let item = &self.items[piece.ends[end]];
                 let name = self.port_name(piece, end, diagram);
-                // The lower edge faces the layers behind, and its own.
+                // The lower edge faces the next layers and the block's own layer.
                 let lower = end == 0 || self.same_layer(piece);
                 let known = (piece.ends[end], lower, name.clone());
                 if name.trim().is_empty() || done.contains(&known) {
@@ -746,7 +744,7 @@ impl Layout {
                 let (upper_edge, lower_edge) = self.sides(item);
                 let along = if lower { lower_edge - 3.0 } else { upper_edge + 8.0 };
                 let kind = Type::new(PORT_SIZE).anchor(Anchor::Middle);
-                // A line may leave at a corner; its name does not cross the edge.
+                // A line may leave at a corner; keep its name inside the edge.
                 let half = font::width(&name, PORT_SIZE, false) / 2.0 + 2.0;
                 let (first, last) = (item.top + half, item.top + item.height - half);
                 let across = piece.ports[end].clamp(first.min(last), last.max(first));
@@ -755,7 +753,7 @@ impl Layout {
         }
     }
 
-    /// Labels stand above their wire beside the block it leads to.
+    /// Draws labels above their wire, beside its target block.
     fn draw_labels(&self, canvas: &mut Canvas, view: View, diagram: &Diagram) {
         for piece in &self.pieces {
             let label = &diagram.wires[piece.wire].label;
@@ -780,7 +778,7 @@ fn block_items(diagram: &Diagram, wires: &[Option<(usize, usize)>], groups: &[&s
     let item = |(place, (block, layer)): (usize, (&Block, usize))| {
         let (width, height) = diagram.size(block);
         let group = groups.iter().position(|name| *name == block.group).unwrap_or(0);
-        // The first order is the one given.
+        // The initial order is the given one.
         Item { block: Some(place), layer, group, width, height, top: place as f64 }
     };
     blocks.map(item).collect()
@@ -808,7 +806,7 @@ fn layers_of(diagram: &Diagram, wires: &[Option<(usize, usize)>]) -> Vec<usize> 
             queue.push_back(place);
         }
     }
-    // Parts that have no source, or are not reached, start at their first block.
+    // Parts without a source, or not reached, start at their first block.
     for start in 0..count {
         spread(&mut queue, &neighbours, &mut layers);
         if layers[start].is_none() {
@@ -831,8 +829,8 @@ fn spread(queue: &mut VecDeque<usize>, neighbours: &[Vec<usize>], layers: &mut [
     }
 }
 
-/// Cuts wires into pieces; a wire over several columns gets a gap in each of those between, which it
-/// shares with the others of its net.
+/// Cuts wires into pieces. A wire across several columns gets a gap in each column between, shared with the others of
+/// its net.
 fn split_wires(
     diagram: &Diagram,
     wires: &[Option<(usize, usize)>],
@@ -868,7 +866,7 @@ fn split_wires(
     pieces
 }
 
-/// Bands high enough for their fullest column.
+/// Stacks bands that are high enough for their fullest column.
 fn stack_bands(groups: &[&str], items: &[Item]) -> Vec<Band> {
     let layers = items.iter().map(|item| item.layer + 1).max().unwrap_or(0);
     let mut top = 0.0;
@@ -886,12 +884,12 @@ fn stack_bands(groups: &[&str], items: &[Item]) -> Vec<Band> {
     bands
 }
 
-/// Tops as near as possible (in the sense of least squares) to the wishes, in order, without
-/// overlap, between two limits: isotonic regression by pooling neighbours that get in conflict.
+/// Positions without overlap between two limits, in order, as near as possible to the wishes (least squares). It is an
+/// isotonic regression by pooling adjacent violators.
 fn separated(wishes: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64> {
     let mut offset = 0.0;
     let mut offsets = Vec::with_capacity(wishes.len());
-    // Each pool is the mean of its members' wishes, less what stands above them, and their number.
+    // Each pool is the mean of its members' wishes minus the heights above them, and the number of members.
     let mut pools: Vec<(f64, usize)> = Vec::new();
     for (wish, height) in wishes.iter().zip(heights) {
         offsets.push(offset);

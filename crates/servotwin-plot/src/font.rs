@@ -1,7 +1,7 @@
-//! How wide a text is, so that nothing overlaps.
+//! Text widths, to avoid overlaps.
 //!
-//! The widths are DejaVu Sans's. It is one of the widest common faces, so a reader whose viewer
-//! takes another sans-serif font sees a little more space, not less.
+//! The widths are those of DejaVu Sans, one of the widest common fonts. A viewer with another sans-serif font shows
+//! slightly more space, not less.
 
 /// Advance widths of the printable ASCII characters, in thousandths of the font size.
 #[rustfmt::skip]
@@ -13,7 +13,7 @@ const WIDTHS: [u16; 95] = [
     278, 974, 634, 612, 635, 635, 411, 521, 392, 634, 592, 818, 592, 592, 525, 636, 337, 636, 838,
 ];
 
-/// How much wider bold text is, at most, on the average of a word.
+/// Upper limit of the average width ratio of bold and regular words.
 const BOLD: f64 = 1.14;
 
 /// The width of a text at a font size.
@@ -37,7 +37,7 @@ fn letter_width(letter: char) -> u16 {
     }
 }
 
-/// The text, or as much of its beginning as fits with an ellipsis.
+/// The text, or as much of its beginning as fits, with an ellipsis.
 pub(super) fn fit(text: &str, available: f64, size: f64) -> String {
     if width(text, size, false) <= available {
         return text.to_owned();
@@ -55,7 +55,7 @@ pub(super) fn fit(text: &str, available: f64, size: f64) -> String {
     short + "…"
 }
 
-/// The text in lines that fit: broken at spaces, and in long words after `_`, `.` or `/`.
+/// Wraps text into lines that fit: at spaces, and in long words after `_`, `.` or `/`.
 pub(super) fn wrap(text: &str, available: f64, size: f64, bold: bool) -> Vec<String> {
     let fits = |line: &str| width(line.trim_end(), size, bold) <= available;
     let mut lines: Vec<String> = vec![String::new()];

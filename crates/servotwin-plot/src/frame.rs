@@ -23,22 +23,22 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// A point's place, `None` if it has none.
+    /// A point's coordinates; `None` if the axes cannot show it.
     pub fn point(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         Some((self.x_at(x)?, self.y_at(y)?))
     }
 
-    /// A value's horizontal place.
+    /// A value's horizontal coordinate.
     pub fn x_at(&self, value: f64) -> Option<f64> {
         self.x.place(value, self.area.x, self.area.right())
     }
 
-    /// A value's vertical place.
+    /// A value's vertical coordinate.
     pub fn y_at(&self, value: f64) -> Option<f64> {
         self.y.place(value, self.area.bottom(), self.area.y)
     }
 
-    /// Grid lines and the frame, to be drawn before the data.
+    /// Draws the grid lines; call it before the data.
     pub fn draw_grid(&self, canvas: &mut Canvas) {
         let Area { x, y, .. } = self.area;
         let style = format!(" stroke=\"{GRID}\"");
@@ -50,12 +50,12 @@ impl Frame {
         }
     }
 
-    /// The outline, to be drawn after the data.
+    /// Draws the outline; call it after the data.
     pub fn draw_outline(&self, canvas: &mut Canvas) {
         canvas.rect(self.area, &format!(" fill=\"none\" stroke=\"{FRAME}\""));
     }
 
-    /// Labels of the horizontal axis and its title.
+    /// Draws labels and title of the horizontal axis.
     pub fn draw_x_labels(&self, canvas: &mut Canvas, title: &str) {
         let bottom = self.area.bottom();
         let kind = Type::new(TICK_SIZE).anchor(Anchor::Middle);
@@ -66,7 +66,7 @@ impl Frame {
             };
             canvas.line((at, bottom), (at, bottom + 3.0), &format!(" stroke=\"{FRAME}\""));
             let half = font::width(&tick.label, TICK_SIZE, false) / 2.0;
-            // A label that would touch the one before is left out; its tick stays.
+            // Omits a label that would touch the previous one; its tick stays.
             if at - half >= free_from {
                 canvas.text((at, bottom + 14.0), &tick.label, kind);
                 free_from = at + half + 4.0;
@@ -77,7 +77,7 @@ impl Frame {
         canvas.text((middle, bottom + 29.0), &self.x.title(title), kind);
     }
 
-    /// Labels of the vertical axis and its title, whose baseline is at `title_x`.
+    /// Draws labels and title of the vertical axis; the title's baseline is at `title_x`.
     pub fn draw_y_labels(&self, canvas: &mut Canvas, title: &str, title_x: f64) {
         let kind = Type::new(TICK_SIZE).anchor(Anchor::End);
         for tick in &self.y.ticks {
@@ -97,7 +97,7 @@ impl Frame {
     }
 }
 
-/// The width that an axis's labels need at the left of a plotting area.
+/// Width of an axis's labels at the left of a plotting area.
 pub(super) fn labels_width(axis: &Axis) -> f64 {
     let widths = axis.ticks.iter().map(|tick| font::width(&tick.label, TICK_SIZE, false));
     widths.fold(0.0, f64::max) + 7.0

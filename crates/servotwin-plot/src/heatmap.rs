@@ -1,7 +1,7 @@
-//! Confusion matrices: how many cases of each true class were given each class.
+//! Confusion matrices: the number of cases for each pair of true and predicted class.
 //!
-//! A cell's shade is its share of its row, from white to dark blue, so that it is read in grey
-//! too; the text in it is the count and, where there is room, that share in percent.
+//! A cell's shade is its share of its row, from white to dark blue, which stays readable in gray. The text in it is the
+//! count and, if it fits, that share in percent.
 
 use super::Figure;
 use super::font;
@@ -34,7 +34,7 @@ impl ConfusionMatrix {
         let (cell, label_size) = self.sizes();
         let longest = self.classes.iter().map(|name| font::width(name, label_size, false));
         let labels = longest.fold(0.0, f64::max).min(220.0);
-        // Short names stand level above the columns, long ones upright.
+        // Short names are horizontal above the columns, long ones vertical.
         let level = labels <= cell - 4.0;
         let left = MARGIN + 18.0 + labels + 6.0;
         let titles = if self.title.is_empty() { 0.0 } else { 22.0 };
@@ -65,7 +65,7 @@ impl ConfusionMatrix {
         self.counts.get(row).and_then(|counts| counts.get(column)).copied().unwrap_or(0)
     }
 
-    /// Every pair of classes that occurs.
+    /// The count of every pair of classes that occurs.
     fn values(&self) -> Vec<Vec<String>> {
         let places = 0..self.classes.len();
         let pairs = places.clone().flat_map(|row| places.clone().map(move |column| (row, column)));
@@ -77,7 +77,7 @@ impl ConfusionMatrix {
         there.map(value).collect()
     }
 
-    /// The sides of a cell and the size of the class names.
+    /// The side of a cell, and the font size of the class names.
     fn sizes(&self) -> (f64, f64) {
         match self.classes.len() {
             0..=6 => (58.0, LABEL_SIZE + 0.5),
@@ -158,14 +158,14 @@ fn draw_cell_text(canvas: &mut Canvas, count: u64, share: f64, area: Area, ink: 
     canvas.text((x, middle + 10.0), &percent, Type { size: 8.0, ..kind });
 }
 
-/// The colours of a scale beside a map, with what the upper end, the middle and the lower end mean.
+/// Draws the color scale beside a map, with labels of its upper end, middle and lower end.
 pub(super) fn draw_scale(canvas: &mut Canvas, area: Area, labels: [&str; 3]) {
     const STEPS: usize = 24;
     let step = area.height / STEPS as f64;
     for place in 0..STEPS {
         let share = 1.0 - (place as f64 + 0.5) / STEPS as f64;
         let y = area.y + step * place as f64;
-        // A little overlap, so that no white seams show between the steps.
+        // A little overlap hides white seams between the steps.
         let height = if place + 1 == STEPS { step } else { step + 0.5 };
         let fill = scale(share);
         canvas.rect(Area { y, height, ..area }, &format!(" fill=\"{fill}\""));

@@ -1,8 +1,7 @@
-//! Grids of small histograms: how residuals are distributed, sensor by sensor.
+//! Grids of small histograms: the distribution of residuals, sensor by sensor.
 //!
-//! A bar's height is the share of all finite values of its series (relative frequency). Several
-//! series are overlaid as outlines with a light filling. The limits of a band, such as the ±3 % of
-//! the scaled residuals, are marked by dashed lines.
+//! A bar's height is the share of all finite values of its series (relative frequency). Several series are overlaid as
+//! outlines with a light fill. Dashed lines mark the limits of a band, such as the ±3 % of the scaled residuals.
 
 use std::borrow::Cow;
 
@@ -23,7 +22,7 @@ pub struct HistogramGrid<'a> {
     pub x_label: String,
     /// The names of the overlaid series, the same in every panel.
     pub series: Vec<String>,
-    /// How they look; without it, as their places say.
+    /// Styles of the series; the others get the default style of their index.
     pub looks: Vec<Look>,
     /// The panels.
     pub panels: Vec<HistogramPanel<'a>>,
@@ -33,9 +32,9 @@ pub struct HistogramGrid<'a> {
     pub bins: usize,
     /// Dashed lines at plus and minus this value.
     pub band: Option<f64>,
-    /// The range of every panel; without it each has its own, from its data and the band.
+    /// The range of every panel; `None` for each panel's own range, from its data and the band.
     pub range: Option<(f64, f64)>,
-    /// The figure's width.
+    /// The figure's width, px.
     pub width: f64,
 }
 
@@ -161,7 +160,7 @@ impl<'a> HistogramGrid<'a> {
     }
 }
 
-/// The share of the values in each bin, and outside of all.
+/// The share of the values in each bin, and outside all bins.
 struct Shares {
     bins: Vec<f64>,
     outside: f64,
@@ -201,7 +200,7 @@ fn draw_bins(canvas: &mut Canvas, bins: &[f64], look: Look, frame: &Frame) {
     for (place, share) in bins.iter().enumerate() {
         let top = frame.y_at(*share).unwrap_or(area.bottom());
         let x = area.x + step * place as f64;
-        // Equal neighbours, most often empty bins, need no corner between them.
+        // Equal neighbors, mostly empty bins, need no corner between them.
         if outline.last().is_none_or(|last| last.1 != top) {
             let before = outline.last().map_or(top, |last| last.1);
             outline.push((x, before));
@@ -218,7 +217,7 @@ fn draw_bins(canvas: &mut Canvas, bins: &[f64], look: Look, frame: &Frame) {
     canvas.polygon(&outline, &style);
 }
 
-/// Says how many values a fixed range leaves out.
+/// Shows the share of values outside a fixed range.
 fn draw_outside(canvas: &mut Canvas, shares: &[Shares], area: Area) {
     let outside: Vec<String> = shares
         .iter()

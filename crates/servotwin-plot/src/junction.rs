@@ -1,14 +1,14 @@
-//! Where lines of one net meet: a dot tells a junction from a crossing of two nets.
+//! Junctions within a net: a dot distinguishes a junction from a crossing of two nets.
 
 type Point = (f64, f64);
 
-/// From one point to another.
+/// A straight line between two points.
 pub(super) type Line = [Point; 2];
 
-/// Closer than this, two points are one: far less than the width of a line.
+/// Tolerance within which two points are equal: far less than the width of a line.
 const SAME: f64 = 0.05;
 
-/// The points from which lines of one net go on in three or four directions; all lines are level or upright.
+/// The points where lines of one net meet from three or four directions; all lines are horizontal or vertical.
 pub(super) fn junctions(lines: &[Line]) -> Vec<Point> {
     let mut found: Vec<Point> = vec![];
     for &point in lines.iter().flatten() {
@@ -24,9 +24,9 @@ fn is_same(one: Point, other: Point) -> bool {
     (one.0 - other.0).abs() < SAME && (one.1 - other.1).abs() < SAME
 }
 
-/// In how many directions lines go on from a point.
+/// The number of directions in which lines leave a point.
 fn directions(lines: &[Line], (x, y): Point) -> usize {
-    // To the right, to the left, down and up.
+    // Right, left, down, up.
     let mut there = [false; 4];
     for [(x1, y1), (x2, y2)] in lines {
         let across = [x1 - x, x2 - x];
@@ -54,7 +54,7 @@ mod tests {
         assert!(
             junctions(&[level, [(10.0, 0.0), (20.0, 0.0)], [(2.0, 0.0), (6.0, 0.0)]]).is_empty()
         );
-        // Of one net, lines that cross are joined where one of them ends or bends.
+        // Crossing lines of one net are joined where one of them ends or bends.
         let bent = [[(4.0, -5.0), (4.0, 0.0)], [(4.0, 0.0), (4.0, 5.0)]];
         assert_eq!(junctions(&[level, bent[0], bent[1]]), [(4.0, 0.0)]);
     }

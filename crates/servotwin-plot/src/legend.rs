@@ -4,20 +4,20 @@ use super::font;
 use super::style::{GREY, Look};
 use super::svg::{Area, Canvas, Type};
 
-/// What stands before a name.
+/// The symbol before a name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Swatch {
     /// The line of a series.
     Line(Look),
     /// The line of a series with its marker.
     Marked(Look),
-    /// A filled box in the colour of a series.
+    /// A filled box in the color of a series.
     Box(Look),
-    /// A filled box in a tint of its colour, outlined with it.
+    /// A box in a tint of the series' color, with an outline.
     Tinted(Look),
-    /// A translucent grey band.
+    /// A translucent gray band.
     Band,
-    /// Dashed grey lines.
+    /// Dashed gray lines.
     Limit,
 }
 
@@ -38,7 +38,7 @@ fn entry_width(entry: &Entry) -> f64 {
     SWATCH + 4.0 + font::width(&entry.name, SIZE, false)
 }
 
-/// Entries in rows that fit a width, first come first.
+/// Distributes entries over rows that fit a width, in order.
 pub(super) fn rows(entries: &[Entry], width: f64) -> Vec<Vec<Entry>> {
     let mut rows: Vec<Vec<Entry>> = Vec::new();
     let mut used = 0.0;
@@ -65,7 +65,7 @@ pub(super) fn row_width(row: &[Entry]) -> f64 {
     row.iter().map(entry_width).sum::<f64>() + GAP * row.len().saturating_sub(1) as f64
 }
 
-/// Draws rows downwards from a left upper corner.
+/// Draws the rows downwards from their top left corner.
 pub(super) fn draw(canvas: &mut Canvas, corner: (f64, f64), rows: &[Vec<Entry>]) {
     for (place, row) in rows.iter().enumerate() {
         let middle = corner.1 + ROW * (place as f64 + 0.5);

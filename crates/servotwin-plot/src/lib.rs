@@ -1,14 +1,13 @@
-//! Static figures for reports: an SVG writer of our own and the chart kinds drawn with it.
+//! Static figures for reports: an SVG writer and the chart kinds drawn with it.
 //!
-//! Every kind is a struct of plain data with a `draw` that returns a [`Figure`]. The bytes depend
-//! on the data only. Series differ by colour (in a report, by what they
-//! mean: [`Meaning`]; elsewhere by a palette for colour-blind readers) and again by dash or marker, so that a figure
-//! survives a grey printer. Numbers that
-//! are not finite are left out: a line has a gap there.
+//! Every kind is a struct of plain data with a `draw` method that returns a [`Figure`]. The bytes depend on the data
+//! only. Series differ by color: in a report by their [`Meaning`], elsewhere by a palette for color-blind readers. They
+//! also differ by dash or marker, so that a figure can be printed in gray. Non-finite numbers are omitted: a line has a
+//! gap there.
 //!
-//! A PNG is made from the SVG with an embedded font, DejaVu Sans, and looks the same on every
-//! machine. The font is licensed by Bitstream (Vera licence: free to use, embed and redistribute);
-//! DejaVu's changes to it are in the public domain.
+//! A PNG is rendered from the SVG with an embedded font, DejaVu Sans, and looks the same on every machine. The font is
+//! licensed by Bitstream (Vera license: free to use, embed and redistribute). DejaVu's changes to it are in the public
+//! domain.
 
 mod axis;
 pub mod bars;
@@ -49,21 +48,21 @@ pub struct Figure {
     pub width: f64,
     /// The height in SVG units.
     pub height: f64,
-    /// The values that are drawn, for readers who cannot point at them: heads first. Empty where a
-    /// table would be longer than anybody reads.
+    /// The drawn values as a table with a header row, for readers who cannot hover over the figure. Empty if the table
+    /// would be too long.
     pub values: Vec<Vec<String>>,
 }
 
-/// A table of values with more rows than this is read by nobody.
+/// Maximum number of rows in a figure's table of values.
 const MOST_VALUES: usize = 250;
 
-/// Why a figure could not be turned into pixels.
+/// Errors of rendering a figure as PNG.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum PngError {
     /// The SVG text is not well-formed.
     #[error("the figure is no valid SVG: {0}")]
     Svg(String),
-    /// The figure has no area, or more than the memory holds.
+    /// The figure has no area, or needs more memory than available.
     #[error("the figure's size cannot be drawn")]
     Size,
     /// The PNG could not be encoded.
@@ -77,7 +76,7 @@ pub enum PngError {
     Feature,
 }
 
-/// Why a figure could not be saved.
+/// Errors of saving a figure.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The file could not be written.
@@ -95,7 +94,7 @@ pub enum FigureError {
 }
 
 impl Figure {
-    /// The figure with the values in it.
+    /// Adds the table of values, unless it is empty or too long.
     fn with_values(mut self, heads: &[&str], rows: Vec<Vec<String>>) -> Self {
         if !rows.is_empty() && rows.len() <= MOST_VALUES {
             self.values.push(heads.iter().map(|head| (*head).to_owned()).collect());
@@ -104,7 +103,7 @@ impl Figure {
         self
     }
 
-    /// Saves the figure atomically, as SVG or PNG after the file's extension.
+    /// Saves the figure atomically, as SVG or PNG depending on the file's extension.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FigureError> {
         let path = path.as_ref();
         let extension = path.extension().and_then(|text| text.to_str()).unwrap_or_default();
@@ -118,9 +117,9 @@ impl Figure {
         Ok(write_atomically(path, |out| out.write_all(&bytes))?)
     }
 
-    /// The figure as a PNG file's bytes, with `scale` pixels for one SVG unit.
+    /// Renders the figure as a PNG file's bytes, with `scale` pixels for one SVG unit.
     ///
-    /// A figure too large for that scale is drawn at the largest one it fits in.
+    /// A figure that is too large for that scale uses the largest one that fits.
     pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
         #[cfg(feature = "png")]
         return png::render(&self.svg, scale);

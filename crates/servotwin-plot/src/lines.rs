@@ -1,5 +1,4 @@
-//! Curves of one quantity over another, with markers and optional intervals, on linear or
-//! logarithmic axes.
+//! Curves of one quantity over another, with markers and optional intervals, on linear or logarithmic axes.
 
 use super::Figure;
 use super::axis::{Axis, extent, padded, plain};
@@ -22,17 +21,17 @@ pub struct Lines {
     pub x_log: bool,
     /// Whether the vertical axis is logarithmic.
     pub y_log: bool,
-    /// The range of the vertical axis; without it, the data's.
+    /// The range of the vertical axis; `None` for that of the data.
     pub y_range: Option<(f64, f64)>,
     /// The curves.
     pub curves: Vec<Curve>,
-    /// The figure's width.
+    /// The figure's width, px.
     pub width: f64,
-    /// The height of the plotting area.
+    /// The height of the plotting area, px.
     pub height: f64,
 }
 
-/// One curve. On a logarithmic axis, points that are not positive are left out.
+/// One curve. A logarithmic axis omits points that are not positive.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
     /// The name in the legend.
@@ -41,9 +40,9 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
     /// The interval of each point's `y`; empty for none.
     pub intervals: Vec<(f64, f64)>,
-    /// Whether the points are marked; without it only the line is drawn.
+    /// Whether the points have markers; otherwise only the line is drawn.
     pub marked: bool,
-    /// How it looks; without it, as the place of the curve says.
+    /// The style; `None` for the default style of the curve's index.
     pub look: Option<Look>,
 }
 
@@ -53,13 +52,13 @@ impl Curve {
         Self { name: name.into(), points, intervals: Vec::new(), marked: true, look: None }
     }
 
-    /// Gives each point an interval.
+    /// Sets an interval for each point.
     pub fn with_intervals(mut self, intervals: Vec<(f64, f64)>) -> Self {
         self.intervals = intervals;
         self
     }
 
-    /// Gives the curve a look.
+    /// Sets the style.
     pub fn looking(mut self, look: Look) -> Self {
         self.look = Some(look);
         self
@@ -185,7 +184,7 @@ fn axis(
             Axis::logarithmic((low / margin, high * margin))
         }
         (true, found, _) => Axis::logarithmic(found.unwrap_or((1.0, 10.0))),
-        // A curve at the range's end would hide in the frame.
+        // A margin keeps a curve at the end of the range visible beside the frame.
         (false, Some(range), Some(_)) => Axis::linear(padded(range, 0.025), count),
         (false, found, _) => Axis::linear(padded(found.unwrap_or((0.0, 1.0)), 0.03), count),
     }
@@ -198,7 +197,7 @@ fn draw_curve(canvas: &mut Canvas, curve: &Curve, look: Look, frame: &Frame) {
         canvas.path(&run, &format!("{stroke} stroke-linejoin=\"round\"{}", look.dash()));
     }
     for ((x, _), (low, high)) in curve.points.iter().zip(&curve.intervals) {
-        // An end below a logarithmic axis is drawn to the axis.
+        // An interval below a logarithmic axis is drawn down to the axis.
         let low = frame.point(*x, *low).or_else(|| frame.point(*x, frame.y.low));
         if let (Some(low), Some(high)) = (low, frame.point(*x, *high)) {
             canvas.line(low, high, &format!(" stroke=\"{}\" stroke-width=\"1\"", look.colour));
@@ -216,7 +215,7 @@ fn draw_curve(canvas: &mut Canvas, curve: &Curve, look: Look, frame: &Frame) {
     }
 }
 
-/// A point's place, value and interval in words.
+/// A point's coordinates and interval as text.
 fn in_words(curve: &Curve, place: usize) -> [String; 3] {
     let (x, y) = curve.points[place];
     let ends = curve.intervals.get(place);

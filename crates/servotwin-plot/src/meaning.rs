@@ -1,22 +1,22 @@
-//! What colours mean: in all figures of a report one colour stands for one thing.
+//! Semantic colors: one color has the same meaning in all figures of a report.
 //!
-//! | what | colours |
+//! | series | colors |
 //! |---|---|
-//! | units, such as actuators | blue, orange, indigo, rust |
-//! | commands, and below them what is broken | shades of red, violet and ochre for the first, second and third command |
-//! | settings | greens: ideal, noise, fitted, realistic, and with one sensor more |
-//! | what was measured; the twin beside it | ink; sky blue |
-//! | what is joined in a system | petrol (oil), brown and sand (motion), dark grey (signals) |
-//! | what has no meaning in other figures: bands, limits, healthy ones, ways of testing | ink and grey |
+//! | actuators | blue, orange, indigo, rust |
+//! | actions and their fault classes | shades of red, violet and ochre for the first, second and third action |
+//! | scenarios | greens: ideal, noise, fitted, realistic, and with one more sensor |
+//! | measured values; twin values beside them | black; sky blue |
+//! | connections in a system | petrol (oil), brown and sand (motion), dark gray (signals) |
+//! | series without a meaning in other figures: bands, limits, healthy ones, protocols | black and gray |
 //!
-//! Dashes and markers tell series apart once more. Heat maps have a scale of their own, which their bar explains.
+//! Dashes and markers also distinguish series. Heat maps have their own scale, which a bar beside them explains.
 
 use super::style::Look;
 
-/// A colour on white, and what it becomes on a dark ground.
+/// A color on white, and its replacement on a dark background.
 pub(super) type Shade = [&'static str; 2];
 
-/// What those become on a dark ground, where that is not among the colours with a meaning.
+/// Replacements on a dark background for palette colors without a meaning.
 const ON_DARK: [Shade; 2] = [["#009e73", "#2fc79b"], ["#7a5c00", "#cfa63a"]];
 
 const UNITS: [Shade; 4] = [
@@ -50,33 +50,33 @@ const MEDIA: [Shade; 4] = [
 ];
 const PLAIN: [Shade; 2] = [["#000000", "#ffffff"], ["#7f7f7f", "#9a9a9a"]];
 
-/// What a series is about.
+/// The meaning of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meaning {
-    /// A unit, by its place.
+    /// An actuator, by index.
     Unit(usize),
-    /// A command, by its place.
+    /// An action, by index.
     Command(usize),
-    /// What is broken: the place of its command, and its own below that.
+    /// A fault class: the index of its action, and its own index below that.
     Detail(usize, usize),
-    /// A setting, by its place in the order of reports.
+    /// A scenario, by index in the order of reports.
     Setting(usize),
-    /// What sensors say.
+    /// Measured values.
     Measured,
-    /// What the twin says.
+    /// Values of the twin.
     Twin,
-    /// What is joined in a system, by its place in the legend.
+    /// A connection in a system, by index in the legend.
     Medium(usize),
-    /// What means nothing in other figures; two such series of a figure differ.
+    /// No meaning in other figures, by index; the colors repeat after two.
     Plain(usize),
 }
 
 impl Meaning {
-    /// How a series that is about it looks.
+    /// The style of a series with this meaning.
     pub fn look(self) -> Look {
         let of = |shades: &[Shade], place: usize| Look::new(shades[place % shades.len()][0], place);
         let below = |command: usize, place: usize| {
-            // Commands beyond the third begin with another shade.
+            // Actions beyond the third start with another shade.
             let (shades, round) = (COMMANDS[command % COMMANDS.len()], command / COMMANDS.len());
             Look::new(shades[(place + round) % shades.len()][0], place)
         };
@@ -93,13 +93,13 @@ impl Meaning {
     }
 }
 
-/// Every colour that means something, with what it becomes on a dark ground.
+/// Every color with a meaning, and its replacement on a dark background.
 pub(super) fn shades() -> Vec<Shade> {
     let commands = COMMANDS.concat();
     [&UNITS[..], &commands, &SETTINGS, &[TWIN], &MEDIA, &PLAIN].concat()
 }
 
-/// The rules of a style sheet that make a drawing's colours readable on a dark ground; texts keep theirs.
+/// Style sheet rules that make a drawing's colors readable on a dark background; texts keep their colors.
 pub fn dark_rules() -> String {
     let rule = |[light, dark]: Shade| {
         format!(

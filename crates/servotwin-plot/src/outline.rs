@@ -1,7 +1,7 @@
-//! Text as outlines: what turns a figure into pixels then needs no text engine.
+//! Text as outlines, so that rendering needs no text engine.
 //!
-//! Our texts are a line in one of two faces, without ligatures and from left to right, so a glyph
-//! per letter, the face's advance widths and its kerning are all there is to setting them.
+//! Each text is one line in one of two fonts, left to right and without ligatures. Typesetting needs only one glyph per
+//! letter, the font's advance widths and its kerning.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 use super::svg::{escaped, number};
 
-/// The SVG document with every text replaced by its outline.
+/// Replaces every text of an SVG document by its outline.
 pub(super) fn outlined(svg: &str) -> Result<String, Error> {
     let document = Document::parse(svg)?;
     let mut out = String::with_capacity(2 * svg.len());
@@ -25,11 +25,11 @@ pub(super) fn outlined(svg: &str) -> Result<String, Error> {
     Ok(out)
 }
 
-/// The attributes that say where and how large a text is; the others are valid for a path as well.
+/// The attributes for the position and size of a text; the others are valid for a path as well.
 const PLACING: [&str; 5] = ["x", "y", "font-size", "font-weight", "text-anchor"];
 
 fn push_path(out: &mut String, text: Node) {
-    // As SVG prescribes: spaces at the ends are not drawn, several of them are one.
+    // As SVG prescribes: spaces at the ends are dropped, and consecutive ones collapse.
     let words: Vec<&str> = text.text().unwrap_or_default().split_ascii_whitespace().collect();
     let Some(face) = face_of(text) else { return };
     out.push_str("<path");
@@ -48,7 +48,7 @@ fn push_path(out: &mut String, text: Node) {
     let _ = write!(out, " d=\"{}\"/>", line.path(x, number_of("y").unwrap_or(0.0)));
 }
 
-/// The embedded fonts only: what the machine has installed shall not change a picture.
+/// Only the embedded fonts, so that installed fonts do not change a picture.
 fn face_of(text: Node) -> Option<Face<'static>> {
     let data = match text.attribute("font-weight") {
         Some("bold") => dejavu::sans::bold(),
@@ -57,12 +57,12 @@ fn face_of(text: Node) -> Option<Face<'static>> {
     Face::parse(data, 0).ok()
 }
 
-/// A set line of text.
+/// A typeset line of text.
 struct Line<'a> {
     face: &'a Face<'a>,
-    /// Length of one of the face's units.
+    /// Length of a font unit, in SVG units.
     unit: f64,
-    /// The glyphs, and how far from the line's beginning each stands.
+    /// The glyphs with their offsets from the start of the line.
     glyphs: Vec<(GlyphId, f64)>,
     width: f64,
 }
@@ -72,7 +72,7 @@ impl<'a> Line<'a> {
         let unit = size / f64::from(face.units_per_em());
         let mut line = Self { face, unit, glyphs: Vec::new(), width: 0.0 };
         for letter in text.chars() {
-            // Glyph 0 is the frame that stands for letters which a face has not.
+            // Glyph 0 is the frame for letters that the font lacks.
             let glyph = face.glyph_index(letter).unwrap_or_default();
             if let Some((last, _)) = line.glyphs.last() {
                 line.width += unit * f64::from(kerning(face, *last, glyph));
@@ -83,7 +83,7 @@ impl<'a> Line<'a> {
         line
     }
 
-    /// In SVG's path language, with the baseline beginning at a point.
+    /// The outline in SVG's path language, with the start of the baseline at (x, y).
     fn path(&self, x: f64, y: f64) -> String {
         let mut pen = Pen { path: String::new(), x, y, unit: self.unit };
         for (glyph, offset) in &self.glyphs {
@@ -94,14 +94,14 @@ impl<'a> Line<'a> {
     }
 }
 
-/// How much nearer (negative) or farther two glyphs stand than their widths say.
+/// Kerning of two glyphs, in font units; negative moves them closer.
 fn kerning(face: &Face, left: GlyphId, right: GlyphId) -> i16 {
     let tables = face.tables().kern.into_iter().flat_map(|kern| kern.subtables);
     let pairs = tables.filter(|table| table.horizontal && !table.has_cross_stream);
     pairs.filter_map(|table| table.glyphs_kerning(left, right)).sum()
 }
 
-/// Writes a glyph's outline, whose vertical axis points up, as a path.
+/// Writes a glyph's outline as a path; the font's vertical axis points up.
 struct Pen {
     path: String,
     x: f64,
@@ -152,7 +152,7 @@ mod tests {
         Line::new(&Face::parse(data, 0).unwrap(), 100.0, text).width
     }
 
-    /// The layout counts on widths from a table.
+    /// The layout relies on widths from a table.
     #[test]
     fn letters_are_as_wide_as_the_layout_thinks() {
         for letter in (' '..='~').chain("°–²³⁰⁹⁻₀₉·′−±×≤≥≠→…".chars())

@@ -1,4 +1,4 @@
-//! SVG to PNG, with the embedded font.
+//! Conversion of SVG to PNG, with the embedded font.
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
@@ -6,10 +6,10 @@ use resvg::usvg;
 use super::PngError;
 use super::outline::outlined;
 
-/// No side of a picture has more pixels than this.
+/// Maximum side length of a picture, pixels.
 const MAX_PIXELS: f64 = 16_000.0;
 
-/// Draws SVG text into a PNG file's bytes.
+/// Renders SVG text as a PNG file's bytes.
 pub(super) fn render(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
     let svg = outlined(svg).map_err(|error| PngError::Svg(error.to_string()))?;
     let tree = usvg::Tree::from_str(&svg, &usvg::Options::default())

@@ -1,22 +1,21 @@
-//! An excerpt of a table as a picture: groups of columns under common heads, and rows of texts.
+//! An excerpt of a table as a picture: groups of columns with common headers, and rows of texts.
 //!
-//! Columns are as wide as their texts want, which break into lines; columns and rows that stand for those left out
-//! say so with dots.
+//! Columns are as wide as their texts, which wrap. An ellipsis marks omitted columns and rows.
 
 use super::Figure;
 use super::font;
 use super::style::{FRAME, GRID, INK};
 use super::svg::{Anchor, Area, Canvas, Type};
 
-/// What stands for columns or rows that are left out.
+/// The mark of omitted columns or rows.
 pub const LEFT_OUT: &str = "…";
 
-/// Columns under a common head.
+/// Columns with a common header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
-    /// The common head.
+    /// The common header.
     pub title: String,
-    /// The heads of its columns; [`LEFT_OUT`] where some are left out.
+    /// The headers of its columns; [`LEFT_OUT`] for omitted ones.
     pub columns: Vec<String>,
 }
 
@@ -32,14 +31,14 @@ pub struct Sheet {
 const SIZE: f64 = 9.0;
 const LINE: f64 = 12.0;
 const MARGIN: f64 = 6.0;
-/// Beside a text, on both sides together.
+/// Horizontal padding of a text, both sides together, px.
 const BESIDE: f64 = 8.0;
-/// Above and below the texts of a row together.
+/// Vertical padding of a row, both sides together, px.
 const ABOVE: f64 = 7.0;
-/// Texts that are wider break.
+/// Maximum width of a text before it wraps, px.
 const WIDEST: f64 = 62.0;
 
-/// Where columns begin, the last one's end included.
+/// The left edges of the columns and the right edge of the last one.
 struct Columns(Vec<f64>);
 
 impl Sheet {
@@ -79,7 +78,7 @@ impl Sheet {
         self.groups.iter().flat_map(|group| group.columns.clone()).collect()
     }
 
-    /// As wide as the widest line; the columns of a group share what its title needs more.
+    /// Each column is as wide as its widest line; the columns of a group share the extra width that its title needs.
     fn columns(&self) -> Columns {
         let heads = self.heads();
         let widest = |column: usize| {
@@ -101,7 +100,7 @@ impl Sheet {
         Columns(ends)
     }
 
-    /// The heads of the groups, each over its columns.
+    /// Draws the headers of the groups above their columns. Returns the bottom edge.
     fn draw_titles(&self, canvas: &mut Canvas, columns: &Columns, y: f64) -> f64 {
         let mut first = 0;
         let mut titles = vec![];
@@ -126,7 +125,7 @@ fn lines(text: &str) -> Vec<String> {
     font::wrap(text, WIDEST, SIZE, false)
 }
 
-/// Draws a row and says where it ends.
+/// Draws a row and returns its bottom edge.
 fn draw_row(canvas: &mut Canvas, columns: &Columns, row: &[String], y: f64) -> f64 {
     let cells: Vec<Vec<String>> = row.iter().map(|text| lines(text)).collect();
     let deepest = cells.iter().map(Vec::len).max().unwrap_or(0);
@@ -137,7 +136,7 @@ fn draw_row(canvas: &mut Canvas, columns: &Columns, row: &[String], y: f64) -> f
     bottom
 }
 
-/// Lines in the middle of a cell.
+/// Draws lines centered in a cell.
 fn draw_lines(
     canvas: &mut Canvas,
     lines: &[String],

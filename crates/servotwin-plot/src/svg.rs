@@ -1,4 +1,4 @@
-//! A small SVG writer: numbers short, text escaped, no identifiers, no time stamps.
+//! A small SVG writer: short numbers, escaped text, no identifiers, no time stamps.
 
 use std::fmt::Write;
 
@@ -24,7 +24,7 @@ impl Area {
     }
 }
 
-/// Which point of a text its position names.
+/// The point of a text at its position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Anchor {
     Start,
@@ -32,14 +32,14 @@ pub(super) enum Anchor {
     End,
 }
 
-/// How a text is set.
+/// The style of a text.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Type {
     pub size: f64,
     pub anchor: Anchor,
     pub bold: bool,
     pub colour: &'static str,
-    /// Degrees, clockwise.
+    /// Rotation in degrees, clockwise.
     pub turn: f64,
     /// A white rim, for text over lines.
     pub rim: bool,
@@ -78,7 +78,7 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// A rectangle; `style` holds further attributes, each with a space before it.
+    /// Draws a rectangle; `style` holds further attributes, each after a space.
     pub fn rect(&mut self, area: Area, style: &str) {
         let Area { x, y, width, height } = area;
         let [x, y, width, height] = [x, y, width, height].map(number);
@@ -92,17 +92,17 @@ impl Canvas {
         self.path(&[from, to], style);
     }
 
-    /// A line through points; no area is filled.
+    /// Draws a line through points, without a fill.
     pub fn path(&mut self, points: &[(f64, f64)], style: &str) {
         self.shape(&outline(points), &format!(" fill=\"none\"{style}"));
     }
 
-    /// A closed and filled polygon.
+    /// Draws a closed and filled polygon.
     pub fn polygon(&mut self, points: &[(f64, f64)], style: &str) {
         self.shape(&(outline(points) + "Z"), style);
     }
 
-    /// A shape given in SVG's path language.
+    /// Draws a shape given in SVG's path language.
     pub fn shape(&mut self, path: &str, style: &str) {
         let _ = writeln!(self.body, "<path d=\"{path}\"{style}/>");
     }
@@ -112,7 +112,7 @@ impl Canvas {
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{style}/>");
     }
 
-    /// A text whose baseline begins, ends or has its middle at a point.
+    /// Draws a text; its anchor is at a point of the baseline.
     pub fn text(&mut self, at: (f64, f64), text: &str, kind: Type) {
         if text.is_empty() {
             return;
@@ -142,13 +142,13 @@ impl Canvas {
         let _ = writeln!(self.body, ">{}</text>", escaped(text));
     }
 
-    /// Everything drawn by `draw` is cut at the area's edge.
+    /// Clips everything that `draw` draws at the area's edge.
     pub fn clipped(&mut self, area: Area, draw: impl FnOnce(&mut Canvas)) {
         let mut inner = Canvas::default();
         draw(&mut inner);
         let shifted = format!("{} {}", number(-area.x), number(-area.y));
         let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(number);
-        // An inner document cuts at its edge without an identifier, which `clipPath` would need.
+        // A nested document clips without an identifier, which `clipPath` would need.
         let _ = write!(
             self.body,
             "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\">\n\
@@ -157,14 +157,14 @@ impl Canvas {
         );
     }
 
-    /// What `draw` draws says `title` where a reader points at it.
+    /// Adds the tooltip `title` to everything that `draw` draws.
     pub fn titled(&mut self, title: &str, draw: impl FnOnce(&mut Canvas)) {
         let _ = writeln!(self.body, "<g><title>{}</title>", escaped(title));
         draw(self);
         self.body.push_str("</g>\n");
     }
 
-    /// The finished document on a white ground, with a title for readers that do not see it.
+    /// The finished document on a white background, with a title for screen readers.
     pub fn finish(self, width: f64, height: f64, title: &str) -> Figure {
         let (width, height) = (width.ceil(), height.ceil());
         let title = match title {
@@ -184,7 +184,7 @@ impl Canvas {
 
 /// A line as a path of steps in tenths of a unit: half the bytes of absolute coordinates.
 ///
-/// Each step leads to the rounded place of its point, so that roundings do not add up.
+/// Each step leads to the rounded position of its point, so that rounding errors do not add up.
 fn outline(points: &[(f64, f64)]) -> String {
     let tenths = |value: f64| (value * 10.0).round() as i64;
     let mut path = String::new();
@@ -218,14 +218,14 @@ fn push_tenths(path: &mut String, tenths: i64) {
     }
 }
 
-/// A coordinate with at most two digits after the point; anything not finite becomes 0.
+/// A coordinate with at most two decimal places; non-finite values become 0.
 pub(super) fn number(value: f64) -> String {
     let rounded = (value * 100.0).round() / 100.0;
-    // Adding zero turns the negative zero into the positive one.
+    // Adding zero turns negative zero into positive zero.
     if rounded.is_finite() { format!("{}", rounded + 0.0) } else { "0".to_owned() }
 }
 
-/// Text with XML's special characters replaced, and those that XML forbids left out.
+/// Escapes XML's special characters, replaces control characters by spaces, and removes what XML forbids.
 pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {

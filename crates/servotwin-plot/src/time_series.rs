@@ -1,4 +1,4 @@
-//! Signals over time: a column of panels that share their horizontal axis.
+//! Signals over time: a column of panels with a common horizontal axis.
 
 use std::borrow::Cow;
 
@@ -18,22 +18,22 @@ pub struct TimeSeries<'a> {
     pub title: String,
     /// The title of the shared horizontal axis, with its unit.
     pub x_label: String,
-    /// The panels from the top.
+    /// The panels, from top to bottom.
     pub panels: Vec<Panel<'a>>,
-    /// Moments that are marked in all panels.
+    /// Times marked in all panels.
     pub marks: Vec<Mark>,
-    /// The figure's width.
+    /// The figure's width, px.
     pub width: f64,
-    /// The height of each panel's plotting area.
+    /// The height of each panel's plotting area, px.
     pub panel_height: f64,
 }
 
-/// A moment: a vertical line through all panels, with its name in the first one.
+/// A marked time: a vertical line through all panels, with its name in the first one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mark {
     /// The time, in the unit of the horizontal axis.
     pub at: f64,
-    /// The label of the moment.
+    /// The label of the mark.
     pub name: String,
 }
 
@@ -57,11 +57,11 @@ pub struct Series<'a> {
     pub name: String,
     /// The times.
     pub x: Cow<'a, [f64]>,
-    /// The values; a gap is drawn where one is not finite.
+    /// The values; non-finite ones make a gap.
     pub y: Cow<'a, [f64]>,
-    /// How it looks; without it, as its place in the panel says.
+    /// The style; `None` for the default style of its index in the panel.
     pub look: Option<Look>,
-    /// Whether every value has a marker: for few, each of which is an event.
+    /// Whether every value has a marker, for a few separate events.
     pub is_marked: bool,
 }
 
@@ -94,7 +94,7 @@ impl<'a> Series<'a> {
         self
     }
 
-    /// Gives the signal a look.
+    /// Sets the style.
     pub fn looking(mut self, look: Look) -> Self {
         self.look = Some(look);
         self
@@ -205,7 +205,7 @@ impl<'a> TimeSeries<'a> {
         canvas.finish(self.width, y + MARGIN / 2.0, &self.title)
     }
 
-    /// The lines of all marks, and their names one below the other, so that close moments do not overlap.
+    /// Draws the lines of all marks, with their names below each other, so that close marks do not overlap.
     fn draw_marks(&self, canvas: &mut Canvas, frame: &Frame, is_named: bool) {
         let area = frame.area;
         for (place, mark) in self.marks.iter().enumerate() {
@@ -229,7 +229,7 @@ impl<'a> TimeSeries<'a> {
     }
 }
 
-/// Title at the left and legend at the right of one line, or the legend below. Gives the height.
+/// Draws title and legend on one line, or the legend below. Returns the height.
 fn draw_header(canvas: &mut Canvas, panel: &Panel, (x, y): (f64, f64), width: f64) -> f64 {
     let title = font::fit(&panel.title, width / 1.12, PANEL_TITLE_SIZE);
     canvas.text((x, y + 11.0), &title, Type::new(PANEL_TITLE_SIZE).bold());
@@ -304,7 +304,7 @@ fn buckets(frame: &Frame) -> usize {
     frame.area.width as usize
 }
 
-/// The stretches of points without a gap.
+/// Splits points at gaps.
 pub(super) fn runs(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
     let mut runs = vec![Vec::new()];
     for point in points {

@@ -1,8 +1,8 @@
-//! Decision trees, drawn from the root at the top, or at the left, to the leaves.
+//! Decision trees, drawn from the root at the top or left to the leaves.
 //!
-//! The layout is tidy: a node stands above the middle of its children, subtrees are moved together
-//! until their outlines touch, and equal subtrees look equal wherever they stand. Long texts are
-//! wrapped, so that a wide tree is no wider than it must be; it is meant to be scrolled, not shrunk.
+//! The layout is tidy: a node is centered above its children, subtrees move together until their outlines touch, and
+//! equal subtrees look equal everywhere. Long texts wrap to limit the width of a tree; readers scroll it instead of
+//! shrinking it.
 
 use super::Figure;
 use super::font;
@@ -17,20 +17,20 @@ pub struct Tree {
     pub title: String,
     /// The class names, in the order of the nodes' shares.
     pub classes: Vec<String>,
-    /// How they look; without it, as their places say.
+    /// Styles of the classes; the others get the default style of their index.
     pub looks: Vec<Look>,
     /// The root.
     pub root: Node,
-    /// Whether the root stands at the left: a large tree is then read downwards, as a page is.
+    /// Whether the root is at the left, so that a large tree extends downwards like a page.
     pub sideways: bool,
 }
 
-/// A node: lines of text, the shares of the classes in it, and what is below.
+/// A node: lines of text, class shares, and children.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Node {
     /// The text, the first line in bold.
     pub lines: Vec<String>,
-    /// How much of each class is in the node, in any common measure; empty for no bar.
+    /// The amount of each class in the node, in any common measure; empty for no bar.
     pub shares: Vec<f64>,
     /// The children from left to right.
     pub children: Vec<Branch>,
@@ -51,13 +51,13 @@ impl Node {
         Self { lines, shares, children: Vec::new() }
     }
 
-    /// A node that asks a question: the left child for `yes`, the right one for `no`.
+    /// A node with a test: the left child for `yes`, the right one for `no`.
     pub fn split(lines: Vec<String>, shares: Vec<f64>, yes: Node, no: Node) -> Self {
         let branch = |label: &str, node| Branch { label: label.to_owned(), node };
         Self { lines, shares, children: vec![branch("yes", yes), branch("no", no)] }
     }
 
-    /// The lines as they are set, and whether each is bold.
+    /// The wrapped lines, and whether each is bold.
     fn set_lines(&self) -> Vec<(String, bool)> {
         let wrapped = self.lines.iter().enumerate().flat_map(|(place, line)| {
             let bold = place == 0;
@@ -115,7 +115,7 @@ impl Tree {
         let title_width = font::width(&self.title, 13.0, true);
         let width = wide.max(title_width).max(320.0) + 2.0 * MARGIN;
         let top = self.draw_header(&mut canvas, width);
-        // Where the levels begin, and where the root's middle stands across them.
+        // The start of the first level, and the position of the root's middle across the levels.
         let (begin, middle, height) = match self.sideways {
             true => (MARGIN, top - first, top + (last - first) + MARGIN),
             false => {
@@ -146,14 +146,14 @@ impl Tree {
                 swatch: Swatch::Box(look(&self.looks, index)),
             })
             .collect();
-        // A wide tree is scrolled: its legend is to be seen without.
+        // A wide tree is scrolled, but its legend must be visible at once.
         let rows = legend::rows(&entries, width.min(LEGEND_WIDTH) - 2.0 * MARGIN);
         legend::draw(canvas, (MARGIN, y), &rows);
         y + legend::ROW * rows.len() as f64 + 10.0
     }
 }
 
-/// Which way levels follow each other: *along* is from level to level, *across* is within one.
+/// The direction of the levels: *along* is from level to level, *across* is within one.
 #[derive(Debug, Clone, Copy)]
 struct View {
     sideways: bool,
@@ -174,7 +174,7 @@ impl View {
 /// A subtree laid out with its root's middle at zero.
 struct Placed<'a> {
     node: &'a Node,
-    /// Each child with the place of its middle.
+    /// Each child with the position of its middle.
     children: Vec<(f64, Placed<'a>)>,
     /// The left and right edges of the subtree, level by level.
     outline: Vec<(f64, f64)>,
@@ -206,7 +206,7 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// How far a subtree must be moved to the right of an outline.
+/// Distance by which a subtree must move to the right of an outline.
 fn distance(outline: &[(f64, f64)], next: &[(f64, f64)]) -> f64 {
     let levels = outline.iter().zip(next).map(|(one, other)| one.1 - other.0 + SIBLING_GAP);
     if outline.is_empty() { 0.0 } else { levels.fold(f64::NEG_INFINITY, f64::max) }
@@ -234,9 +234,9 @@ fn level_sizes(node: &Node, level: usize, view: View, sizes: &mut Vec<f64>) {
 /// A tree's levels on a canvas.
 struct Levels<'a> {
     view: View,
-    /// Where each begins, along.
+    /// Start of each level, along.
     begins: &'a [f64],
-    /// How the classes look.
+    /// Styles of the classes.
     looks: &'a [Look],
 }
 

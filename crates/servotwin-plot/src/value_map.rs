@@ -1,8 +1,8 @@
-//! A map of values: rows against columns, a shade and a number in each cell.
+//! A map of values: rows and columns, with a shade and a number in each cell.
 //!
-//! The shade goes from nearly white for the least to dark blue for the greatest value, so that it is
-//! read in grey too; a bar of these shades stands beside it. A cell without a value shows a dash on
-//! grey, or, where nothing is worse, the strongest colour of all.
+//! The shade runs from nearly white for the smallest to dark blue for the largest value, which stays readable in gray.
+//! A color bar is beside it. A cell without a value shows a dash on gray, or the color for the worst result if `worst`
+//! is set.
 
 use super::Figure;
 use super::font;
@@ -15,19 +15,19 @@ use super::svg::{Anchor, Area, Canvas, Type};
 pub struct ValueMap {
     /// The figure's title, may be empty.
     pub title: String,
-    /// What the rows are.
+    /// Names of the rows.
     pub rows: Vec<String>,
-    /// What the columns are.
+    /// Names of the columns.
     pub columns: Vec<String>,
-    /// The values, `values[row][column]`; `None` where there is none.
+    /// The values, `values[row][column]`; `None` for missing ones.
     pub values: Vec<Vec<Option<f64>>>,
     /// The values of the light and the dark end of the scale.
     pub range: (f64, f64),
-    /// Digits after the point.
+    /// Decimal places.
     pub digits: usize,
-    /// What the values are, for the line below.
+    /// Description of the values, for the line below.
     pub meaning: String,
-    /// What stands in a cell without a value, and what it means, where nothing is worse than that.
+    /// If a missing value is the worst result: the text in its cell, and its explanation.
     pub worst: Option<(String, String)>,
 }
 
@@ -36,7 +36,7 @@ const SIZE: f64 = 10.0;
 const CELL: (f64, f64) = (62.0, 18.0);
 const EMPTY: &str = "#cccccc";
 
-/// The fewest digits after the point, up to three, with which no value is rounded.
+/// The smallest number of decimal places, up to three, that rounds no value.
 pub fn digits(values: impl IntoIterator<Item = f64> + Clone) -> usize {
     let is_exact = |digits: &i32| {
         let scale = 10_f64.powi(*digits);
@@ -57,7 +57,7 @@ impl ValueMap {
             widths.fold(0.0, f64::max)
         };
         let left = MARGIN + longest(&self.rows).min(330.0) + 6.0;
-        // Heads that do not fit stand upright.
+        // Headers that do not fit are vertical.
         let heads = longest(&self.columns).min(200.0);
         let level = heads <= CELL.0 - 4.0;
         let titles = if self.title.is_empty() { 0.0 } else { 22.0 };
@@ -137,7 +137,7 @@ impl ValueMap {
     }
 }
 
-/// A filled cell with a text in its middle.
+/// Draws a filled cell with a centered text.
 fn draw_box(canvas: &mut Canvas, area: Area, fill: &str, text: &str) {
     canvas.rect(area, &format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\""));
     let kind = Type::new(SIZE).anchor(Anchor::Middle).colour(ink_on(fill));

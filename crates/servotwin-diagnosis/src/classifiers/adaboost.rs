@@ -24,14 +24,14 @@ pub struct Model {
 pub struct WeightedTree {
     /// The weight of its vote.
     pub weight: f64,
-    /// The questions.
+    /// The tests of the tree.
     pub branches: Branches,
     /// The class decided at each node.
     pub decisions: Vec<u32>,
 }
 
 impl Model {
-    /// The questions of all trees as (feature, threshold).
+    /// The tests of all trees as (feature, threshold).
     pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.trees.iter().flat_map(|tree| tree.branches.splits())
     }

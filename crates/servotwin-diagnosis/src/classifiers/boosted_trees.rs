@@ -18,30 +18,30 @@ pub struct Model {
     pub classes: usize,
     /// The classes with training rows, ascending.
     pub present: Vec<u32>,
-    /// Where the sum of each of these begins: the logarithm of the class's share. Of up to two
-    /// classes the first has none, because its sum is always 0.
+    /// Initial score of each output: the logarithm of the class's share. With up to two classes, the first has none,
+    /// because its score is always 0.
     pub priors: Vec<f64>,
-    /// The trees; none where no feature varies or there is one class.
+    /// The trees; none if no feature varies or there is only one class.
     pub trees: Vec<AddingTree>,
 }
 
-/// A tree with what it adds for each output.
+/// A tree with its contribution to each output.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AddingTree {
-    /// The questions.
+    /// The tests of the tree.
     pub branches: Branches,
-    /// Node-major; 0 where a node is no leaf.
+    /// Node-major contributions; 0 for inner nodes.
     pub values: Vec<f64>,
 }
 
 impl Model {
-    /// The questions of all trees as (feature, threshold).
+    /// The tests of all trees as (feature, threshold).
     pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.trees.iter().flat_map(|tree| tree.branches.splits())
     }
 
-    /// The classes for which the trees add numbers.
+    /// The classes that the trees contribute to.
     pub fn outputs(&self) -> &[u32] {
         &self.present[self.present.len() - self.priors.len()..]
     }

@@ -1,5 +1,4 @@
-//! One linear function per class: what linear SVM, discriminant analysis and logistic regression
-//! have in common once trained.
+//! One linear function per class, the trained form of linear SVM, discriminant analysis and logistic regression.
 
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
@@ -7,19 +6,19 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, same_length};
 use crate::numeric::{arg_max, dot, softmax};
 
-/// `f_k(x) = w_k · x + b_k` for the classes that were trained; the largest wins.
+/// `f_k(x) = w_k · x + b_k` for the trained classes; the largest wins.
 ///
-/// The weights are for features as they come: standardisation is folded in.
+/// The weights apply to unscaled features: they include the standardization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinearFunctions {
     /// Number of features in a row.
     pub features: usize,
-    /// Number of classes, those without training rows included.
+    /// Number of classes, including those without training rows.
     pub classes: usize,
     /// Labels of the trained classes, ascending.
     pub labels: Vec<u32>,
-    /// Trained class-major: one weight per feature.
+    /// Class-major: one weight per feature and trained class.
     pub weights: Vec<f64>,
     /// The intercept of each trained class.
     pub intercepts: Vec<f64>,
@@ -38,7 +37,7 @@ impl LinearFunctions {
         self.labels[arg_max(self.functions().map(|(_, weights, b)| dot(weights, row) + b))]
     }
 
-    /// Writes the values; classes that were not trained get minus infinity.
+    /// Writes the values; untrained classes get minus infinity.
     pub(crate) fn values_into(&self, row: &[f64], values: &mut [f64]) {
         let row = &row[..self.features];
         values.fill(f64::NEG_INFINITY);
@@ -60,7 +59,7 @@ impl LinearFunctions {
     }
 }
 
-/// Checks the labels of the trained classes of a model from outside.
+/// Checks the labels of the trained classes of a loaded model.
 pub(crate) fn check_labels(labels: &[u32], classes: usize) -> Result<(), Error> {
     if !labels.is_empty() && labels.iter().all(|&label| (label as usize) < classes) {
         Ok(())

@@ -12,7 +12,7 @@ use crate::error::Error;
 pub struct Model {
     /// The linear function of each class.
     pub functions: LinearFunctions,
-    /// The ridge on the within-class correlations: the one set, or the first that made them regular.
+    /// The ridge on the within-class correlations: the given one, or the first that made them regular.
     pub ridge: f64,
 }
 

@@ -24,13 +24,13 @@ pub struct Shape {
 pub struct Model {
     /// The sizes.
     pub shape: Shape,
-    /// Hidden unit-major: one weight per feature, standardisation folded in.
+    /// Hidden unit-major: one weight per feature, including the standardization.
     pub hidden_weights: Vec<f64>,
     /// The intercept of each hidden unit.
     pub hidden_intercepts: Vec<f64>,
-    /// Hidden unit-major: one weight per class; last the intercepts.
+    /// Hidden unit-major: one weight per class; the intercepts follow at the end.
     pub output_weights: Vec<f64>,
-    /// Passes over the rows that training took.
+    /// Number of training passes over the rows.
     pub epochs: usize,
     /// Mean loss of the last pass.
     pub loss: f64,

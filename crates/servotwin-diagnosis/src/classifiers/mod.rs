@@ -1,8 +1,8 @@
 //! The classifiers, one file each, behind one trait.
 //!
 //! A classifier file holds its trained `Model`, plain data that implements [`Classifier`]. The crate
-//! `servotwin-learning` trains it. To add one: write both files, declare them, and add one line to the
-//! list below and to the one there; the contract tests take it in.
+//! `servotwin-learning` trains it. To add one, write and declare both files, and add one line to the list below and to
+//! the one there. The contract tests then cover it.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -26,22 +26,21 @@ pub mod linear;
 /// What the scores of a classifier mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scores {
-    /// Not negative and sum to one: probabilities or shares of votes (not calibrated).
+    /// Nonnegative, with sum one: probabilities or shares of votes, not calibrated.
     Shares,
-    /// Signed distances from each class's border; no common scale.
+    /// Signed distances from each class's border, without a common scale.
     Margins,
 }
 
 /// A trained model.
 ///
-/// Rows must be finite, or NaN where a value is missing and the model
-/// [was trained with such rows](Model::knows_missing). Any other NaN never panics, but what is
-/// predicted then means nothing.
+/// Rows must be finite, or NaN for a missing value if the model [was trained with such rows](Model::knows_missing). Any
+/// other NaN never panics, but the prediction is then arbitrary.
 pub trait Classifier {
     /// Number of features in a row.
     fn features(&self) -> usize;
 
-    /// Number of classes, those without training rows included.
+    /// Number of classes, including those without training rows.
     fn classes(&self) -> usize;
 
     /// What the scores mean.
@@ -49,20 +48,20 @@ pub trait Classifier {
         Scores::Shares
     }
 
-    /// Whether any answer depends on a feature: no tree need ask for all of them.
+    /// Whether any answer depends on a feature; trees may leave features out.
     fn reads(&self, _feature: usize) -> bool {
         true
     }
 
-    /// Writes one score per class, the largest for the class predicted. Does not allocate.
+    /// Writes one score per class; the predicted class has the largest. Does not allocate.
     ///
     /// # Panics
     /// If `row` is shorter than [`Classifier::features`] or `scores` is not as long as
     /// [`Classifier::classes`]. [`Model::predict`] checks first.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]);
 
-    /// The predicted class, of equally good ones the lowest. Does not allocate; `scratch` has one
-    /// place per class, and may hold the scores afterwards.
+    /// The predicted class, the lowest in a tie. Does not allocate; `scratch` has one entry per class and may hold the
+    /// scores afterwards.
     ///
     /// # Panics
     /// As [`Classifier::scores_into`].
@@ -79,7 +78,7 @@ pub trait Classifier {
         self.predict_with(row, &mut vec![0.0; self.classes()])
     }
 
-    /// Checks that the parts of a model fit each other; for models that come from outside.
+    /// Checks that the parts of a loaded model fit together.
     ///
     /// # Errors
     /// [`Error::CorruptModel`] or [`Error::LengthMismatch`].
@@ -115,7 +114,7 @@ macro_rules! classifiers {
         }
 
         /// A trained model of any kind.
-        // A hierarchy holds a handful of models, and a boxed tree is one more step to each answer.
+        // A hierarchy holds few models, and a boxed tree costs another indirection per answer.
         #[allow(clippy::large_enum_variant)]
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
@@ -140,7 +139,7 @@ macro_rules! classifiers {
     };
 }
 
-// The one list. Source file, name of the kind, name to show.
+// The one list: source file, kind, title.
 classifiers! {
     linear_svm LinearSvm "Linear support vector",
     cart Cart "Decision tree (CART)",
@@ -154,8 +153,7 @@ classifiers! {
 }
 
 impl Kind {
-    /// Whether it is made of trees: rows without a value are learnt from, and rows of weight zero
-    /// are as if they were not there, to the bit.
+    /// Whether it consists of trees that learn from rows without a value, and ignore rows of weight zero bit for bit.
     pub fn learns_from_missing(self) -> bool {
         matches!(self, Kind::Cart | Kind::RandomForest | Kind::Adaboost)
     }
@@ -196,7 +194,7 @@ impl Classifier for Model {
 }
 
 impl Model {
-    /// Whether it was trained with rows without a value, and so has learnt where they belong.
+    /// Whether it was trained with rows without a value, and knows where they belong.
     pub fn knows_missing(&self) -> bool {
         match self {
             Model::Cart(tree) => tree.branches().knows_missing(),
@@ -206,7 +204,7 @@ impl Model {
         }
     }
 
-    /// The questions of a model made of trees as (feature, threshold); none for the others.
+    /// The tests of a model made of trees as (feature, threshold); none for the others.
     pub fn splits(&self) -> Vec<(usize, f64)> {
         match self {
             Model::Cart(tree) => tree.branches().splits().collect(),

@@ -18,15 +18,15 @@ pub struct Model {
     pub trees: Vec<VotingTree>,
 }
 
-/// A tree with the class shares of its leaves, leaving out zeros.
+/// A tree with the nonzero class shares of its leaves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VotingTree {
-    /// The questions.
+    /// The tests of the tree.
     pub branches: Branches,
-    /// Where the shares of each node begin; one more entry for the end.
+    /// Start of each node's shares, plus one entry for the end.
     pub starts: Vec<u32>,
-    /// The classes of each leaf.
+    /// The classes of all leaves, node by node.
     pub classes: Vec<u32>,
     /// Their shares.
     pub shares: Vec<f64>,
@@ -57,7 +57,7 @@ impl VotingTree {
 }
 
 impl Model {
-    /// The questions of all trees as (feature, threshold).
+    /// The tests of all trees as (feature, threshold).
     pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.trees.iter().flat_map(|tree| tree.branches.splits())
     }

@@ -1,4 +1,4 @@
-//! Which command is raised, which actuators are off, and what may never be raised any more.
+//! The raised action, the actuators that are off, and the rules that restrict what may be raised.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -8,22 +8,22 @@ use super::decision::{Hypotheses, Settings};
 use super::outcome::{Places, Raised};
 use crate::hierarchy::Names;
 
-/// The alarm of a session, and what it must remember.
+/// The alarm state of a session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Memory {
     pub raised: Option<Raised>,
-    /// Since which sample there is no evidence for it any more.
+    /// First sample without evidence for the raised action.
     recovering_since: Option<u64>,
     /// Actuators that were switched off.
     pub is_off: Vec<bool>,
-    /// Actuators for which it was ever raised that they be switched off, until they are released.
+    /// Actuators whose shutdown was ever raised, until they are released.
     was_claimed_off: Vec<bool>,
-    /// Actuators that are on and not judged.
+    /// Actuators that are on but not judged.
     pub is_inhibited: Vec<bool>,
 }
 
-/// The rules of raising.
+/// The rules of raising an action.
 #[derive(Debug, Clone)]
 pub(super) struct Rules {
     hypotheses: Hypotheses,
@@ -59,7 +59,7 @@ impl Memory {
         }
     }
 
-    /// Forgets everything.
+    /// Clears everything.
     pub fn clear(&mut self) {
         self.drop_raised();
         for list in [&mut self.is_off, &mut self.was_claimed_off, &mut self.is_inhibited] {
@@ -75,9 +75,9 @@ impl Memory {
             && self.recovering_since.is_none_or(|since| since <= samples)
     }
 
-    /// Whether a hypothesis may be raised at all: its actuator is judged, and if it is to be switched
-    /// off, enough others are on and were never to be switched off, and nothing is raised of another one: two failures
-    /// within seconds are less likely than one that looks otherwise now.
+    /// Whether a hypothesis may be raised at all. Its actuator must be judged. For a shutdown, enough other actuators
+    /// must be on and never have been claimed off, and no other actuator may have an alarm. Two failures within seconds
+    /// are less likely than one failure that now looks different.
     pub fn allows(&self, rules: &Rules, hypothesis: usize) -> bool {
         let Some((actuator, action)) = rules.hypotheses.split(hypothesis) else { return false };
         if self.is_masked(actuator) {
@@ -92,22 +92,22 @@ impl Memory {
         !rules.switches_off[action] || (others >= rules.least_on && !is_another_raised)
     }
 
-    /// Whether what is raised stays whatever comes: it switches off.
+    /// Whether the raised action is latched, because it switches off.
     pub fn is_latched(&self, rules: &Rules) -> bool {
         self.raised.is_some_and(|raised| rules.switches_off(raised.action))
     }
 
-    /// Whether there is no evidence for what is raised any more.
+    /// Whether the evidence for the raised action has ended.
     pub fn is_recovering(&self) -> bool {
         self.recovering_since.is_some()
     }
 
-    /// The hypothesis that is raised.
+    /// The raised hypothesis.
     pub fn hypothesis(&self, rules: &Rules) -> Option<usize> {
         self.raised.map(|r| rules.hypotheses.place(r.actuator as usize, r.action as usize))
     }
 
-    /// Raises a command that is allowed, or what is raised again; what is latched stays.
+    /// Raises an allowed action, or updates the raised one. A latched alarm gives way to no other.
     pub fn raise(&mut self, rules: &Rules, new: Raised) {
         let same = |old: &Raised| (old.actuator, old.action) == (new.actuator, new.action);
         let hypothesis = rules.hypotheses.place(new.actuator as usize, new.action as usize);
@@ -121,8 +121,7 @@ impl Memory {
         self.recovering_since = None;
     }
 
-    /// Says whether there is still evidence for what is raised; without any for long enough it is
-    /// over.
+    /// Updates the recovery time: without evidence for long enough, an alarm that is not latched ends.
     pub fn hold(&mut self, rules: &Rules, has_evidence: bool, sample: u64) {
         if has_evidence || self.raised.is_none() || self.is_latched(rules) {
             self.recovering_since = None;
@@ -138,12 +137,12 @@ impl Memory {
         (self.raised, self.recovering_since) = (None, None);
     }
 
-    /// Whether nothing is said of an actuator.
+    /// Whether an actuator is excluded from the answers.
     pub fn is_masked(&self, actuator: usize) -> bool {
         self.is_off[actuator] || self.is_inhibited[actuator]
     }
 
-    /// An actuator is not judged from now on, or judged again.
+    /// Stops or resumes judging an actuator.
     pub fn inhibit(&mut self, actuator: usize, is_inhibited: bool) {
         self.is_inhibited[actuator] = is_inhibited;
         if is_inhibited {
@@ -151,13 +150,13 @@ impl Memory {
         }
     }
 
-    /// An actuator was switched off.
+    /// Records that an actuator was switched off.
     pub fn switch_off(&mut self, actuator: usize) {
         (self.is_off[actuator], self.was_claimed_off[actuator]) = (true, true);
         self.drop_raised_of(actuator);
     }
 
-    /// An actuator is on, and may be switched off again.
+    /// Records that an actuator is on and may be switched off again.
     pub fn release(&mut self, actuator: usize) {
         (self.is_off[actuator], self.was_claimed_off[actuator]) = (false, false);
         self.drop_raised_of(actuator);
@@ -198,8 +197,8 @@ mod tests {
         Raised { actuator, action, detail: Some(1), sample, length: 0, confidence: 0.9 }
     }
 
-    /// Anything is done in any order; only a release gives back what may be switched off. As many as must stay on
-    /// are never told to switch off, and all the others can be.
+    /// Random events in random order; only a release allows another shutdown of an actuator. The minimum number of
+    /// actuators is never commanded to switch off, and all others can be.
     #[test]
     fn the_last_actuators_are_never_switched_off() {
         let counts = (2..=5).flat_map(|all| (1..=all).map(move |kept| (all, kept)));
@@ -213,7 +212,7 @@ mod tests {
                 for sample in 0..400 {
                     let actuator = random.index(actuators);
                     match random.index(8) {
-                        // Switched off by another hand, or released, now and then.
+                        // Now and then an actuator is switched off from outside or released.
                         0 if memory.raised.is_some_and(|r| r.action == 0) => {
                             memory.switch_off(memory.raised.unwrap().actuator as usize);
                         }
@@ -242,7 +241,7 @@ mod tests {
         }
     }
 
-    /// What looks like a second failure soon after the first is the first, seen otherwise.
+    /// An apparent second failure soon after the first is the first one, seen differently.
     #[test]
     fn nothing_is_switched_off_while_another_actuator_has_an_alarm() {
         let rules = rules(2);
@@ -250,12 +249,12 @@ mod tests {
         memory.raise(&rules, raised(0, 1, 10));
         memory.raise(&rules, raised(1, 0, 20));
         assert_eq!(memory.raised, Some(raised(0, 1, 10)));
-        // A milder command of the other, or this one's shutdown, may be raised.
+        // A milder action for the other actuator may be raised, then this one's shutdown.
         memory.raise(&rules, raised(1, 2, 30));
         assert_eq!(memory.raised, Some(raised(1, 2, 30)));
         memory.raise(&rules, raised(1, 0, 40));
         assert_eq!(memory.raised, Some(raised(1, 0, 40)));
-        // So may the other's, once the alarm is over.
+        // The other's shutdown may be raised once the alarm is over.
         let mut memory = Memory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         (10..=10 + rules.recover_samples + 1).for_each(|sample| memory.hold(&rules, false, sample));
@@ -263,7 +262,7 @@ mod tests {
         assert_eq!(memory.raised, Some(raised(1, 0, 2000)));
     }
 
-    /// There is none that could take over, and none that must be kept for it.
+    /// No other actuator could take over, and none must be kept for it.
     #[test]
     fn a_single_actuator_may_be_stopped_unless_it_must_stay_on() {
         for (least_on, stops) in [(None, true), (Some(0), true), (Some(1), false)] {

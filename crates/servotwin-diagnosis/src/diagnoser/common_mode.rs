@@ -1,14 +1,13 @@
 //! Common mode: a deviation that several actuators share is the fault of none of them.
 //!
-//! If the twin gets a wrong command, the same sensors of all actuators deviate alike. A tree that never saw this picks an
-//! actuator by chance. With r the residuals of corresponding sensors of actuators k and l in parts of their bands,
+//! If the twin gets a wrong command, the same sensors of all actuators deviate alike. A tree that never saw this picks
+//! an actuator by chance. With r the residuals of corresponding sensors of actuators k and l in parts of their bands,
 //!
 //! ```text
 //! share = Σ E(r_k + r_l)² / (Σ E(r_k + r_l)² + Σ E(r_k − r_l)²)
 //! ```
 //!
-//! is one half where only one of the two deviates, less where one resists what the other does, and one
-//! where nothing tells them apart.
+//! It is one half if only one of the two deviates, less if one moves against the other, and one if both deviate alike.
 
 use alloc::vec::Vec;
 
@@ -16,14 +15,14 @@ use crate::features::Sensors;
 use crate::panel::SensorBand;
 use crate::residual::Window;
 
-/// The like sensors of each pair of actuators.
+/// The corresponding sensors of each pair of actuators.
 #[derive(Debug, Clone)]
 pub(super) struct CommonMode {
     pairs: Vec<([usize; 2], Vec<[usize; 2]>)>,
 }
 
 impl CommonMode {
-    /// Of the first `watched` sensors.
+    /// Considers the first `watched` sensors.
     pub fn new(sensors: &Sensors, watched: usize) -> Self {
         let mut pairs = Vec::new();
         for first in 0..sensors.actuators() {
@@ -40,8 +39,7 @@ impl CommonMode {
         CommonMode { pairs }
     }
 
-    /// The largest share of what deviates that an actuator has in common with another one; 0 without
-    /// any like it.
+    /// The largest common-mode share of an actuator with any other; 0 without a corresponding actuator.
     pub fn share(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
         let pairs = self.pairs.iter().filter(|(actuators, _)| actuators.contains(&actuator));
         pairs.map(|(_, sensors)| share(sensors, window, bands)).fold(0.0, f64::max)
@@ -103,7 +101,7 @@ mod tests {
         assert_eq!(of_second(&|_| [0.0, 0.0]), 0.0);
     }
 
-    /// Of three the fault of one is its own, whatever the others have in common.
+    /// With three actuators, the fault of one is its own, whatever the other two have in common.
     #[test]
     fn what_two_of_three_have_in_common_is_no_fault_of_either() {
         let wave = |t: f64| 0.05 + libm::sin(t);

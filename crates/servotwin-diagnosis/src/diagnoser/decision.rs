@@ -1,7 +1,7 @@
-//! The sequential test that alone may raise a command.
+//! The sequential test that raises actions.
 //!
-//! Hypotheses are h = 0, nothing is wrong, and one for each command of each actuator. Where a pane of
-//! a window length ends, its committee gives each a probability p_h, and for every pair
+//! The hypotheses are h = 0, healthy, and one for each action of each actuator. At the end of each pane of a window
+//! length, its committee gives each a probability p_h. For every pair
 //!
 //! ```text
 //! z_hg = clip(ln p_h − ln p_g − a_hg, ±c) · w^q
@@ -10,31 +10,33 @@
 //! h may be raised where S_hg ≥ b_hg for every g ≠ h             (2)
 //! ```
 //!
-//! with w the share of the window that is new (windows overlap: the same sample must not convince
-//! twice; but a later window also sees it in other company, hence the exponent q), a_hg an allowance, and
-//! c a clip, so that no single window decides. The allowance is larger against health where specimens have
-//! tolerances: what they show lasts, and without it whatever is a little likelier than health is raised
-//! some day, however high its limit. For the same reason it is larger against another actuator where a command
-//! switches off. This is the matrix CuSum
-//! (Nikiforov, "A Simple Recursive Algorithm for Diagnosis of Abrupt Changes in Random Signals", IEEE
-//! Trans. Information Theory 46, 2000; Oskiper, Poor, "Online Activity Detection in a Multiuser
-//! Environment Using the Matrix CUSUM Algorithm", ibid. 48, 2002): evidence must beat the *best other
-//! explanation*. Rule (1) is the joint CuSum's for a change that may be confused with another (Chen,
-//! Lin, Zou and others, J-CuSum): what tells a fault from its like, benign changes included, only
-//! counts while there is evidence that something changed at all.
+//! with w the share of the window that is new, a_hg an allowance, and c a clip, so that no single window decides.
+//! Windows overlap, and the same sample must not count twice. But a later window also sees it in a new context, hence
+//! the exponent q.
 //!
-//! The limits follow from the error rates that are chosen and from what errors cost:
+//! The allowance against health is larger for specimens with tolerances. Tolerances persist, and a fault that looks
+//! slightly likelier than health would otherwise be raised some day, however high its limit. For the same reason the
+//! allowance against another actuator is larger for an action that switches off.
+//!
+//! This is the matrix CuSum (Nikiforov, "A Simple Recursive Algorithm for Diagnosis of Abrupt Changes in Random
+//! Signals", IEEE Trans. Information Theory 46, 2000; Oskiper, Poor, "Online Activity Detection in a Multiuser
+//! Environment Using the Matrix CUSUM Algorithm", ibid. 48, 2002). Evidence must beat the *best other explanation*.
+//! Rule (1) comes from the joint CuSum for a change that may be confused with another (Chen, Lin, Zou and others,
+//! J-CuSum). Evidence against similar hypotheses, benign changes included, only counts while there is evidence of any
+//! change.
+//!
+//! The limits follow from the chosen error rates and the costs of errors:
 //!
 //! ```text
 //! b_h0 = ln(3600 s/h / (rate_per_h T)) + ln cost(healthy, h)
 //! b_hg = ln(1/probability) + ln cost(g, h)
 //! ```
 //!
-//! with T the length of the window. For likelihood ratios of independent windows a CuSum with limit b
-//! crosses by chance within m windows with a probability of at most m e^−b (the local probability of a
-//! false alarm, which is what matters for faults that come and go), so within an hour of T-long
-//! windows at most at the rate. The committee's probabilities are no likelihoods of independent
-//! windows: the rates are what is aimed at, and a campaign measures what they are.
+//! with T the length of the window. For likelihood ratios of independent windows, a CuSum with limit b crosses by
+//! chance within m windows with a probability of at most m e^−b. This local false-alarm probability matters for
+//! intermittent faults. Within an hour of windows of length T, false alarms then stay below the chosen rate. The
+//! committee's probabilities are no likelihoods of independent windows, so the rates are targets, and a campaign
+//! measures the actual ones.
 
 use alloc::string::String;
 use alloc::vec;
@@ -44,29 +46,28 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, require, same_length};
 use crate::hierarchy::Names;
 
-/// No hypothesis is less likely than this.
+/// Lower limit of probabilities and costs before a logarithm is taken.
 const LEAST_PROBABILITY: f64 = 1e-12;
 
-/// Every limit is at least so much, whatever the costs, in nats.
+/// Lower limit of every limit, whatever the costs, in nats.
 const LEAST_LIMIT: f64 = 1.0;
 
-/// A statistic grows to at most so many times its limit: what it takes to fall again is bounded.
+/// Cap of a statistic, in multiples of its limit; it bounds the time to fall again.
 const CAP: f64 = 1.5;
 
-/// What errors cost, relative to an error whose cost is 1, for which the error rates are meant.
+/// Costs of errors. The error rates are meant for an error of cost 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Costs {
-    /// `[truth][answer]` in the actuator that is concerned: healthy, then the commands.
+    /// `[truth][answer]` for the faulty actuator: healthy, then the actions.
     pub same_actuator: Vec<Vec<f64>>,
-    /// Of each command given to an actuator while the fault is in another one.
+    /// For each action, given to an actuator while the fault is in another one.
     pub other_actuator: Vec<f64>,
 }
 
 impl Costs {
-    /// Ten for switching off what is healthy, a thousand for switching off the healthy one of several
-    /// actuators, three for switching off where less would do, and one for every other error.
-    /// `is_off` says of each command whether it switches off.
+    /// Ten for switching off a healthy actuator, and a thousand if another actuator has the fault. Three for switching
+    /// off when less would do, and one for every other error. `is_off` marks the actions that switch off.
     pub fn usual(is_off: &[bool]) -> Self {
         let answer = |truth: usize, answer: usize| match answer.checked_sub(1) {
             Some(action) if is_off[action] && truth == 0 => 10.0,
@@ -94,60 +95,57 @@ impl Costs {
     }
 }
 
-/// How sure a decision must be.
+/// Settings of the sequential test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// False alarms of a command in an hour without a fault, for an error of cost 1.
+    /// False alarms of an action per fault-free hour, for an error of cost 1.
     pub false_alarms_per_h: f64,
-    /// Probability that a fault raises another command than its own, for an error of cost 1.
+    /// Probability that a fault raises the wrong action, for an error of cost 1.
     pub wrong_isolation: f64,
     /// What errors cost.
     pub costs: Costs,
-    /// The most that one window counts, in nats.
+    /// The largest evidence of one window, in nats.
     pub clip_nats: f64,
-    /// What is taken off the evidence of every window, in nats.
+    /// Allowance subtracted from the evidence of every window, in nats.
     pub allowance_nats: f64,
-    /// What is taken off the evidence against health besides, in nats: as much as healthy specimens may look like
-    /// a fault for ever.
+    /// Additional allowance against health, in nats: as much as healthy specimens may permanently look like a fault.
     #[serde(default)]
     pub health_allowance_nats: f64,
-    /// What is taken off besides for a command that switches off, in nats.
+    /// Additional allowance against health for an action that switches off, in nats.
     #[serde(default)]
     pub off_allowance_nats: f64,
-    /// What is taken off besides of the evidence against another actuator for a command that switches off, in nats: what
-    /// looks a little more like the fault of one than of the other may do so for long, too.
+    /// Additional allowance against other actuators for an action that switches off, in nats. A window may favor one
+    /// actuator slightly, and do so for long.
     #[serde(default)]
     pub other_allowance_nats: f64,
-    /// What a window in which every residual stays in its band counts for health, in nats.
+    /// Evidence for health of a window with every residual in its band, in nats.
     pub in_band_nats: f64,
-    /// How much overlapping windows count: the exponent q of the share that is new. 1 counts every
-    /// sample once, 0 every window in full; the latency is in between, too.
+    /// Exponent q of the share that is new, for overlapping windows. 1 counts every sample once, 0 counts every window
+    /// in full. The latency lies in between, too.
     pub overlap_exponent: f64,
-    /// The share of what deviates that actuators may have in common, above which it is like nothing
-    /// known: one half is a fault of one of them, one is none.
+    /// The common-mode share of two actuators above which a deviation counts as unknown. One half is a fault of one
+    /// actuator, 1 a fault of none.
     #[serde(default = "max_common_mode", rename = "most_alike")]
     pub max_common_mode: f64,
-    /// The part of a limit from which an alarm is pending, and below which a raised one recovers.
+    /// The part of a limit above which an alarm is pending, and below which a raised one recovers.
     pub pending_share: f64,
-    /// How long a raised alarm must have been recovering before it is over, in s.
+    /// Recovery time before a raised alarm ends, s.
     pub recover_s: f64,
-    /// The least probability of a detail that is named.
+    /// Minimum probability of a named detail.
     pub least_detail_confidence: f64,
-    /// How long nothing is judged after the twin was driven by something wrong or changed its mode,
-    /// in s.
+    /// Time without judgement after the twin had wrong inputs or changed its mode, s.
     pub settle_s: f64,
-    /// How long measured values may be missing before there is no data, in s.
+    /// Time without measured values until the alarm reports no data, s.
     pub no_data_after_s: f64,
-    /// The commands that switch an actuator off.
+    /// Names of the actions that switch an actuator off.
     #[serde(rename = "off_commands")]
     pub off_actions: Vec<String>,
-    /// How many actuators must stay on, whatever is found: one of several, none of a single one, which may be
-    /// stopped where its study says that it is.
+    /// Minimum number of actuators that stay on. Usually one of several, and none for a single actuator.
     pub least_on: u32,
 }
 
-/// What is taken off the evidence of every window, in nats.
+/// The allowances of one window length, in nats.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Allowances {
@@ -176,7 +174,7 @@ impl Allowances {
     }
 }
 
-/// How many of so many actuators must stay on where nothing else is said: one of several, none of a single one.
+/// The usual [`Settings::least_on`]: one of several actuators, none of a single one.
 pub fn usual_least_on(actuators: usize) -> u32 {
     u32::from(actuators > 1)
 }
@@ -186,7 +184,7 @@ fn max_common_mode() -> f64 {
 }
 
 impl Settings {
-    /// Settings to begin with for these names; `off_commands` switch an actuator off.
+    /// Default settings for these names; `off_actions` switch an actuator off.
     pub fn usual(names: &Names, off_actions: &[&str]) -> Self {
         let is_off: Vec<bool> =
             names.actions.iter().map(|c| off_actions.contains(&c.as_str())).collect();
@@ -212,7 +210,7 @@ impl Settings {
         }
     }
 
-    /// The same with other allowances.
+    /// These settings with other allowances.
     pub fn allowing(&self, allowances: &Allowances) -> Self {
         Settings {
             allowance_nats: allowances.of_pairs_nats,
@@ -263,8 +261,8 @@ impl Settings {
     }
 }
 
-/// The hypotheses by number: 0 that nothing is wrong, then the commands actuator by actuator, as
-/// [`crate::hierarchy::Hierarchy::probabilities_into`] writes them.
+/// The numbering of the hypotheses: 0 is healthy, then the actions follow actuator by actuator, in the order of
+/// [`crate::hierarchy::Hierarchy::probabilities_into`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Hypotheses {
     pub actuators: usize,
@@ -280,7 +278,7 @@ impl Hypotheses {
         1 + self.actuators * self.actions
     }
 
-    /// Actuator and command; `None` for health.
+    /// Actuator and action; `None` for healthy.
     pub fn split(self, hypothesis: usize) -> Option<(usize, usize)> {
         let place = hypothesis.checked_sub(1)?;
         Some((place / self.actions, place % self.actions))
@@ -301,14 +299,14 @@ impl Hypotheses {
 pub(super) struct Limits {
     hypotheses: Hypotheses,
     of_pairs: Vec<f64>,
-    /// What is taken off the evidence of each hypothesis against each other: `a_hg`, row by row.
+    /// The allowance of each hypothesis against each other, `a_hg`, row by row.
     allowances_nats: Vec<f64>,
-    /// The limit against health of an error of cost 1.
+    /// The limit against health for an error of cost 1.
     pub of_change: f64,
 }
 
 impl Limits {
-    /// `is_off` says of each command whether it switches off.
+    /// `is_off` marks the actions that switch off.
     pub fn new(
         settings: &Settings,
         hypotheses: Hypotheses,
@@ -349,7 +347,7 @@ impl Limits {
     }
 }
 
-/// What is taken off the evidence of a claim against another one, beside what is taken off that of every pair.
+/// The additional allowance of a claim against another hypothesis.
 fn besides(
     settings: &Settings,
     hypotheses: Hypotheses,
@@ -380,31 +378,31 @@ fn cost(costs: &Costs, hypotheses: Hypotheses, truth: usize, answer: usize) -> f
     }
 }
 
-/// What one window says, before it is weighed.
+/// The answer of one window.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Said<'p> {
     /// Every residual is in its band.
     InBand,
-    /// The probability of each hypothesis, and whether it is like nothing that was trained on.
+    /// The probability of each hypothesis, and the novelty of the window.
     Probabilities(&'p [f64], IsNovel),
 }
 
-/// Whether a row is like nothing that was trained on, and how rare that is of known rows.
+/// Whether a row is unlike all training data, and how rare that is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IsNovel {
     pub novel: bool,
-    /// The share of known rows that are called novel.
+    /// The share of known rows that count as novel.
     pub share_of_known: f64,
 }
 
-/// The evidence of one window length: the statistics `S_hg`, and two of a kind.
+/// The evidence of one window length: the statistics `S_hg`, and two separate ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Evidence {
     of_pairs: Vec<f64>,
-    /// That anything changed.
+    /// Statistic for any change.
     change: f64,
-    /// That what changed is like nothing known.
+    /// Statistic for an unknown change.
     unknown: f64,
 }
 
@@ -424,7 +422,7 @@ impl Evidence {
             && self.of_pairs.iter().chain([&self.change, &self.unknown]).all(|sum| sum.is_finite())
     }
 
-    /// Takes in what a window says, of which `share` is new.
+    /// Adds the evidence of a window, of which `share` is new.
     pub fn take(&mut self, said: Said, share: f64, settings: &Settings, limits: &Limits) {
         let weight = libm::pow(share, settings.overlap_exponent);
         let clip = settings.clip_nats;
@@ -463,25 +461,24 @@ impl Evidence {
         self.unknown = add(self.unknown, weigh(unknown), limits.of_change);
     }
 
-    /// The least evidence for a hypothesis against any other, in parts of the limit: it may be
-    /// raised from 1 on.
+    /// The smallest evidence for a hypothesis against any other, in parts of the limit. It may be raised from 1 on.
     pub fn margin(&self, claim: usize, limits: &Limits) -> f64 {
         self.least(claim, limits, |other| other != claim)
     }
 
-    /// Evidence that an actuator is at fault, whatever its command: against health and all others.
+    /// Evidence for a fault of an actuator, whatever the action: against health and all other actuators.
     pub fn margin_of_actuator(&self, actuator: usize, limits: &Limits) -> f64 {
         let own = limits.hypotheses.of_actuator(actuator);
         let margin = |claim| self.least(claim, limits, |other| !own.contains(&other));
         own.clone().map(margin).fold(0.0, f64::max)
     }
 
-    /// Evidence that anything changed.
+    /// Evidence of any change, in parts of its limit.
     pub fn of_change(&self, limits: &Limits) -> f64 {
         self.change / limits.of_change
     }
 
-    /// Evidence that what changed is like nothing known.
+    /// Evidence of an unknown change, in parts of its limit.
     pub fn of_unknown(&self, limits: &Limits) -> f64 {
         self.unknown / limits.of_change
     }
@@ -505,7 +502,7 @@ fn log_odds(probability: f64) -> f64 {
 }
 
 impl IsNovel {
-    /// A row of something unknown is novel every second time, one of something known seldom.
+    /// An unknown row is novel every second time, a known one rarely.
     fn nats(self) -> f64 {
         let known = if self.novel { self.share_of_known } else { 1.0 - self.share_of_known };
         libm::log(0.5 / known.max(LEAST_PROBABILITY))
@@ -528,7 +525,7 @@ mod tests {
         }
     }
 
-    /// Of `c0`, `c1`, ...: the first.
+    /// The actions are `c0`, `c1`, …; only the first switches off.
     const IS_OFF: [bool; 8] = [true, false, false, false, false, false, false, false];
 
     fn setup() -> (Settings, Hypotheses, Limits) {
@@ -607,7 +604,7 @@ mod tests {
         }
     }
 
-    /// A specimen's tolerances say the same in every window.
+    /// A specimen's tolerances give the same evidence in every window.
     #[test]
     fn what_is_a_little_likelier_than_health_is_raised_unless_it_is_allowed_for() {
         let (usual, hypotheses, _) = setup();
@@ -643,7 +640,7 @@ mod tests {
                 evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &settings, &limits);
             }
         }
-        // Both are as likely, four and a half nats against health.
+        // Both are equally likely, four and a half nats above health.
         assert_eq!(evidence.of_pairs[hypotheses.count()], 0.0);
         let mut evidence = Evidence::new(hypotheses);
         for _ in 0..1000 {
@@ -654,7 +651,7 @@ mod tests {
         assert!(evidence.of_pairs[2 * hypotheses.count()] > 0.0);
     }
 
-    /// A hundred windows, each of which says that it is actuator 1 rather than 0 by some 1.4 nats.
+    /// A hundred windows, each of which favors actuator 1 over 0 by about 1.4 nats.
     #[test]
     fn what_is_hardly_told_from_another_actuator_never_switches_off() {
         let (usual, hypotheses, _) = setup();

@@ -1,9 +1,9 @@
-//! Whether what comes in from outside can be believed.
+//! Plausibility checks of the inputs.
 //!
-//! The twin is driven by measured boundary values (supply, tank, temperature, command). A wrong one
-//! shows as residuals of everything that it drives, and no tree can tell. So it is looked at first:
-//! a value must be there, be a number, stay in its range, not stand still to the bit for longer than
-//! its sensor can, and not contradict another.
+//! The twin needs measured boundary conditions (supply, tank, temperature, command). A wrong one disturbs every
+//! residual that it drives, and no tree can recognize it. The session therefore checks the inputs first. A value must
+//! be present, finite and in its range. It must not freeze for longer than its sensor can, and not contradict another
+//! value.
 
 use alloc::string::String;
 use alloc::vec;
@@ -12,67 +12,67 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 
-/// One value that comes in from outside.
+/// The plausible range of one input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
     /// Its name.
     pub name: String,
-    /// The least value allowed, in SI units.
+    /// Smallest plausible value, SI.
     pub least: f64,
-    /// The largest value allowed, in SI units.
+    /// Largest plausible value, SI.
     pub largest: f64,
-    /// How long it may stay the same to the bit before it counts as frozen; `None` for ever.
+    /// Time with the same bits after which it counts as frozen; `None` for no limit.
     pub frozen_after_s: Option<f64>,
 }
 
-/// Two values that know of each other: `least ≤ of − minus ≤ largest`.
+/// A plausibility check between two inputs: `least ≤ of − minus ≤ largest`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Difference {
-    /// The name of one input.
+    /// Name of the first input.
     pub of: String,
-    /// The name of the other.
+    /// Name of the subtracted input.
     pub minus: String,
-    /// The least difference allowed, in SI units.
+    /// Smallest plausible difference, SI.
     pub least: f64,
-    /// The largest difference allowed, in SI units.
+    /// Largest plausible difference, SI.
     pub largest: f64,
 }
 
-/// What is expected of the values from outside.
+/// All plausibility checks of the inputs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
-    /// The values, in the order in which they come.
+    /// The inputs, in the order of a sample.
     pub inputs: Vec<Input>,
-    /// What they say about each other.
+    /// Checks between two inputs.
     pub differences: Vec<Difference>,
 }
 
-/// Why a value from outside is not believed.
+/// Reason why an input is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Why {
-    /// There is none (NaN).
+    /// It is missing (NaN).
     Missing,
     /// It is infinite.
     NotFinite,
     /// It is outside its range.
     OutOfRange,
-    /// It has been the same to the bit for too long.
+    /// Its bits have been the same for too long.
     Frozen,
-    /// It contradicts another one.
+    /// It contradicts another input.
     Contradicts,
 }
 
-/// A value from outside that is not believed.
+/// A rejected input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Invalid {
-    /// Its place in [`Environment::inputs`].
+    /// Index into [`Environment::inputs`].
     pub input: u32,
-    /// Why.
+    /// The failed check.
     pub why: Why,
 }
 
@@ -106,13 +106,13 @@ impl Environment {
     }
 }
 
-/// How long each value has been the same.
+/// How long each input has been the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Memory {
-    /// The last value's bits: what a number is when it is stored must not matter.
+    /// Bits of the last value, so that a stored NaN comes back exactly.
     last: Vec<u64>,
-    /// How often it came again.
+    /// Number of repetitions of each value.
     repeats: Vec<u64>,
 }
 
@@ -124,12 +124,12 @@ impl Memory {
     }
 }
 
-/// Looks at the values of each sample.
+/// Applies the checks to each sample.
 #[derive(Debug, Clone)]
 pub(super) struct Guard {
-    /// After how many repeats each input is frozen.
+    /// Number of repetitions from which each input counts as frozen.
     frozen_after: Vec<Option<u64>>,
-    /// Places of the inputs of each difference.
+    /// Indices of both inputs of each difference.
     pairs: Vec<(usize, usize)>,
     pub memory: Memory,
 }
@@ -147,14 +147,13 @@ impl Guard {
         }
     }
 
-    /// Whether a stored memory is of as many inputs.
+    /// Whether a stored memory has the same number of inputs.
     pub fn fits(&self, memory: &Memory) -> bool {
         let count = self.frozen_after.len();
         memory.last.len() == count && memory.repeats.len() == count
     }
 
-    /// The first value that is not to be believed, if any. A list that is too short has missing
-    /// values.
+    /// The first implausible value, if any. Values that a short list lacks count as missing.
     pub fn look(&mut self, environment: &Environment, inputs: &[f64]) -> Option<Invalid> {
         let value = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
         let mut first = None;

@@ -1,4 +1,4 @@
-//! All that a diagnosis beside a running actuator needs, as one value, and the session that it runs in.
+//! A complete diagnosis for one system as one value, and the session that runs it.
 //!
 //! ```text
 //! inputs   → environment   (believed?)
@@ -6,9 +6,8 @@
 //! twin     ↗               → decision (the sequential test) → alarm → outcome
 //! ```
 //!
-//! A [`Diagnoser`] never changes; it is stored as JSON ([`FORMAT`]). A [`Session`] is the state beside
-//! it: it takes one sample after the other, in fixed memory, and can be stored and go on elsewhere to
-//! the bit. Many sessions share one diagnoser.
+//! A [`Diagnoser`] never changes; it is stored as JSON ([`FORMAT`]). A [`Session`] holds the state: it takes sample
+//! after sample in fixed memory. A stored session continues elsewhere bit for bit. Many sessions share one diagnoser.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -38,46 +37,45 @@ pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use session::{Session, State};
 
-/// The word that a stored diagnoser begins with.
+/// The format name at the start of a stored diagnoser.
 pub const FORMAT: &str = "servotwin diagnoser 1";
 
-/// No count of a stored session is larger.
+/// Upper limit of the counts of a stored session.
 const LARGEST_COUNT: u64 = 1 << 53;
 
-/// A sensor whose residual is watched.
+/// A sensor of the diagnosed system.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
-    /// The name that features are built from.
+    /// The name from which feature names are built.
     pub name: String,
-    /// What it measures.
+    /// The measured quantity.
     pub quantity: Quantity,
-    /// The actuator it belongs to, a place in the names; `None` for a sensor of the whole.
+    /// Index of its actuator; `None` for a sensor of the whole system.
     #[serde(rename = "unit")]
     pub actuator: Option<u32>,
-    /// What its residual is divided by, in the sensor's SI unit.
+    /// The scale of its residual, in the sensor's SI unit.
     pub scale: f64,
-    /// Standard deviation that noise and quantisation give a sample, in parts of scale.
+    /// Standard deviation of a sample by noise and quantization, in parts of scale.
     pub noise: f64,
-    /// Whether the samples carry it: those of a simulation with perfect sensors do not.
+    /// Whether the samples contain this noise; those simulated with perfect sensors do not.
     pub is_noisy: bool,
-    /// Which others it follows by a law: their places, and how far it moves for each, in parts of scale.
+    /// The sensors that it follows by a law: their indices, and its change for each, in parts of scale.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub follows: Vec<(u32, f64)>,
 }
 
-/// What is known of windows of one length.
+/// Bands, models and allowances for windows of one length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Length {
-    /// How long the windows are.
+    /// Length of the windows and of their panes.
     pub span: Span,
-    /// Bands of the first sensors (those that are watched, in the order of
-    /// [`Diagnoser::sensors`]), trees and committee.
+    /// Trees, committee, and the bands of the watched sensors, which come first in [`Diagnoser::sensors`].
     pub panel: Panel,
-    /// What the classes looked like in training.
+    /// The ranges of the training data, by class.
     pub novelty: Novelty,
-    /// Of windows of what residuals are beyond the reference; `None` of residuals as they are.
+    /// The allowances of windows of baseline-corrected residuals; `None` for uncorrected residuals.
     #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
     pub baseline_corrected: Option<decision::Allowances>,
 }
@@ -88,34 +86,34 @@ pub struct Length {
 pub struct Diagnoser {
     /// [`FORMAT`].
     pub format: String,
-    /// Time from sample to sample, in s.
+    /// Sampling period, s.
     pub period_s: f64,
-    /// The sensors, in the order in which their values come.
+    /// The sensors, in the order of their values in a sample.
     pub sensors: Vec<Sensor>,
-    /// What is expected of values from outside.
+    /// Plausibility limits of the inputs.
     pub environment: Environment,
-    /// The window lengths, all with the same actuators, commands and details; the first is of residuals as they are.
+    /// The window lengths, all with the same actuators, actions and details; the first has uncorrected residuals.
     pub lengths: Vec<Length>,
-    /// What the windows of lengths that are relative are beyond.
+    /// Settings of the baseline for lengths with baseline-corrected residuals.
     #[serde(default, rename = "reference", skip_serializing_if = "Option::is_none")]
     pub baseline: Option<baseline::Settings>,
-    /// A band that depends on what is asked, instead of the bands of all lengths.
+    /// A band that depends on the operating point, in place of the bands of lengths with uncorrected residuals.
     #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
     pub conditional_band: Option<ConditionalBand>,
-    /// When something is raised.
+    /// The sequential test that raises actions.
     pub decision: decision::Settings,
 }
 
 impl Diagnoser {
-    /// The names that findings stand for.
+    /// The names that a finding's indices refer to.
     ///
     /// # Panics
-    /// Without any window length, which [`Diagnoser::check`] refuses.
+    /// Without any window length; [`Diagnoser::check`] rejects that.
     pub fn names(&self) -> &Names {
         &self.lengths[0].panel.trees.names
     }
 
-    /// The sensors as features see them.
+    /// The sensors as the features need them.
     pub fn sensors_seen(&self) -> Sensors {
         let seen = |s: &Sensor| features::Sensor {
             name: s.name.clone(),
@@ -129,17 +127,17 @@ impl Diagnoser {
         Sensors(self.sensors.iter().map(seen).collect())
     }
 
-    /// What residuals are divided by, sensor by sensor.
+    /// The scale of each sensor's residual, SI.
     pub fn scales(&self) -> Vec<f64> {
         self.sensors.iter().map(|sensor| sensor.scale).collect()
     }
 
-    /// Number of sensors whose bands decide whether something is wrong: the first so many.
+    /// Number of watched sensors: the first ones, whose bands decide whether there is a deviation.
     pub fn watched(&self) -> usize {
         self.lengths.first().map_or(0, |length| length.panel.bands.len())
     }
 
-    /// How many views of a row a length's novelty looks at.
+    /// Number of views that a length's novelty score needs.
     fn views_of_novelty(&self, length: &Length) -> usize {
         let actuators = self.names().actuators.len();
         let is_alike = self.sensors_seen().rotations(actuators).is_some();
@@ -178,15 +176,15 @@ impl Diagnoser {
                 alloc::vec!["environment invalid".into(), input.into(), why.into()]
             }
         };
-        // The only unit of a study may have no name.
+        // The only actuator of a study may have no name.
         let named: Vec<&str> = words.iter().map(String::as_str).filter(|w| !w.is_empty()).collect();
         if named.is_empty() { crate::hierarchy::FAULTY.into() } else { named.join(" / ") }
     }
 
-    /// Checks that the parts fit each other; for diagnosers that come from outside.
+    /// Checks that the parts of a loaded diagnoser fit together.
     ///
     /// # Errors
-    /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`], and what the parts say.
+    /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`], and the errors of the parts.
     pub fn check(&self) -> Result<(), Error> {
         holds(self.format == FORMAT, "the format is another one")?;
         let period = self.period_s;

@@ -1,65 +1,63 @@
-//! Whether a row of features is like anything that was trained on.
+//! Novelty: whether a row of features resembles the training data.
 //!
 //! ```text
 //! e_j   = max(low_j − x_j, x_j − high_j, 0)/(high_j − low_j)
 //! score = Σ_j min(e_j, 1)/limit
 //! ```
 //!
-//! with low and high the range that feature j had in the training rows of the class that was decided.
-//! The sum says how many features lie outside, each counting for one at most. The limit is a quantile
-//! of the same sum over training rows that had no part in the ranges: these are learnt from one half
-//! of the groups and the sums taken over the other, and the other way round. A row with a score above
-//! 1 is *unknown*: of known rows it is only one in 1/(1 − quantile).
+//! with low and high the range of feature j in the training rows of the chosen class. The sum counts the features
+//! outside their range, each by at most one. The limit is a quantile of the same sum over held-out rows: the ranges
+//! come from one half of the groups and the sums from the other, and vice versa. A row with a score above 1 is
+//! *unknown*. The share of known rows above 1 is 1 − quantile.
 //!
-//! Classes are healthy and the commands; a fault is looked at in the view of its actuator, so like
-//! actuators share what was learnt.
+//! The classes are healthy and the actions. A fault is scored in the view of its actuator, so that identical actuators
+//! share the learned ranges.
 
 use crate::error::Error;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-/// The share of known rows that may be called unknown.
+/// Share of known rows with a score of at most 1.
 pub const QUANTILE: f64 = 0.999;
 
-/// What each class looked like in training.
+/// The learned ranges of all classes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Novelty {
     /// The share of known rows with a score of at most 1.
     pub quantile: f64,
-    /// Healthy, then the commands; a class without rows knows nothing and calls nothing unknown.
+    /// Healthy, then the actions. A class without rows calls nothing unknown.
     pub classes: Vec<Known>,
 }
 
-/// What a class looked like.
+/// The learned ranges of a class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Known {
-    /// The least value of each feature.
+    /// Smallest value of each feature.
     pub lows: Vec<f64>,
-    /// The largest.
+    /// Largest value of each feature.
     pub highs: Vec<f64>,
-    /// What a feature's distance from its range is measured in.
+    /// Unit of each feature's distance from its range.
     pub widths: Vec<f64>,
-    /// The sum of distances that is still known.
+    /// The largest sum of distances that counts as known.
     pub limit: f64,
 }
 
 impl Novelty {
-    /// Knows nothing, so nothing is unknown to it.
+    /// A novelty without classes, for which nothing is unknown.
     pub fn none() -> Self {
         Novelty { quantile: QUANTILE, classes: Vec::new() }
     }
 
-    /// How far a row is from what a class looked like, in parts of what is still known. The row is
-    /// in the view of the actuator; the class is `None` for healthy, or the command. Does not
-    /// allocate.
+    /// Distance of a row from the training data of a class, in parts of the limit. The row is in the actuator's view.
+    /// The class is an action, or `None` for healthy. Does not allocate.
     pub fn score(&self, action: Option<u32>, row: &[f64]) -> f64 {
         let class = action.map_or(0, |action| action as usize + 1);
         self.classes.get(class).map_or(0.0, |known| known.distance(row) / known.limit)
     }
 
-    /// Checks that the parts fit so many commands and features.
+    /// Checks that the parts fit the numbers of actions and features.
     ///
     /// # Errors
     /// [`Error::CorruptModel`].
@@ -82,8 +80,7 @@ impl Novelty {
 }
 
 impl Known {
-    /// How many features lie outside their range, each counting for one at most. What is no number
-    /// is outside.
+    /// Sum of the distances outside the ranges, at most one for each feature. NaN counts as outside.
     pub fn distance(&self, row: &[f64]) -> f64 {
         let ranges = self.lows.iter().zip(&self.highs).zip(&self.widths);
         let outside = |(((low, high), width), x): (((&f64, &f64), &f64), &f64)| {

@@ -1,4 +1,4 @@
-//! What a diagnosis says after every sample.
+//! The result of a diagnosis after every sample.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,93 +6,93 @@ use super::decision::Hypotheses;
 use super::environment::Why;
 use super::{Diagnoser, LARGEST_COUNT};
 
-/// What was found. Numbers are places in the diagnoser's names, from 0.
+/// A finding. Its numbers are indices into the diagnoser's names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Finding {
-    /// Nothing was judged yet: too few samples, or the twin is still settling.
+    /// Not judged yet: too few samples, or the twin is still settling.
     Unjudged,
-    /// Nothing is wrong.
+    /// No fault found.
     Healthy,
-    /// Something is wrong, and it is not sure what.
+    /// There is a deviation, but its cause is unclear.
     Detected,
-    /// Something is wrong with an actuator, and it is not sure what is to be done.
+    /// There is a fault in an actuator, but the action is unclear.
     Actuator {
-        /// The actuator.
+        /// Index of the actuator.
         #[serde(rename = "unit")]
         actuator: u32,
     },
-    /// What is to be done with an actuator.
+    /// The action for an actuator.
     #[serde(rename = "command")]
     Action {
-        /// The actuator.
+        /// Index of the actuator.
         #[serde(rename = "unit")]
         actuator: u32,
-        /// The command.
+        /// Index of the action.
         #[serde(rename = "command")]
         action: u32,
     },
-    /// What is broken there.
+    /// The detail of a fault.
     Detail {
-        /// The actuator.
+        /// Index of the actuator.
         #[serde(rename = "unit")]
         actuator: u32,
-        /// The command.
+        /// Index of the action.
         #[serde(rename = "command")]
         action: u32,
-        /// The detail.
+        /// Index of the detail.
         detail: u32,
     },
-    /// Something is wrong that is like nothing trained on.
+    /// A deviation that resembles no training data.
     Unknown,
-    /// A value from outside is not to be believed, so nothing is judged.
+    /// An input is implausible, so nothing is judged.
     EnvironmentInvalid {
-        /// The input.
+        /// Index of the input.
         input: u32,
-        /// Why.
+        /// The failed check.
         why: Why,
     },
 }
 
-/// The state of the alarm, in the words of alarm systems.
+/// The state of the alarm, in alarm-system terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alarm {
-    /// Nothing is wrong.
+    /// No alarm.
     Normal,
-    /// Evidence gathers, and is not enough for a command.
+    /// There is evidence, but not enough for an action.
     Pending,
-    /// A command is raised.
+    /// An action is raised.
     Raised,
-    /// A command is raised, and there is no evidence for it any more.
+    /// An action is raised, but its evidence has ended.
     Recovering,
     /// Values are missing.
     NoData,
-    /// Values came that make no sense.
+    /// Values are implausible.
     Error,
 }
 
-/// A command that is raised. One that switches off stays until it is confirmed or released.
+/// A raised action. One that switches off stays until it is confirmed or released.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Raised {
-    /// The actuator.
+    /// Index of the actuator.
     #[serde(rename = "unit")]
     pub actuator: u32,
-    /// The command.
+    /// Index of the action.
     #[serde(rename = "command")]
     pub action: u32,
-    /// What is broken, where trees and committee agree on it.
+    /// The detail, if trees and committee agree on it.
     pub detail: Option<u32>,
-    /// The number of the sample with which it was raised.
+    /// Number of the sample that raised it.
     pub sample: u64,
-    /// The window length that said so last.
+    /// Index of the window length that confirmed it last.
     pub length: u32,
-    /// The probability of the command by that length's committee when it said so last.
+    /// Its probability by that length's committee at that time.
     pub confidence: f64,
 }
 
-/// How many places there are in the lists of a diagnoser: a stored number must be one of them.
+/// Sizes of a diagnoser's lists, to check stored indices.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
     pub hypotheses: Hypotheses,
@@ -129,12 +129,12 @@ impl Places {
 
 /// Whether a number is a probability.
 pub(super) fn is_share(number: f64) -> bool {
-    // A sum of shares may be above one by what it was rounded by.
+    // Rounding may lift a sum of shares above one.
     (0.0..=1.0 + 1e-9).contains(&number)
 }
 
 impl Raised {
-    /// Whether a stored one names places that there are, and a sample that was.
+    /// Whether a stored one has valid indices and a past sample.
     pub(super) fn fits(&self, places: &Places, samples: u64) -> bool {
         places.has_actuator(self.actuator)
             && places.has_action(self.action)
@@ -163,50 +163,50 @@ impl Finding {
     }
 }
 
-/// What a diagnosis says.
+/// The result after a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
     /// Number of the sample, from 0.
     pub sample: u64,
-    /// What was found.
+    /// The finding.
     pub finding: Finding,
     /// The state of the alarm.
     pub alarm: Alarm,
-    /// The command that is raised, whatever is found now.
+    /// The raised action, whatever the current finding.
     pub raised: Option<Raised>,
-    /// The probability of the finding by the committee that decided (of a command and its detail,
-    /// that of the command when its length said so last); 0 where nothing is judged.
+    /// The committee's probability of the finding; for a raised action or detail, that of the action when it was last
+    /// confirmed. 0 if nothing is judged.
     pub confidence: f64,
-    /// The number of the sample since when finding and alarm are what they are.
+    /// Number of the first sample with the current finding and alarm.
     pub since_sample: u64,
-    /// The window length that decided.
+    /// Index of the deciding window length.
     pub length: Option<u32>,
-    /// The sensor whose residual is largest in parts of its band, in the window that decided.
+    /// The sensor with the largest residual in parts of its band, in the deciding window.
     pub worst_sensor: Option<u32>,
-    /// That size.
+    /// That residual, in parts of its band.
     pub excess: f64,
-    /// How far the sample lies outside of what the diagnoser's field was learned from, in parts of the ranges; 0
-    /// inside, and without a field.
+    /// Distance of the sample from the training range of the conditional band, in parts of the ranges; 0 inside, and
+    /// without such a band.
     #[serde(default)]
     pub outside: f64,
-    /// Sensors whose values have been missing for so long that the others are judged without them; then no actuator
-    /// but theirs is named, and nothing new is raised of others.
+    /// Number of sensors that have been missing for so long that the diagnosis continues without them. Meanwhile only
+    /// their own actuator can be named or newly raised.
     #[serde(default)]
     pub lost: u32,
-    /// Samples so far that were not judged, by reason.
+    /// Samples not judged so far, by reason.
     pub counts: Counts,
 }
 
-/// Samples that were not judged.
+/// Samples that were not judged, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counts {
     /// A measured value was missing.
     pub missing: u64,
-    /// A measured value or one of the twin's was no number, implausible, or lists had other lengths.
+    /// A measured or twin value was not finite or implausible, or a list had a wrong length.
     pub errors: u64,
-    /// A value from outside was not to be believed.
+    /// An input was implausible.
     pub environment: u64,
     /// The twin was settling.
     pub settling: u64,
@@ -220,7 +220,7 @@ impl Counts {
 }
 
 impl Outcome {
-    /// Whether a stored one names places that there are, and samples that were.
+    /// Whether a stored one has valid indices and sample numbers.
     pub(super) fn fits(&self, places: &Places, samples: u64) -> bool {
         self.finding.fits(places)
             && self.raised.as_ref().is_none_or(|raised| raised.fits(places, samples))

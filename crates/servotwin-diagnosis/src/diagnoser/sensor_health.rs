@@ -1,4 +1,4 @@
-//! Health of sensors: the diagnosis continues without a sensor that delivers no values.
+//! Health of sensors: the diagnosis continues without a sensor that has no usable values.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! A diagnosis that runs: one call for each sample.
+//! A running diagnosis: one call for each sample.
 
 use alloc::string::String;
 use alloc::sync::Arc;
@@ -21,40 +21,40 @@ use crate::random::Random;
 use crate::residual::Window;
 use crate::sliding;
 
-/// The word that a stored state begins with.
+/// The format name at the start of a stored state.
 const FORMAT: &str = "servotwin session 1";
 
-/// A residual or twin signal larger than this, in parts of scale, is no measurement.
+/// Upper limit of residuals and twin signals, in parts of scale; larger ones are no measurements.
 const PLAUSIBLE: f64 = 1e6;
 
-/// What a session remembers beside its windows.
+/// The state of a session beside its windows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Memory {
     /// Samples so far.
     samples: u64,
-    /// Samples that will not be judged because the twin is settling.
+    /// Remaining samples while the twin settles, which are not judged.
     settling: u64,
-    /// Samples in a row without usable measured values.
+    /// Consecutive samples without usable measured values.
     gap: u64,
-    /// Whether any window was judged since the windows were last empty.
+    /// Whether any window was judged since the windows were last cleared.
     has_judged: bool,
     is_taken_out: Vec<bool>,
-    /// Of each sensor.
+    /// Health of each sensor.
     #[serde(default, rename = "presence")]
     sensor_health: Vec<SensorHealth>,
-    /// What each covariate of the field was made of in the last sample that was taken.
+    /// Raw value of each covariate of the conditional band in the last usable sample.
     #[serde(default)]
     asked: Vec<Option<f64>>,
     alarm: alarm::Memory,
-    /// Of each window length, here and below.
+    /// Evidence of each window length.
     evidence: Vec<Evidence>,
-    /// Only in a stored state: at work the judges have it.
+    /// Only in a stored state; at run time the classifiers hold it.
     judged: Vec<window_classifier::Memory>,
     outcome: Outcome,
 }
 
-/// A stored session, to go on with elsewhere to the bit.
+/// A stored session, which continues elsewhere bit for bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
@@ -66,7 +66,7 @@ pub struct State {
     baseline_corrected: Option<StoredBaselineCorrected>,
 }
 
-/// A diagnosis beside a running actuator.
+/// A running diagnosis of one system.
 #[derive(Debug, Clone)]
 pub struct Session {
     diagnoser: Arc<Diagnoser>,
@@ -75,23 +75,23 @@ pub struct Session {
     patience: Patience,
     hypotheses: Hypotheses,
     classifiers: Vec<WindowClassifier>,
-    /// How sure a decision must be, for each length.
+    /// The decision settings for each length.
     settings: Vec<decision::Settings>,
-    /// What it takes to raise something, for each length.
+    /// The limits of the evidence for each length.
     limits: Vec<Limits>,
     guard: Guard,
     streams: Streams,
-    /// Where in the field the newest sample is.
+    /// Operating point and band at the newest sample.
     here: Option<Here>,
     memory: Memory,
-    /// The measured values with those of masked sensors replaced.
+    /// The measured values, with stand-ins for masked and lost sensors.
     measured: Vec<f64>,
-    /// The sensors for which it was.
+    /// The sensors with stand-in values.
     stands_in: Vec<bool>,
     is_masked: Vec<bool>,
 }
 
-/// What became of a sample's values.
+/// Whether a sample's values can be used.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Usable {
     Yes,
@@ -100,10 +100,10 @@ enum Usable {
 }
 
 impl Session {
-    /// A session that has seen nothing. All memory that it needs is made here.
+    /// A session without samples. Allocates all its memory.
     ///
     /// # Errors
-    /// What [`Diagnoser::check`] says.
+    /// The errors of [`Diagnoser::check`].
     pub fn new(diagnoser: Arc<Diagnoser>) -> Result<Self, Error> {
         diagnoser.check()?;
         let names = diagnoser.names();
@@ -146,9 +146,9 @@ impl Session {
         })
     }
 
-    /// Takes one sample: values from outside, measured values (NaN: missing) and those of the twin,
-    /// in SI units and in the diagnoser's order. Does not allocate and never panics, whatever comes: a sample of other
-    /// lengths gives an alarm. [`Session::try_push`] refuses it instead.
+    /// Takes one sample: inputs, measured values (NaN: missing) and twin values, in SI units and in the diagnoser's
+    /// order. Does not allocate and never panics. Lists of a wrong length give an alarm; [`Session::try_push`] rejects
+    /// them instead.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64], twin: &[f64]) -> &Outcome {
         let sample = self.memory.samples;
         self.memory.samples += 1;
@@ -167,10 +167,10 @@ impl Session {
         &self.memory.outcome
     }
 
-    /// As [`Session::push`], but a sample of other lengths is refused and not counted.
+    /// As [`Session::push`], but rejects lists of a wrong length without counting the sample.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] with the lengths expected and given.
+    /// [`Error::LengthMismatch`] with both lengths.
     pub fn try_push(
         &mut self,
         inputs: &[f64],
@@ -184,38 +184,38 @@ impl Session {
         Ok(self.push(inputs, measured, twin))
     }
 
-    /// What was said of the last sample.
+    /// The result after the last sample.
     pub fn outcome(&self) -> &Outcome {
         &self.memory.outcome
     }
 
-    /// Half the width of the field of each watched sensor at the last sample that was taken, in parts of scale; `None`
-    /// where the diagnoser has no field.
+    /// Half width of the conditional band of each watched sensor at the last usable sample, in parts of scale; `None`
+    /// without a conditional band.
     pub fn half_widths(&self) -> Option<&[f64]> {
         self.here.as_ref().map(|here| here.half_widths.as_slice())
     }
 
-    /// What is asked that lies farthest outside of what the field was learned from, by its name.
+    /// Name of the covariate that lies farthest outside the training range; `None` inside.
     pub fn farthest(&self) -> Option<&str> {
         let (band, here) = (self.diagnoser.conditional_band.as_ref()?, self.here.as_ref()?);
         Some(&band.farthest(&here.point)?.name)
     }
 
-    /// The diagnoser.
+    /// The shared diagnoser.
     pub fn diagnoser(&self) -> &Arc<Diagnoser> {
         &self.diagnoser
     }
 
-    /// The time from the first sample to the one of this number, in s.
+    /// Time from the first sample to the given one, s.
     pub fn time_s(&self, sample: u64) -> f64 {
         sample as f64 * self.diagnoser.period_s
     }
 
-    /// An actuator was switched off: nothing is said of it any more, and what else it takes to fly is
-    /// never to be switched off.
+    /// Records that an actuator was switched off. It is no longer judged, and counts as off when another shutdown is
+    /// considered.
     ///
     /// # Errors
-    /// [`Error::IndexOutOfRange`], here and below.
+    /// [`Error::IndexOutOfRange`] for an unknown actuator.
     pub fn switched_off(&mut self, actuator: usize) -> Result<(), Error> {
         self.check_unit(actuator)?;
         self.memory.alarm.switch_off(actuator);
@@ -223,8 +223,7 @@ impl Session {
         Ok(())
     }
 
-    /// An actuator is on and judged, and may be switched off again: what was raised of it is
-    /// withdrawn.
+    /// Records that an actuator is on and judged, and may be switched off again. Its raised action is withdrawn.
     ///
     /// # Errors
     /// See [`Session::switched_off`].
@@ -235,7 +234,7 @@ impl Session {
         Ok(())
     }
 
-    /// Whether an actuator is on and not judged from now on, or judged again.
+    /// Stops or resumes judging an actuator that is on.
     ///
     /// # Errors
     /// See [`Session::switched_off`].
@@ -246,11 +245,11 @@ impl Session {
         Ok(())
     }
 
-    /// A sensor was taken out of the loop, or put back: its residual is not judged, and its value may
-    /// be missing.
+    /// Takes a sensor out of the diagnosis, or puts it back. While it is out, its residual is not judged, and its value
+    /// may be missing.
     ///
     /// # Errors
-    /// See [`Session::switched_off`].
+    /// [`Error::IndexOutOfRange`] for an unknown sensor.
     pub fn take_out(&mut self, sensor: usize, is_out: bool) -> Result<(), Error> {
         let length = self.scales.len();
         let unknown = Error::IndexOutOfRange { what: "sensor", index: sensor, length };
@@ -264,55 +263,55 @@ impl Session {
         self.memory.alarm.is_off.get(actuator).copied().unwrap_or(false)
     }
 
-    /// Whether a sensor's values have been missing for so long that the others are judged without it.
+    /// Whether a sensor has been missing for so long that the diagnosis continues without it.
     pub fn is_lost(&self, sensor: usize) -> bool {
         self.memory.sensor_health.get(sensor).is_some_and(|sensor_health| sensor_health.is_lost())
     }
 
-    /// The window of a length as it was judged last.
+    /// The newest window of a length.
     ///
     /// # Panics
-    /// If there is no such length; here and below.
+    /// Here and below, if there is no such length.
     pub fn window(&self, length: usize) -> &Window {
         self.streams.window(length)
     }
 
-    /// Whether a length's window is full, and so judged.
+    /// Whether a length's window is full, so that it is judged.
     pub fn is_full(&self, length: usize) -> bool {
         self.streams.is_full(length)
     }
 
-    /// Whether the last sample brought a new window of a length.
+    /// Whether the last sample completed a new window of a length.
     pub fn has_new_window(&self, length: usize) -> bool {
         self.streams.has_ended(length)
     }
 
-    /// The rows of features of a length's last window that left its bands, one for each view.
+    /// The feature rows of a length's last window outside its bands, one for each view.
     pub fn features(&self, length: usize) -> &[Vec<f64>] {
         self.classifiers[length].rows()
     }
 
-    /// The probability of each hypothesis by a length's committee in its last window: nothing wrong,
-    /// then the commands actuator by actuator. All zero before the first.
+    /// The probability of a hypothesis by a length's committee in its last window: an actuator and its action, or
+    /// `None` for healthy. 0 before the first window.
     pub fn probability(&self, length: usize, unit_and_action: Option<(usize, usize)>) -> f64 {
         let place = unit_and_action.map_or(0, |(u, c)| self.hypotheses.place(u, c));
         self.classifiers[length].probability(place)
     }
 
-    /// The least evidence of a length for a command of an actuator against every other explanation,
-    /// in parts of what it takes to raise it.
+    /// The smallest evidence of a length for an action of an actuator against every other explanation, in parts of the
+    /// limit to raise it.
     pub fn evidence(&self, length: usize, actuator: usize, action: usize) -> f64 {
         let claim = self.hypotheses.place(actuator, action);
         self.memory.evidence[length].margin(claim, &self.limits[length])
     }
 
-    /// The evidence of a length that anything is wrong, in parts of what it takes to say so.
+    /// The evidence of a length for any change, in parts of its limit.
     pub fn evidence_of_change(&self, length: usize) -> f64 {
         self.memory.evidence[length].of_change(&self.limits[length])
     }
 
-    /// The stages that a length's trees went through for the last window that left its bands, each
-    /// with the nodes from its root to the leaf. Allocates; for those who ask.
+    /// The stages that a length's trees passed through for the last window outside its bands, each with its nodes from
+    /// root to leaf. Allocates.
     ///
     /// # Errors
     /// As [`crate::hierarchy::Hierarchy::explain`].
@@ -320,7 +319,7 @@ impl Session {
         self.diagnoser.lengths[length].panel.trees.explain(self.classifiers[length].rows())
     }
 
-    /// Forgets everything, actuators that are off included. Does not allocate.
+    /// Clears everything, including actuators that are off. Does not allocate.
     pub fn reset(&mut self) {
         self.memory.alarm.clear();
         self.memory.is_taken_out.fill(false);
@@ -331,7 +330,7 @@ impl Session {
         self.memory.outcome = Outcome::first();
     }
 
-    /// Everything that is remembered, to be stored.
+    /// Returns the complete state for storing.
     pub fn save(&self) -> State {
         let (windows, baseline_corrected) = self.streams.store();
         let judged = self.classifiers.iter().map(|classifier| classifier.memory.clone()).collect();
@@ -344,12 +343,12 @@ impl Session {
         }
     }
 
-    /// Takes over what a session of the same diagnoser stored; what follows is the same to the bit.
-    /// Features and path of the last windows can be asked for again where new ones have come.
+    /// Restores the state of a session of the same diagnoser; later results match to the bit. Features and paths are
+    /// available again after the next windows.
     ///
     /// # Errors
-    /// [`Error::CorruptModel`] or [`Error::LengthMismatch`] for a state of another diagnoser; then
-    /// the session is reset.
+    /// [`Error::CorruptModel`] or [`Error::LengthMismatch`] for a state of another diagnoser, which also resets the
+    /// session.
     pub fn restore(&mut self, state: &State) -> Result<(), Error> {
         let restored = self.try_restore(state);
         if restored.is_err() {
@@ -383,7 +382,7 @@ impl Session {
         }
         self.streams.restore(windows, baseline_corrected.as_ref())?;
         self.memory = memory.clone();
-        // A state of before sensors could be lost.
+        // States from older versions have no sensor health.
         self.memory.sensor_health.resize(self.scales.len(), SensorHealth::default());
         self.guard.memory = environment.clone();
         for (classifier, judged) in
@@ -394,7 +393,7 @@ impl Session {
         Ok(())
     }
 
-    /// Whether the numbers of a stored memory are such that a session may have written them.
+    /// Whether a session can have written these stored numbers.
     fn is_possible(&self, memory: &Memory, places: &Places) -> bool {
         let settling = self.settling_samples();
         let sensors = memory.sensor_health.len();
@@ -407,7 +406,7 @@ impl Session {
             && memory.outcome.fits(places, memory.samples)
     }
 
-    /// Samples that are not judged after a new beginning.
+    /// Number of samples that are not judged after a restart.
     fn settling_samples(&self) -> u64 {
         libm::ceil(self.diagnoser.decision.settle_s / self.diagnoser.period_s) as u64
     }
@@ -418,7 +417,7 @@ impl Session {
         if known { Ok(()) } else { Err(Error::IndexOutOfRange { what: "actuator", index, length }) }
     }
 
-    /// Begins anew with a twin that must settle first. What is raised stays.
+    /// Starts again with a twin that must settle first. A raised action stays.
     pub fn restart(&mut self) {
         self.clear_windows();
         self.memory.settling = self.settling_samples();
@@ -436,7 +435,7 @@ impl Session {
         self.memory.has_judged = false;
     }
 
-    /// A value from outside is not believed: what the twin said since it went wrong means nothing.
+    /// Handles an implausible input: the twin's values since the error mean nothing.
     fn distrust(&mut self, Invalid { input, why }: Invalid) {
         self.memory.outcome.counts.environment += 1;
         let finding = Finding::EnvironmentInvalid { input, why };
@@ -448,8 +447,8 @@ impl Session {
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
 
-    /// Checks the values and copies them, with those of sensors that are masked or lost replaced by what a
-    /// healthy sensor would show: the twin's and noise.
+    /// Checks the values and copies them. Masked and lost sensors get a stand-in value: the twin's, with the noise of a
+    /// healthy sensor.
     fn usable(&mut self, measured: &[f64], twin: &[f64]) -> Usable {
         let sensors = &self.diagnoser.sensors;
         if measured.len() != sensors.len() || twin.len() != sensors.len() {
@@ -492,7 +491,7 @@ impl Session {
         if usable == Usable::Yes && is_blind { Usable::Missing } else { usable }
     }
 
-    /// Counts the sensors that are lost. Where one has come back, what was seen without it counts no more.
+    /// Counts the lost sensors. When one comes back, the windows recorded without it are cleared.
     fn count_lost(&mut self) {
         let lost = self
             .memory
@@ -506,8 +505,8 @@ impl Session {
         self.memory.outcome.lost = lost;
     }
 
-    /// Whether an actuator may be accused: all others that are judged have all their sensors. What stands in for a
-    /// sensor always looks healthy, so that a fault of an actuator without one looks like a fault of its like.
+    /// Whether an actuator may be accused: all other judged actuators have all their sensors. A stand-in value always
+    /// looks healthy, so a fault of an actuator without a sensor would look like a fault of its neighbor.
     fn is_comparable(&self, actuator: usize) -> bool {
         let is_out = self.memory.is_taken_out.iter().zip(&self.memory.sensor_health);
         let mut sensors = self.diagnoser.sensors.iter().zip(is_out);
@@ -519,7 +518,7 @@ impl Session {
         })
     }
 
-    /// Whether more than half of an actuator's sensors are lost, or of all: then the rest is not enough.
+    /// Whether more than half of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
     fn is_blind(&self) -> bool {
         let most_lost = |actuator: Option<u32>| {
             let sensors = self.diagnoser.sensors.iter().zip(&self.memory.sensor_health);
@@ -534,7 +533,7 @@ impl Session {
             || (0..self.is_masked.len()).any(|actuator| most_lost(Some(actuator as u32)))
     }
 
-    /// A sample without usable values. A few are only counted; more, and the windows begin anew.
+    /// Handles a sample without usable values. A few are only counted; more restart the windows.
     fn lack(&mut self, alarm: Alarm) {
         let counts = &mut self.memory.outcome.counts;
         match alarm {
@@ -553,7 +552,7 @@ impl Session {
         self.say(Finding::Unjudged, alarm);
     }
 
-    /// A sample that can be judged.
+    /// Handles a usable sample.
     fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
         self.memory.gap = 0;
         self.ask(diagnoser, inputs, twin);
@@ -583,7 +582,7 @@ impl Session {
         }
     }
 
-    /// Looks where in the field a sample is, and whether it is in it at all.
+    /// Updates the operating point, and its distance from the training range.
     fn ask(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
         let (Some(band), Some(here)) = (&diagnoser.conditional_band, &mut self.here) else {
             return;
@@ -594,7 +593,7 @@ impl Session {
         self.memory.outcome.outside = band.outside(&here.point);
     }
 
-    /// Judges every length's new window, if it is full.
+    /// Judges the new window of every length whose window is full.
     fn classify_windows(&mut self, diagnoser: &Diagnoser) -> Result<(), Error> {
         let alarm = &self.memory.alarm;
         for (actuator, is_masked) in self.is_masked.iter_mut().enumerate() {
@@ -615,7 +614,7 @@ impl Session {
         Ok(())
     }
 
-    /// Raises, holds or drops a command, and says what was found.
+    /// Raises, holds or drops an action, and updates the finding.
     fn decide(&mut self, diagnoser: &Diagnoser) {
         let sample = self.memory.outcome.sample;
         let candidate = self.candidate(diagnoser);
@@ -660,8 +659,7 @@ impl Session {
         self.memory.evidence[length].margin(claim, &self.limits[length])
     }
 
-    /// The hypothesis that a new window raises, and its length: of several the longest, then the
-    /// surest.
+    /// The hypothesis that a new window raises, and its length: the longest window first, then the largest margin.
     fn candidate(&self, diagnoser: &Diagnoser) -> Option<(usize, usize)> {
         let mut best: Option<(u64, f64, usize, usize)> = None;
         for length in self.lengths().filter(|&length| self.streams.has_ended(length)) {
@@ -692,7 +690,7 @@ impl Session {
             && !self.is_contradicted(length, claim)
     }
 
-    /// Whether another length is as sure of another actuator, or a longer one of another command.
+    /// Whether another length claims another actuator, or a longer one another action.
     fn is_contradicted(&self, length: usize, claim: usize) -> bool {
         let own = self.hypotheses.split(claim).map(|(actuator, _)| actuator);
         let samples = |length: usize| self.streams.window(length).count();
@@ -707,7 +705,7 @@ impl Session {
         pairs.any(|(other, hypothesis)| hypothesis != claim && contradicts(other, hypothesis))
     }
 
-    /// What was found, and the length that found it.
+    /// The current finding, and the length that found it.
     fn found(&self) -> (Finding, usize) {
         if let Some(raised) = self.memory.alarm.raised {
             let (actuator, action) = (raised.actuator, raised.action);
@@ -739,7 +737,7 @@ impl Session {
         }
     }
 
-    /// The actuator that some lengths are sure of, unless others are sure of another.
+    /// The actuator that at least one length is sure of, unless two lengths disagree.
     fn found_actuator(&self) -> Option<(Finding, usize)> {
         let mut found: Option<(usize, usize)> = None;
         for length in self.lengths() {
@@ -759,7 +757,7 @@ impl Session {
         found.map(|(actuator, length)| (Finding::Actuator { actuator: actuator as u32 }, length))
     }
 
-    /// The alarm of what is raised, or that nothing is.
+    /// The alarm state of the raised action, or of none.
     fn own_alarm(&self, is_pending: bool) -> Alarm {
         match self.memory.alarm.raised {
             Some(_) if self.memory.alarm.is_recovering() => Alarm::Recovering,
@@ -812,7 +810,7 @@ fn patience(diagnoser: &Diagnoser) -> Patience {
     }
 }
 
-/// The decision's settings as they are for a length.
+/// The decision settings for a length.
 fn settings(diagnoser: &Diagnoser, length: &Length) -> decision::Settings {
     match &length.baseline_corrected {
         Some(allowances) => diagnoser.decision.allowing(allowances),
@@ -829,7 +827,7 @@ fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     Limits::new(&settings, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
 }
 
-/// A deviate of mean 0 and variance 1, from twelve even ones.
+/// A deviate of mean 0 and variance 1, from twelve uniform ones.
 fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }

@@ -1,4 +1,4 @@
-//! The windows of all lengths: of residuals as they are, and of what they are beyond a reference.
+//! The windows of all lengths, of uncorrected and of baseline-corrected residuals.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -15,33 +15,33 @@ pub(super) struct Sample<'s> {
     pub measured: &'s [f64],
     pub twin: &'s [f64],
     pub scales: &'s [f64],
-    /// Of the field; empty without one.
+    /// Of the conditional band; empty without one.
     pub half_widths: &'s [f64],
-    /// In whose place something stands that looks healthy.
+    /// Sensors with a stand-in value that looks healthy.
     pub stands_in: &'s [bool],
-    /// Whether nothing is suspected, so that the reference may follow.
+    /// Whether there is no suspicion, so that the baseline may follow.
     pub is_trusted: bool,
 }
 
-/// Windows beyond a reference.
+/// Windows of baseline-corrected residuals.
 #[derive(Debug, Clone)]
 struct BaselineCorrected {
     baseline: Baseline,
     sliding: Sliding,
-    /// The measured values without the reference.
+    /// The measured values minus the baseline.
     measured: Vec<f64>,
 }
 
 /// The windows of all lengths.
 #[derive(Debug, Clone)]
 pub(super) struct Streams {
-    /// Of each length, whether it is relative and its place among those that are like it.
+    /// For each length, whether it is baseline-corrected, and its index among its kind.
     places: Vec<(bool, usize)>,
     absolute: Sliding,
     baseline_corrected: Option<BaselineCorrected>,
 }
 
-/// Stored [`Streams`] beside what the absolute ones are.
+/// The stored baseline-corrected part of [`Streams`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StoredBaselineCorrected {
@@ -54,8 +54,8 @@ impl Streams {
     /// Empty windows.
     ///
     /// # Errors
-    /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] where there are relative lengths and no
-    /// reference, or the other way round.
+    /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] for baseline-corrected lengths without a
+    /// baseline, or vice versa.
     pub fn new(diagnoser: &Diagnoser) -> Result<Self, Error> {
         let spans = |is_baseline_corrected: bool| -> Vec<Span> {
             let lengths = diagnoser.lengths.iter();
@@ -92,7 +92,7 @@ impl Streams {
         Ok(Streams { places, absolute, baseline_corrected })
     }
 
-    /// Takes a sample; says whether it brought a window of any length. Does not allocate.
+    /// Takes a sample; returns whether it completed a window of any length. Does not allocate.
     pub fn add(&mut self, sample: &Sample) -> bool {
         let Sample { measured, twin, scales, half_widths, .. } = *sample;
         let has_absolute = self.absolute.add(measured, twin, scales, half_widths);
@@ -113,7 +113,7 @@ impl Streams {
         )
     }
 
-    /// As [`Sliding::has_ended`], here and below.
+    /// Here and below, as the method of the same name of [`Sliding`].
     pub fn has_ended(&self, length: usize) -> bool {
         let (sliding, span) = self.of(length);
         sliding.has_ended(span)
@@ -134,7 +134,7 @@ impl Streams {
         sliding.share_of_newest(span)
     }
 
-    /// Forgets all samples, and the reference: what comes is another mode, or another specimen.
+    /// Clears all samples and the baseline, for another mode or specimen.
     pub fn clear(&mut self) {
         self.absolute.clear();
         if let Some(baseline_corrected) = &mut self.baseline_corrected {
@@ -152,7 +152,7 @@ impl Streams {
         (self.absolute.store(), baseline_corrected)
     }
 
-    /// Takes over what was stored of the same lengths.
+    /// Restores the state of the same lengths.
     ///
     /// # Errors
     /// As [`Sliding::restore`].

@@ -14,7 +14,7 @@ use crate::hierarchy::{Diagnosis, Scratch};
 use crate::panel::{SensorBand, agree};
 use crate::residual::Window;
 
-/// Memory to judge windows of one length, and the judgement of the last one.
+/// Working memory to judge windows of one length, and the last judgement.
 #[derive(Debug, Clone)]
 pub(super) struct WindowClassifier {
     hypotheses: Hypotheses,
@@ -32,7 +32,7 @@ pub(super) struct WindowClassifier {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Memory {
-    /// Of each hypothesis.
+    /// Probability of each hypothesis.
     probabilities: Vec<f64>,
     last: Option<Judgement>,
 }
@@ -41,15 +41,15 @@ pub(super) struct Memory {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Judgement {
-    /// The sensor whose residual is largest in parts of its band, and that size.
+    /// The sensor with the largest residual in parts of its band, and that residual.
     pub worst: (usize, f64),
-    /// The hypothesis that the trees decide on; `None` where every residual is in its band.
+    /// The trees' hypothesis; `None` if every residual is in its band.
     pub of_trees: Option<usize>,
-    /// The detail that they decide on.
+    /// The trees' detail.
     pub detail_of_trees: Option<u32>,
-    /// The likeliest hypothesis.
+    /// The committee's likeliest hypothesis.
     pub likeliest: usize,
-    /// Detail of the likeliest hypothesis, as the committee sees it, with its probability.
+    /// The committee's detail of that hypothesis, with its probability.
     pub detail: Option<(u32, f64)>,
     /// Whether the window is unlike all training data.
     pub is_novel: bool,
@@ -93,7 +93,7 @@ impl WindowClassifier {
         self.memory.last = None;
     }
 
-    /// Whether a stored memory is of as many hypotheses, and names places that there are.
+    /// Whether a stored memory has the same number of hypotheses and valid indices.
     pub fn fits(&self, memory: &Memory, places: &Places) -> bool {
         memory.probabilities.len() == self.hypotheses.count()
             && memory.probabilities.iter().all(|share| is_share(*share))
@@ -104,7 +104,7 @@ impl WindowClassifier {
         self.memory.last.as_ref()
     }
 
-    /// The rows of features of the last window that left its bands, one for each view.
+    /// The feature rows of the last window outside its bands, one for each view.
     pub fn rows(&self) -> &[Vec<f64>] {
         self.views.rows()
     }
@@ -117,11 +117,11 @@ impl WindowClassifier {
         self.memory.probabilities[self.hypotheses.of_actuator(actuator)].iter().sum()
     }
 
-    /// Judges a window; actuators that are masked are not among the answers, and what stands in the place of a sensor
-    /// says nothing of others. Does not allocate.
+    /// Judges a window. Masked actuators are no possible answers, and stand-in sensor values do not count in relations
+    /// with others. Does not allocate.
     ///
     /// # Errors
-    /// What the hierarchies say of rows that do not fit them: never after [`Diagnoser::check`].
+    /// The hierarchies' errors for rows that do not fit, which never occur after [`Diagnoser::check`].
     pub fn classify(
         &mut self,
         length: &Length,
@@ -171,8 +171,7 @@ impl WindowClassifier {
         Ok(Said::Probabilities(probabilities, novelty))
     }
 
-    /// Whether trees and committee agree on a hypothesis, the committee is sure enough, and the
-    /// window is like something known.
+    /// Whether trees and committee agree on a hypothesis with enough confidence, and the window is not novel.
     pub fn agrees_on(&self, hypothesis: usize, least_confidence: Option<f64>) -> bool {
         let Some(last) = self.last() else { return false };
         let committee = Some(last.likeliest);
@@ -181,7 +180,7 @@ impl WindowClassifier {
             && !last.is_novel
     }
 
-    /// The detail of the last window where trees and committee agree on it.
+    /// The detail of the last window, if trees and committee agree on it.
     pub fn detail(&self, least_confidence: f64) -> Option<u32> {
         let last = self.last()?;
         let (detail, probability) = last.detail?;
@@ -190,14 +189,14 @@ impl WindowClassifier {
     }
 }
 
-/// The hypothesis that trees decide on: health also where they know an actuator and no command.
+/// The trees' hypothesis; healthy also if they name an actuator but no action.
 fn place(hypotheses: Hypotheses, said: Diagnosis) -> usize {
     let fault = said.actuator.zip(said.action);
     fault.map_or(0, |(actuator, action)| hypotheses.place(actuator as usize, action as usize))
 }
 
-/// The sensor whose residual is largest in parts of its band, and that size. A field is the band where there is one. A
-/// band of nothing is left by any residual.
+/// The sensor with the largest residual in parts of its band, and that residual. A conditional band takes precedence.
+/// Any residual leaves a band of zero width.
 fn worst(window: &Window, bands: &[SensorBand]) -> (usize, f64) {
     const LEAST_BAND: f64 = 1e-12;
     let size = |(sensor, band): (usize, &SensorBand)| {
@@ -210,7 +209,7 @@ fn worst(window: &Window, bands: &[SensorBand]) -> (usize, f64) {
     }
 }
 
-/// Takes masked actuators out of the probabilities.
+/// Removes masked actuators from the probabilities.
 fn mask(probabilities: &mut [f64], hypotheses: Hypotheses, is_masked: &[bool]) {
     if !is_masked.contains(&true) {
         return;

@@ -1,23 +1,19 @@
 //! Force and position balances over all actuators.
 //!
-//! With `d_k = r_pAk − r_pBk` (differential pressure residual of actuator k)
-//! and `x_k` its ram residual, for two actuators:
+//! With `d_k = r_pAk − r_pBk` (differential pressure residual of actuator k) and `x_k` its ram residual, for two
+//! actuators:
 //!
-//! - the *sum* `d_1 + d_2` is the change of the load. A force fight leaves it at
-//!   zero; a moved aileron changes it through the air; a pressure sensor's bias
-//!   shows in full.
-//! - the *fight* `d_1 − d_2` is what the actuators push against each other.
-//! - the *gap* `x_1 − x_2` is what the ram sensors disagree by. The rams are
-//!   tied by the aileron, so a gap that the fight does not explain through the
-//!   attachments' compliance is a ram sensor's error.
+//! - the *sum* `d_1 + d_2` is the change of the load. A force fight leaves it at zero. A moved aileron changes it
+//!   through the air load. A pressure sensor's bias appears in full.
+//! - the *fight* `d_1 − d_2` is the force with which the actuators push against each other.
+//! - the *gap* `x_1 − x_2` is the disagreement of the ram sensors. The aileron ties the rams, so a gap beyond the fight
+//!   times the attachments' compliance is an error of a ram sensor.
 //!
-//! A bias of one ram sensor and the opposite bias of the other give the same
-//! fight and the same gap: they move the aileron in opposite directions, and
-//! only the air load tells. Hence *sum over gap* is the one sign that separates
+//! A bias of one ram sensor and the opposite bias of the other give the same fight and the same gap. They move the
+//! aileron in opposite directions, and only the air load differs. Hence *sum over gap* is the one sign that separates
 //! the paper's most difficult case.
 //!
-//! Of more than two the sum is that of all, and each has a fight and a gap of its own: against the mean of the
-//! others.
+//! With more than two actuators, the sum covers all. Each has its own fight and gap against the mean of the others.
 
 use super::{
     Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, compared, correlation,
@@ -28,12 +24,12 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Balance;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Ram];
 
-/// Sensors with their weights: two pressures or the ram of each actuator.
+/// Sensors with weights: two pressures or the ram of each actuator.
 struct Weighted {
     terms: [(usize, f64); 2 * MAX_ACTUATORS],
     count: usize,
@@ -54,7 +50,7 @@ impl Weighted {
     }
 }
 
-/// Sum, fight and gap of one of the actuators.
+/// Sum, fight and gap of one actuator.
 fn combinations(actuators: &[[usize; 3]], own: usize) -> [Weighted; 3] {
     let others = -1.0 / (actuators.len() - 1) as f64;
     let all = actuators.iter().enumerate();
@@ -74,7 +70,7 @@ fn covariance(window: &Window, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
     products.map(|(i, j, weight)| weight * window.covariance(i, j)).sum()
 }
 
-/// What is added up, what fights, and what gapes, in words.
+/// Formulas of sum, fight and gap for the features' descriptions.
 fn words(actuators: &[usize], own: usize) -> [String; 3] {
     if let [first, second] = actuators {
         let (k, l) = (first + 1, second + 1);
@@ -109,7 +105,7 @@ impl Family for Balance {
                 });
             };
             let of = |name: &str| name_of(name, &actuators, own);
-            // All have one sum.
+            // All actuators share one sum.
             let is_first = own == 0;
             if is_first {
                 push("mean_sum".into(), "of scale", format!("mean change of load: {sum}"));
@@ -145,7 +141,7 @@ impl Family for Balance {
         for own in 0..compared(count) {
             let all = combinations(&known[..count], own);
             let [sum, fight, gap] = [0, 1, 2].map(|i| all[i].terms());
-            // All have one sum: it is told with the first.
+            // All actuators share one sum, written with the first.
             let told = usize::from(own > 0);
             let means = [sum, fight, gap].map(|c| mean(window, c));
             let variances = [sum, fight, gap].map(|c| covariance(window, c, c));

@@ -1,8 +1,8 @@
-//! Like sensors of several actuators: which one deviates more.
+//! Comparison of corresponding sensors of several actuators.
 //!
-//! A fault disturbs its own actuator more than the others; the sign of these
-//! differences says which it is at any intensity. Of two actuators the first is compared with the
-//! second, of more each with the largest of the others.
+//! A fault disturbs its own actuator more than the others, so the sign of a difference names the actuator at any
+//! intensity. With two actuators, the first is compared with the second. With more, each is compared with the largest
+//! of the others.
 
 use super::{
     Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
@@ -12,10 +12,10 @@ use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Comparison;
 
-/// The quantities that units can have in common.
+/// The quantities that actuators can have in common.
 fn quantities() -> impl Iterator<Item = (Quantity, &'static str)> {
     let known = Quantity::ALL.iter().copied();
     known.filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))

@@ -1,4 +1,4 @@
-//! Promises that every family keeps.
+//! Contract tests for every family.
 
 use super::*;
 use alloc::collections::BTreeSet;
@@ -8,7 +8,7 @@ fn two_actuators() -> Sensors {
     sensors_of(2)
 }
 
-/// What is no more special than the others: pressures, ram, spool, supply and return.
+/// Sensors of each actuator: two pressures, ram, spool, supply and return.
 const OF_A_UNIT: usize = 6;
 
 fn sensors_of(actuators: usize) -> Sensors {
@@ -18,7 +18,7 @@ fn sensors_of(actuators: usize) -> Sensors {
             Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
             let name = format!("{name}_{}", actuator + 1);
-            // The first sensors of a unit are its pressures and its ram.
+            // An actuator's first sensors are its pressures and its ram.
             let first = sensors.len() / OF_A_UNIT * OF_A_UNIT;
             let follows = match quantity {
                 Quantity::Spool => alloc::vec![(first, -0.5), (first + 1, 0.5), (first + 2, -6.0)],
@@ -150,7 +150,7 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
     }
 }
 
-/// A feature's name with every unit's number moved down by one place, the first one to the end.
+/// A feature's name with every actuator number one lower, and the first one last.
 fn named_one_place_down(name: &str, actuators: usize) -> alloc::string::String {
     let word = |word: &str| match word.parse::<usize>() {
         Ok(number) => format!("{}", (number + actuators - 2) % actuators + 1),
@@ -159,8 +159,7 @@ fn named_one_place_down(name: &str, actuators: usize) -> alloc::string::String {
     name.split('_').map(word).collect::<Vec<_>>().join("_")
 }
 
-/// Seen from the second unit, the second is what the first was: every feature is there once more, with the
-/// unit's other number.
+/// Seen from the second actuator, each feature appears under the lower actuator number.
 #[test]
 fn moving_three_actuators_round_moves_their_features_round() {
     const ACTUATORS: usize = 3;
@@ -178,7 +177,7 @@ fn moving_three_actuators_round_moves_their_features_round() {
     }
 }
 
-/// In every view another unit stands first, and all of them once.
+/// Every view puts another actuator first, and each comes once.
 #[test]
 fn every_unit_stands_first_in_a_view_of_its_own() {
     let sensors = and_surface(sensors_of(4));
@@ -192,7 +191,7 @@ fn every_unit_stands_first_in_a_view_of_its_own() {
     assert_eq!(sensors_of(1).rotations(1), Some(alloc::vec![]));
 }
 
-/// Each of three is compared with the others: only the one at fault stands out.
+/// With three actuators, each is compared with the others, and only the faulty one stands out.
 #[test]
 fn of_three_actuators_the_one_that_deviates_stands_out() {
     let sensors = and_surface(sensors_of(3));
@@ -236,7 +235,7 @@ fn exchanging_actuators_turns_comparisons_round() {
     }
 }
 
-/// What a diagnosis relies on while it runs: room that was there is used, and the same numbers come.
+/// The running diagnosis relies on this: the existing capacity suffices, and the values are the same.
 #[test]
 fn values_come_in_the_room_that_is_there() {
     let sensors = and_surface(sensors_of(3));

@@ -4,16 +4,16 @@
 //! K_i = log10 ( peak_i / rms_i ),   peak = max(largest |r'_i|, 4 noise_i),   rms² = mean² + variance
 //! ```
 //!
-//! the crest factor. A bias has 0, a sine 0.15, noise 0.6; a valve that has lost its damping and rings for a
-//! tenth of a second after a quick command has more than 1, though its moments are those of a healthy one. Below four
-//! standard deviations of a sample the largest of many is noise: how many there were must not show.
+//! the crest factor. A bias has 0, a sine 0.15, noise 0.6. A valve without damping may ring for a tenth of a second
+//! after a quick command. It then has more than 1, though its moments look healthy. The peak is at least four standard
+//! deviations of a sample, so that the number of noise samples has no influence.
 
 use super::{Family, Feature, Sensors, Teaches, log_deviation};
 use crate::residual::{LARGEST_OF_NOISE, Window};
 use alloc::format;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Crest;
 
 impl Family for Crest {
@@ -58,7 +58,7 @@ mod tests {
 
     const NOISE: f64 = 0.002;
 
-    /// The crest factor of a residual with noise, of so many samples.
+    /// The crest factor of a noisy residual over this many samples.
     fn crest(samples: u32, residual: impl Fn(f64) -> f64) -> f64 {
         let sensors = Sensors(alloc::vec![Sensor {
             name: "x_v1".into(),

@@ -1,13 +1,12 @@
-//! The size of each residual: standard deviation on a logarithmic scale, and
-//! the largest excursion. A tree splits a logarithm more evenly than the
-//! variance, whose interesting part is squeezed against zero.
+//! The size of each residual: standard deviation on a logarithmic scale, and largest excursion. A tree splits a
+//! logarithm more evenly than the variance, whose interesting part lies close to zero.
 
 use super::{Family, Feature, Sensors, Teaches, log_deviation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Deviation;
 
 impl Family for Deviation {

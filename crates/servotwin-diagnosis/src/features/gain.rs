@@ -1,17 +1,17 @@
-//! Each residual against the twin's own signal: `r' ≈ g s'^VT + b`.
+//! Regression of each residual on the twin's own signal: `r' ≈ g s'^VT + b`.
 //!
-//! A calibration error of a sensor has a gain and a correlation near ±1; a bias
-//! has an offset and no correlation; a hydraulic fault has neither cleanly.
+//! A sensor's calibration error has a gain and a correlation near ±1. A bias has an offset and no correlation. A
+//! hydraulic fault has neither clearly.
 
 use super::{Family, Feature, Noise, Sensors, Teaches, correlation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Gain;
 
-/// A twin signal that moves less than this part of its scale gives no slope.
+/// Below this deviation, in parts of scale, a twin signal gives no slope.
 const LEAST_DEVIATION: f64 = 1e-3;
 
 impl Family for Gain {

@@ -1,14 +1,11 @@
-//! What an engineer would look at in a window of residuals, as numbers.
+//! Features: quantities that an engineer would look at in a window of residuals.
 //!
-//! A family of features is one file and one line in [`ALL`]. Every feature has
-//! a name, a unit and a sentence that says what it means. All are functions of
-//! a [`Window`], so they cost nothing per sample.
+//! A family of features is one file and one line in [`ALL`]. Every feature has a name, a unit and a sentence that
+//! explains it. All are functions of a [`Window`], so they cost nothing per sample.
 //!
-//! Families see the sensors through [`Sensors`]: what each measures and to
-//! which unit it belongs. A family gives no features where the sensors it
-//! compares do not exist, so that the same list serves two actuators, one, or a
-//! test rig that has nothing in common with either. What compares two units compares
-//! each of more with the others.
+//! [`Sensors`] gives each sensor's quantity and actuator to the families. A family returns no features if the sensors
+//! that it compares do not exist. So the same list serves two actuators, one, or a test rig with entirely different
+//! sensors. With more than two actuators, comparisons relate each to the others.
 
 mod balance;
 mod comparison;
@@ -32,7 +29,7 @@ use serde::{Deserialize, Serialize};
 pub use parity::MAX_FOLLOWED;
 pub use views::Views;
 
-/// What a sensor measures, where a family wants to know.
+/// The quantity that a sensor measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -48,14 +45,14 @@ pub enum Quantity {
     Supply,
     /// Pressure of the return manifold.
     Return,
-    /// Stroke measured at the surface that all units move; it belongs to none.
+    /// Stroke measured at the surface that all actuators move; it belongs to none.
     Surface,
     /// Anything else.
     Other,
 }
 
 impl Quantity {
-    /// Every quantity and its word in a study file.
+    /// Every quantity with its name in a study file.
     pub const ALL: [(Quantity, &'static str); 8] = [
         (Quantity::PressureA, "pressure_a"),
         (Quantity::PressureB, "pressure_b"),
@@ -68,27 +65,26 @@ impl Quantity {
     ];
 }
 
-/// One sensor, as features see it.
+/// A sensor with the data that features need.
 #[derive(Clone, PartialEq)]
 pub struct Sensor {
-    /// The name that features are built from, e.g. `p_A1`.
+    /// The name from which feature names are built, e.g. `p_A1`.
     pub name: String,
-    /// What it measures.
+    /// The measured quantity.
     pub quantity: Quantity,
-    /// Which of several like actuators it belongs to, from 0; `None` for a sensor of the whole.
+    /// Index of its actuator; `None` for a sensor of the whole system.
     pub actuator: Option<usize>,
-    /// Standard deviation that noise and quantisation give a sample, in parts of scale; zero
-    /// where it is not known.
+    /// Standard deviation of a sample by noise and quantization, in parts of scale; zero if unknown.
     pub noise: f64,
-    /// Whether the samples carry it: those of a simulation with perfect sensors do not.
+    /// Whether the samples contain this noise; those simulated with perfect sensors do not.
     pub is_noisy: bool,
-    /// Which others it follows by a law: their places, and how far it moves for each, in parts of scale.
+    /// The sensors that it follows by a law: their indices, and its change for each, in parts of scale.
     pub follows: Vec<(usize, f64)>,
-    /// Whether something stands in its place that looks healthy.
+    /// Whether a stand-in value that looks healthy replaces its value.
     pub stands_in: bool,
 }
 
-/// Fingerprints of stored campaigns are made of this text: the field keeps the name it had.
+/// Fingerprints of stored campaigns contain this text, so the field `unit` keeps its old name.
 impl fmt::Debug for Sensor {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("Sensor")
@@ -113,13 +109,13 @@ impl Sensors {
         self.0.iter().position(|s| s.quantity == quantity && s.actuator == Some(actuator))
     }
 
-    /// Number of units.
+    /// Number of actuators.
     pub fn actuators(&self) -> usize {
         self.0.iter().filter_map(|s| s.actuator).max().map_or(0, |last| last + 1)
     }
 
-    /// The order of sensors with two units exchanged, for
-    /// [`Window::reordered`]; `None` where their sensors do not correspond.
+    /// The order of sensors with two actuators exchanged, for [`Window::reordered`]; `None` if their sensors do not
+    /// correspond.
     pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
         self.in_place_of(|actuator| match actuator {
             u if u == a => b,
@@ -128,24 +124,23 @@ impl Sensors {
         })
     }
 
-    /// The order of sensors with so many units moved round, for [`Window::reordered`]: unit `by` stands
-    /// where the first one stood, the next one where the second stood, and so on. `None` where their sensors do not
-    /// correspond.
+    /// The order of sensors with the actuators rotated, for [`Window::reordered`]: actuator `by` takes the first place,
+    /// the next one the second, and so on. `None` if their sensors do not correspond.
     pub fn rotated(&self, actuators: usize, by: usize) -> Option<Vec<usize>> {
         self.in_place_of(|actuator| (actuator + by) % actuators)
     }
 
-    /// The order of sensors in each view beyond the first, in which unit `k` stands first; `None` where the sensors
-    /// of so many units do not correspond.
+    /// The order of sensors in each view beyond the first, with actuator `k` in the first place. `None` if the
+    /// actuators' sensors do not correspond.
     pub fn rotations(&self, actuators: usize) -> Option<Vec<Vec<usize>>> {
         (1..actuators).map(|by| self.rotated(actuators, by)).collect()
     }
 
-    /// The order of sensors in which each is that of the unit that stands in place of its own.
+    /// The order of sensors when each actuator is replaced by another one.
     fn in_place_of(&self, other: impl Fn(usize) -> usize) -> Option<Vec<usize>> {
         let like = |sensor: &Sensor| {
             let actuator = sensor.actuator.map(&other);
-            // The k-th sensor of a quantity corresponds to the k-th.
+            // The k-th sensors of a quantity correspond to each other.
             let same = |s: &&Sensor| s.quantity == sensor.quantity && s.actuator == sensor.actuator;
             let rank = self.0.iter().filter(same).position(|s| core::ptr::eq(s, sensor))?;
             let matching =
@@ -155,7 +150,7 @@ impl Sensors {
         self.0.iter().map(like).collect()
     }
 
-    /// The sensors of a quantity, one of each unit that has it.
+    /// The sensors of a quantity, one of each actuator that has it.
     fn like_sensors(&self, quantity: Quantity) -> LikeSensors {
         let mut like_sensors =
             LikeSensors { actuators: [0; MAX_ACTUATORS], sensors: [0; MAX_ACTUATORS], count: 0 };
@@ -171,7 +166,7 @@ impl Sensors {
         like_sensors
     }
 
-    /// Units that have a sensor of each of the quantities.
+    /// Actuators that have a sensor of each of the quantities.
     fn with<'s>(&'s self, quantities: &'s [Quantity]) -> impl Iterator<Item = usize> + 's {
         let complete =
             |&actuator: &usize| quantities.iter().all(|&q| self.find(q, actuator).is_some());
@@ -179,10 +174,10 @@ impl Sensors {
     }
 }
 
-/// As many like units can be compared.
+/// Largest number of actuators that can be compared.
 pub const MAX_ACTUATORS: usize = 16;
 
-/// Like sensors of several units.
+/// Corresponding sensors of several actuators.
 struct LikeSensors {
     actuators: [usize; MAX_ACTUATORS],
     sensors: [usize; MAX_ACTUATORS],
@@ -199,8 +194,8 @@ impl LikeSensors {
     }
 }
 
-/// How many comparisons of one unit with the others so many give: none of one, and of two the first one's, because
-/// the second one's is the same with the other sign.
+/// Number of comparisons among this many actuators: none for one. For two, one, because the other would only change the
+/// sign.
 fn compared(count: usize) -> usize {
     match count {
         0 | 1 => 0,
@@ -209,12 +204,12 @@ fn compared(count: usize) -> usize {
     }
 }
 
-/// A feature's name for a comparison of one of these units: with its number where there are more than two.
+/// A comparison's feature name: with the actuator number if there are more than two.
 fn name_of(name: &str, actuators: &[usize], own: usize) -> String {
     if actuators.len() > 2 { format!("{name}_{}", actuators[own] + 1) } else { name.into() }
 }
 
-/// Which comparison that is, in words.
+/// The comparison in words.
 fn against(actuators: &[usize], own: usize) -> String {
     match actuators {
         [first, second] => format!("{} against {}", first + 1, second + 1),
@@ -222,51 +217,50 @@ fn against(actuators: &[usize], own: usize) -> String {
     }
 }
 
-/// The largest of what the others but one have.
+/// The largest value of all others.
 fn largest_other(values: &[f64], own: usize) -> f64 {
     let others = values.iter().enumerate().filter(|(place, _)| *place != own);
     others.map(|(_, value)| *value).reduce(f64::max).unwrap_or(0.0)
 }
 
-/// One feature: its name and what it means.
+/// The description of a feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feature {
     /// Unique name, e.g. `mean_p_A1`.
     pub name: String,
-    /// `%` of the sensors' scale as a fraction, `1` for ratios, and so on.
+    /// The unit: `of scale` for fractions of the sensors' scale, `1` for ratios, and so on.
     pub unit: &'static str,
-    /// One sentence for people.
+    /// One sentence that explains it.
     pub meaning: String,
-    /// The units (actuators) that the feature looks at.
+    /// Indices of the actuators that it describes.
     pub actuators: Vec<usize>,
-    /// Who should learn from it.
+    /// The models that learn from it.
     pub teaches: Teaches,
 }
 
-/// Who should learn from a feature.
+/// The models that learn from a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Teaches {
-    /// Nobody: the seed paper's variances and indicators say what logarithms say better, and the
-    /// largest size grows with the length of a record.
+    /// None. Logarithms serve better than the seed paper's variances and indicators, and the largest magnitude grows
+    /// with the length of a record.
     Nobody,
-    /// The nine trees that judge records: not the committee, which has other ways to know and guesses
-    /// worse beyond the intensities it has met; not windows that slide, which are shorter than what
-    /// lies between two bursts.
+    /// The nine trees that judge records. The committee has other evidence, and extrapolates worse beyond the trained
+    /// intensities. Sliding windows are shorter than the gap between two bursts.
     TreesOfRecords,
-    /// The trees and the committee that judge windows that slide: not those of records, for which it was not measured.
+    /// The trees and the committee that judge sliding windows; its use for records was not measured.
     Windows,
-    /// Everybody.
+    /// All models.
     Everybody,
 }
 
 impl Teaches {
-    /// Whether a diagnosis of records learns from it.
+    /// Whether models of records learn from it.
     pub fn of_records(self) -> bool {
         matches!(self, Teaches::Everybody | Teaches::TreesOfRecords)
     }
 
-    /// Whether a diagnosis of windows that slide does.
+    /// Whether models of sliding windows learn from it.
     pub fn of_windows(self) -> bool {
         matches!(self, Teaches::Everybody | Teaches::Windows)
     }
@@ -274,14 +268,13 @@ impl Teaches {
 
 /// A family of features.
 pub trait Family: Sync {
-    /// The word in a study file.
+    /// Its name in a study file.
     fn name(&self) -> &'static str;
-    /// One sentence for people.
+    /// One sentence that explains it.
     fn summary(&self) -> &'static str;
     /// The features for these sensors.
     fn features(&self, sensors: &Sensors) -> Vec<Feature>;
-    /// Their values, in the same order, appended to `values`. Does not allocate where these have
-    /// room.
+    /// Appends their values to `values`, in the same order. Does not allocate if the capacity suffices.
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>);
 }
 
@@ -299,7 +292,7 @@ pub static ALL: &[&dyn Family] = &[
     &parity::Parity,
 ];
 
-/// The family of a name.
+/// The family with a name.
 pub fn find(name: &str) -> Option<&'static dyn Family> {
     ALL.iter().copied().find(|f| f.name() == name)
 }
@@ -311,7 +304,7 @@ pub fn values(sensors: &Sensors, window: &Window) -> Vec<f64> {
     values
 }
 
-/// As [`values`], in place of what was in `values`. Does not allocate where these have room.
+/// As [`values`], but replaces the content of `values`. Does not allocate if the capacity suffices.
 pub fn values_into(sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
     values.clear();
     for family in ALL {
@@ -324,31 +317,29 @@ pub fn features(sensors: &Sensors) -> Vec<Feature> {
     ALL.iter().flat_map(|family| family.features(sensors)).collect()
 }
 
-/// Means and deviations below this part of scale are not told apart: the solver
-/// of a campaign is no more exact, sign and all.
+/// Floor of means and deviations, in parts of scale: a campaign's solver resolves no smaller ones.
 const FLOOR: f64 = 1e-4;
 
-/// A quotient needs a denominator of so many standard errors to be a number.
+/// A denominator must exceed this many standard errors to give a ratio.
 const SURE: f64 = 3.0;
 
 /// A linear combination of residuals: sensor and weight.
 type Combination<'c> = &'c [(usize, f64)];
 
 impl Sensors {
-    /// The variance that noise and quantisation give a sample of a combination of residuals.
+    /// Noise and quantization variance of a sample of a combination of residuals.
     fn noise_variance(&self, combination: Combination) -> f64 {
         combination.iter().map(|&(sensor, weight)| square(weight * self.0[sensor].noise)).sum()
     }
 
-    /// What noise has to do with the variance of a combination of residuals.
+    /// The noise in the variance of a combination of residuals.
     fn noise(&self, combination: Combination) -> Noise {
         let is_noisy = combination.iter().any(|&(sensor, _)| self.0[sensor].is_noisy);
         let resolved = self.noise_variance(combination);
         Noise { carried: if is_noisy { resolved } else { 0.0 }, resolved }
     }
 
-    /// The standard error of a combination's mean over a window: noise averaged over its samples,
-    /// and the solver's error, which stays.
+    /// The standard error of a combination's mean over a window: averaged noise, plus the constant error of the solver.
     fn error_of_mean(&self, window: &Window, combination: Combination) -> f64 {
         let count = (window.count() as f64).max(1.0);
         let solver: f64 = combination.iter().map(|&(_, weight)| square(weight * FLOOR)).sum();
@@ -360,24 +351,23 @@ fn square(value: f64) -> f64 {
     value * value
 }
 
-/// The variance that noise gives a sample.
+/// Noise variance of a sample.
 #[derive(Clone, Copy, Default)]
 struct Noise {
-    /// In these samples.
+    /// Contained in these samples.
     carried: f64,
-    /// In those of a real sensor.
+    /// Contained in those of a real sensor.
     resolved: f64,
 }
 
 impl Noise {
-    /// A variance as a real sensor would show it: what the samples carry of its noise is in it, and
-    /// what they do not is added. So deviations far below the noise are not told apart, and perfect and
-    /// real sensors give the same.
+    /// The variance that a real sensor would show: noise that the samples lack is added. So deviations far below the
+    /// noise become indistinguishable, and perfect and real sensors give the same value.
     fn shown(self, variance: f64) -> f64 {
         variance.max(0.0) + (self.resolved - self.carried) + square(FLOOR)
     }
 
-    /// The standard deviation that a real sensor shows where there is nothing.
+    /// The standard deviation of a real sensor without any deviation.
     fn least_deviation(self) -> f64 {
         libm::sqrt(self.resolved + square(FLOOR))
     }
@@ -388,17 +378,17 @@ fn log_deviation(variance: f64, noise: Noise) -> f64 {
     0.5 * libm::log10(noise.shown(variance))
 }
 
-/// `(a − b)/(a + b)` of two sizes: −1 … 1, zero where both are nothing but error.
+/// `(a − b)/(a + b)` of two magnitudes: −1 … 1, near zero if both are within their error.
 fn contrast(a: f64, b: f64, error: f64) -> f64 {
     (a - b) / (a + b + SURE * error)
 }
 
-/// `a / b`, and zero where `b` is nothing but error: its sign would decide.
+/// `a / b`, and near zero if `b` is within its error, because its sign would be random.
 fn ratio(a: f64, b: f64, error_of_b: f64) -> f64 {
     a * b / (b * b + square(SURE * error_of_b))
 }
 
-/// Correlation from covariances, zero where a deviation is nothing but error.
+/// Correlation from covariances, near zero if a deviation is within its error.
 fn correlation(covariance: f64, variances: [f64; 2], noise: [Noise; 2]) -> f64 {
     let [a, b] = [0, 1].map(|i| noise[i].shown(variances[i]));
     covariance / libm::sqrt(a * b)

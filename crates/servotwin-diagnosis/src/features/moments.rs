@@ -1,12 +1,11 @@
-//! The paper's features: mean (5), variance (6) and indicator (7) of each
-//! scaled residual.
+//! The paper's features: mean (5), variance (6) and indicator (7) of each scaled residual.
 
 use super::{Family, Feature, Sensors, Teaches};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Moments;
 
 impl Family for Moments {

@@ -1,18 +1,19 @@
-//! Parity residuals: a sensor against the law that ties it to others.
+//! Parity residuals: a sensor against the law that relates it to others.
 //!
-//! A controller makes a sensor follow others of its unit: the spool of a servo valve follows what is measured of the ram
-//! and of the pressures, whatever the flow, the load and the friction are. With `r_s` the sensor's scaled residual and
-//! `w_j` what it moves for others, the parity residual is
+//! A controller makes a sensor follow others of its actuator. The spool of a servo valve follows the measured ram
+//! position and pressures, whatever the flow, load and friction. With `r_s` the sensor's scaled residual and `w_j` its
+//! change for the others, the parity residual is
 //!
 //! ```text
 //! q = r_s − Σ_j w_j r_j
 //! ```
 //!
-//! A healthy specimen whose flow or friction differs from the twin's by its tolerances moves all of them and leaves q; so
-//! does an error of a sensor that the controller believes. A valve that no longer does what it is told, or a sensor that
-//! shows the spool wrongly, is in q alone. A law of the hydraulics serves as well: with four like edges a critical valve keeps
-//! `p_A + p_B = p_S + p_T`, so a return pressure that really changes moves the chambers, and leaves less in q than a sensor that
-//! errs. Sensors without such a law ([`super::Sensor::follows`]) have no such features.
+//! The tolerances of a healthy specimen change flow or friction, which moves all sensors but not q. So does an error of
+//! a sensor that the controller uses. A valve that ignores its command, or a wrong spool sensor, appears in q alone.
+//!
+//! A hydraulic law serves as well. With four equal edges a critical valve keeps `p_A + p_B = p_S + p_T`. A real change
+//! of the return pressure moves the chambers, and so changes q less than a sensor error does. Sensors without such a
+//! law ([`super::Sensor::follows`]) have no such features.
 //!
 //! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
 
@@ -24,16 +25,16 @@ use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Parity;
 
-/// As many sensors can be followed by one.
+/// Largest number of sensors that one sensor may follow.
 pub const MAX_FOLLOWED: usize = 7;
 
-/// A twin signal that moves less than this part of its scale gives no slope: q carries the noise of several sensors.
+/// Below this deviation, in parts of scale, a twin signal gives no slope: q carries the noise of several sensors.
 const LEAST_DEVIATION: f64 = 1e-2;
 
-/// A sensor's parity residual as a combination of residuals, itself first.
+/// A sensor's parity residual as a combination of residuals; its own comes first.
 struct Relation {
     terms: [(usize, f64); MAX_FOLLOWED + 1],
     count: usize,
@@ -44,7 +45,7 @@ impl Relation {
         &self.terms[..self.count]
     }
 
-    /// Mean, variance, and covariance with a twin's signal.
+    /// Mean, variance, and covariance with a twin signal.
     fn of(&self, window: &Window, twin: usize) -> [f64; 3] {
         let terms = self.terms();
         let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
@@ -58,7 +59,7 @@ impl Relation {
     }
 }
 
-/// The relations of all sensors that have one.
+/// The relations of all sensors that follow others.
 fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ {
     let with = sensors.0.iter().enumerate().filter(|(_, sensor)| !sensor.follows.is_empty());
     with.map(|(place, sensor)| {
@@ -111,7 +112,7 @@ impl Family for Parity {
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         for (place, relation) in relations(sensors) {
             let noise = sensors.noise(relation.terms());
-            // What stands in for a sensor knows nothing of the law: it counts as kept.
+            // A stand-in value does not follow the law, so the relation counts as fulfilled.
             let is_known = relation.terms().iter().all(|&(sensor, _)| !sensors.0[sensor].stands_in);
             let [mean, variance, with_twin] = match is_known {
                 true => relation.of(window, place),
@@ -139,7 +140,7 @@ mod tests {
 
     const NOISE: f64 = 0.002;
 
-    /// A ram, and a spool that moves six times as far the other way.
+    /// A ram, and a spool that moves six times as far in the other direction.
     fn sensors() -> Sensors {
         let sensor = |name: &str, quantity, follows: &[(usize, f64)]| Sensor {
             name: name.into(),
@@ -154,8 +155,8 @@ mod tests {
         Sensors(alloc::vec![ram, sensor("x_v1", Quantity::Spool, &[(0, -6.0)])])
     }
 
-    /// The features of half a second in which the twin's spool swings by 0.3; `residuals` are those of ram and spool for
-    /// what it shows.
+    /// The features of half a second with a twin spool amplitude of 0.3. `residuals` gives those of ram and spool for
+    /// the spool's position.
     fn computed(residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
         computed_by(&sensors(), residuals)
     }
@@ -176,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_specimen_whose_flow_differs_leaves_nothing_but_noise() {
-        // A tenth more spool for the same speed, which a ram that lags behind asks for.
+        // A lagging ram demands a tenth more spool for the same speed.
         let [mean, log_dev, gain, ..] = computed(|spool| [-spool / 60.0, spool / 10.0])[..] else {
             panic!("too few")
         };
@@ -194,7 +195,7 @@ mod tests {
             let [_, _, gain, correlation, _, over] = values[..] else { panic!("too few") };
             assert!((gain - 0.2).abs() < 0.02, "{gain}");
             assert!(correlation > 0.9, "{correlation}");
-            // What tells the two apart: whether the ram has moved.
+            // The ram's motion separates the two cases.
             assert!(over_ram.contains(&over), "{over}");
         }
     }

@@ -1,9 +1,8 @@
-//! The two chambers of one actuator together.
+//! Relations between the two chambers of one actuator.
 //!
-//! A leak or a clogged edge moves both chambers by the same amount (common
-//! mode, because a critical valve holds it only through its null conductance);
-//! a force moves them apart (differential); a pressure sensor moves one alone.
-//! The ratios say which it is without regard to the intensity.
+//! A leak or a clogged edge moves both chambers by the same amount (common mode), because a critical valve holds it
+//! only through its null conductance. A force moves them apart (differential mode). A pressure sensor moves one alone.
+//! The ratios separate these cases at any intensity.
 
 use super::{
     Family, Feature, Noise, Quantity, Sensors, Teaches, correlation, log_deviation, ratio,
@@ -13,7 +12,7 @@ use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Pressure;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Spool];

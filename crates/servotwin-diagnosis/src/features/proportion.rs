@@ -1,23 +1,22 @@
-//! Which of an actuator's signals is disturbed most.
+//! The signal of an actuator with the largest disturbance.
 //!
 //! ```text
 //! P_ij = log10 ( rms(r'_i) / rms(r'_j) ),   rms² = mean² + variance
 //! ```
 //!
-//! for every pair of one actuator's sensors. A blocked supply valve disturbs the
-//! supply pressure far more than the spool, a clogged edge the spool and the
-//! chambers far more than the supply, whatever the intensity: the logarithm of
-//! the ratio is the fault's direction without its size.
+//! for every pair of one actuator's sensors. A blocked supply valve disturbs the supply pressure far more than the
+//! spool. A clogged edge disturbs the spool and the chambers far more than the supply. This holds at any intensity: the
+//! logarithm of the ratio is the fault's direction without its size.
 
 use super::{Family, Feature, Quantity, Sensors, Teaches, log_deviation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Proportion;
 
-/// The sensors of each unit, two at a time.
+/// The sensors of each actuator in pairs.
 fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {
     let own = move |actuator: usize, from: usize| {
         let is_own = move |sensor: &usize| {

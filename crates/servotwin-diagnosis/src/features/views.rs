@@ -1,7 +1,7 @@
-//! The features that a diagnosis reads, of one window in every view.
+//! The features that a diagnosis reads from one window, in every view.
 //!
-//! View `k` of a window is the window with the units moved round until unit `k` stands first
-//! ([`crate::hierarchy`]). Names are looked up once, when this is made.
+//! View `k` of a window rotates the actuators until actuator `k` comes first ([`crate::hierarchy`]). The constructor
+//! looks names up once.
 
 use super::{Sensors, features, values_into};
 use crate::error::{Error, same_length};
@@ -9,27 +9,27 @@ use crate::residual::Window;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Makes rows of features from windows, in memory that is there from the beginning.
+/// Computes feature rows from windows in preallocated memory.
 #[derive(Debug, Clone)]
 pub struct Views {
     sensors: Sensors,
     /// The order of the sensors in each view beyond the first.
     orders: Vec<Vec<usize>>,
-    /// Where each feature that is read stands among all.
+    /// Index of each read feature among all features.
     places: Vec<usize>,
     moved: Window,
-    /// The sensors in whose place something stands that looks healthy.
+    /// The sensors with a stand-in value that looks healthy.
     stands_in: Vec<bool>,
     all: Vec<f64>,
     rows: Vec<Vec<f64>>,
 }
 
 impl Views {
-    /// The features of these names, seen from each of so many like units.
+    /// Prepares these features for the views of this many actuators.
     ///
     /// # Errors
-    /// [`Error::UnknownFeature`] for one that the sensors do not give; [`Error::CorruptModel`] if
-    /// the sensors of the units do not correspond.
+    /// [`Error::UnknownFeature`] for a feature that the sensors do not give; [`Error::CorruptModel`] if the actuators'
+    /// sensors do not correspond.
     pub fn new<N: AsRef<str>>(sensors: Sensors, names: &[N], views: usize) -> Result<Self, Error> {
         let known = features(&sensors);
         let find = |name: &N| {
@@ -50,19 +50,19 @@ impl Views {
         })
     }
 
-    /// Says of each sensor whether something stands in its place that looks healthy, from now on: what is said of it
-    /// beside others means nothing then.
+    /// Sets which sensors have a stand-in value that looks healthy. Relations between these and other sensors mean
+    /// nothing.
     ///
     /// # Panics
-    /// If there are not as many as sensors.
+    /// If the length is not the number of sensors.
     pub fn stand_in(&mut self, stands_in: &[bool]) {
         self.stands_in.copy_from_slice(stands_in);
     }
 
-    /// The rows of a window, one for each view. Does not allocate.
+    /// Computes the rows of a window, one for each view. Does not allocate.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] for a window of other sensors.
+    /// [`Error::LengthMismatch`] for a window with another number of sensors.
     pub fn compute(&mut self, window: &Window) -> Result<&[Vec<f64>], Error> {
         same_length("sensors", self.sensors.0.len(), window.sensors())?;
         for (view, row) in self.rows.iter_mut().enumerate() {
@@ -82,7 +82,7 @@ impl Views {
         Ok(&self.rows)
     }
 
-    /// The rows of the window that was computed last.
+    /// The rows of the last computed window.
     pub fn rows(&self) -> &[Vec<f64>] {
         &self.rows
     }

@@ -1,8 +1,7 @@
-//! One more stroke sensor, at the surface: majority vote.
+//! Majority vote with an additional stroke sensor at the surface.
 //!
-//! With `g_k = x_k − x_s` (disagreement of ram sensor k with the one at the surface): where
-//! one ram sensor errs, its own disagreement is large and the others' small;
-//! where all are large, that of the surface errs.
+//! With `g_k = x_k − x_s`, the disagreement of ram sensor k with the surface sensor. If one ram sensor errs, only its
+//! own disagreement is large. If all are large, the surface sensor errs.
 
 use super::{
     Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
@@ -13,10 +12,10 @@ use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// See the module.
+/// The family of this module.
 pub struct Vote;
 
-/// The rams of all units, where there are several, and the surface.
+/// The ram sensors of all actuators, if there are several, and the surface sensor.
 fn rams(sensors: &Sensors) -> Option<(super::LikeSensors, usize)> {
     let rams = sensors.like_sensors(Quantity::Ram);
     let surface = sensors.0.iter().position(|s| s.quantity == Quantity::Surface)?;

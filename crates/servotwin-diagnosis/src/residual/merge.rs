@@ -1,4 +1,4 @@
-//! Two windows that follow each other, as one.
+//! Merges two consecutive windows into one.
 //!
 //! ```text
 //! n = n_a + n_b,   δ = m_b − m_a
@@ -6,14 +6,13 @@
 //! M = M_a + M_b + δ δᵀ n_a n_b/n
 //! ```
 //!
-//! with m the means and M the co-moments (Chan, Golub, LeVeque, "Updating Formulae and a Pairwise
-//! Algorithm for Computing Sample Variances", 1979). Nothing is ever subtracted, so nothing is lost
-//! over days of samples.
+//! with m the means and M the co-moments (Chan, Golub, LeVeque, "Updating Formulae and a Pairwise Algorithm for
+//! Computing Sample Variances", 1979). Nothing is ever subtracted, so no precision is lost over days of samples.
 
 use super::{GROUP, Window};
 
 impl Window {
-    /// Adds the samples of a window that follows this one. Does not allocate.
+    /// Adds the samples of the window that follows this one. Does not allocate.
     ///
     /// # Panics
     /// If the other window has another number of sensors.
@@ -23,7 +22,7 @@ impl Window {
             return;
         }
         let count = self.count + later.count;
-        // With nothing in this window the share is one, and what comes out is the other's, exactly.
+        // If this window is empty, the share is one and the result is exactly the other window.
         let share = later.count as f64 / count as f64;
         for ((d, mean), other) in self.deviation.iter_mut().zip(&mut self.mean).zip(&later.mean) {
             *d = other - *mean;

@@ -5,51 +5,47 @@
 //! r'_i = r_i / x_scale,i         detectable if any |r'_i| > ε     paper, eq. (4)
 //! ```
 //!
-//! [`Window`] keeps, in fixed memory, the number of samples, the joint mean and
-//! the joint covariance of all scaled residuals and of all scaled twin signals,
-//! the largest |r'| and the first excursion. Every feature is a function of
-//! these, so the same few lines serve the campaign and the flight code. The
-//! update is Welford's, extended to the matrix of co-moments: it does not lose
-//! digits when a mean is large against its deviation. Windows that follow each
-//! other merge into one ([`Window::absorb`]).
+//! [`Window`] keeps the number of samples, the joint mean and joint covariance of all scaled residuals and twin
+//! signals, the largest |r'| and the first excursion. It uses fixed memory. Every feature is a function of these, so
+//! the campaign and the flight code share the same few lines. The update is Welford's, extended to the matrix of
+//! co-moments. It loses no digits when a mean is large against its deviation. Consecutive windows merge into one
+//! ([`Window::absorb`]).
 
 mod merge;
 
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Half width of the band that a scaled residual may stay in: the paper's ε of
-/// equation (4), also the limit of the mean in equation (7).
+/// Half width of the band for a scaled residual: the paper's ε of equation (4), also the limit of the mean in equation
+/// (7).
 pub const BAND: f64 = 0.03;
-/// The largest of some thousand samples of noise, in standard deviations.
+/// The largest of several thousand noise samples, in standard deviations.
 pub const LARGEST_OF_NOISE: f64 = 4.0;
 /// Standard deviation of a scaled residual allowed by equation (7).
 pub const DEVIATION_BAND: f64 = 0.01;
 
 /// The statistics of a window of samples.
 ///
-/// Channels are numbered `0 .. n` for the residuals and `n .. 2n` for the twin's
-/// signals.
+/// Channels `0 .. n` are the residuals and `n .. 2n` the twin's signals.
 #[derive(Clone, Debug)]
 pub struct Window {
     sensors: usize,
-    /// Excursions of the first so many sensors count.
+    /// Number of watched sensors, which come first; only their excursions count.
     watched: usize,
     count: u64,
     mean: Vec<f64>,
-    /// Lower triangle of the co-moments, row by row; every row is filled up to
-    /// whole groups of [`GROUP`] columns, which the compiler updates at once.
+    /// Lower triangle of the co-moments, row by row. Every row is padded to whole groups of [`GROUP`] columns, which
+    /// the compiler vectorizes.
     moments: Vec<f64>,
     largest: Vec<f64>,
-    /// The largest |r'| of each watched residual in parts of a band that varies; empty without one.
+    /// The largest |r'| of each watched residual in parts of a conditional band; empty without one.
     excess: Vec<f64>,
     first_excursion: Option<u64>,
-    /// Scratch: the sample being added, as deviations from the mean before it; filled
-    /// up with zeros like a row of the co-moments.
+    /// Scratch: the current sample's deviations from the previous mean, zero-padded like a row of the co-moments.
     deviation: Vec<f64>,
 }
 
-/// Equal statistics; what the scratch holds means nothing.
+/// Compares the statistics and ignores the scratch.
 impl PartialEq for Window {
     fn eq(&self, other: &Self) -> bool {
         let shape = |w: &Self| (w.sensors, w.watched, w.count, w.first_excursion);
@@ -61,17 +57,17 @@ impl PartialEq for Window {
     }
 }
 
-/// Columns of co-moments that are updated at once.
+/// Number of co-moment columns updated at once.
 const GROUP: usize = 4;
 
-/// Where a row of co-moments begins: rows come in bunches of equal length.
+/// Start of a row of co-moments: `GROUP` consecutive rows have the same length.
 const fn row_start(row: usize) -> usize {
     let bunch = row / GROUP;
     let before = GROUP * GROUP * bunch * (bunch + 1) / 2;
     before + (row % GROUP) * GROUP * (bunch + 1)
 }
 
-/// Where the co-moment of two channels is kept.
+/// Index of the co-moment of two channels.
 fn place(a: usize, b: usize) -> usize {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
     row_start(high) + low
@@ -83,8 +79,7 @@ impl Window {
         Self::watching(sensors, sensors)
     }
 
-    /// An empty window in which only the first `watched` sensors decide whether
-    /// something deviates.
+    /// An empty window in which only the first `watched` sensors decide whether something deviates.
     pub fn watching(sensors: usize, watched: usize) -> Self {
         let channels = 2 * sensors;
         Self {
@@ -100,12 +95,12 @@ impl Window {
         }
     }
 
-    /// The same, with residuals compared with a band that varies from sample to sample too.
+    /// Also compares residuals with a conditional band.
     pub fn within_a_conditional_band(self) -> Self {
         Self { excess: vec![0.0; self.watched], ..self }
     }
 
-    /// Adds one sample as [`Window::add`], with the half width of the band of each watched residual.
+    /// Adds one sample as [`Window::add`], with the half width of the conditional band of each watched residual.
     ///
     /// # Panics
     /// As [`Window::add`].
@@ -123,8 +118,8 @@ impl Window {
         }
     }
 
-    /// Adds one sample of all sensors: measured and twin values in physical
-    /// units, and their scales. All slices have one entry per sensor.
+    /// Adds one sample of all sensors: measured and twin values in physical units, and their scales. Each slice has one
+    /// entry per sensor.
     pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
         let n = self.sensors;
         assert!(measured.len() == n && twin.len() == n && scales.len() == n);
@@ -135,7 +130,7 @@ impl Window {
             residuals[i] = residual - residual_means[i];
             signals[i] = twin[i] / scales[i] - signal_means[i];
             let size = residual.abs();
-            // Not `f64::max`: its care for NaN costs more than all the rest.
+            // Not `f64::max`: its NaN handling costs more than everything else.
             self.largest[i] = if size > self.largest[i] { size } else { self.largest[i] };
         }
         if self.first_excursion.is_none() && self.largest_of_all() > BAND {
@@ -182,13 +177,12 @@ impl Window {
         self.mean[self.sensors + sensor]
     }
 
-    /// Covariance of two channels: residuals before twin signals.
+    /// Covariance of two channels: residuals first, then twin signals.
     pub fn covariance_of(&self, a: usize, b: usize) -> f64 {
         if self.count == 0 { 0.0 } else { self.moments[place(a, b)] / self.count as f64 }
     }
 
-    /// Covariance of two residuals; the variance of equation (6) for twice the
-    /// same.
+    /// Covariance of two residuals; for the same one twice, the variance of equation (6).
     pub fn covariance(&self, a: usize, b: usize) -> f64 {
         self.covariance_of(a, b)
     }
@@ -213,7 +207,7 @@ impl Window {
         self.largest[sensor]
     }
 
-    /// The largest |r'| of each watched residual in parts of the band of its sample; `None` where no band varies.
+    /// The largest |r'| of each watched residual in parts of the conditional band at that sample; `None` without one.
     pub fn excess(&self) -> Option<&[f64]> {
         (!self.excess.is_empty()).then_some(self.excess.as_slice())
     }
@@ -223,8 +217,7 @@ impl Window {
         self.first_excursion
     }
 
-    /// The paper's indicator (7): one where mean and variance are inside the
-    /// band.
+    /// The paper's indicator (7): whether mean and standard deviation are inside their bands.
     pub fn no_deviation(&self, sensor: usize) -> bool {
         self.mean(sensor).abs() < BAND
             && self.covariance(sensor, sensor) < DEVIATION_BAND * DEVIATION_BAND
@@ -235,17 +228,16 @@ impl Window {
         (0..self.watched).any(|s| !self.no_deviation(s))
     }
 
-    /// The window as it would be with the sensors in another order: sensor `i`
-    /// of the result is sensor `order[i]` of this one. Exchanging the actuators
-    /// gives the mirror image of a variant.
+    /// The window with the sensors in another order: sensor `i` of the result is sensor `order[i]` of this one.
+    /// Exchanging the actuators gives the symmetric copy of a variant.
     pub fn reordered(&self, order: &[usize]) -> Self {
         let mut result = Self::watching(self.sensors, self.watched);
         self.reorder_into(order, &mut result);
         result
     }
 
-    /// As [`Window::reordered`], into a window of as many sensors. Does not allocate. What features do not read, the
-    /// excess over a band that varies, stays where it was.
+    /// As [`Window::reordered`], into a window with the same number of sensors. Does not allocate. Leaves the excess
+    /// over a conditional band as it was, because no feature reads it.
     ///
     /// # Panics
     /// If `result` has another number of sensors.
@@ -267,8 +259,8 @@ impl Window {
         }
     }
 
-    /// The statistics as a flat list, to be stored: number of samples, first excursion (−1 for
-    /// none), largest sizes, means, co-moments, excesses.
+    /// The statistics as a flat list for storing: number of samples, first excursion (−1 for none), largest magnitudes,
+    /// means, co-moments, excesses.
     pub fn to_values(&self) -> Vec<f64> {
         let first = self.first_excursion.map_or(-1.0, |sample| sample as f64);
         let head = [self.count as f64, first];
@@ -276,14 +268,14 @@ impl Window {
         lists.concat()
     }
 
-    /// The window of a stored list; `None` if its length does not fit so many sensors.
+    /// The window of a stored list; `None` if its length does not fit the number of sensors.
     pub fn from_values(sensors: usize, watched: usize, values: &[f64]) -> Option<Self> {
         let mut window = Self::watching(sensors, watched);
         window.set_values(values).then_some(window)
     }
 
-    /// Takes over the statistics of a stored list; `false`, and nothing changes, if its length
-    /// does not fit. Does not allocate.
+    /// Restores the statistics of a stored list. Returns `false` and changes nothing if the length does not fit. Does
+    /// not allocate.
     pub fn set_values(&mut self, values: &[f64]) -> bool {
         let [count, first, rest @ ..] = values else { return false };
         let lengths = [&self.largest, &self.mean, &self.moments, &self.excess].map(Vec::len);
@@ -302,22 +294,22 @@ impl Window {
         true
     }
 
-    /// The mean of a channel, to be changed: for windows as they might have been.
+    /// The mean of a channel, for augmentation.
     pub fn mean_mut(&mut self, channel: usize) -> &mut f64 {
         &mut self.mean[channel]
     }
 
-    /// The co-moment of two channels (covariance times number of samples), likewise.
+    /// The co-moment of two channels (covariance times number of samples), for augmentation.
     pub fn co_moment_mut(&mut self, a: usize, b: usize) -> &mut f64 {
         &mut self.moments[place(a, b)]
     }
 
-    /// The largest |r'| of a residual, likewise.
+    /// The largest |r'| of a residual, for augmentation.
     pub fn largest_mut(&mut self, sensor: usize) -> &mut f64 {
         &mut self.largest[sensor]
     }
 
-    /// Forgets all samples. Does not allocate.
+    /// Clears all samples. Does not allocate.
     pub fn clear(&mut self) {
         self.count = 0;
         self.first_excursion = None;

@@ -1,12 +1,11 @@
-//! The decision tree: flat arrays to walk, and what every node knows about itself.
+//! The decision tree: flat arrays for prediction, and the statistics of every node.
 //!
 //! One tree serves CART, random forest and AdaBoost. `servotwin-learning` grows it node by node. [`Branches`] is all
-//! that prediction needs;
-//! [`Tree`] adds the counts, impurities and rejected splits that explain it. Nodes are numbered in
-//! preorder: a node comes before its children and the left child follows its parent.
-//! A row goes left when its value is not above the threshold. A row without a value (NaN) goes where
-//! training has learnt that such rows belong: the search tries them on either side of every threshold,
-//! and alone.
+//! that prediction needs. [`Tree`] adds the counts, impurities and rejected splits that explain it. Nodes are numbered
+//! in preorder: a node comes before its children, and the left child follows its parent.
+//!
+//! A row goes left if its value does not exceed the threshold. A row without a value (NaN) goes to the side learned in
+//! training. The split search tries such rows on either side of every threshold, and alone.
 //!
 //! Source: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", 1984.
 
@@ -18,10 +17,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, same_length};
 
-/// In place of a feature: the node is a leaf.
+/// Replaces the feature index of a leaf.
 const LEAF: u32 = u32::MAX;
 
-/// The part of a tree that decides: four flat arrays with one entry per node.
+/// The deciding part of a tree: flat arrays with one entry per node.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Branches {
@@ -29,7 +28,7 @@ pub struct Branches {
     threshold: Vec<f64>,
     left: Vec<u32>,
     right: Vec<u32>,
-    /// Whether rows without a value go left; empty for a tree that has never seen such rows.
+    /// Whether rows without a value go left; empty for a tree trained without such rows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     missing_left: Vec<bool>,
 }
@@ -40,26 +39,26 @@ impl Branches {
         self.feature.len()
     }
 
-    /// Whether there is no node; never true for a grown tree.
+    /// Whether there are no nodes; never true for a grown tree.
     pub fn is_empty(&self) -> bool {
         self.feature.is_empty()
     }
 
-    /// The question of a node as (feature, threshold), `None` for a leaf.
+    /// The test of a node as (feature, threshold); `None` for a leaf.
     pub fn split(&self, node: usize) -> Option<(usize, f64)> {
         let feature = self.feature[node];
         (feature != LEAF).then(|| (feature as usize, self.threshold[node]))
     }
 
-    /// Left and right child of a node, `None` for a leaf.
+    /// Left and right child of a node; `None` for a leaf.
     pub fn children(&self, node: usize) -> Option<(usize, usize)> {
         let inner = self.feature[node] != LEAF;
         inner.then(|| (self.left[node] as usize, self.right[node] as usize))
     }
 
-    /// The leaf that a row of features falls into. Does not allocate.
+    /// The leaf of a row of features. Does not allocate.
     ///
-    /// A NaN goes where [`Branches::missing_left`] says.
+    /// For a NaN, [`Branches::missing_left`] decides.
     ///
     /// # Panics
     /// If the row has fewer features than the tree was trained with.
@@ -77,19 +76,19 @@ impl Branches {
         value <= self.threshold[node] || (value.is_nan() && self.missing_left(node))
     }
 
-    /// Whether rows without a value go left at an inner node. Where the tree was trained without
-    /// such rows they go right, which means nothing.
+    /// Whether rows without a value go left at an inner node. In a tree trained without such rows they go right, which
+    /// is arbitrary.
     pub fn missing_left(&self, node: usize) -> bool {
         self.missing_left.get(node).copied().unwrap_or(false)
     }
 
-    /// Whether any node asks for a feature.
+    /// Whether any node tests a feature.
     pub fn reads(&self, feature: usize) -> bool {
         (0..self.len())
             .any(|node| self.feature[node] != LEAF && self.feature[node] as usize == feature)
     }
 
-    /// The questions of all inner nodes as (feature, threshold).
+    /// The tests of all inner nodes as (feature, threshold).
     pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         (0..self.len()).filter_map(|node| self.split(node))
     }
@@ -99,8 +98,7 @@ impl Branches {
         !self.missing_left.is_empty()
     }
 
-    /// Checks what walking relies on: equal lengths, and children behind their parent, so that
-    /// every walk ends.
+    /// Checks equal lengths, and that children come after their parent, so that every walk ends.
     pub(crate) fn check(&self, features: usize) -> Result<(), Error> {
         let nodes = self.len();
         for length in [self.threshold.len(), self.left.len(), self.right.len()] {
@@ -124,7 +122,7 @@ impl Branches {
         }
     }
 
-    /// Adds a leaf and returns its number; `knows_missing` must be the same for all nodes of a tree.
+    /// Adds a leaf and returns its number; `knows_missing` must be the same for all nodes.
     pub fn push_leaf(&mut self, knows_missing: bool) -> usize {
         if knows_missing {
             self.missing_left.push(false);
@@ -136,7 +134,7 @@ impl Branches {
         self.len() - 1
     }
 
-    /// Makes a leaf ask a question, with these children.
+    /// Turns a leaf into a test with these children.
     pub fn ask(&mut self, node: usize, feature: usize, threshold: f64, left: usize, right: usize) {
         self.feature[node] = feature as u32;
         self.threshold[node] = threshold;
@@ -145,40 +143,40 @@ impl Branches {
     }
 }
 
-/// A split that lowers the impurity more than the one used, but that no sensor could resolve.
+/// A split with a larger impurity decrease than the chosen one, but too narrow for any sensor to resolve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RejectedSplit {
-    /// The node that wanted it.
+    /// Number of the node.
     pub node: usize,
-    /// The feature it would have asked for.
+    /// Index of its feature.
     pub feature: usize,
-    /// The threshold it would have used.
+    /// Its threshold.
     pub threshold: f64,
-    /// Distance of the two neighbouring values that the threshold separates.
+    /// Distance of the two adjacent values that the threshold separates.
     pub gap: f64,
-    /// The impurity decrease it would have bought, weighted by the share of samples at the node.
+    /// Its impurity decrease, weighted by the share of samples at the node.
     pub decrease: f64,
 }
 
-/// A leaf as the report shows it.
+/// The statistics of a leaf, for reports.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafReport {
     /// Number of the node.
     pub node: usize,
-    /// The class decided here.
+    /// The class that it decides.
     pub class: u32,
     /// Share of the decided class among the weights of the leaf.
     pub purity: f64,
     /// Training rows in the leaf.
     pub rows: u32,
-    /// Their weight.
+    /// Weight of these rows.
     pub weight: f64,
-    /// Number of questions on the way to the leaf.
+    /// Number of tests on the way to the leaf.
     pub depth: usize,
 }
 
-/// A grown decision tree with all that its nodes know.
+/// A grown decision tree with the statistics of its nodes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tree {
@@ -193,25 +191,25 @@ pub struct Tree {
     weights: Vec<f64>,
     impurity: Vec<f64>,
     decrease: Vec<f64>,
-    /// Share of all training weight at the node, as the impurity sees it.
+    /// Share of all training weight at the node, with altered priors if costs enter the impurity.
     share: Vec<f64>,
     rejected: Vec<RejectedSplit>,
 }
 
-/// What a node knows when it is added to a tree.
+/// The statistics of a new node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewNode {
     /// The class that it decides.
     pub decision: u32,
-    /// Number of questions above it.
+    /// Number of tests above it.
     pub depth: usize,
     /// Training rows of each class.
     pub counts: Vec<u32>,
     /// Training weight of each class.
     pub weights: Vec<f64>,
-    /// Impurity.
+    /// Impurity of the training rows at the node.
     pub impurity: f64,
-    /// Share of all training weight, as the impurity sees it.
+    /// Share of all training weight, with altered priors if costs enter the impurity.
     pub share: f64,
 }
 
@@ -245,30 +243,30 @@ impl Tree {
         self.branches.push_leaf(knows_missing)
     }
 
-    /// Makes a leaf ask a question that decreases the impurity so much. [`Tree::set_child`] gives it its children.
+    /// Turns a leaf into a test with this impurity decrease. [`Tree::set_child`] sets its children.
     pub fn ask(&mut self, node: usize, feature: usize, threshold: f64, decrease: f64) {
         self.branches.feature[node] = feature as u32;
         self.branches.threshold[node] = threshold;
         self.decrease[node] = decrease;
     }
 
-    /// Sets the left or right child of a node that asks a question.
+    /// Sets the left or right child of an inner node.
     pub fn set_child(&mut self, node: usize, is_right: bool, child: usize) {
         let children = if is_right { &mut self.branches.right } else { &mut self.branches.left };
         children[node] = child as u32;
     }
 
-    /// Sets whether rows without a value go left at a node; for trees that know missing values.
+    /// Sets whether rows without a value go left at a node; for trees trained with missing values.
     pub fn set_missing_left(&mut self, node: usize, goes_left: bool) {
         self.branches.missing_left[node] = goes_left;
     }
 
-    /// Sets the threshold of a node that asks a question.
+    /// Sets the threshold of an inner node.
     pub fn set_threshold(&mut self, node: usize, threshold: f64) {
         self.branches.threshold[node] = threshold;
     }
 
-    /// Notes a split that was better but implausible.
+    /// Records a better but implausible split.
     pub fn reject(&mut self, split: RejectedSplit) {
         self.rejected.push(split);
     }
@@ -288,22 +286,22 @@ impl Tree {
         self.branches.len()
     }
 
-    /// The arrays that prediction walks.
+    /// The arrays for prediction.
     pub fn branches(&self) -> &Branches {
         &self.branches
     }
 
-    /// The question of a node as (feature, threshold), `None` for a leaf.
+    /// The test of a node as (feature, threshold); `None` for a leaf.
     pub fn split(&self, node: usize) -> Option<(usize, f64)> {
         self.branches.split(node)
     }
 
-    /// Left and right child of a node, `None` for a leaf.
+    /// Left and right child of a node; `None` for a leaf.
     pub fn children(&self, node: usize) -> Option<(usize, usize)> {
         self.branches.children(node)
     }
 
-    /// The class that a node decides, or would decide if the tree were cut there.
+    /// The class that a node decides, or would decide after pruning there.
     pub fn decision(&self, node: usize) -> u32 {
         self.decision[node]
     }
@@ -318,18 +316,17 @@ impl Tree {
         &self.weights[node * self.classes..(node + 1) * self.classes]
     }
 
-    /// Impurity of a node (with the altered priors, if costs enter the impurity).
+    /// Impurity of a node, with altered priors if costs enter the impurity.
     pub fn impurity(&self, node: usize) -> f64 {
         self.impurity[node]
     }
 
-    /// Impurity decrease by the split of a node, weighted by the share of samples there; 0 for a
-    /// leaf.
+    /// Impurity decrease by the split of a node, weighted by the share of samples there; 0 for a leaf.
     pub fn decrease(&self, node: usize) -> f64 {
         self.decrease[node]
     }
 
-    /// Share of all training weight at a node, as the impurity sees it.
+    /// Share of all training weight at a node, with altered priors if costs enter the impurity.
     pub fn share(&self, node: usize) -> f64 {
         self.share[node]
     }
@@ -340,17 +337,17 @@ impl Tree {
         weights[self.decision[node] as usize] / weights.iter().sum::<f64>()
     }
 
-    /// Number of questions above a node.
+    /// Number of tests above a node.
     pub fn node_depth(&self, node: usize) -> usize {
         self.depth[node] as usize
     }
 
-    /// Largest number of questions on the way to a leaf.
+    /// Largest number of tests on the way to a leaf.
     pub fn depth(&self) -> usize {
         self.depth.iter().copied().max().unwrap_or(0) as usize
     }
 
-    /// Splits that were better than the ones used, but implausible: by node, best first.
+    /// Splits better than the chosen ones but implausible: by node, best first.
     pub fn rejected(&self) -> &[RejectedSplit] {
         &self.rejected
     }
@@ -367,8 +364,7 @@ impl Tree {
         })
     }
 
-    /// Share of the total impurity decrease that each feature bought; sums to 1, or all 0 for a
-    /// tree without splits.
+    /// Share of each feature in the total impurity decrease; sums to 1, or all 0 for a tree without splits.
     pub fn importances(&self) -> Vec<f64> {
         let mut importances = vec![0.0; self.features];
         for node in 0..self.nodes() {
@@ -412,7 +408,7 @@ impl Tree {
         }
     }
 
-    /// Checks a tree that came from outside.
+    /// Checks a loaded tree.
     pub(crate) fn check(&self) -> Result<(), Error> {
         self.branches.check(self.features)?;
         let nodes = self.nodes();

@@ -1,4 +1,4 @@
-//! A tree as text to read.
+//! A tree as readable text.
 
 use alloc::string::String;
 use alloc::vec;
@@ -16,10 +16,10 @@ impl Tree {
     /// |  => leakage (rows 38, purity 0.974)
     /// ```
     ///
-    /// A name that is missing from the lists is shown as `feature 3` or `class 3`.
+    /// A name that the lists lack appears as `feature 3` or `class 3`.
     pub fn text(&self, feature_names: &[String], class_names: &[String]) -> String {
         let mut text = String::new();
-        // (node, line that leads to it) still to write, the next one last.
+        // Stack of (node, line that leads to it); the next one is last.
         let mut stack = vec![(0, String::new())];
         while let Some((node, lead)) = stack.pop() {
             text.push_str(&lead);

@@ -1,4 +1,4 @@
-//! What can be wrong with a table or with a table's file.
+//! Errors of tables and of their files.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use super::{ALL, Kind};
 use crate::files::FileError;
 use crate::sanitize;
 
-/// Why a table could not be read, written or used.
+/// Errors of reading, writing or using a table.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The file itself could not be read or written.
@@ -19,34 +19,34 @@ pub enum TableError {
         /// The file.
         path: PathBuf,
     },
-    /// The file was read, but its content is no table that can be used.
+    /// The file's content is no usable table.
     #[error("{path}: {problem}")]
     Content {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem with its content.
         #[source]
         problem: ContentError,
     },
     /// No column has this name.
     #[error("there is no column '{column}'; {}", advice(.nearest.as_deref(), .known))]
     UnknownColumn {
-        /// The name asked for.
+        /// The requested name.
         column: String,
-        /// The most similar name there is.
+        /// The most similar known name.
         nearest: Option<String>,
-        /// The names there are.
+        /// All column names.
         known: Vec<String>,
     },
-    /// A column is in the file, but not in the table.
+    /// A column of the file is not in the table.
     #[error("{reason}")]
     LeftOut {
         /// The column.
         column: String,
-        /// Why.
+        /// Why it was left out.
         reason: String,
     },
-    /// A column holds values of another kind than is needed.
+    /// A column holds values of the wrong kind.
     #[error("column '{column}' holds {}, needed are {}", .found.name(), .expected.name())]
     WrongKind {
         /// The column.
@@ -59,7 +59,7 @@ pub enum TableError {
     /// Two columns would have the same name.
     #[error("there is already a column '{column}'")]
     DuplicateColumn {
-        /// The name.
+        /// The repeated name.
         column: String,
     },
     /// A column has another number of rows than the first one.
@@ -77,10 +77,10 @@ pub enum TableError {
     ColumnCount {
         /// Its number of columns.
         found: usize,
-        /// The number needed.
+        /// The number of columns needed.
         expected: usize,
     },
-    /// A table to be appended has another column in a place.
+    /// A table to be appended has a different column at this position.
     #[error("column '{found}' stands where '{expected}' is needed")]
     OtherColumn {
         /// The name found.
@@ -88,7 +88,7 @@ pub enum TableError {
         /// The name needed.
         expected: String,
     },
-    /// A number is not finite where it must be.
+    /// A number that must be finite is not.
     #[error("{place}, column '{column}': {value} is no finite number")]
     NotFinite {
         /// The column.
@@ -110,23 +110,23 @@ pub enum TableError {
     },
 }
 
-/// What is wrong with a table file's content. Lines and rows count from 1.
+/// Problems with a table file's content. Lines and rows count from 1.
 #[derive(Debug, thiserror::Error)]
 pub enum ContentError {
-    /// Nothing is in the file.
+    /// The file is empty.
     #[error("the file is empty")]
     Empty,
-    /// A line has another number of cells than the header.
+    /// A line has more or fewer cells than the header.
     #[error("line {line} has {found} cells, the header has {expected}")]
     RaggedRow {
         /// The line.
         line: usize,
         /// Its number of cells.
         found: usize,
-        /// The header's.
+        /// Number of cells of the header.
         expected: usize,
     },
-    /// A cell does not fit the kind that the first row gave to its column.
+    /// A cell does not fit the kind of its column.
     #[error(
         "line {line}, column '{column}': '{text}' among {} (text between numbers is understood only in quotes, or in \
          a class or group)",
@@ -139,16 +139,16 @@ pub enum ContentError {
         column: String,
         /// The cell's text.
         text: String,
-        /// What the column holds.
+        /// Kind of the column.
         expected: Kind,
     },
-    /// A line that should be a JSON object is none.
+    /// A line is no JSON object.
     #[error("line {line} is no JSON object")]
     NoObject {
         /// The line.
         line: usize,
     },
-    /// A value of an object is not what the column holds.
+    /// A value of an object does not fit the kind of its column.
     #[error("line {line}, column '{column}': {text} among {}", .expected.name())]
     BadValue {
         /// The line.
@@ -157,7 +157,7 @@ pub enum ContentError {
         column: String,
         /// The value as JSON.
         text: String,
-        /// What the column holds.
+        /// Kind of the column.
         expected: Kind,
     },
     /// A quoted cell is not closed before the file ends.
@@ -175,7 +175,7 @@ pub enum ContentError {
     /// The header has a column without a name.
     #[error("line 1: column {place} has no name")]
     UnnamedColumn {
-        /// Its place, from 1.
+        /// Position of the column, from 1.
         place: usize,
     },
     /// Two columns have the same name.
@@ -184,16 +184,16 @@ pub enum ContentError {
         /// The name.
         column: String,
     },
-    /// A byte that is in no text.
+    /// The text contains a zero byte.
     #[error("line {line} holds a byte zero: this is no text")]
     ZeroByte {
         /// The line.
         line: usize,
     },
-    /// The file does not begin and end as a Parquet file does.
+    /// The file does not start and end like a Parquet file.
     #[error("this is no Parquet file, or its end is missing")]
     NotParquet,
-    /// A column's type has no place in a table.
+    /// A table cannot hold the column's type.
     #[error(
         "column '{column}' has the type {found}; known are whole and real numbers, booleans, text, dictionaries of \
          these, moments, dates, times of day and durations"
@@ -216,7 +216,7 @@ pub enum ContentError {
         /// The limit of a column, bytes.
         limit_bytes: u64,
     },
-    /// A column and those before it would take too much memory.
+    /// A column and the previous ones would take too much memory.
     #[error(
         "with column '{column}' the table takes more than {} GB in memory, its limit; set the environment variable \
          {LIMIT_VARIABLE} higher to read it",
@@ -228,7 +228,7 @@ pub enum ContentError {
         /// The limit of a table, bytes.
         limit_bytes: u64,
     },
-    /// A column is compressed in a way that is not known here.
+    /// The compression of a column is not supported.
     #[error(
         "column '{column}' is compressed with {codec}; known are Snappy, gzip, LZ4, Zstandard and none: write the \
          file with one of these"
@@ -239,7 +239,7 @@ pub enum ContentError {
         /// The codec's name in Parquet.
         codec: String,
     },
-    /// A column has an empty place.
+    /// A value of a column is missing.
     #[error("row {row}, column '{column}': no value (null)")]
     Null {
         /// The column.
@@ -257,20 +257,20 @@ pub enum ContentError {
         /// The value.
         value: u64,
     },
-    /// The Parquet library cannot make sense of the file.
+    /// The Parquet library cannot decode the file.
     #[error("damaged or unreadable: {source}")]
     Damaged {
-        /// What it said.
+        /// The library's error.
         #[from]
         source: ::parquet::errors::ParquetError,
     },
-    /// The Parquet library gave up in the middle of a damaged file.
+    /// The Parquet library panicked on a damaged file, or a size in it is invalid.
     #[error("damaged beyond reading")]
     Unreadable,
 }
 
 impl ContentError {
-    /// Whether a column is sound and only too large.
+    /// Whether the column is valid but too large.
     pub(super) fn is_limit(&self) -> bool {
         matches!(self, ContentError::LargeColumn { .. } | ContentError::LargeTable { .. })
     }
@@ -280,7 +280,7 @@ fn known_formats() -> String {
     ALL.map(|format| format!(".{} ({})", format.extension, format.name)).join(", ")
 }
 
-/// The columns of a table, the most similar one first.
+/// Lists the columns of a table, the most similar one first.
 fn advice(nearest: Option<&str>, known: &[String]) -> String {
     match nearest {
         _ if known.is_empty() => "the table has no columns".to_owned(),

@@ -1,7 +1,7 @@
-//! Tables as lines of JSON objects, which loggers write: read, never written.
+//! Tables as lines of JSON objects, a common log format: read-only.
 //!
-//! A key is a column; those of what is in an object or a list stand behind its own with points between. Of a key that
-//! an object has not, or has `null` under, the number is missing (NaN), the text empty. Blank lines say nothing.
+//! A key is a column; keys of nested objects and lists are joined with dots. Missing or null values become NaN, or an
+//! empty string in text columns. Blank lines are skipped.
 
 use super::{Column, ContentError, Kind, Table, TableError, Values};
 use crate::files;
@@ -9,19 +9,19 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The endings of their names.
+/// The file name extensions.
 pub const EXTENSIONS: [&str; 2] = ["jsonl", "ndjson"];
 
 /// Reads a file of lines of JSON objects.
 ///
 /// # Errors
-/// It cannot be read, a line is no object, or a column has what does not go together.
+/// If it cannot be read, a line is no object, or a column mixes incompatible values.
 pub fn read(path: &Path) -> Result<Table, TableError> {
     let text = files::read_text(path)?;
     parse(&text).map_err(|problem| TableError::Content { path: path.to_path_buf(), problem })
 }
 
-/// A cell, and the line that it stands on.
+/// The values of a column, with their row indices.
 type Cells = Vec<(usize, Value)>;
 
 fn parse(text: &str) -> Result<Table, ContentError> {
@@ -52,7 +52,7 @@ fn parse(text: &str) -> Result<Table, ContentError> {
     Ok(table)
 }
 
-/// The values in an object, with the keys that lead there.
+/// Collects the values in an object with their key paths.
 pub fn leaves(value: Value, path: String, found: &mut Vec<(String, Value)>) {
     let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match value {
@@ -67,7 +67,7 @@ pub fn leaves(value: Value, path: String, found: &mut Vec<(String, Value)>) {
     }
 }
 
-/// The values of a column, of the kind that its first cell has.
+/// The values of a column, with the kind of its first cell.
 fn values(name: &str, cells: &Cells, lines: &[usize]) -> Result<Values, ContentError> {
     let kind = match &cells[0].1 {
         Value::Bool(_) if cells.len() == lines.len() => Kind::Flag,

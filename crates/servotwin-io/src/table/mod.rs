@@ -1,8 +1,8 @@
-//! Tables of named columns, and the file formats they are kept in.
+//! Tables of named columns, and their file formats.
 //!
-//! A [`Table`] is what a campaign, a data set and an evaluation are stored as. A column's name
-//! ends with its physical unit (`pressure_a_pa`); the unit itself is kept beside it as text (`Pa`)
-//! and goes into the file where the format has a place for it.
+//! A campaign, a data set and an evaluation are stored as [`Table`]s. A column's name ends with its physical unit
+//! (`pressure_a_pa`). The unit itself is a text beside it (`Pa`), which goes into the file if the format supports
+//! units.
 //!
 //! [`ALL`] lists the formats; [`read`] and [`write()`] choose one by the file's extension.
 
@@ -24,7 +24,7 @@ pub use error::{ContentError, TableError};
 pub struct Format {
     /// The name shown to users.
     pub name: &'static str,
-    /// The file name's ending, without the dot and in lower case.
+    /// The file name's extension, without the dot and in lower case.
     pub extension: &'static str,
     /// Reads a whole file.
     pub read: fn(&Path) -> Result<Table, TableError>,
@@ -35,7 +35,7 @@ pub struct Format {
 /// Every known format, the preferred one first.
 pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
 
-/// Reads a table; the file's extension names the format. Lines of JSON objects are read, too, and written by nobody.
+/// Reads a table; the file's extension names the format. Lines of JSON objects can be read, but not written.
 pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     let path = path.as_ref();
     let table = match has_extension(path, &json_lines::EXTENSIONS) {
@@ -49,7 +49,7 @@ impl Table {
     /// Reads a table; the file's extension names the format (`.csv`, `.parquet`, `.jsonl`).
     ///
     /// # Errors
-    /// The file cannot be read or is damaged.
+    /// If the file cannot be read or is damaged.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, TableError> {
         read(path)
     }
@@ -57,7 +57,7 @@ impl Table {
     /// Writes the table atomically; the file's extension names the format (`.csv`, `.parquet`).
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), TableError> {
         write(path, self)
     }
@@ -68,11 +68,11 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     own.is_some_and(|own| extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension)))
 }
 
-/// Reads a table of somebody else.
+/// Reads a table of another program.
 ///
 /// The columns in `mixed` may hold text between numbers; their numbers then become texts. Classes and groups need that,
-/// because they may be called `1`, `2` and `2b`. Columns of a Parquet file that have no place in a table, or that exceed
-/// the [limits](parquet::Limits) of decoding, are left out and listed in [`Origin::left_out`]; [`read`] refuses such a
+/// because their names may be `1`, `2` and `2b`. Unsupported columns of a Parquet file, and those above the
+/// [limits](parquet::Limits) of decoding, are left out and listed in [`Origin::left_out`]. [`read`] rejects such a
 /// file.
 pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, TableError> {
     let path = path.as_ref();
@@ -84,7 +84,7 @@ pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, Table
     Ok(table.read_from(path))
 }
 
-/// As [`read_mixed`], with the columns that `is_wanted` accepts by name. The others of a Parquet file are not decoded.
+/// As [`read_mixed`], with the columns whose names `is_wanted` accepts. The others of a Parquet file are not decoded.
 pub fn read_wanted(
     path: impl AsRef<Path>,
     mixed: &[&str],
@@ -111,7 +111,7 @@ pub fn format_of(path: &Path) -> Result<&'static Format, TableError> {
     found.ok_or_else(|| TableError::UnknownFormat { path: path.to_path_buf() })
 }
 
-/// What a column's values are.
+/// The kind of a column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// `f64`.
@@ -142,7 +142,7 @@ impl Kind {
 /// The values of one column.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
-    /// Real numbers; NaN and infinities are kept.
+    /// Floats, including NaN and infinities.
     Float(Vec<f64>),
     /// Whole numbers.
     Integer(Vec<i64>),
@@ -204,7 +204,7 @@ impl Values {
         }
     }
 
-    /// Appends values of the same kind; `false`, and nothing done, if the kinds differ.
+    /// Appends values of the same kind; returns `false` and does nothing if the kinds differ.
     pub fn append(&mut self, other: Values) -> bool {
         match (self, other) {
             (Values::Float(own), Values::Float(more)) => own.extend(more),
@@ -250,7 +250,7 @@ impl Column {
         Self { name: name.into(), unit: unit.into(), values: values.into() }
     }
 
-    /// The numbers of the column; whole numbers are converted.
+    /// The numbers of the column as floats; whole numbers are converted.
     pub fn numbers(&self) -> Result<Cow<'_, [f64]>, TableError> {
         Ok(match &self.values {
             Values::Float(values) => Cow::Borrowed(values),
@@ -261,21 +261,21 @@ impl Column {
     }
 }
 
-/// Where the rows of a table stand in the file that it was read from. It is no part of the table's
-/// value: all origins are equal.
+/// The places of a table's rows in the file that it was read from. It is no part of the table's value: all origins are
+/// equal.
 #[derive(Debug, Clone, Default)]
 pub struct Origin {
-    /// The rows before which the count of lines leaps, with their lines; empty without lines.
+    /// Rows at which the line numbers jump, with their lines; empty without lines.
     leaps: Vec<(usize, usize)>,
-    /// How the text was read where that was not as this toolkit writes it.
+    /// A description of the text format if it differs from this toolkit's.
     pub dialect: Option<String>,
     /// Columns of the file that are not in the table, with the reason.
     left_out: Vec<(String, String)>,
-    /// Columns of the file that nobody asked for.
+    /// Columns of the file that were not requested.
     unread: Vec<String>,
-    /// The file, where there is one.
+    /// The file, if there is one.
     file: Option<PathBuf>,
-    /// The unit of places, if not lines.
+    /// The unit of places if they are not lines.
     counted: Option<&'static str>,
 }
 
@@ -297,18 +297,18 @@ impl Origin {
         }
     }
 
-    /// The same with the file: `log.csv: line 17`.
+    /// The place with the file: `log.csv: line 17`.
     pub fn place_in_file(&self, row: usize) -> String {
         let place = self.place(row);
         self.file.as_ref().map_or(place.clone(), |file| format!("{}: {place}", file.display()))
     }
 
-    /// The columns of the file that are not in the table, each with the reason.
+    /// The columns of the file that the table lacks, each with the reason.
     pub fn left_out(&self) -> &[(String, String)] {
         &self.left_out
     }
 
-    /// Notes the line of the next row.
+    /// Records the line of the next row.
     fn push_line(&mut self, row: usize, line: usize) {
         let expected = self.leaps.last().map(|(first, start)| start + row - first);
         if expected != Some(line) {
@@ -321,7 +321,7 @@ impl Origin {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     columns: Vec<Column>,
-    /// The place of each column by its name; read by name only, so that no order of it shows.
+    /// Index of each column by its name; only for look-ups, so its order has no influence.
     places: HashMap<String, usize>,
     origin: Origin,
     /// Notes about the whole table (study, seed, version); kept by Parquet, not by CSV.
@@ -334,14 +334,14 @@ impl Table {
         Self::default()
     }
 
-    /// A table from columns with different names and equal lengths.
+    /// Creates a table from columns with different names and equal lengths.
     pub fn from_columns(columns: Vec<Column>) -> Result<Self, TableError> {
         let mut table = Table::new();
         columns.into_iter().try_for_each(|column| table.push(column))?;
         Ok(table)
     }
 
-    /// Adds a column at the right.
+    /// Appends a column on the right.
     pub fn push(&mut self, column: Column) -> Result<(), TableError> {
         if self.has(&column.name) {
             return Err(TableError::DuplicateColumn { column: column.name });
@@ -370,7 +370,7 @@ impl Table {
         &self.columns
     }
 
-    /// The columns from left to right, without the table.
+    /// The columns from left to right; consumes the table.
     pub fn into_columns(self) -> Vec<Column> {
         self.columns
     }
@@ -400,7 +400,7 @@ impl Table {
         }
     }
 
-    /// Some rows of the table, with its columns and metadata.
+    /// A range of rows, with the columns and metadata.
     pub fn rows(&self, rows: Range<usize>) -> Table {
         let cut = |column: &Column| Column {
             name: column.name.clone(),
@@ -416,7 +416,7 @@ impl Table {
         }
     }
 
-    /// Adds the rows of a table with the same column names and kinds in the same order.
+    /// Appends the rows of a table with the same column names and kinds in the same order.
     pub fn append(&mut self, other: Table) -> Result<(), TableError> {
         self.require_same_columns(&other)?;
         for (own, more) in self.columns.iter_mut().zip(other.columns) {
@@ -425,7 +425,7 @@ impl Table {
         Ok(())
     }
 
-    /// That another table has the same column names and kinds in the same order.
+    /// Checks that another table has the same column names and kinds in the same order.
     pub fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
         if self.columns.len() != other.columns.len() {
             return Err(TableError::ColumnCount {
@@ -443,7 +443,7 @@ impl Table {
         Ok(())
     }
 
-    /// The column of a name; the error suggests the nearest one and lists the others.
+    /// The column with a name; the error suggests the nearest one and lists the others.
     pub fn column(&self, name: &str) -> Result<&Column, TableError> {
         match self.place(name) {
             Some(place) => Ok(&self.columns[place]),
@@ -451,7 +451,7 @@ impl Table {
         }
     }
 
-    /// Takes a column out, and moves those behind it one place to the left.
+    /// Removes a column and moves those after it one place to the left.
     pub fn take(&mut self, name: &str) -> Result<Column, TableError> {
         let Some(place) = self.places.remove(name) else {
             return Err(self.missing_column(name));
@@ -460,7 +460,7 @@ impl Table {
         Ok(self.columns.remove(place))
     }
 
-    /// Gives the values of a column away, for who reads a table for the last time: the column stays, without rows.
+    /// Moves the values of a column out, for the last reader of a table: the column stays, without rows.
     pub fn release(&mut self, name: &str) -> Result<Column, TableError> {
         let Some(place) = self.place(name) else {
             return Err(self.missing_column(name));
@@ -487,7 +487,7 @@ impl Table {
         self
     }
 
-    /// The same table, whose rows stand at these places of what is counted in a log.
+    /// Sets the places of the rows, in units of a log.
     pub fn with_places(mut self, counted: &'static str, places: impl Iterator<Item = u64>) -> Self {
         self.origin.counted = Some(counted);
         for (row, place) in places.enumerate() {
@@ -496,12 +496,12 @@ impl Table {
         self
     }
 
-    /// Where its rows stand in the file that it was read from.
+    /// The places of its rows in the file that it was read from.
     pub fn origin(&self) -> &Origin {
         &self.origin
     }
 
-    /// Several columns by name, in the order asked for.
+    /// Several columns by name, in this order.
     pub fn columns_by_name(&self, names: &[&str]) -> Result<Vec<&Column>, TableError> {
         names.iter().map(|name| self.column(name)).collect()
     }
@@ -511,7 +511,7 @@ impl Table {
         self.column(name)?.numbers()
     }
 
-    /// The numbers of a column in which NaN and infinities are not permitted.
+    /// The numbers of a column, which must not be NaN or infinite.
     pub fn finite_f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
         let values = self.f64(name)?;
         match values.iter().position(|value| !value.is_finite()) {
@@ -520,7 +520,7 @@ impl Table {
         }
     }
 
-    /// The error for a number that is not finite where it must be.
+    /// The error for a number that must be finite.
     pub fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
         TableError::NotFinite {
             column: name.to_owned(),
@@ -539,7 +539,7 @@ impl Table {
         })
     }
 
-    /// The non-negative whole numbers of a column; signed ones are converted if all of them fit.
+    /// The non-negative whole numbers of a column; signed ones are converted if all of them are in range.
     pub fn u32(&self, name: &str) -> Result<Cow<'_, [u32]>, TableError> {
         let column = self.column(name)?;
         let convert = |(row, value): (usize, &i64)| {
@@ -574,7 +574,7 @@ impl Table {
         }
     }
 
-    /// The place of a column, from 0.
+    /// Index of a column, from 0.
     pub fn place(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
     }
@@ -585,7 +585,7 @@ impl Table {
     }
 }
 
-/// The error for a column that is not there.
+/// The error for an unknown column.
 pub fn unknown_column<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> TableError {
     let known: Vec<&str> = known.into_iter().collect();
     let nearest = nearest(name, known.iter().copied()).map(str::to_owned);

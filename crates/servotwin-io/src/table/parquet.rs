@@ -1,21 +1,19 @@
 //! Tables as Apache Parquet files, whole or streamed.
 //!
-//! Columns are written as required (never null). The file's key-value metadata holds the table's
-//! own and each column's unit, under `unit:` and the column's name. The bytes depend on nothing but
-//! the table: no time stamp, no version but our own format's. Compression is Snappy, in pure Rust.
+//! Columns are written as required (never null). The file's key-value metadata holds the table's metadata, and each
+//! column's unit under `unit:` and the column's name. The bytes depend only on the table: there is no time stamp and no
+//! version except our own format's. Compression is Snappy, in pure Rust.
 //!
-//! [`ParquetWriter`] appends rows without holding more than one row group in memory, and
-//! [`ParquetReader`] gives them back table by table. Files of other writers are read if their
-//! columns are numbers, booleans, text, times or dictionaries of these; the codecs known are Snappy,
-//! gzip, LZ4 and Zstandard. A missing number becomes NaN, a missing text an empty one.
+//! [`ParquetWriter`] appends rows and holds at most one row group in memory. [`ParquetReader`] returns them table by
+//! table. Files of other writers may have columns of numbers, booleans, text, times or dictionaries of these. The
+//! supported codecs are Snappy, gzip, LZ4 and Zstandard. A missing number becomes NaN, a missing text an empty one.
 //!
-//! Times become seconds: a moment since 1970, a time of day since midnight, a duration as it is. The
-//! unnamed index of a pandas data frame is called `time` where it holds times.
+//! Times become seconds: a timestamp since 1970, a time of day since midnight, a duration unchanged. The unnamed index
+//! of a pandas data frame becomes `time` if it holds times.
 //!
-//! Only the columns asked for are decoded. A whole table is read column by column, within [`Limits`].
+//! Only the requested columns are decoded. A whole table is read column by column, within [`Limits`].
 //!
-//! The library's Arrow layer is left out: it would take longer to compile than everything else
-//! that a table needs.
+//! The library's Arrow layer is disabled: it would take longer to compile than everything else that a table needs.
 
 mod arrow;
 mod decode;
@@ -60,37 +58,37 @@ pub const FORMAT: Format = Format { name: "Parquet", extension: "parquet", read,
 /// Rows in a row group: large enough to compress well, small enough to hold in memory.
 const GROUP_ROWS: usize = 1 << 17;
 
-/// Rows in a table that [`ParquetReader`] gives at a time.
+/// Maximum number of rows in a table of [`ParquetReader`].
 const BATCH_ROWS: usize = 1 << 16;
 
-/// A column's unit is kept in the file's metadata under this and the column's name.
+/// Prefix of the metadata key of a column's unit; the column's name follows.
 const UNIT_PREFIX: &str = "unit:";
 
-/// The key under which writers with an Arrow layer keep its schema.
+/// Metadata key of the schema of writers with an Arrow layer.
 const ARROW_KEY: &str = "ARROW:schema";
 
-/// The key under which pandas keeps what its columns are.
+/// Metadata key of the column description of pandas.
 const PANDAS_KEY: &str = "pandas";
 
-/// How pandas calls an index without a name.
+/// The name that pandas gives to an unnamed index.
 const UNNAMED_INDEX: &str = "__index_level_0__";
 
-/// The name of such an index in a table where it holds times.
+/// The name of such an index in a table if it holds times.
 const TIME: &str = "time";
 
-/// Texts that are decoded at once. An encoding that lets a text begin as the one before makes long texts of a few bytes;
-/// such texts are decoded one by one.
+/// Number of texts decoded at once. One encoding shares prefixes with the previous text and can make long texts of a
+/// few bytes; such texts are decoded one by one.
 const TEXTS_AT_ONCE: usize = 1 << 10;
 
 /// Reads a whole Parquet file.
 ///
 /// # Errors
-/// The file cannot be read, or a column has no place in a table or exceeds the [`Limits`].
+/// If the file cannot be read, or a column is unsupported or exceeds the [`Limits`].
 pub fn read(path: &Path) -> Result<Table, TableError> {
     ParquetReader::open(path)?.into_table(Limits::from_environment())
 }
 
-/// Reads only some columns of a Parquet file, in the order asked for; the others are not decoded.
+/// Reads and decodes only some columns of a Parquet file, in this order.
 ///
 /// # Errors
 /// As [`read`].
@@ -98,15 +96,15 @@ pub fn read_columns(path: &Path, names: &[&str]) -> Result<Table, TableError> {
     ParquetReader::open_columns(path, names)?.into_table(Limits::from_environment())
 }
 
-/// Reads a Parquet file of somebody else: columns that have no place in a table or exceed the [`Limits`] are left out.
+/// Reads a Parquet file of another program: unsupported columns and those above the [`Limits`] are left out.
 ///
 /// # Errors
-/// The file cannot be read, or no column is left.
+/// If the file cannot be read or no column remains.
 pub fn read_usable(path: &Path) -> Result<Table, TableError> {
     read_wanted(path, &|_| true)
 }
 
-/// As [`read_usable`], with the columns that `is_wanted` accepts by name; the others are not decoded.
+/// As [`read_usable`], but decodes only the columns whose names `is_wanted` accepts.
 ///
 /// # Errors
 /// As [`read_usable`].
@@ -114,7 +112,7 @@ pub fn read_wanted(path: &Path, is_wanted: &dyn Fn(&str) -> bool) -> Result<Tabl
     read_within(path, is_wanted, Limits::from_environment())
 }
 
-/// As [`read_wanted`], within limits of the caller.
+/// As [`read_wanted`], within the caller's limits.
 ///
 /// # Errors
 /// As [`read_usable`].
@@ -137,13 +135,13 @@ pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
 #[derive(Debug)]
 pub struct ParquetWriter {
     path: PathBuf,
-    /// The rows of the row group begun.
+    /// The rows of the current row group.
     begun: Table,
     writer: SerializedFileWriter<AtomicFile>,
 }
 
 impl ParquetWriter {
-    /// Opens a file for the columns and metadata of `schema`, whose rows are not written.
+    /// Opens a file for the columns and metadata of `schema`, without writing its rows.
     pub fn create(path: impl AsRef<Path>, schema: &Table) -> Result<Self, TableError> {
         let path = path.as_ref().to_path_buf();
         let file = AtomicFile::create(&path)?;
@@ -175,7 +173,7 @@ impl ParquetWriter {
         Ok(())
     }
 
-    /// Closes the row group begun: what was appended so far leaves the memory.
+    /// Closes the current row group, so that its rows leave the memory.
     pub fn end_group(&mut self) -> Result<(), TableError> {
         if self.begun.row_count() == 0 {
             return Ok(());
@@ -185,7 +183,7 @@ impl ParquetWriter {
         Ok(())
     }
 
-    /// Writes the file's end and puts it in its place.
+    /// Writes the end of the file and moves it to its path.
     pub fn finish(mut self) -> Result<(), TableError> {
         self.end_group()?;
         let file = self.writer.into_inner().map_err(|error| parquet_error(&self.path, error))?;
@@ -193,7 +191,7 @@ impl ParquetWriter {
         Ok(file.commit()?)
     }
 
-    /// The library may wrap the operating system's error; the file knows it.
+    /// Recovers the operating system's error, which the library may have wrapped, from the file.
     fn unwritten(&self, error: ParquetError) -> TableError {
         match self.writer.inner().failure() {
             Some(cause) => TableError::File(FileError::from_io(&self.path, cause)),
@@ -253,7 +251,7 @@ fn write_values(
         Values::Float(values) => writer.typed::<DoubleType>().write_batch(values, None, None),
         Values::Integer(values) => writer.typed::<Int64Type>().write_batch(values, None, None),
         Values::Unsigned(values) => {
-            // The same 32 bits: Parquet has no type of its own for numbers without sign.
+            // The same 32 bits: Parquet has no separate type for unsigned numbers.
             let bits: Vec<i32> = values.iter().map(|value| value.cast_signed()).collect();
             writer.typed::<Int32Type>().write_batch(&bits, None, None)
         }
@@ -273,28 +271,28 @@ pub struct ParquetReader {
     metadata: ParquetMetaData,
     schema: Table,
     sources: Vec<Source>,
-    /// Columns of the file that are not read although they were wanted, and why.
+    /// Wanted columns that cannot be read, with the reason.
     left_out: Vec<(String, ContentError)>,
-    /// Columns of the file that are not wanted.
+    /// Columns that are not wanted.
     unread: Vec<String>,
-    /// Whether a column that cannot be read is left out instead of a mistake.
+    /// Whether unreadable columns are left out instead of being an error.
     leaves_out: bool,
     batch_rows: usize,
     next_group: usize,
-    /// The columns of the row group being read.
+    /// The columns of the current row group.
     columns: Vec<ColumnReader>,
-    /// How many rows are left in that group.
+    /// Number of remaining rows in that group.
     rows_left: usize,
     rows_read: usize,
 }
 
-/// The columns of a file that are read.
+/// The columns of a file to read.
 #[derive(Clone, Copy)]
 enum Choice<'c> {
     All,
-    /// Those named, in this order.
+    /// These columns, in this order.
     Named(&'c [&'c str]),
-    /// Those wanted that can be read.
+    /// All wanted columns that can be read.
     Usable(&'c dyn Fn(&str) -> bool),
 }
 
@@ -304,7 +302,7 @@ impl ParquetReader {
         Self::open_chosen(path.as_ref(), Choice::All)
     }
 
-    /// Opens a file with some of its columns, in the order asked for; the others are not read.
+    /// Opens a file with only some of its columns, in this order.
     pub fn open_columns(path: impl AsRef<Path>, names: &[&str]) -> Result<Self, TableError> {
         Self::open_chosen(path.as_ref(), Choice::Named(names))
     }
@@ -348,7 +346,7 @@ impl ParquetReader {
         Ok(reader)
     }
 
-    /// Adds a column to what is read.
+    /// Adds a column to the schema.
     fn add(&mut self, source: Source, notes: &BTreeMap<String, String>) -> Result<(), TableError> {
         let unit = notes.get(&format!("{UNIT_PREFIX}{}", source.name)).map(String::as_str);
         let unit = unit.unwrap_or(source.meaning.unit());
@@ -357,7 +355,7 @@ impl ParquetReader {
         Ok(())
     }
 
-    /// The same with fewer rows in each part, where only the first ones are of interest.
+    /// Reduces the number of rows in each part, for callers that need only the first ones.
     pub fn with_batch(self, rows: usize) -> Self {
         Self { batch_rows: rows.clamp(1, BATCH_ROWS), ..self }
     }
@@ -372,7 +370,7 @@ impl ParquetReader {
         usize::try_from(self.metadata.file_metadata().num_rows()).unwrap_or(0)
     }
 
-    /// All rows, read column by column.
+    /// Reads all rows, column by column.
     fn into_table(mut self, limits: Limits) -> Result<Table, TableError> {
         let mut budget = Budget::new(limits);
         let mut table = Table { metadata: self.schema.metadata.clone(), ..Table::new() };
@@ -397,7 +395,7 @@ impl ParquetReader {
         Ok(table)
     }
 
-    /// The values of a column in all row groups.
+    /// Reads the values of a column in all row groups.
     fn whole_column(&self, source: &Source, budget: Budget) -> Result<Values, ContentError> {
         let width = match source.kind {
             Kind::Float | Kind::Integer => 8,
@@ -407,7 +405,7 @@ impl ParquetReader {
         };
         budget.allow(&source.name, (self.row_count() as u64).saturating_mul(width))?;
         if source.kind == Kind::Text {
-            // Counted before anything is kept, so that a column that is too large costs no memory.
+            // Counted first, so that a column above the limit uses no memory.
             let mut bytes = 0;
             self.read_column(source, budget, |reader, rows, _| {
                 bytes += bytes_of_texts(reader, source, rows, bytes, budget)?;
@@ -422,7 +420,7 @@ impl ParquetReader {
         Ok(values)
     }
 
-    /// Reads a column part by part: `read_part` gets the number of rows and the first one.
+    /// Reads a column part by part; `read_part` gets the number of rows and the index of the first one.
     fn read_column(
         &self,
         source: &Source,
@@ -477,7 +475,7 @@ fn rows_of(group: &RowGroupMetaData) -> Result<usize, ContentError> {
     usize::try_from(group.num_rows()).map_err(|_| ContentError::Unreadable)
 }
 
-/// The memory that values take.
+/// Memory of values, bytes.
 fn bytes_of(values: &Values) -> u64 {
     match values {
         Values::Float(values) => size_of_val(values.as_slice()) as u64,
@@ -488,7 +486,7 @@ fn bytes_of(values: &Values) -> u64 {
     }
 }
 
-/// Opens a column of a row group. Its pages must fit into memory, too.
+/// Opens a column of a row group, if its pages fit into the budget.
 fn open_column(
     file: &Arc<File>,
     group: &RowGroupMetaData,
@@ -507,7 +505,7 @@ impl Iterator for ParquetReader {
     fn next(&mut self) -> Option<Self::Item> {
         let part = self.next_part();
         if part.is_err() {
-            // Nothing behind a mistake is read.
+            // Stop reading after an error.
             (self.rows_left, self.next_group) = (0, self.metadata.num_row_groups());
         }
         part.map_err(|problem| content_error(&self.path, problem)).transpose()
@@ -526,7 +524,7 @@ fn pages_of(
     Ok(Box::new(pages(chunk)?))
 }
 
-/// Opens a file that begins and ends with Parquet's mark.
+/// Opens a file with Parquet's marks at its start and end.
 fn open_marked(path: &Path) -> Result<File, TableError> {
     let system = |cause| TableError::File(FileError::from_io(path, cause));
     let mut file = File::open(path).map_err(system)?;
@@ -553,18 +551,18 @@ fn notes_in(metadata: &ParquetMetaData) -> BTreeMap<String, String> {
     notes.map(|note| (note.key.clone(), note.value.clone().unwrap_or_default())).collect()
 }
 
-/// A field of a file.
+/// A top-level field of a file.
 struct Field<'f> {
     /// Its name in the table.
     name: String,
     field: &'f Type,
-    /// Its place among the columns that are stored; `None` for a group.
+    /// Its index among the stored columns; `None` for a group.
     place: Option<usize>,
-    /// The durations that the Arrow schema declares.
+    /// The durations of the Arrow schema.
     durations: &'f HashMap<String, i64>,
 }
 
-/// The fields of a file with what the notes of its writer add.
+/// The fields of a file, with the information of its writer's metadata.
 struct Fields {
     fields: Vec<TypePtr>,
     names: Vec<String>,
@@ -598,7 +596,7 @@ fn fields_of(
     Ok(Fields { fields, names, places, durations })
 }
 
-/// Whether the note of pandas names an index that has no name of its own.
+/// Whether the pandas metadata names an unnamed index.
 fn has_unnamed_index(note: &str) -> bool {
     let note: Value = serde_json::from_str(note).unwrap_or_default();
     let columns = note["index_columns"].as_array();
@@ -617,7 +615,7 @@ impl Fields {
     }
 }
 
-/// The fields that are read.
+/// Selects the fields to read.
 fn chosen<'a>(fields: &'a Fields, choice: Choice) -> Result<Vec<Field<'a>>, TableError> {
     let all = 0..fields.names.len();
     Ok(match choice {
@@ -638,7 +636,7 @@ fn chosen<'a>(fields: &'a Fields, choice: Choice) -> Result<Vec<Field<'a>>, Tabl
 }
 
 impl Field<'_> {
-    /// How the field is read.
+    /// Describes how to read the field.
     fn source(&self, file: &ParquetMetaData) -> Result<Source, ContentError> {
         let (kind, meaning) = kind_of(self.field, self.durations)?;
         let place = self.place.ok_or(ContentError::Unreadable)?;
@@ -673,13 +671,13 @@ fn require_known_codec(chunk: &ColumnChunkMetaData, column: &str) -> Result<(), 
     }
 }
 
-/// Calls the Parquet library so that a panic in it, which damaged lengths and offsets in a file
-/// can cause (seen with version 60.1), becomes an error. What it worked on is not used again.
+/// Calls the Parquet library and turns a panic into an error. Damaged lengths and offsets in a file can cause one (seen
+/// with version 60.1). The caller does not use the affected objects again.
 fn guarded<T>(call: impl FnOnce() -> Result<T, ContentError>) -> Result<T, ContentError> {
     catch_unwind(AssertUnwindSafe(call)).unwrap_or(Err(ContentError::Unreadable))
 }
 
-/// The operating system's error inside a Parquet error, if that is what it is.
+/// The operating system's error inside a Parquet error, if there is one.
 fn system_error(error: ParquetError) -> Result<io::Error, ParquetError> {
     match error {
         ParquetError::External(inner) => {

@@ -1,4 +1,4 @@
-//! A window moved within the uncertainty that its samples' own errors give it.
+//! Augmentation of a window with its samples' own errors.
 
 use alloc::vec;
 
@@ -6,9 +6,9 @@ use servotwin_diagnosis::residual::Window;
 
 use super::factor_of;
 
-/// The window as it might have been: every statistic moved within the uncertainty that the samples' own errors give it.
-/// `noise` is the standard deviation of a sample of each sensor, in parts of scale, independent from sample to sample;
-/// `lasting` that of an error that stays the same (a solver's). `normal` draws deviates of mean 0 and variance 1.
+/// A random variation of the window: every statistic moves within the uncertainty from the samples' own errors. `noise`
+/// is the standard deviation of each sensor's samples, in parts of scale, independent from sample to sample. `lasting`
+/// is that of a constant error (a solver's). `normal` draws deviates of mean 0 and variance 1.
 ///
 /// ```text
 /// s_j² = noise_j²/N + lasting²
@@ -16,8 +16,8 @@ use super::factor_of;
 /// C_ij → C_ij + g_j,i + g_i,j + noise_i noise_j z √((1 + δ_ij)/N),   g_j = s_j L z,   L Lᵀ = C
 /// ```
 ///
-/// with C the covariances of all residuals and twin signals: g_j is the covariance that an error of sensor j happens to
-/// have with each of them.
+/// with C the covariances of all residuals and twin signals. g_j is the chance covariance of an error of sensor j with
+/// each of them.
 pub fn disturbed(
     window: &Window,
     noise: &[f64],
@@ -53,8 +53,8 @@ pub fn disturbed(
     result
 }
 
-/// The largest size moves by the error of one sample where a signal makes it, and by a third of that where it is the
-/// largest of many samples of noise.
+/// The largest magnitude moves by the error of one sample if a signal causes it, and by 30 % of that if it is the
+/// largest of many noise samples.
 fn moved_largest(window: &Window, sensor: usize, noise: f64, normal: f64) -> f64 {
     const OF_NOISE_ONLY: f64 = 0.3;
     let variance = window.covariance(sensor, sensor).max(noise * noise);
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
     use alloc::vec::Vec;
 
-    /// A deviate of mean 0 and variance 1 from twelve even ones.
+    /// A deviate of mean 0 and variance 1, from twelve uniform ones.
     fn normal(random: &mut servotwin_diagnosis::random::Random) -> f64 {
         (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
     }

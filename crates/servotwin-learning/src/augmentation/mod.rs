@@ -1,4 +1,4 @@
-//! Windows as they might have been: with other noise, with a weaker or a stronger fault.
+//! Augmentation of windows: other noise, or a weaker or stronger fault.
 
 mod disturbed;
 mod scaled;
@@ -13,8 +13,8 @@ use core::ops::Range;
 use crate::numeric::cholesky;
 use servotwin_diagnosis::residual::Window;
 
-/// The lower factor of the covariances of some channels, row by row. A channel that follows from others has a zero on
-/// the diagonal.
+/// The lower factor of the covariances of some channels, row by row. A channel that depends on others has a zero on the
+/// diagonal.
 fn factor_of(window: &Window, channels: Range<usize>) -> Vec<f64> {
     const NEGLIGIBLE: f64 = 1e-12;
     let (first, size) = (channels.start, channels.len());

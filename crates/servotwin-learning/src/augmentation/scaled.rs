@@ -1,4 +1,4 @@
-//! A window with a weaker or a stronger fault.
+//! Augmentation of a window with a weaker or stronger fault.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -6,9 +6,8 @@ use alloc::vec::Vec;
 use super::factor_of;
 use servotwin_diagnosis::residual::{LARGEST_OF_NOISE, Window};
 
-/// The window as it might have been if its fault had been `factor` times as large. Where it would have been weaker,
-/// noise and tolerances make up what they lose from those of another `specimen` without a fault under the same command;
-/// where it would have been stronger, only the sensors' noise stays what it is.
+/// The window with a fault `factor` times as large. For a weaker fault, the lost noise and tolerances come from a
+/// healthy `specimen` under the same command. For a stronger one, only the sensors' noise stays constant.
 ///
 /// ```text
 /// r → a r + b h,   b = √(1 − a²)                            a ≤ 1, h residuals of the specimen
@@ -16,8 +15,8 @@ use servotwin_diagnosis::residual::{LARGEST_OF_NOISE, Window};
 /// C_rr → a² C_rr + (1 − a²) noise²                          a > 1
 /// ```
 ///
-/// What the two have in common is what twin signals explain of both. `noise` is the standard deviation of a sample of
-/// each sensor, in parts of scale.
+/// X is the part of both that the twin signals explain. `noise` is the standard deviation of each sensor's samples, in
+/// parts of scale.
 pub fn scaled(window: &Window, factor: f64, specimen: Option<&Window>, noise: &[f64]) -> Window {
     let n = window.sensors();
     let mut result = window.clone();
@@ -45,7 +44,7 @@ pub fn scaled(window: &Window, factor: f64, specimen: Option<&Window>, noise: &[
     result
 }
 
-/// Adds to residuals that were scaled those of a specimen.
+/// Adds a specimen's residuals to the scaled ones.
 fn add_specimen(
     result: &mut Window,
     before: &Window,
@@ -80,7 +79,7 @@ fn add_specimen(
     }
 }
 
-/// For each residual what independent parts of the twin signals (of a factor) have in it.
+/// The parts of each residual along independent components of the twin signals, from their factor.
 fn explained_with(window: &Window, factor: &[f64]) -> Vec<f64> {
     let n = window.sensors();
     let mut parts = vec![0.0; n * n];

@@ -1,8 +1,8 @@
-//! AdaBoost for several classes (SAMME): trees one after the other, each on rows weighted by how
-//! often they were missed before; a weighted vote decides.
+//! AdaBoost for several classes (SAMME). Trees follow one another, and each gives more weight to rows that earlier ones
+//! missed. A weighted vote decides.
 //!
-//! Source: Zhu, Zou, Rosset, Hastie, "Multi-class AdaBoost", Statistics and Its Interface 2, 2009.
-//! The rows are truly weighted, not drawn again by weight, so nothing is random.
+//! Source: Zhu, Zou, Rosset, Hastie, "Multi-class AdaBoost", Statistics and Its Interface 2, 2009. The rows are
+//! weighted, not resampled by weight, so nothing is random.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -21,12 +21,11 @@ use servotwin_diagnosis::tree::Tree;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Largest number of rounds, each of which adds a tree; at least 1.
+    /// Maximum number of rounds, each of which adds a tree; at least 1.
     #[serde(alias = "trees")]
     pub rounds: usize,
-    /// Depth of each tree; at least 1. `None` for the smallest depth whose leaves can name every
-    /// class: 1 for two classes, 4 for thirteen. A tree that cannot name most classes is hardly
-    /// better than chance, and so are many of them.
+    /// Depth of each tree; at least 1. `None` for the smallest depth with a leaf for every class: 1 for two classes, 4
+    /// for thirteen. A tree without leaves for most classes is hardly better than chance, and so are many of them.
     pub max_depth: Option<usize>,
     /// Factor on the vote of each tree; above 0.
     pub learning_rate: f64,
@@ -90,7 +89,7 @@ impl Fit for Settings {
                 break;
             }
             if useless || error <= f64::EPSILON {
-                // Nothing is left to learn from: this tree has an ordinary vote and is the last.
+                // No errors remain to learn from: this tree has an ordinary vote and is the last.
                 trees.push(weighted(&tree, 1.0));
                 break;
             }
@@ -112,7 +111,7 @@ fn normalise(weights: &mut [f64]) {
     weights.iter_mut().for_each(|weight| *weight /= total);
 }
 
-/// Whether the tree decides wrongly, for each row.
+/// For each row, whether the tree decides wrongly.
 fn missed_rows(tree: &Tree, samples: &Samples) -> Vec<bool> {
     let mut row_values = vec![0.0; samples.features()];
     let missed = |(row, &label): (usize, &u32)| {

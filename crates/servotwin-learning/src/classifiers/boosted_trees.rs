@@ -1,12 +1,11 @@
-//! Gradient-boosted trees: shallow trees one after the other, each correcting what the sum of those
-//! before says about every class; softmax turns the sums into probabilities.
+//! Gradient-boosted trees: each shallow tree corrects the sum of its predecessors for every class, and softmax turns
+//! the sums into probabilities.
 //!
-//! With the loss `Σ weight · (−log p(label))`, its gradient `g = weight · (p − [is label])` and the
-//! diagonal of its second derivative `h = weight · p · (1 − p)` for each class, a leaf adds the
-//! Newton step `−rate · G / (H + λ)` with G and H the sums over its rows, and a split is worth what
-//! it adds to `Σ G² / (H + λ)` over leaves and classes. One tree serves all classes (its leaves
-//! hold a number for each), and two classes need one number. Each tree chooses among features drawn
-//! anew.
+//! The loss is `Σ weight · (−log p(label))`. For each class, its gradient is `g = weight · (p − [is label])` and the
+//! diagonal of its second derivative is `h = weight · p · (1 − p)`. A leaf adds the Newton step `−rate · G / (H + λ)`
+//! with G and H the sums over its rows. The gain of a split is its increase of `Σ G² / (H + λ)` over leaves and
+//! classes. One tree serves all classes: its leaves hold a number for each, or one number for two classes. Each tree
+//! draws its own features.
 //!
 //! Sources: Friedman, "Greedy Function Approximation: A Gradient Boosting Machine", Annals of
 //! Statistics 29, 2001; Chen and Guestrin, "XGBoost: A Scalable Tree Boosting System", KDD 2016.
@@ -24,13 +23,13 @@ use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::numeric::softmax;
 use servotwin_diagnosis::random::Random;
 
-/// Maximum number of trees: a model stays small enough to look at and to certify.
+/// Maximum number of trees, which keeps a model small enough for review and certification.
 pub const MAX_TREES: usize = 64;
 
-/// Maximum number of questions above a leaf.
+/// Maximum number of tests above a leaf.
 pub const MAX_DEPTH: usize = 6;
 
-/// A split must be better than another by this part; less is the rounding of sums.
+/// A split must be better than another by this factor; smaller differences are rounding.
 const BETTER: f64 = 1.0 + 1e-9;
 
 /// Settings of gradient-boosted trees.
@@ -41,16 +40,16 @@ pub struct Settings {
     pub trees: usize,
     /// Depth of each tree; at least 1, at most [`MAX_DEPTH`].
     pub max_depth: usize,
-    /// Factor on what each tree adds; above 0, at most 1.
+    /// Factor on the contribution of each tree; above 0, at most 1.
     pub learning_rate: f64,
-    /// Weight λ of the squares of what leaves add against the loss; above 0.
+    /// Penalty λ on the squares of the leaf values; above 0.
     pub lambda: f64,
-    /// Both sides of a split need so much second derivative, summed over rows and classes; a row
-    /// of weight 1 has at most 1/4 a class, and less the surer its class is. Not negative.
+    /// Minimum second derivative on both sides of a split, summed over rows and classes; not negative. A row of weight
+    /// 1 contributes at most 1/4 a class, and less the more certain its class is.
     pub min_curvature_leaf: f64,
-    /// Share of the features from which each tree may choose; above 0, at most 1.
+    /// Share of the features that each tree draws; above 0, at most 1.
     pub feature_share: f64,
-    /// Thresholds are sought between so many groups of a feature's values; 2 to 256.
+    /// Maximum number of bins of a feature's values; thresholds lie between bins; 2 to 256.
     pub max_bins: usize,
     /// Seed of the drawn features.
     pub seed: u64,
@@ -128,7 +127,7 @@ impl Fit for Settings {
     }
 }
 
-/// A way to split a node.
+/// A possible split of a node.
 struct Candidate {
     column: usize,
     /// The last bin on the left.
@@ -139,30 +138,30 @@ struct Candidate {
 struct Divided {
     feature: usize,
     threshold: f64,
-    /// Where the rows on the right begin.
+    /// Start of the rows on the right.
     middle: usize,
 }
 
-/// Grows one tree after the other.
+/// Grows one tree after another.
 struct Grower<'a> {
     settings: &'a Settings,
     samples: &'a Samples,
     bins: &'a Bins,
     outputs: usize,
-    /// Row-major: what all trees so far say of each output.
+    /// Row-major: the sum of all previous trees for each output.
     scores: Vec<f64>,
     /// Row-major: the gradients of all outputs, then their second derivatives.
     parts: Vec<f64>,
     /// The drawn columns, ascending.
     columns: Vec<usize>,
-    /// The rows that are learnt from, those of each node side by side.
+    /// The training rows, grouped by node.
     rows: Vec<u32>,
     tree: AddingTree,
     /// Rows on their way to the right child.
     moving: Vec<u32>,
-    /// The parts of a node's rows side by side.
+    /// Contiguous copy of the parts of a node's rows.
     gathered: Vec<f64>,
-    /// Histograms not in use.
+    /// Histogram buffers for reuse.
     idle: Vec<Vec<f64>>,
 }
 
@@ -235,7 +234,7 @@ impl<'a> Grower<'a> {
         core::mem::take(&mut self.tree)
     }
 
-    /// Adds the node of a range of rows and all below it; a node without histogram is a leaf.
+    /// Adds the node of a range of rows and its subtree; a node without a histogram is a leaf.
     fn grow_node(&mut self, range: Range<usize>, depth: usize, sums: Option<Vec<f64>>) -> usize {
         let node = self.tree.branches.push_leaf(false);
         self.tree.values.resize((node + 1) * self.outputs, 0.0);
@@ -273,7 +272,7 @@ impl<'a> Grower<'a> {
         }
     }
 
-    /// The parts of a range of rows, summed.
+    /// The sum of the parts of a range of rows.
     fn totals_of(&self, range: Range<usize>) -> Vec<f64> {
         let mut totals = vec![0.0; self.width()];
         for &row in &self.rows[range] {
@@ -298,8 +297,8 @@ impl<'a> Grower<'a> {
         sums
     }
 
-    /// The histograms of both children, none at the last depth. The smaller child's is summed,
-    /// the other's is what is left of the parent's.
+    /// The histograms of both children, none at the last depth. The smaller child's is summed, and the other's is the
+    /// difference to the parent's.
     fn sums_of_children(
         &mut self,
         range: &Range<usize>,
@@ -337,7 +336,7 @@ impl<'a> Grower<'a> {
         parts[parts.len() / 2..].iter().sum::<f64>() >= self.settings.min_curvature_leaf
     }
 
-    /// The split of most worth, of equally good ones the first; `None` if none is worth anything.
+    /// The split with the largest gain, the first in a tie; `None` without a gain.
     fn best_split(&self, totals: &[f64], sums: &[f64]) -> Option<Candidate> {
         match self.width() {
             // As in [`Bins::sum_into`].
@@ -348,7 +347,7 @@ impl<'a> Grower<'a> {
         }
     }
 
-    /// The same with room for the parts on both sides, whose length the compiler may know.
+    /// Does the work with buffers for both sides, whose length the compiler may know.
     #[inline(always)]
     fn best_split_in(
         &self,
@@ -380,8 +379,8 @@ impl<'a> Grower<'a> {
         best
     }
 
-    /// Moves the rows of a node to their sides; the threshold is in the middle of the gap between
-    /// them. `None` where a side has no rows: its sums were the rounding of others.
+    /// Moves the rows of a node to their sides; the threshold lies halfway in the gap between them. `None` if a side
+    /// has no rows, because its sums were only rounding.
     fn divide(&mut self, range: Range<usize>, split: Candidate) -> Option<Divided> {
         let feature = self.bins.feature(split.column);
         let values = self.samples.column(feature);

@@ -1,10 +1,9 @@
-//! CART: one decision tree, with the guards that keep it believable.
+//! CART: one decision tree, with guards against implausible splits.
 //!
-//! Beyond the textbook (Breiman et al. 1984): features can be excluded by name; a feature can have
-//! a resolution, below which a split is implausible and is not used but reported
-//! ([`Tree::rejected`]); wrong decisions can have unequal costs.
-//! The limits and defaults of growth are those of scikit-learn's `DecisionTreeClassifier`, except
-//! that ties go to the lowest feature and threshold instead of a random one.
+//! There are three additions to the textbook (Breiman et al. 1984). Features can be excluded by name. A feature can
+//! have a resolution; a split below it is implausible and is reported instead of used ([`Tree::rejected`]). Wrong
+//! decisions can have unequal costs. The limits and defaults of growth are those of scikit-learn's
+//! `DecisionTreeClassifier`. Ties, however, go to the lowest feature and threshold instead of a random one.
 
 use alloc::borrow::Cow;
 use alloc::string::String;
@@ -21,17 +20,17 @@ use servotwin_diagnosis::error::{Error, require, same_length};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::tree::Tree;
 
-/// The smallest differences of a feature that count.
+/// The resolution of a feature.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Resolution {
     /// Name of the feature.
     pub feature: String,
-    /// The two neighbouring values that a threshold separates must differ by at least this much.
-    /// On dense data neighbours are always close, so keep it near the noise of a single value.
+    /// Minimum difference of the two adjacent values that a threshold separates. Adjacent values of dense data are
+    /// always close, so keep it near the noise of a single value.
     pub gap: f64,
-    /// The threshold must be at least this far from zero: for residuals, whose zero means healthy,
-    /// a threshold closer to it than the sensor resolves decides about noise.
+    /// Minimum distance of the threshold from zero. For residuals, zero means healthy, and a threshold below the
+    /// sensor's resolution would decide about noise.
     pub magnitude: f64,
 }
 
@@ -41,28 +40,28 @@ pub struct Resolution {
 pub struct Settings {
     /// Impurity measure.
     pub criterion: Criterion,
-    /// Largest number of questions above a leaf; `None` for no limit.
+    /// Maximum number of tests above a leaf; `None` for no limit.
     pub max_depth: Option<usize>,
     /// A node with fewer rows is not split; at least 2.
     pub min_samples_split: usize,
-    /// Both sides of a split need so many rows; at least 1.
+    /// Minimum number of rows on both sides of a split; at least 1.
     pub min_samples_leaf: usize,
-    /// A split must lower the impurity by so much, weighted by the share of samples at the node.
+    /// Minimum impurity decrease of a split, weighted by the share of samples at the node.
     pub min_impurity_decrease: f64,
-    /// Thresholds are sought between so many groups of a feature's values, 2 to 256, which takes a
-    /// fraction of the time on many rows; `None` seeks them between all values. Rows that weigh
-    /// differently, and missing values, are always learned from as they are.
+    /// Maximum number of bins of a feature's values, 2 to 256. Thresholds then lie between bins, which is much faster
+    /// for many rows. `None` tries thresholds between all values. Rows with unequal weights or missing values are never
+    /// binned.
     pub max_bins: Option<usize>,
     /// Complexity cost per leaf for pruning after growth; 0 prunes nothing.
     pub ccp_alpha: f64,
-    /// Names of features that may not be asked for.
+    /// Names of features that splits must not use.
     pub excluded_features: Vec<String>,
     /// Resolutions of features; those not listed have none.
     pub resolutions: Vec<Resolution>,
     /// `costs[true class][decided class]`, classes × classes; `None` for equal costs.
     pub costs: Option<Vec<Vec<f64>>>,
-    /// Whether costs also steer the splits, through altered priors; otherwise they only decide
-    /// the class of each leaf.
+    /// Whether costs also influence the splits, through altered priors. Otherwise they only decide the class of each
+    /// leaf.
     pub costs_alter_priors: bool,
 }
 
@@ -156,7 +155,7 @@ impl Settings {
         Ok(Some(Costs(costs.clone())))
     }
 
-    /// The weights that the impurity sees.
+    /// The row weights for the impurity.
     fn impurity_weights<'a>(
         &self,
         samples: &Samples,
@@ -196,7 +195,7 @@ impl Fit for Settings {
         let may_bin = growth.is_counted() && !samples.has_missing();
         let tree = match self.max_bins.filter(|_| may_bin) {
             Some(bins) => grow_binned(&growth, &Bins::new(samples, &growth.rows(), bins)),
-            // All features are tried at each split, so nothing is drawn.
+            // Every split tries all features, so nothing is drawn.
             None => grow(&growth, &Presorted::new(samples), &mut Random::new(0)),
         };
         Ok(if self.ccp_alpha > 0.0 { prune(&tree, self.ccp_alpha) } else { tree })

@@ -7,7 +7,7 @@ use crate::numeric::Standardiser;
 use servotwin_diagnosis::classifiers::linear::LinearFunctions;
 use servotwin_diagnosis::numeric::dot;
 
-/// Folds the standardization into the weights, of which there is one row of `features` per label.
+/// Folds the standardization into the weights, one row of `features` per label.
 pub(super) fn from_standardised(
     classes: usize,
     labels: Vec<u32>,
@@ -25,7 +25,7 @@ pub(super) fn from_standardised(
     LinearFunctions { features, classes, labels, weights, intercepts }
 }
 
-/// Both functions of a two-class problem from the second's: the first is its negative.
+/// Both functions of a two-class problem: the first is the negative of the second.
 pub(super) fn mirrored(weights: Vec<f64>, intercept: f64) -> (Vec<f64>, Vec<f64>) {
     let mut both: Vec<f64> = weights.iter().map(|weight| -weight).collect();
     both.extend(weights);

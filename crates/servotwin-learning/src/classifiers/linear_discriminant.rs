@@ -1,9 +1,8 @@
 //! Linear discriminant analysis: normal classes with one covariance, pooled within the classes.
 //!
-//! `f_k(x) = x · Σ⁻¹ m_k − ½ m_k · Σ⁻¹ m_k + log π_k`, solved by Cholesky on the within-class
-//! correlations (Hastie, Tibshirani, Friedman, "The Elements of Statistical Learning", 2009,
-//! section 4.3). Where the correlations are singular, a ridge is added to their diagonal, the
-//! smallest of a fixed series that makes them positive definite.
+//! `f_k(x) = x · Σ⁻¹ m_k − ½ m_k · Σ⁻¹ m_k + log π_k`, solved by Cholesky on the within-class correlations (Hastie,
+//! Tibshirani, Friedman, "The Elements of Statistical Learning", 2009, section 4.3). If the correlations are singular,
+//! their diagonal gets a ridge, the smallest of a fixed series that makes them positive definite.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -20,19 +19,19 @@ use servotwin_diagnosis::numeric::{add_scaled, dot};
 /// Pivots of the correlations below this count as singular.
 const MIN_PIVOT: f64 = 1e-10;
 
-/// Each ridge is so many times the one before.
+/// Factor from one ridge of the series to the next.
 const RIDGE_STEP: f64 = 10.0;
 
-/// Below this share of a feature's deviation, the deviation within the classes is rounding.
+/// Below this share of a feature's deviation, the within-class deviation is rounding.
 const NEGLIGIBLE: f64 = 1e-9;
 
 /// Settings of linear discriminant analysis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Added to the diagonal of the within-class correlations from the start; 0 or more.
+    /// Initial ridge on the diagonal of the within-class correlations; 0 or more.
     pub ridge: f64,
-    /// The first ridge tried when the correlations are singular; above 0.
+    /// First ridge for singular correlations; above 0.
     pub first_ridge: f64,
 }
 
@@ -76,7 +75,7 @@ impl Fit for Settings {
 }
 
 impl Settings {
-    /// The Cholesky factor of the correlations with the smallest ridge that allows one.
+    /// The Cholesky factor of the correlations with the smallest sufficient ridge.
     fn factorise(&self, correlations: &[f64], features: usize) -> (Vec<f64>, f64) {
         let mut ridge = self.ridge;
         loop {
@@ -87,13 +86,13 @@ impl Settings {
             if cholesky(&mut factor, features, |_| MIN_PIVOT, dot) {
                 return (factor, ridge);
             }
-            // Ends: a ridge above the number of features dominates every correlation.
+            // Terminates: a ridge above the number of features dominates every correlation.
             ridge = if ridge > 0.0 { ridge * RIDGE_STEP } else { self.first_ridge };
         }
     }
 }
 
-/// The classes' means and the scales within the classes.
+/// The class means and the within-class scales.
 struct Scatter {
     /// Shift to the overall means, scale to deviation 1 within the classes.
     standardiser: Standardiser,
@@ -115,9 +114,9 @@ impl Scatter {
         Scatter { standardiser, means }
     }
 
-    /// The pooled covariance within the classes, scaled to correlations (row-major). Rescales
-    /// `self` to match. Features that are constant within the classes keep their overall scale
-    /// and get a zero diagonal, so that the ridge decides how much they count.
+    /// The pooled within-class covariance, scaled to correlations (row-major). Rescales `self` to match. Features that
+    /// are constant within the classes keep their overall scale and get a zero diagonal, so that the ridge sets their
+    /// influence.
     fn correlations(&mut self, samples: &Samples, present: &PresentClasses) -> Vec<f64> {
         let features = samples.features();
         let mut covariance = self.covariance(samples, present);
@@ -137,8 +136,7 @@ impl Scatter {
         covariance
     }
 
-    /// Covariance within the classes with the divisor rows − classes, of which the lower half is
-    /// filled.
+    /// Within-class covariance with the divisor rows − classes; only the lower half is filled.
     fn covariance(&self, samples: &Samples, present: &PresentClasses) -> Vec<f64> {
         let features = samples.features();
         let rows = (0..samples.rows()).filter(|&row| samples.weight(row) > 0.0).count();

@@ -1,10 +1,9 @@
 //! Linear support vector machine: one class against the rest, squared hinge loss, L2 penalty.
 //!
-//! For each class, with y = ±1 and the intercept as the weight of a feature that is always 1,
-//! minimises `½ |w|² + C Σ max(0, 1 − y w·x)²` by coordinate descent on the dual, one multiplier
-//! at a time in random order, leaving out multipliers that stay at zero.
-//! Source: Hsieh, Chang, Lin, Keerthi, Sundararajan, "A dual coordinate descent method for
-//! large-scale linear SVM", ICML 2008, algorithm 3.
+//! For each class, with y = ±1 and the intercept as the weight of a constant feature 1, it minimizes `½ |w|² + C Σ
+//! max(0, 1 − y w·x)²`. Coordinate descent on the dual changes one multiplier at a time in random order and leaves out
+//! multipliers that stay at zero. Source: Hsieh, Chang, Lin, Keerthi, Sundararajan, "A dual coordinate descent method
+//! for large-scale linear SVM", ICML 2008, algorithm 3.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,9 +24,9 @@ use servotwin_diagnosis::random::Random;
 pub struct Settings {
     /// Weight C of the losses against the penalty; above 0.
     pub cost: f64,
-    /// Stops when the projected gradients differ by no more than this; above 0.
+    /// Tolerance of the spread of the projected gradients at which training stops; above 0.
     pub tolerance: f64,
-    /// Stops after so many passes over the rows at the latest; at least 1.
+    /// Maximum number of passes over the rows; at least 1.
     pub max_passes: usize,
     /// Seed of the order of the rows.
     pub seed: u64,
@@ -53,7 +52,7 @@ impl Fit for Settings {
         let features = samples.features();
         let mut converged = true;
         let (mut weights, mut intercepts) = (vec![], vec![]);
-        // Two classes are one problem, not two.
+        // Two classes are a single problem.
         let first = if present.len() == 2 { 1 } else { 0 };
         for class in first..present.len() {
             converged &= dual.solve(|row| present.of_row[row] == class, self, class);
@@ -76,15 +75,15 @@ impl Fit for Settings {
 
 /// The dual problem of one class against the rest.
 struct Dual {
-    /// Features and the constant 1.
+    /// Number of features plus the constant 1.
     stride: usize,
-    /// Row-major, standardised, with the constant 1 in the last place.
+    /// Row-major and standardized, with the constant 1 in the last column.
     table: Vec<f64>,
-    /// Diagonal of the regularised kernel: |x|² + 1 / (2 C weight).
+    /// Diagonal of the regularized kernel: |x|² + 1 / (2 C weight).
     diagonal: Vec<f64>,
     /// 1 / (2 C weight) of each row.
     softness: Vec<f64>,
-    /// Rows of positive weight; those still looked at come first.
+    /// Rows of positive weight; the active ones come first.
     rows: Vec<u32>,
     signs: Vec<f64>,
     multipliers: Vec<f64>,
@@ -144,7 +143,7 @@ impl Dual {
             } else if active == self.rows.len() {
                 return true;
             } else {
-                // Solved for the active rows: look at all of them again.
+                // The active rows are solved: check all rows again.
                 active = self.rows.len();
                 shrink_above = f64::INFINITY;
             }

@@ -1,8 +1,8 @@
 //! Logistic regression: softmax of one linear function per class, with an L2 penalty.
 //!
-//! Minimises `Σ weight · (−log p(label | x)) / W + |w|² / (2 C W)` with W the sum of weights, by
-//! L-BFGS (Liu and Nocedal 1989). Intercepts are not penalised. Two classes have one function
-//! instead of two, as in scikit-learn's `LogisticRegression`.
+//! Minimizes `Σ weight · (−log p(label | x)) / W + |w|² / (2 C W)` with W the sum of weights, by L-BFGS (Liu and
+//! Nocedal 1989). Intercepts are not penalized. Two classes need only one function, as in scikit-learn's
+//! `LogisticRegression`.
 
 use alloc::collections::VecDeque;
 use alloc::vec;
@@ -17,7 +17,7 @@ use servotwin_diagnosis::classifiers::logistic_regression::Model;
 use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::numeric::{add_scaled, dot, softmax};
 
-/// Pairs of steps and gradient changes that L-BFGS remembers.
+/// Number of pairs of step and gradient change in the L-BFGS memory.
 const MEMORY: usize = 10;
 
 /// Settings of logistic regression.
@@ -26,9 +26,9 @@ const MEMORY: usize = 10;
 pub struct Settings {
     /// Weight C of the losses against the penalty; above 0.
     pub cost: f64,
-    /// Stops when no part of the gradient is larger than this; above 0.
+    /// Tolerance of the largest gradient component at which training stops; above 0.
     pub tolerance: f64,
-    /// Stops after so many steps at the latest; at least 1.
+    /// Maximum number of steps; at least 1.
     pub max_steps: usize,
 }
 
@@ -62,14 +62,13 @@ impl Fit for Settings {
     }
 }
 
-/// The function to be minimised. A point holds the features' weights and the intercept of each
-/// free class.
+/// The objective function. A point holds the feature weights and the intercept of each free class.
 struct Objective {
     classes: usize,
-    /// Classes before this have all weights 0: the first of two, or the only one.
+    /// The first free class. Earlier ones have zero weights: the first of two, or the only one.
     first_free: usize,
     stride: usize,
-    /// Row-major, standardised, with the constant 1 in the last place.
+    /// Row-major and standardized, with the constant 1 in the last column.
     table: Vec<f64>,
     class_of_row: Vec<usize>,
     /// Weight of each row; they sum to 1.
@@ -103,7 +102,7 @@ impl Objective {
         (self.classes - self.first_free) * self.stride
     }
 
-    /// The value at a point; the gradient is written.
+    /// Returns the value at a point and writes the gradient.
     fn value(&self, point: &[f64], gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
         let mut value = 0.0;
@@ -158,7 +157,7 @@ struct Curvature {
     inverse: f64,
 }
 
-/// Minimises by L-BFGS from zero; returns the point and whether the tolerance was reached.
+/// Minimizes by L-BFGS from zero; returns the point and whether it reached the tolerance.
 fn minimise(objective: &Objective, settings: &Settings) -> (Vec<f64>, bool) {
     let mut point = vec![0.0; objective.dimensions()];
     let mut gradient = point.clone();
@@ -174,7 +173,7 @@ fn minimise(objective: &Objective, settings: &Settings) -> (Vec<f64>, bool) {
         let Some(found) =
             line_search(objective, &point, value, &gradient, &direction, first_length)
         else {
-            // No descent is left within rounding.
+            // Rounding leaves no further descent.
             return (point, false);
         };
         remember(&mut memory, &point, &gradient, &found);
@@ -183,7 +182,7 @@ fn minimise(objective: &Objective, settings: &Settings) -> (Vec<f64>, bool) {
     (point, false)
 }
 
-/// A point, with value and gradient there.
+/// A point with its value and gradient.
 struct Place {
     point: Vec<f64>,
     gradient: Vec<f64>,
@@ -204,7 +203,7 @@ fn remember(memory: &mut VecDeque<Curvature>, point: &[f64], gradient: &[f64], f
     }
 }
 
-/// Minus the gradient, times the remembered inverse curvature (two-loop recursion).
+/// Minus the gradient, times the inverse curvature from memory (two-loop recursion).
 fn descent_direction(gradient: &[f64], memory: &VecDeque<Curvature>) -> Vec<f64> {
     let mut direction: Vec<f64> = gradient.iter().map(|slope| -slope).collect();
     let mut factors = Vec::with_capacity(memory.len());
@@ -224,8 +223,7 @@ fn descent_direction(gradient: &[f64], memory: &VecDeque<Curvature>) -> Vec<f64>
     direction
 }
 
-/// Finds a step with enough descent and enough change of slope (weak Wolfe conditions) by
-/// doubling and halving; `None` when rounding leaves no descent.
+/// Finds a step that meets the weak Wolfe conditions by doubling and bisection; `None` if rounding leaves no descent.
 fn line_search(
     objective: &Objective,
     point: &[f64],

@@ -1,8 +1,8 @@
 //! Multi-layer perceptron: one hidden layer of rectifiers, softmax output, trained by Adam.
 //!
-//! Minimises the mean cross-entropy of mini-batches plus `α |w|² / (2 · rows of the batch)`.
-//! Defaults, starting weights (Glorot, uniform) and the stopping rule are those of scikit-learn's
-//! `MLPClassifier`; inputs are standardised. Source of Adam: Kingma and Ba, ICLR 2015.
+//! Minimizes the mean cross-entropy of mini-batches plus `α |w|² / (2 · rows of the batch)`. Defaults, initial weights
+//! (Glorot, uniform) and the stopping rule are those of scikit-learn's `MLPClassifier`. The inputs are standardized.
+//! Source of Adam: Kingma and Ba, ICLR 2015.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -16,7 +16,7 @@ use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::numeric::{add_scaled, dot, softmax};
 use servotwin_diagnosis::random::Random;
 
-/// Adam's decay of the mean gradient, of the mean squared gradient, and its guard against zero.
+/// Adam's decay of the mean gradient and of the mean squared gradient, and its guard against division by zero.
 const MEAN_DECAY: f64 = 0.9;
 
 const SQUARE_DECAY: f64 = 0.999;
@@ -33,15 +33,15 @@ pub struct Settings {
     pub penalty: f64,
     /// Adam's step size; above 0.
     pub learning_rate: f64,
-    /// Rows of a mini-batch, at most all; at least 1.
+    /// Maximum number of rows of a mini-batch; at least 1.
     pub batch_rows: usize,
-    /// Stops after so many passes over the rows at the latest; at least 1.
+    /// Maximum number of passes over the rows; at least 1.
     pub max_epochs: usize,
-    /// Stops when the loss has not fallen by this much …
+    /// Training stops when the loss has not fallen by this much …
     pub tolerance: f64,
-    /// … in more than so many passes in a row.
+    /// … in more than this many passes in a row.
     pub patience: usize,
-    /// Seed of the starting weights and of the order of the rows.
+    /// Seed of the initial weights and of the order of the rows.
     pub seed: u64,
 }
 
@@ -92,14 +92,13 @@ impl Fit for Settings {
     }
 }
 
-/// Where the output weights begin. Before them, for each feature and last for the intercept, one weight for each
-/// hidden unit.
+/// Start of the output weights. The weights before it are feature-major with the intercept last, one for each hidden
+/// unit.
 fn output_start(shape: Shape) -> usize {
     (shape.features + 1) * shape.hidden
 }
 
-/// Number of parameters. After the hidden layer's, for each hidden unit and last for the intercept, one weight for
-/// each class.
+/// Number of parameters. The output weights are hidden unit-major with the intercept last, one for each class.
 fn parameters(shape: Shape) -> usize {
     output_start(shape) + (shape.hidden + 1) * shape.classes
 }
@@ -108,7 +107,7 @@ fn parameters(shape: Shape) -> usize {
 struct Training<'a> {
     settings: &'a Settings,
     shape: Shape,
-    /// Row-major, standardised.
+    /// Row-major, standardized.
     table: Vec<f64>,
     labels: &'a [u32],
     /// Weight of each row; their mean is 1.
@@ -118,13 +117,13 @@ struct Training<'a> {
     gradient: Vec<f64>,
     mean_gradient: Vec<f64>,
     mean_square: Vec<f64>,
-    /// Powers of Adam's decays after the steps so far.
+    /// Powers of Adam's decays after the current step.
     decays: (f64, f64),
     hidden: Vec<f64>,
     errors: Vec<f64>,
     /// The hidden errors of each row of the batch.
     hidden_errors: Vec<f64>,
-    /// One feature of each row of the batch.
+    /// Values of one feature for the rows of the batch.
     feature: Vec<f64>,
 }
 
@@ -205,7 +204,7 @@ impl<'a> Training<'a> {
         let (weights, intercepts) = output.split_at(hidden * classes);
         self.errors.copy_from_slice(intercepts);
         self.hidden.iter_mut().for_each(|unit| *unit = unit.max(0.0));
-        // The usual numbers of classes as constants: their short loops are unrolled.
+        // Common numbers of classes are constants, so that the compiler unrolls the short loops.
         match classes {
             2 => add_outputs::<2>(&mut self.errors, &self.hidden, weights),
             3 => add_outputs::<3>(&mut self.errors, &self.hidden, weights),
@@ -220,8 +219,7 @@ impl<'a> Training<'a> {
         loss
     }
 
-    /// Adds the output layer's gradient of the row that went forward, and fills the hidden errors
-    /// of its place in the batch.
+    /// Adds the output-layer gradient of the current row, and fills its hidden errors in the batch.
     fn output_backward(&mut self, place: usize) {
         let Shape { hidden, classes, .. } = self.shape;
         let output = &mut self.gradient[output_start(self.shape)..];
@@ -291,7 +289,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// The model for features as they come.
+    /// The model for unscaled features.
     fn finish(self, standardiser: &Standardiser, epochs: usize, loss: f64) -> Model {
         let Shape { features, hidden, .. } = self.shape;
         let (first, output) = self.parameters.split_at(output_start(self.shape));
@@ -321,8 +319,8 @@ fn add_outputs<const CLASSES: usize>(sums: &mut [f64], units: &[f64], weights: &
     }
 }
 
-/// Adds one row's slopes of the output weights and fills its hidden errors, for a known number of
-/// classes. Units at zero pass nothing back.
+/// Adds one row's gradient of the output weights and fills its hidden errors, for a known number of classes. Inactive
+/// units pass nothing back.
 fn outputs_back<const CLASSES: usize>(
     units: &[f64],
     errors: &[f64],
@@ -347,7 +345,7 @@ fn outputs_back<const CLASSES: usize>(
     }
 }
 
-/// Glorot's uniform starting values, for weights and intercepts alike.
+/// Glorot's uniform initial values, for weights and intercepts alike.
 fn starting_parameters(shape: Shape, random: &mut Random) -> Vec<f64> {
     let bound = |from: usize, to: usize| libm::sqrt(6.0 / (from + to) as f64);
     let hidden = bound(shape.features, shape.hidden);

@@ -1,7 +1,7 @@
 //! Training of the classifiers, one file each, behind one trait.
 //!
-//! A file holds `Settings` (serializable, with defaults) that implement [`Fit`]. To add one: write the file, declare it,
-//! and add one line to the list below.
+//! A file holds `Settings` (serializable, with defaults) that implement [`Fit`]. To add a classifier, write and declare
+//! its file, and add one line to the list below.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,20 +25,20 @@ mod linear;
 
 /// Settings from which a model is trained.
 pub trait Fit {
-    /// What is trained.
+    /// The trained model.
     type Model: Classifier;
 
     /// Trains a model. The same samples and settings give the same model bit for bit.
     ///
     /// # Errors
-    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless it
-    /// [learns from missing values](Kind::learns_from_missing), and what else the classifier says.
+    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless the classifier [learns from missing
+    /// values](Kind::learns_from_missing), and errors of the classifier.
     fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
 }
 
 macro_rules! classifiers {
     ($($file:ident $kind:ident,)*) => {
-        /// Settings of any classifier; in a file, `kind` names which.
+        /// Settings of any classifier; in a file, `kind` names it.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind", rename_all = "snake_case")]
         #[expect(missing_docs, reason = "each variant is named like its `Kind`")]
@@ -47,14 +47,14 @@ macro_rules! classifiers {
         }
 
         impl Settings {
-            /// The settings of a classifier that a study starts from.
+            /// The default settings of a classifier in a study.
             pub fn default_of(kind: Kind) -> Self {
                 match kind {
                     $(Kind::$kind => Settings::$kind(Default::default()),)*
                 }
             }
 
-            /// Which classifier they are for.
+            /// The kind of classifier.
             pub fn kind(&self) -> Kind {
                 match self {
                     $(Settings::$kind(_) => Kind::$kind,)*
@@ -86,7 +86,7 @@ classifiers! {
     boosted_trees BoostedTrees,
 }
 
-/// The class that a model predicts for every row of a table.
+/// The predicted class for every row of a table.
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] if the table has another number of features.

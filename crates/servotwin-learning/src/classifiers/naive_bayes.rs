@@ -1,9 +1,8 @@
-//! Gaussian naive Bayes: every feature of every class is a normal distribution, independent of the
-//! others.
+//! Gaussian naive Bayes: every feature of every class has an independent normal distribution.
 //!
-//! `log p(k, x) = log π_k − ½ Σ_j [log(2π v_kj) + (x_j − m_kj)² / v_kj]`.
-//! To every variance a share of the largest feature variance is added, as in scikit-learn's
-//! `GaussianNB`. The features should therefore have similar scales, which scaled residuals have.
+//! `log p(k, x) = log π_k − ½ Σ_j [log(2π v_kj) + (x_j − m_kj)² / v_kj]`. Every variance is increased by a share of the
+//! largest feature variance, as in scikit-learn's `GaussianNB`. The features should therefore have similar scales,
+//! which scaled residuals have.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -19,7 +18,7 @@ use servotwin_diagnosis::error::{Error, require};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// This share of the largest feature variance is added to every variance; above 0.
+    /// Share of the largest feature variance that is added to every variance; above 0.
     pub variance_smoothing: f64,
 }
 
@@ -38,7 +37,7 @@ impl Fit for Settings {
         require(smoothing.is_finite() && smoothing > 0.0, "variance_smoothing", smoothing, "> 0")?;
         let (means, mut variances) = class_moments(samples);
         let added = smoothing * largest_variance(samples);
-        // Features this small would otherwise be divided by zero.
+        // Prevents division by zero for extremely small features.
         let added = if added >= f64::MIN_POSITIVE { added } else { smoothing };
         variances.iter_mut().for_each(|variance| *variance += added);
         let present = PresentClasses::new(samples);

@@ -1,8 +1,8 @@
-//! Random forest: many trees, each grown on a bootstrap of the rows with features drawn anew at
-//! every split; the mean of their class shares decides.
+//! Random forest: each tree grows on a bootstrap of the rows, with features drawn at every split. The mean of the class
+//! shares decides.
 //!
-//! Source: Breiman, "Random Forests", Machine Learning 45, 2001; shares are averaged (not voted)
-//! as in scikit-learn's `RandomForestClassifier`.
+//! Source: Breiman, "Random Forests", Machine Learning 45, 2001. Shares are averaged instead of voted on, as in
+//! scikit-learn's `RandomForestClassifier`.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -16,7 +16,7 @@ use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::tree::Tree;
 
-/// How many features are drawn for each split.
+/// Number of features drawn for each split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DrawnFeatures {
@@ -25,7 +25,7 @@ pub enum DrawnFeatures {
     Sqrt,
     /// All: bagged trees.
     All,
-    /// So many, at least 1, at most all.
+    /// This many, at least 1, at most all.
     Count(usize),
 }
 
@@ -37,13 +37,13 @@ pub struct Settings {
     pub trees: usize,
     /// Impurity measure.
     pub criterion: Criterion,
-    /// Largest number of questions above a leaf; `None` for no limit.
+    /// Maximum number of tests above a leaf; `None` for no limit.
     pub max_depth: Option<usize>,
     /// A node with fewer different rows is not split; at least 2.
     pub min_samples_split: usize,
-    /// Both sides of a split need so many different rows; at least 1.
+    /// Minimum number of different rows on both sides of a split; at least 1.
     pub min_samples_leaf: usize,
-    /// How many features are drawn for each split.
+    /// Number of features drawn for each split.
     pub drawn_features: DrawnFeatures,
     /// Whether each tree draws its rows with replacement; otherwise it takes all.
     pub bootstrap: bool,
@@ -99,7 +99,7 @@ impl Settings {
         if !self.bootstrap {
             return (0..samples.rows()).map(|row| samples.weight(row)).collect();
         }
-        // Rows without weight are not there; one of the others is always drawn.
+        // Rows of zero weight are ignored; there is always another one to draw.
         let used: Vec<usize> =
             (0..samples.rows()).filter(|&row| samples.weight(row) > 0.0).collect();
         let mut weights = vec![0.0; samples.rows()];

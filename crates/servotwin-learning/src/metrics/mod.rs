@@ -1,4 +1,4 @@
-//! How good predictions are: counts of right and wrong ones, and shares with their intervals.
+//! Quality of predictions: counts of right and wrong ones, and rates with intervals.
 
 mod confusion;
 mod rate;

@@ -1,8 +1,8 @@
-//! Shares with their intervals.
+//! Rates with confidence intervals.
 //!
-//! Rows are not independent: one fault at one intensity is flown in many cases, and neighboring intensities of one kind
-//! are alike. So intervals come from a bootstrap that draws whole clusters (a kind at an intensity), and a wider one
-//! from drawing whole kinds ([`cluster_bootstrap`]). Shares of independent cases have Wilson's interval.
+//! Rows are not independent: one fault at one intensity occurs in many cases, and adjacent intensities of one kind are
+//! similar. So intervals come from a bootstrap of whole clusters (a kind at an intensity). A bootstrap of whole kinds
+//! gives a wider interval ([`cluster_bootstrap`]). Rates of independent cases have Wilson's interval.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -10,52 +10,52 @@ use serde::{Deserialize, Serialize};
 
 use servotwin_diagnosis::random::Random;
 
-/// Standard deviations of a normal distribution that hold 95 % of it.
+/// Half width of the central 95 % of a normal distribution, in standard deviations.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 
-/// Resamples of a bootstrap.
+/// Number of bootstrap resamples.
 const RESAMPLES: usize = 1000;
 
-/// Its seed.
+/// Seed of the bootstrap.
 const SEED: u64 = 1;
 
 /// A share of cases with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rate {
-    /// How many.
+    /// Number of cases that hold.
     pub count: u64,
-    /// Of how many.
+    /// Number of all cases.
     pub of: u64,
-    /// The share; `None` of nothing.
+    /// The share; `None` without cases.
     pub share: Option<f64>,
     /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
-    /// The interval with whole kinds of fault as clusters, where there are such.
+    /// The interval with whole kinds of fault as clusters; `None` for independent cases.
     pub by_kind: Option<(f64, f64)>,
 }
 
-/// One case of a share.
+/// One case of a rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
-    /// Kind of fault and intensity.
+    /// Number of the kind of fault and intensity.
     pub cluster: u32,
-    /// Kind of fault.
+    /// Number of the kind of fault.
     pub kind: u32,
-    /// Whether what is counted happened.
+    /// Whether the counted event occurred.
     pub holds: bool,
 }
 
 impl Rate {
-    /// A share of independent cases.
+    /// The rate of independent cases.
     pub fn new(count: u64, of: u64) -> Self {
         let (low, high) = wilson_interval(count, of, NORMAL_95);
         let share = (of > 0).then(|| count as f64 / of as f64);
         Rate { count, of, share, low, high, by_kind: None }
     }
 
-    /// A share of cases that hang together in clusters.
+    /// The rate of cases in dependent clusters.
     pub fn clustered(trials: &[Trial]) -> Self {
         let count = trials.iter().filter(|trial| trial.holds).count() as u64;
         let plain = Rate::new(count, trials.len() as u64);
@@ -63,7 +63,7 @@ impl Rate {
         Rate { low, high, by_kind: Some(interval(trials, |trial| trial.kind)), ..plain }
     }
 
-    /// The share of a test that holds.
+    /// The rate of items that meet a condition.
     pub fn of<T>(items: &[T], holds: impl Fn(&T) -> bool) -> Self {
         let count = items.iter().filter(|item| holds(item)).count();
         Rate::new(count as u64, items.len() as u64)
@@ -76,8 +76,8 @@ fn interval(trials: &[Trial], cluster: impl Fn(&Trial) -> u32) -> (f64, f64) {
     cluster_bootstrap(&clusters, &holds, &vec![1.0; trials.len()], RESAMPLES, SEED)
 }
 
-/// Wilson's interval for a share of which `successes` out of `trials` were seen, at `z` standard
-/// deviations (1.96 for 95 %); the whole range 0 to 1 without trials.
+/// Wilson's interval for `successes` out of `trials`, at `z` standard deviations (1.96 for 95 %); the whole range 0 to
+/// 1 without trials.
 ///
 /// Source: Wilson, Journal of the American Statistical Association 22, 1927.
 pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
@@ -92,23 +92,21 @@ pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
-/// 95 % interval of a share `Σ count / Σ of` whose rows come in clusters that are not independent:
-/// whole clusters are drawn again with replacement, `resamples` times, and the interval holds the
-/// middle 95 % of the shares (percentile bootstrap). Row `i` belongs to `clusters[i]`, brings
-/// `count[i]` successes of `of[i]` trials. The same numbers and seed give the same bits; the order of
-/// the rows does not matter where sums are exact.
+/// 95 % interval of a rate `Σ count / Σ of` whose rows form dependent clusters. The percentile bootstrap draws whole
+/// clusters with replacement, `resamples` times, and the interval holds the middle 95 % of the rates. Row `i` belongs
+/// to `clusters[i]` and contributes `count[i]` successes of `of[i]` trials. The same numbers and seed give the same
+/// bits. The order of the rows does not matter if sums are exact.
 ///
-/// Clusters without trials are left out, for they say nothing. Where all clusters have one share (every
-/// trial succeeded, none did, or there is one cluster only) drawing again cannot show what was never seen:
-/// the interval is then Wilson's, with a trial per cluster, as it would be if the rows of a cluster stood or
-/// fell together, of the numbers of successes on both sides of the share. So it is the whole range without
-/// clusters, and wide for a single one.
+/// Clusters without trials are ignored. If all clusters have the same rate (every trial succeeded, none did, or there
+/// is one cluster), resampling cannot show unseen outcomes. The interval is then Wilson's with one trial per cluster,
+/// as if the rows of a cluster always agreed. Its ends use the numbers of successes below and above the rate. So it is
+/// the whole range without clusters, and wide for a single one.
 ///
 /// Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13; drawing
 /// clusters: Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8.
 ///
 /// # Panics
-/// Unless `clusters`, `count` and `of` have one length.
+/// Unless `clusters`, `count` and `of` have the same length.
 pub fn cluster_bootstrap(
     clusters: &[u32],
     count: &[f64],
@@ -140,7 +138,7 @@ pub fn cluster_bootstrap(
     (quantile(&shares, 0.025), quantile(&shares, 0.975))
 }
 
-/// The sums of every cluster that has trials, in ascending order of the clusters.
+/// The sums of every cluster with trials, in ascending order of the clusters.
 fn cluster_sums(clusters: &[u32], count: &[f64], of: &[f64]) -> Vec<(f64, f64)> {
     let mut sums = alloc::collections::BTreeMap::new();
     for ((&cluster, &count), &of) in clusters.iter().zip(count).zip(of) {
@@ -150,7 +148,7 @@ fn cluster_sums(clusters: &[u32], count: &[f64], of: &[f64]) -> Vec<(f64, f64)> 
     sums.into_values().filter(|(_, of)| *of > 0.0).collect()
 }
 
-/// A quantile of ascending values, between two of them linearly.
+/// A quantile of ascending values, linearly interpolated.
 fn quantile(ascending: &[f64], share: f64) -> f64 {
     let place = share * (ascending.len() - 1) as f64;
     let below = place as usize;
@@ -175,8 +173,7 @@ mod tests {
         assert_eq!(wilson_interval(0, 0, z), (0.0, 1.0));
     }
 
-    /// Rows in clusters of `size`, a share `share` of which succeed; `together` makes all rows of a
-    /// cluster agree.
+    /// Rows in clusters of `size`, of which a share `share` succeeds; `together` makes all rows of a cluster agree.
     fn clustered(number: u32, size: u32, share: f64, together: bool) -> (Vec<u32>, Vec<f64>) {
         let mut random = Random::new(5);
         let mut rows = (vec![], vec![]);
@@ -193,8 +190,8 @@ mod tests {
 
     #[test]
     fn rows_that_agree_within_clusters_count_once() {
-        // 100 clusters of 25 rows: independent rows make an interval of 2500 trials, rows that
-        // stand and fall together one of 100 trials, five times as wide.
+        // 100 clusters of 25 rows: independent rows give an interval of 2500 trials. Rows that always agree give one of
+        // 100 trials, five times as wide.
         for (together, trials) in [(false, 2500), (true, 100)] {
             let (clusters, count) = clustered(100, 25, 0.8, together);
             let of = vec![1.0; count.len()];
@@ -210,7 +207,7 @@ mod tests {
 
     #[test]
     fn the_interval_holds_the_truth_about_as_often_as_it_says() {
-        // 400 experiments of 60 clusters of unequal size whose own shares scatter around 0.7.
+        // 400 experiments of 60 clusters of unequal size, whose own rates scatter around 0.7.
         let mut held = 0;
         for experiment in 0..400 {
             let mut random = Random::stream(9, experiment);
@@ -243,7 +240,7 @@ mod tests {
         );
         assert_eq!(cluster_bootstrap(&[], &[], &[], 100, 0), (0.0, 1.0));
         assert_eq!(cluster_bootstrap(&[4, 4], &[1.0, 0.0], &[1.0, 1.0], 100, 0), (0.0, 1.0));
-        // Three clusters that are all half right.
+        // Three clusters, each half right.
         let half = [1.0, 0.0, 1.0, 0.0, 1.0, 0.0];
         let (low, high) = cluster_bootstrap(&[1, 1, 2, 2, 3, 3], &half, &[1.0; 6], 100, 0);
         assert!(low < 0.1 && high > 0.9, "{low} to {high}");
@@ -271,7 +268,7 @@ mod tests {
         let alone = Rate::new(rate.count, rate.of);
         assert!(rate.high - rate.low > 2.0 * (alone.high - alone.low), "{rate:?} {alone:?}");
         assert!(rate.low < 0.67 && rate.high > 0.67);
-        // Nothing seen in forty clusters is not nothing seen in 400 cases.
+        // No event in forty clusters is weaker evidence than no event in 400 cases.
         let none = trials.iter().map(|t| Trial { holds: false, ..*t }).collect::<Vec<_>>();
         assert_eq!(Rate::clustered(&none).high, Rate::new(0, 40).high);
         assert_eq!(Rate::new(0, 0).share, None);

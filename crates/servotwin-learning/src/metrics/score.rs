@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{Confusion, Rate, Trial};
 
-/// How good predictions of one question were.
+/// Quality of the predictions for one question.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Share of right predictions.
     pub accuracy: Rate,
     /// Mean recall of the classes that occurred.
     pub balanced_accuracy: Option<f64>,
-    /// The classes.
+    /// Names of the classes.
     pub classes: Vec<String>,
     /// `confusion[truth][predicted]`.
     pub confusion: Vec<Vec<u64>>,
@@ -24,13 +24,13 @@ pub struct Score {
 /// One prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// Rows that hang together.
+    /// Cluster of dependent rows.
     pub cluster: u32,
-    /// Clusters that hang together.
+    /// Group of dependent clusters.
     pub kind: u32,
-    /// The class.
+    /// The true class.
     pub truth: u32,
-    /// The class predicted, if any.
+    /// The predicted class, if any.
     pub said: Option<u32>,
 }
 
@@ -56,7 +56,7 @@ impl Score {
         Score::new(classes, Rate::clustered(&trials), &confusion, per_split)
     }
 
-    /// A score of counts, with the interval of their accuracy.
+    /// The score of a confusion table with a given accuracy.
     pub fn new(
         classes: Vec<String>,
         accuracy: Rate,

@@ -1,10 +1,9 @@
-//! Growing a tree on binned features: rows are counted once by bin and class, and thresholds are
-//! sought between bins only.
+//! Growing a tree on binned features: the rows are counted by bin and class, and the search tries only thresholds
+//! between bins.
 //!
-//! A node's counts are those of its rows; of two children the smaller is counted, and the other's
-//! counts are what is left of the parent's. Where no feature has more values than bins the tree is
-//! the one of [`grow`](super::grow::grow); otherwise thresholds still lie in the middle between two
-//! values of the node's rows.
+//! A node's counts are those of its rows. Of two children, the smaller is counted; the other's counts are the
+//! difference to the parent's. If no feature has more values than bins, the tree is that of
+//! [`grow`](super::grow::grow). Otherwise thresholds still lie halfway between two values of the node's rows.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -15,10 +14,10 @@ use super::histogram::Bins;
 use super::split::{Candidate, separate};
 use servotwin_diagnosis::tree::Tree;
 
-/// So many columns are counted at once: their counts do not wait for each other.
+/// Number of columns counted at once: their counts are independent of each other.
 const TOGETHER: usize = 4;
 
-/// Grows a tree on rows that all weigh 1 and have no missing value.
+/// Grows a tree on rows of weight 1 without missing values.
 pub(crate) fn grow_binned(growth: &Growth, bins: &Bins) -> Tree {
     match growth.rules.criterion {
         Criterion::Gini => Grower::<CountScan>::new(growth, bins).run(),
@@ -26,14 +25,14 @@ pub(crate) fn grow_binned(growth: &Growth, bins: &Bins) -> Tree {
     }
 }
 
-/// A node whose rows are known but that is not yet in the tree.
+/// A node with known rows that is not yet in the tree.
 struct Pending {
     /// Its rows are `start..end` of the list.
     start: usize,
     end: usize,
     depth: usize,
     parent: Parent,
-    /// Its rows in each bin of each column by class, if they were found on the way.
+    /// Its rows in each bin of each column by class, if already known.
     counts: Option<Vec<u32>>,
 }
 
@@ -42,14 +41,14 @@ struct Grower<'a, S> {
     bins: &'a Bins,
     building: Building<'a>,
     scan: S,
-    /// The columns that may be asked for.
+    /// The columns that splits may use.
     columns: Vec<usize>,
     /// The rows in use, grouped by node.
     rows: Vec<u32>,
     moving: Vec<u32>,
     /// The class of each row of a node.
     classes_of_rows: Vec<u32>,
-    /// Counts not in use.
+    /// Buffers for reuse.
     idle: Vec<Vec<u32>>,
 }
 
@@ -101,7 +100,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         self.building.tree
     }
 
-    /// Numbers for each column.
+    /// Number of counts for each column.
     fn stride(&self) -> usize {
         self.bins.max_bins() * self.growth.samples.classes()
     }
@@ -134,7 +133,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         counts
     }
 
-    /// The counts of both children where that pays: few rows are counted faster than taken off.
+    /// The counts of both children if that is faster: few rows are counted faster than subtracted.
     fn counts_of_children(
         &mut self,
         [start, middle, end]: [usize; 3],
@@ -169,7 +168,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         self.building.settle(node, best, forbidden)
     }
 
-    /// Tries the thresholds between the bins of a column that have rows.
+    /// Tries the thresholds between nonempty bins of a column.
     fn search(
         &mut self,
         column: usize,
@@ -217,8 +216,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         forbidden.extend(refused);
     }
 
-    /// Moves the rows of a node to their sides and the threshold into the middle between them;
-    /// returns where the right ones begin.
+    /// Moves the rows of a node to their sides and the threshold halfway between them. Returns the start of the right
+    /// rows.
     fn divide(&mut self, node: usize, start: usize, end: usize, best: &Candidate) -> usize {
         let column = self.growth.samples.column(best.feature);
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -242,7 +241,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     }
 }
 
-/// Counts rows in the bins of columns whose counts lie `stride` places apart.
+/// Counts rows in the bins of columns; the counts of two columns are `stride` entries apart.
 fn add<const COLUMNS: usize>(
     columns: [&[u8]; COLUMNS],
     rows: &[u32],

@@ -1,4 +1,4 @@
-//! A tree being built node by node, whichever way its splits are found.
+//! A tree under construction, independent of the split search.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -9,18 +9,18 @@ use crate::samples::Samples;
 use servotwin_diagnosis::numeric::arg_max;
 use servotwin_diagnosis::tree::{NewNode, RejectedSplit, Tree};
 
-/// At most so many rejected splits are kept for a node.
+/// Maximum number of rejected splits kept for a node.
 const REJECTED_PER_NODE: usize = 3;
 
-/// A node less impure than this is not split (rounding of the impurity of a pure node).
+/// A node with a smaller impurity is not split; it covers the rounding of a pure node's impurity.
 const PURE: f64 = f64::EPSILON;
 
-/// What a wrong decision costs: `costs[true class][decided class]`.
+/// Costs of wrong decisions: `costs[true class][decided class]`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Costs(pub Vec<Vec<f64>>);
 
 impl Costs {
-    /// The class whose decision costs least for these class weights; of equal ones the lowest.
+    /// The class with the smallest expected cost for these class weights, the lowest in a tie.
     fn decide(&self, weights: &[f64]) -> usize {
         let cost_of = |class: usize| -> f64 {
             weights.iter().zip(&self.0).map(|(weight, row)| weight * row[class]).sum()
@@ -34,7 +34,7 @@ impl Costs {
     }
 }
 
-/// When to split and where.
+/// Rules of splitting.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rules {
     pub criterion: Criterion,
@@ -42,9 +42,9 @@ pub(crate) struct Rules {
     pub min_rows_split: usize,
     pub min_rows_leaf: usize,
     pub min_impurity_decrease: f64,
-    /// The features that may be asked for, ascending, not empty.
+    /// The features that splits may use, ascending, not empty.
     pub features: Vec<usize>,
-    /// How many of them are drawn for each split; all when not less than `features.len()`.
+    /// Number of features drawn for each split; all if not less than `features.len()`.
     pub drawn_features: usize,
     /// Limits for every feature of the samples, or empty for none.
     pub limits: Vec<Limits>,
@@ -57,16 +57,16 @@ impl Rules {
         self.limits.get(feature).copied().unwrap_or_default()
     }
 
-    /// Whether so many rows at a depth may be split.
+    /// Whether a node with this many rows at this depth may be split.
     pub fn may_split(&self, rows: usize, depth: usize) -> bool {
         depth < self.max_depth && rows >= self.min_rows_split.max(2 * self.min_rows_leaf)
     }
 }
 
-/// Everything a tree is grown from.
+/// The data and rules that a tree is grown from.
 pub(crate) struct Growth<'a> {
     pub samples: &'a Samples,
-    /// Weight of each row in counts and decisions; rows of weight 0 are left out.
+    /// Weight of each row in counts and decisions; rows of weight 0 are ignored.
     pub weights: &'a [f64],
     /// Weight of each row in the impurity.
     pub impurity_weights: &'a [f64],
@@ -74,13 +74,13 @@ pub(crate) struct Growth<'a> {
 }
 
 impl Growth<'_> {
-    /// The rows that are learned from.
+    /// The rows with a positive weight.
     pub fn rows(&self) -> Vec<u32> {
         let used = |row: &u32| self.weights[*row as usize] > 0.0;
         (0..self.samples.rows() as u32).filter(used).collect()
     }
 
-    /// Whether rows are counted: each weighs one or nothing.
+    /// Whether counting suffices: each row has the impurity weight one or zero.
     pub fn is_counted(&self) -> bool {
         self.impurity_weights.iter().all(|&weight| weight == 1.0 || weight == 0.0)
     }
@@ -89,12 +89,12 @@ impl Growth<'_> {
 /// The parent of a node and whether it is the right child; `None` for the root.
 pub(super) type Parent = Option<(usize, bool)>;
 
-/// A tree being built. The node worked on is the one added last.
+/// A tree under construction. The current node is the last one added.
 pub(super) struct Building<'a> {
     pub growth: &'a Growth<'a>,
     pub tree: Tree,
     total_weight: f64,
-    /// Weights of the classes at the current node, as the impurity sees them.
+    /// Impurity weights of the classes at the current node.
     pub node_weights: Vec<f64>,
 }
 
@@ -137,13 +137,13 @@ impl<'a> Building<'a> {
         node
     }
 
-    /// Whether a split of a node should be sought.
+    /// Whether to search a split of a node.
     pub fn may_split(&self, node: usize, rows: usize) -> bool {
         let depth = self.tree.node_depth(node);
         self.growth.rules.may_split(rows, depth) && self.tree.impurity(node) > PURE
     }
 
-    /// Writes what was found at a node into the tree; `None` leaves the node a leaf.
+    /// Writes the search result of a node into the tree; `None` leaves the node a leaf.
     pub fn settle(
         &mut self,
         node: usize,

@@ -1,15 +1,15 @@
-//! Impurity measures, and the running sums with which a scan over a sorted feature needs constant
-//! time per row whatever the number of classes.
+//! Impurity measures, and their running sums: a scan over a sorted feature needs constant time per row for any number
+//! of classes.
 //!
-//! Gini `1 − Σ p²` and entropy `−Σ p log2 p`, with p the weight share of each class.
-//! For the weights L of the left and R of the right side, a split is best when it maximises
-//! `Σ L_k²/L + Σ R_k²/R` (Gini) or `Σ L_k ln L_k − L ln L + Σ R_k ln R_k − R ln R` (entropy).
+//! Gini `1 − Σ p²` and entropy `−Σ p log2 p`, with p the weight share of each class. For the weights L of the left and
+//! R of the right side, the best split maximizes `Σ L_k²/L + Σ R_k²/R` (Gini) or `Σ L_k ln L_k − L ln L + Σ R_k ln R_k
+//! − R ln R` (entropy).
 
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-/// How mixed a node is.
+/// Impurity measure of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
@@ -42,15 +42,15 @@ impl Criterion {
 
 /// Running sums of a scan that moves rows one by one from the right side to the left.
 pub(crate) trait Scan {
-    /// Starts with everything on the right.
+    /// Starts with all rows on the right.
     fn restart(&mut self, totals: &[f64]);
-    /// Moves a row.
+    /// Moves a row of this class to the left.
     fn move_left(&mut self, class: usize, weight: f64);
-    /// Moves so many rows of a class that weigh 1.
+    /// Moves this many rows of weight 1 and of one class.
     fn move_many(&mut self, class: usize, count: u32) {
         self.move_left(class, f64::from(count));
     }
-    /// How good the split between the rows moved and the others is; larger is better.
+    /// Score of the split between moved and remaining rows; larger is better.
     fn score(&self) -> f64;
 }
 
@@ -93,14 +93,14 @@ impl Scan for GiniScan {
         if self.left_total <= 0.0 || self.right_total <= 0.0 {
             return f64::NEG_INFINITY;
         }
-        // Rounding may leave more squares on a nearly empty right side than it can hold.
+        // Rounding may leave an impossibly large sum of squares on a nearly empty right side.
         let right_squares = self.right_squares.min(self.right_total * self.right_total);
         self.left_squares / self.left_total + right_squares / self.right_total
     }
 }
 
-/// The running counts for Gini where every row has the weight 1. The sums of [`GiniScan`] are then
-/// whole numbers, and these the same bits; but most rows are only counted.
+/// The running counts for Gini when every row has weight 1. They give the same bits as the sums of [`GiniScan`], which
+/// are then whole numbers, but only count most rows.
 #[derive(Default)]
 pub(crate) struct CountScan {
     left: Vec<u32>,
@@ -151,7 +151,7 @@ pub(crate) struct EntropyScan {
     right_total: f64,
 }
 
-/// `x ln x`, continued by 0 for x ≤ 0 (rounding may leave a class slightly negative).
+/// `x ln x`, and 0 for x ≤ 0 (rounding may leave a class slightly negative).
 fn x_log_x(x: f64) -> f64 {
     if x > 0.0 { x * libm::log(x) } else { 0.0 }
 }
@@ -186,14 +186,13 @@ impl Scan for EntropyScan {
     }
 }
 
-/// The running counts for entropy where every row has the weight 1: logarithms of whole numbers are
-/// computed once.
+/// The running counts for entropy when every row has weight 1, with cached logarithms of whole numbers.
 #[derive(Default)]
 pub(crate) struct CountEntropyScan {
     left: Vec<u32>,
     totals: Vec<u32>,
     total: u32,
-    /// `n ln n`.
+    /// `n ln n` for n = 0, 1, ….
     logs: Vec<f64>,
 }
 

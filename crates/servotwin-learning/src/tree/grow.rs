@@ -1,8 +1,7 @@
-//! Growing a tree from the root down, depth first, with every value of a feature as it is.
+//! Growing a tree depth first on unbinned feature values.
 //!
-//! When every feature is tried at each split, the presorted rows of all features are carried along
-//! and split in place, which costs O(rows · features) for each level. When features are drawn at
-//! random, only the drawn ones are sorted, node by node.
+//! If every feature is tried at each split, the presorted rows of all features are split in place. This costs O(rows ·
+//! features) for each level. If features are drawn at random, only the drawn ones are sorted, node by node.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -14,7 +13,7 @@ use super::split::{Candidate, NodeRows, best_of_feature};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::tree::Tree;
 
-/// Grows a tree. `random` is used only when features are drawn.
+/// Grows a tree. Uses `random` only to draw features.
 pub(crate) fn grow(growth: &Growth, presorted: &Presorted, random: &mut Random) -> Tree {
     match growth.rules.criterion {
         Criterion::Gini if growth.is_counted() => {
@@ -28,7 +27,7 @@ pub(crate) fn grow(growth: &Growth, presorted: &Presorted, random: &mut Random) 
     }
 }
 
-/// A node whose rows are known but that is not yet in the tree.
+/// A node with known rows that is not yet in the tree.
 struct Pending {
     /// Its rows are `start..end` of every row list.
     start: usize,
@@ -46,8 +45,8 @@ struct Grower<'a, S> {
     scan: S,
     /// The rows in use, grouped by node.
     rows: Vec<u32>,
-    /// The same rows for each feature in ascending order of it, grouped by node; empty when
-    /// features are drawn.
+    /// The same rows in ascending order of each feature, grouped by node. With drawn features, only the current node's
+    /// rows for one feature.
     sorted: Vec<u32>,
     goes_left: Vec<bool>,
     spare: Vec<u32>,
@@ -93,7 +92,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             };
             let middle = self.divide(&pending, &best);
             if self.growth.samples.has_missing() {
-                // What was not missing here may be so later: it goes with most rows.
+                // Rows without a value may still occur in prediction: they go with the majority.
                 let larger = 2 * (middle - pending.start) >= pending.end - pending.start;
                 self.building.tree.set_missing_left(node, best.missing_left.unwrap_or(larger));
             }
@@ -161,7 +160,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         pending.features = features;
     }
 
-    /// Tries randomly drawn features until enough were not constant.
+    /// Tries randomly drawn features until enough of them vary.
     fn search_drawn(
         &mut self,
         pending: &mut Pending,
@@ -199,7 +198,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         best
     }
 
-    /// Puts the rows of a node into `sorted`, in ascending order of a feature.
+    /// Sorts the rows of a node by a feature into `sorted`.
     fn sort_rows(&mut self, pending: &Pending, feature: usize) {
         let ranks = self.presorted.rank(feature);
         let rows = &self.rows[pending.start..pending.end];
@@ -211,7 +210,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         self.sorted.extend(self.keys.iter().map(|&key| key as u32));
     }
 
-    /// Divides the rows of a node between its children; returns where the right ones begin.
+    /// Divides the rows of a node between its children; returns the start of the right ones.
     fn divide(&mut self, pending: &Pending, best: &Candidate) -> usize {
         let rules = self.growth.rules;
         let column = self.growth.samples.column(best.feature);
@@ -228,8 +227,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         if rules.may_split(largest, pending.depth + 1) && !draws(rules) {
             for &feature in &pending.features {
                 let feature = feature as usize;
-                // The rows sorted by the feature of the split are divided already, but for those
-                // without a value, which stand behind.
+                // The rows sorted by the split's own feature are already divided, except for rows without a value,
+                // which come last.
                 if feature != best.feature || missing_left {
                     let first = feature * stride;
                     let sorted = &mut self.sorted[first + pending.start..first + pending.end];
@@ -241,8 +240,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     }
 }
 
-/// Sorts keys whose lower halves ascend already by their upper halves: by
-/// counting, two bytes one after the other, where there are enough keys.
+/// Sorts keys by their upper halves; the lower halves already ascend. With enough keys it is a counting sort of two
+/// bytes.
 fn sort_by_rank(keys: &mut Vec<u64>, spare: &mut Vec<u64>) {
     const FEW: usize = 128;
     let largest = keys.iter().max().map_or(0, |key| key >> 32);
@@ -273,13 +272,13 @@ fn draws(rules: &Rules) -> bool {
     rules.drawn_features < rules.features.len()
 }
 
-/// Whether a feature tells no rows apart: one value for all, or none for any.
+/// Whether a feature separates no rows: all have the same value, or all have none.
 fn is_constant(sorted: &[u32], column: &[f64]) -> bool {
     let first = column[sorted[0] as usize];
     first == column[sorted[sorted.len() - 1] as usize] || first.is_nan()
 }
 
-/// Tries one feature at a node and keeps what it offers.
+/// Tries one feature at a node and keeps its best splits.
 fn search<S: Scan>(
     growth: &Growth,
     node_weights: &[f64],
@@ -304,11 +303,11 @@ fn search<S: Scan>(
     forbidden.extend(offer.forbidden);
 }
 
-/// Moves the rows that go left to the front, keeping the order on both sides; returns their number.
+/// Moves the rows that go left to the front and keeps the order on both sides. Returns the number of left rows.
 fn partition(rows: &mut [u32], goes_left: &[bool], spare: &mut [u32]) -> usize {
     let (mut left, mut right) = (0, 0);
     for place in 0..rows.len() {
-        // Both are written and one is kept: no branch to mispredict.
+        // Writes both and keeps one, to avoid a branch misprediction.
         let row = rows[place];
         let is_left = goes_left[row as usize];
         rows[left] = row;

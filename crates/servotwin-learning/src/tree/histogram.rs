@@ -1,5 +1,5 @@
-//! Feature values in bins, and sums over the rows of each bin: how boosted trees find their splits,
-//! and single trees on many rows.
+//! Binned feature values, and sums over the rows of each bin, for the splits of boosted trees and of single trees on
+//! many rows.
 //!
 //! Source: Ke et al., "LightGBM: A Highly Efficient Gradient Boosting Decision Tree", NIPS 2017.
 
@@ -10,19 +10,19 @@ use alloc::vec::Vec;
 use crate::samples::Samples;
 use servotwin_diagnosis::random::Random;
 
-/// So many rows say where a feature's values lie.
+/// Number of rows that suffice to place the bins.
 const ENOUGH: usize = 10_000;
 
-/// So many columns are summed at once: their sums do not wait for each other.
+/// Number of columns summed at once: their sums are independent of each other.
 const TOGETHER: usize = 4;
 
-/// The bin of every row in every feature that is not constant.
+/// The bin of every row in every feature that varies.
 pub(crate) struct Bins {
     rows: usize,
     max_bins: usize,
     /// The feature of each binned column.
     features: Vec<usize>,
-    /// How many bins each column has.
+    /// Number of bins of each column.
     counts: Vec<usize>,
     /// Column-major: the bin of every row.
     table: Vec<u8>,
@@ -31,8 +31,8 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// Puts the values of `rows` into at most `max_bins` bins a feature (2 to 256), each with as
-    /// many distinct values as the others: of at most [`ENOUGH`] rows, drawn where there are more.
+    /// Divides the values of `rows` into at most `max_bins` bins a feature (2 to 256), each with equally many distinct
+    /// values. With more than [`ENOUGH`] rows, a random sample of them places the bins.
     pub fn new(samples: &Samples, rows: &[u32], max_bins: usize) -> Self {
         let (features, counts, table, bounds) = (vec![], vec![], vec![], vec![]);
         let mut bins = Bins { rows: samples.rows(), max_bins, features, counts, table, bounds };
@@ -53,7 +53,7 @@ impl Bins {
         bins
     }
 
-    /// Adds a column whose bins but the last end with `ends`.
+    /// Adds a column; `ends` are the upper ends of all bins except the last.
     fn add_column(&mut self, feature: usize, column: &[f64], ends: &[f64], rows: &[u32]) {
         let first = self.table.len();
         self.table.resize(first + column.len(), 0);
@@ -70,12 +70,12 @@ impl Bins {
         }
     }
 
-    /// Most bins of a column.
+    /// Maximum number of bins of a column.
     pub fn max_bins(&self) -> usize {
         self.max_bins
     }
 
-    /// How many columns are binned.
+    /// Number of binned columns.
     pub fn columns(&self) -> usize {
         self.features.len()
     }
@@ -85,7 +85,7 @@ impl Bins {
         self.features[column]
     }
 
-    /// How many bins a column has, at least 2.
+    /// Number of bins of a column, at least 2.
     pub fn count(&self, column: usize) -> usize {
         self.counts[column]
     }
@@ -100,8 +100,8 @@ impl Bins {
         &self.bounds[column * self.max_bins..][..self.counts[column]]
     }
 
-    /// Sums over `rows` in every bin of some columns. `parts` holds `width` numbers for each of
-    /// these rows; `sums` is filled with `width` numbers for each of `max_bins` bins of each column.
+    /// Sums over `rows` in every bin of some columns. `parts` holds `width` numbers for each of these rows. `sums`
+    /// receives `width` numbers for each of `max_bins` bins of each column.
     pub fn sum_into(
         &self,
         columns: &[usize],
@@ -115,7 +115,7 @@ impl Bins {
         let groups = sums.chunks_mut(TOGETHER * stride).zip(columns.chunks(TOGETHER));
         for (sums, columns) in groups {
             match width {
-                // The widths of two, three and four classes are worth code of their own.
+                // The widths of two, three and four classes have specialized code.
                 2 => self.add_group::<2>(columns, rows, parts, sums),
                 6 => self.add_group::<6>(columns, rows, parts, sums),
                 8 => self.add_group::<8>(columns, rows, parts, sums),
@@ -151,7 +151,7 @@ impl Bins {
     }
 }
 
-/// A number that is ordered as [`f64::total_cmp`] orders values: sorted in half of the time.
+/// An integer in the order of [`f64::total_cmp`], which sorts twice as fast.
 fn key_of(value: f64) -> i64 {
     let bits = value.to_bits() as i64;
     bits ^ (((bits >> 63) as u64) >> 1) as i64
@@ -162,7 +162,7 @@ fn value_of(key: i64) -> f64 {
     f64::from_bits((key ^ (((key >> 63) as u64) >> 1) as i64) as u64)
 }
 
-/// Some of the rows where there are more than enough.
+/// A random sample of the rows if there are more than enough.
 fn drawn(rows: &[u32]) -> Cow<'_, [u32]> {
     if rows.len() <= ENOUGH {
         return Cow::Borrowed(rows);
@@ -171,31 +171,31 @@ fn drawn(rows: &[u32]) -> Cow<'_, [u32]> {
     (0..ENOUGH).map(|_| rows[random.index(rows.len())]).collect()
 }
 
-/// The last values of all bins but the last; `values` are distinct and ascending.
+/// The last values of all bins except the last; `values` are distinct and ascending.
 fn ends_of(values: &[f64], max_bins: usize) -> Vec<f64> {
     let bins = values.len().min(max_bins);
     (1..bins).map(|bin| values[bin * values.len() / bins - 1]).collect()
 }
 
-/// So many values are looked up at once: their searches do not wait for each other.
+/// Number of values looked up at once: their searches are independent of each other.
 const AT_ONCE: usize = 8;
 
-/// Where values lie among the ends of bins. Every search takes the same steps.
+/// Finds values among the ends of bins. Every search takes the same steps.
 struct Search {
-    /// Ascending, infinite behind the last: a power of two less one of them count.
+    /// Ascending and padded with infinity. The search reads a power of two less one of them.
     ends: [f64; 256],
     steps: u32,
 }
 
 impl Search {
-    /// For at most 255 ascending ends.
+    /// Accepts at most 255 ascending ends.
     fn new(ends: &[f64]) -> Self {
         let mut all = [f64::INFINITY; 256];
         all[..ends.len()].copy_from_slice(ends);
         Search { ends: all, steps: usize::BITS - ends.len().leading_zeros() }
     }
 
-    /// For each value the number of ends below it.
+    /// Writes the number of ends below each value.
     fn places_into(&self, values: &[f64], places: &mut [u8]) {
         for (values, places) in values.chunks(AT_ONCE).zip(places.chunks_mut(AT_ONCE)) {
             let mut own = [0.0; AT_ONCE];
@@ -217,7 +217,7 @@ impl Search {
     }
 }
 
-/// Adds the parts of rows to the bins of columns whose sums lie `stride` places apart.
+/// Adds the parts of rows to the bins of columns; the sums of two columns are `stride` entries apart.
 fn add_together<const WIDTH: usize, const COLUMNS: usize>(
     columns: [&[u8]; COLUMNS],
     rows: &[u32],
@@ -266,7 +266,7 @@ mod tests {
         assert_eq!((bins.columns(), bins.feature(0), bins.count(0)), (1, 0, 3));
         assert_eq!(bins.column(0), [1, 0, 1, 2]);
         assert_eq!(bins.bounds(0), [(-1.0, -1.0), (3.0, 3.0), (9.0, 9.0)]);
-        // A row that is not learnt from makes no bin, but falls into one.
+        // A row outside the training rows forms no bin, but is in one.
         assert_eq!(Bins::new(&samples, &[0, 1, 2], 8).column(0), [1, 0, 1, 1]);
     }
 

@@ -1,7 +1,7 @@
 //! Growing and pruning of decision trees ([`servotwin_diagnosis::tree`]).
 //!
-//! One tree serves CART, random forest and AdaBoost. The search tries rows without a value (NaN) on either side of every
-//! threshold, and alone.
+//! One tree serves CART, random forest and AdaBoost. The split search tries rows without a value (NaN) on either side
+//! of every threshold, and alone.
 //!
 //! Source: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", 1984.
 

@@ -1,4 +1,4 @@
-//! The rows sorted by every feature, once for all nodes and all trees.
+//! The rows sorted by every feature, shared by all nodes and trees.
 
 use alloc::vec::Vec;
 
@@ -13,8 +13,7 @@ pub(crate) struct Presorted {
     rank: Vec<u32>,
 }
 
-/// Bits that sort as unsigned numbers the way finite values do; −0 sorts as 0, and what is missing
-/// behind all numbers.
+/// Bits that sort as unsigned numbers in the order of the values; −0 sorts as 0, and NaN after all numbers.
 fn sortable_bits(value: f64) -> u64 {
     let bits = (value + 0.0).to_bits();
     if bits >> 63 == 1 { !bits } else { bits | (1 << 63) }

@@ -1,8 +1,7 @@
 //! Minimal cost-complexity pruning: the weakest link is cut first.
 //!
-//! Source: Breiman et al. 1984, chapter 3. The risk of a node is its impurity times its share of
-//! the samples, as in scikit-learn. The strength of a link is
-//! `g(t) = (R(t) − R(leaves below t)) / (number of leaves below t − 1)`.
+//! Source: Breiman et al. 1984, chapter 3. The risk of a node is its impurity times its share of the samples, as in
+//! scikit-learn. The strength of a link is `g(t) = (R(t) − R(leaves below t)) / (number of leaves below t − 1)`.
 
 use alloc::collections::BinaryHeap;
 use alloc::vec;
@@ -14,7 +13,7 @@ use servotwin_diagnosis::tree::{NewNode, RejectedSplit, Tree};
 /// One tree of the pruning path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PruningStep {
-    /// The smallest complexity cost at which this tree is the best one.
+    /// The smallest complexity cost for which this tree is optimal.
     pub alpha: f64,
     /// Its number of leaves.
     pub leaves: usize,
@@ -27,7 +26,7 @@ pub struct PruningStep {
 struct Link {
     strength: f64,
     node: usize,
-    /// Leaves below when the strength was computed: an entry with another number is out of date.
+    /// Leaves below at the time of the strength; an entry with another number is outdated.
     leaves: usize,
 }
 
@@ -45,11 +44,11 @@ impl Ord for Link {
     }
 }
 
-/// The state of a tree that is cut link by link.
+/// The state of a tree during pruning.
 struct Pruning<'a> {
     tree: &'a Tree,
     parent: Vec<Option<usize>>,
-    /// Leaves below each node, itself if it is one; 0 once the node is cut off.
+    /// Leaves below each node, 1 for a leaf; 0 after the node is cut off.
     leaves: Vec<usize>,
     /// Risk of those leaves.
     risk: Vec<f64>,
@@ -90,7 +89,7 @@ impl<'a> Pruning<'a> {
         self.links.push(Reverse(Link { strength: strength.max(0.0), node, leaves }));
     }
 
-    /// Cuts the weakest link if it is not stronger than `limit`; returns whether it was cut.
+    /// Cuts the weakest link unless it is stronger than `limit`; returns whether it did.
     fn cut_weakest(&mut self, limit: f64) -> bool {
         while let Some(Reverse(link)) = self.links.pop() {
             if self.leaves[link.node] != link.leaves {
@@ -126,7 +125,7 @@ impl<'a> Pruning<'a> {
         let mut stack = vec![node];
         while let Some(node) = stack.pop() {
             if let Some((left, right)) = self.tree.children(node) {
-                // Below a leaf of the cut tree everything is forgotten already.
+                // Nodes below a leaf of the pruned tree are already marked.
                 if self.leaves[node] > 1 {
                     stack.extend([left, right]);
                 }
@@ -140,8 +139,8 @@ impl<'a> Pruning<'a> {
     }
 }
 
-/// All trees that minimal cost-complexity pruning leads to, from the whole tree (alpha 0) to the root alone; one step
-/// for each link cut, alpha never falling.
+/// All trees of minimal cost-complexity pruning, from the whole tree (alpha 0) to the root alone. There is one step for
+/// each link cut, and alpha never falls.
 pub fn pruning_path(tree: &Tree) -> Vec<PruningStep> {
     let mut pruning = Pruning::new(tree);
     let mut path = vec![pruning.step()];
@@ -151,15 +150,15 @@ pub fn pruning_path(tree: &Tree) -> Vec<PruningStep> {
     path
 }
 
-/// The tree with every link cut whose strength is not above `alpha`: a subtree with the same root, its nodes numbered
-/// anew in preorder.
+/// Cuts every link with a strength of at most `alpha`. The result is a subtree with the same root, renumbered in
+/// preorder.
 pub fn prune(tree: &Tree, alpha: f64) -> Tree {
     let mut pruning = Pruning::new(tree);
     while pruning.cut_weakest(alpha) {}
     copy_kept(tree, &pruning.leaves)
 }
 
-/// Copies the nodes that have leaves left.
+/// Copies the nodes with remaining leaves.
 fn copy_kept(tree: &Tree, leaves: &[usize]) -> Tree {
     let mut place = vec![0; tree.nodes()];
     let kept: Vec<usize> = (0..tree.nodes()).filter(|&node| leaves[node] > 0).collect();

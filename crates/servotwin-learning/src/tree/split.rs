@@ -3,12 +3,12 @@
 use super::criterion::Scan;
 use servotwin_diagnosis::numeric::MAX_VALUE;
 
-/// The smallest differences of a feature that a sensor resolves. Zero allows everything.
+/// Resolution limits of a feature. Zero allows everything.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Limits {
-    /// The two values on both sides of a threshold must differ by at least this.
+    /// Minimum difference of the two values beside a threshold.
     pub gap: f64,
-    /// A threshold must be at least this far from zero.
+    /// Minimum distance of a threshold from zero.
     pub magnitude: f64,
 }
 
@@ -17,15 +17,15 @@ impl Limits {
         gap >= self.gap && libm::fabs(threshold) >= self.magnitude
     }
 
-    /// Whether two neighbouring values lie where all thresholds around them are
-    /// allowed. A first allowed threshold next to forbidden ones does not.
+    /// Whether all thresholds around two adjacent values are allowed. That is false for a first allowed threshold next
+    /// to forbidden ones.
     fn allow_around(self, lower: f64, upper: f64) -> bool {
         let far = 4.0 * self.magnitude;
         self.gap == 0.0 && (self.magnitude == 0.0 || lower >= far || upper <= -far)
     }
 }
 
-/// A way to split a node.
+/// A possible split of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
     pub feature: usize,
@@ -33,25 +33,23 @@ pub(crate) struct Candidate {
     pub gap: f64,
     /// The gap over the range of the feature's values at the node.
     pub margin: f64,
-    /// Larger is better; comparable within one node.
+    /// Score of the split; larger is better; comparable within one node.
     pub score: f64,
-    /// Which way rows without a value go; `None` where the node has none.
+    /// Whether rows without a value go left; `None` if the node has none.
     pub missing_left: Option<bool>,
 }
 
-/// Scores that differ by less than this part are the same: they were summed in
-/// another order.
+/// Scores that differ by less than this part are equal: they differ only in the order of summation.
 const SAME_SCORE: f64 = 1e-12;
 
 impl Candidate {
-    /// The least score that may be as good.
+    /// The smallest score that counts as equally good.
     pub fn worth(&self) -> f64 {
         self.score - SAME_SCORE * libm::fabs(self.score)
     }
 
-    /// Better; or as good with a wider margin, because a threshold in a wide gap
-    /// is the one that unseen rows are likeliest to respect; or as good and as
-    /// wide with a lower feature.
+    /// A higher score wins. Between equal scores the wider margin wins, because unseen rows most likely respect a
+    /// threshold in a wide gap. The lower feature breaks the remaining ties.
     pub fn beats(&self, other: &Option<Candidate>) -> bool {
         other.as_ref().is_none_or(|other| {
             let nearly = SAME_SCORE * libm::fabs(other.score);
@@ -65,29 +63,29 @@ impl Candidate {
     }
 }
 
-/// What one feature offers at a node.
+/// The best splits of one feature at a node.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Offer {
-    /// The best split that the limits allow; of equally good ones the one in the widest gap.
+    /// The best split within the limits; of equally good ones the one in the widest gap.
     pub allowed: Option<Candidate>,
-    /// The best split that they forbid, if it is better than those allowed before it.
+    /// The best split outside the limits, if it is better than the allowed ones before it.
     pub forbidden: Option<Candidate>,
 }
 
-/// The rows of a node and how they count.
+/// The rows of a node with values, labels and weights.
 pub(crate) struct NodeRows<'a> {
     /// Rows in ascending order of the feature.
     pub sorted: &'a [u32],
-    /// The feature's value of every row of the samples.
+    /// The feature's value for every row of the samples.
     pub column: &'a [f64],
     /// Label of every row of the samples.
     pub labels: &'a [u32],
-    /// Weight of every row of the samples, as the impurity sees it.
+    /// Impurity weight of every row of the samples.
     pub weights: &'a [f64],
 }
 
 impl NodeRows<'_> {
-    /// How many rows have a value of the feature: the first ones.
+    /// Number of rows with a value of the feature; they come first.
     fn known(&self) -> usize {
         let is_missing = |&row: &u32| self.column[row as usize].is_nan();
         match self.sorted.last().is_some_and(is_missing) {
@@ -96,7 +94,7 @@ impl NodeRows<'_> {
         }
     }
 
-    /// Whether no other row shares the value of the one at a place in the order.
+    /// Whether the value at an index in the order is unique.
     fn is_single(&self, place: usize) -> bool {
         let value = |place: usize| self.sorted.get(place).map(|&row| self.column[row as usize]);
         value(place + 1) != value(place)
@@ -108,26 +106,25 @@ impl NodeRows<'_> {
     }
 }
 
-/// The number that separates two neighboring values: their middle, or the lower one where the
-/// middle is rounded up to the upper one.
+/// A threshold between two adjacent values: their middle, or the lower one if rounding lifts the middle to the upper
+/// one.
 ///
-/// Rows may come back as 32-bit numbers. Where these still differ, the number separates them, too.
+/// Predicted rows may be 32-bit numbers. If the rounded values still differ, the threshold separates them, too.
 pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
     let middle = lower / 2.0 + upper / 2.0;
     let threshold = if lower <= middle && middle < upper { middle } else { lower };
     let (short_lower, short_upper) = (f64::from(lower as f32), f64::from(upper as f32));
     let is_safe = short_lower <= threshold && threshold < short_upper;
-    // The larger of the two is below both upper values, because rounding keeps the order.
+    // The larger one is below both upper values, because rounding keeps the order.
     if is_safe || short_lower >= short_upper { threshold } else { lower.max(short_lower) }
 }
 
-/// The threshold of the question whether there is a value at all: no number is above it.
+/// The threshold of the test for a missing value: no number exceeds it.
 const ANY_VALUE: f64 = MAX_VALUE;
 
-/// Tries every threshold of a feature, and where the node has rows without a value, every threshold
-/// with them on either side, and the question whether there is a value. `totals` are the node's
-/// weights. What lets all rows go the same way is not tried; at least two values or one and a missing
-/// one are there.
+/// Tries every threshold of a feature. If the node has rows without a value, it tries every threshold with these on
+/// either side, and the test for a missing value. `totals` are the node's weights. It omits splits that send all rows
+/// to one side. The rows must have two different values, or a value and a missing one.
 pub(crate) fn best_of_feature<S: Scan>(
     rows: &NodeRows,
     feature: usize,
@@ -162,10 +159,10 @@ pub(crate) fn best_of_feature<S: Scan>(
     offer
 }
 
-/// Tries every threshold of a feature that can be the best. Between two values whose rows all have
-/// one class it cannot: impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992), also
-/// with the same rows without a value on one side throughout. `scan` must have been started with the
-/// node's weights, and those rows moved to the left if they go there.
+/// Tries every threshold of a feature that can be the best. A threshold between two values whose rows all have one
+/// class cannot. Impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992), also with the same rows
+/// without a value on one side. `scan` must have started with the node's weights, with rows without a value moved left
+/// if they go there.
 #[expect(clippy::too_many_arguments, reason = "the innermost loop of all training")]
 fn try_thresholds<S: Scan>(
     rows: &NodeRows,
@@ -181,7 +178,7 @@ fn try_thresholds<S: Scan>(
         return;
     }
     let missing = rows.sorted.len() - known;
-    // Rows that are on a side before any value is.
+    // Rows that are on a side before the first value.
     let (left_before, right_before) =
         if missing_left == Some(true) { (missing, 0) } else { (0, missing) };
     let may_skip = min_rows <= 1;
@@ -192,7 +189,7 @@ fn try_thresholds<S: Scan>(
         None => f64::NEG_INFINITY,
     };
     let mut value = rows.column[rows.sorted[0] as usize];
-    // Past this many rows on the left, too few are on the right.
+    // With more rows on the left, too few remain on the right.
     let needed = min_rows.saturating_sub(right_before).max(1);
     let last = known + 1 - needed.min(known);
     // Whether all rows of the current value have one class.

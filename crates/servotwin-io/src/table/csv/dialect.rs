@@ -1,8 +1,8 @@
-//! What stands between the cells: found by looking at the header and the first row.
+//! The separator between cells, detected from the header and the first row.
 
 use super::encoding::Encoding;
 
-/// How a text separates its cells.
+/// The cell separator of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dialect {
     /// The byte between two cells.
@@ -10,9 +10,9 @@ pub struct Dialect {
 }
 
 impl Dialect {
-    /// The separator of a text that begins like this: of comma, semicolon and tab the one that
-    /// stands in the header most often and as often in the first row. Of equally frequent ones the
-    /// tab, then the semicolon: a comma may be part of a name or a number beside them.
+    /// Detects the separator from the beginning of a text, among comma, semicolon and tab. One with equal counts in the
+    /// header and the first row takes precedence, then the most frequent one in the header. In a tie the tab comes
+    /// first, then the semicolon: a comma may be part of a name or a number.
     pub fn of(beginning: &[u8]) -> Self {
         let mut lines = Lines { rest: beginning };
         let (header, row) = (lines.next_line(), lines.next_line());
@@ -30,7 +30,7 @@ impl Dialect {
         Dialect { separator: best.2 }
     }
 
-    /// The dialect where it is not as this toolkit writes.
+    /// A description of the dialect if it differs from this toolkit's.
     pub fn in_words(self, encoding: Encoding, decimal_comma: bool) -> Option<String> {
         let separator = match self.separator {
             b';' => Some("semicolons between cells"),
@@ -48,7 +48,7 @@ impl Dialect {
     }
 }
 
-/// Lines without what is quoted in them.
+/// Lines without their quoted parts.
 struct Lines<'a> {
     rest: &'a [u8],
 }

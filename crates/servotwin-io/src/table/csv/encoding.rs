@@ -1,24 +1,24 @@
-//! Bytes as text: UTF-8, UTF-16 with its mark, or else Latin-1 as Windows writes it.
+//! Text encodings: UTF-8, UTF-16 with or without a byte order mark, or else Latin-1 as Windows writes it.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
-/// How much is read at once; also what the separator is found by.
+/// Buffer size, bytes; the separator is detected in the first buffer.
 const BUFFER: usize = 1 << 20;
 
-/// How bytes stand for text.
+/// The encoding of a text file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// As this toolkit writes.
+    /// UTF-8, as this toolkit writes.
     Utf8,
-    /// Was turned into UTF-8 when the file was opened.
+    /// UTF-16, converted to UTF-8 when the file is opened.
     Utf16,
-    /// One byte for each character: Windows-1252, which holds Latin-1.
+    /// One byte for each character: Windows-1252, which includes Latin-1.
     Latin1,
 }
 
-/// Opens a file at its first character. Only UTF-16 is read at once, to be turned into UTF-8.
+/// Opens a file at its first character. UTF-16 files are read whole and converted to UTF-8.
 pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead>, Encoding)> {
     let mut reader = BufReader::with_capacity(BUFFER, File::open(path)?);
     let beginning = reader.fill_buf()?;
@@ -26,7 +26,7 @@ pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead>, Encoding)> {
         [0xEF, 0xBB, 0xBF, ..] => (3, None),
         [0xFE, 0xFF, ..] => (2, Some(true)),
         [0xFF, 0xFE, ..] => (2, Some(false)),
-        // Without a mark: every other byte of plain letters is zero.
+        // Without a mark: every other byte of ASCII letters is zero.
         [0, a, 0, b, ..] if *a > 0 && *b > 0 => (0, Some(true)),
         [a, 0, b, 0, ..] if *a > 0 && *b > 0 => (0, Some(false)),
         _ => (0, None),
@@ -47,7 +47,7 @@ pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead>, Encoding)> {
     Ok((Box::new(Cursor::new(text.into_bytes())), Encoding::Utf16))
 }
 
-/// Some bytes as text; `None` where they are not what the encoding promises.
+/// Decodes bytes; `None` if they are invalid in the encoding.
 pub fn text(bytes: &[u8], encoding: Encoding) -> Option<String> {
     match encoding {
         Encoding::Latin1 => Some(bytes.iter().map(|&byte| latin1(byte)).collect()),
@@ -55,7 +55,7 @@ pub fn text(bytes: &[u8], encoding: Encoding) -> Option<String> {
     }
 }
 
-/// A character of Windows-1252; the five bytes that it leaves out stand for themselves.
+/// A character of Windows-1252; the five undefined bytes keep their own value.
 fn latin1(byte: u8) -> char {
     const HIGH: [char; 32] = [
         '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž',

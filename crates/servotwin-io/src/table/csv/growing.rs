@@ -1,29 +1,29 @@
-//! A column that grows cell by cell, and finds out of what kind it is.
+//! A growing column that infers its kind cell by cell.
 
 use super::super::{Kind, Values};
 
-/// What stands for a missing number, besides nothing.
+/// Words for a missing number, besides an empty cell.
 const MISSING: [&str; 13] =
     ["NA", "N/A", "n/a", "NaN", "nan", "NAN", "null", "NULL", "Null", "#N/A", "?", "-", "--"];
 
-/// A column read so far.
+/// The cells of a column so far.
 pub enum Growing {
-    /// Nothing but empty cells and words for missing numbers.
+    /// Only empty cells and words for missing numbers.
     Unknown(Vec<String>),
-    /// Values of a kind.
+    /// Values of a known kind.
     Values(Values),
 }
 
 /// Why a cell does not fit.
 pub enum Refused {
-    /// It is no UTF-8.
+    /// It is not UTF-8.
     NoUtf8,
     /// The column holds values of this kind.
     Contradiction(Kind),
 }
 
-/// How numbers are written. Which of point and comma is the decimal mark is decided by the first
-/// number that has one; where cells are separated by commas it is the point.
+/// The number format. The first number with a point or a comma sets the decimal mark. With commas between cells it is
+/// the point.
 pub struct Numbers {
     may_be_comma: bool,
     mark: Option<u8>,
@@ -31,7 +31,7 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// Numbers in a text where a comma may be the decimal mark.
+    /// `may_be_comma` allows a comma as the decimal mark.
     pub fn new(may_be_comma: bool) -> Self {
         let mark = (!may_be_comma).then_some(b'.');
         Numbers { may_be_comma, mark, text: String::new() }
@@ -42,7 +42,7 @@ impl Numbers {
         self.may_be_comma && self.mark == Some(b',')
     }
 
-    /// The number that a text is, if it is one.
+    /// Parses a number; `None` for any other text.
     pub fn real(&mut self, text: &str) -> Option<f64> {
         let mark = text.bytes().find(|byte| matches!(byte, b'.' | b','));
         match (mark, self.mark) {
@@ -52,7 +52,7 @@ impl Numbers {
                 Some(value)
             }
             (Some(b','), Some(b',') | None) => {
-                // A point beside the comma groups thousands: that would be a guess.
+                // A point beside the comma would be a thousands separator, which is a guess.
                 if text.contains('.') {
                     return None;
                 }
@@ -77,7 +77,7 @@ impl Growing {
         }
     }
 
-    /// Adds a cell. `decode` makes text of bytes.
+    /// Adds a cell. `decode` converts bytes to text.
     pub fn push(
         &mut self,
         cell: &[u8],
@@ -93,7 +93,7 @@ impl Growing {
             let text = decode(cell).ok_or(Refused::NoUtf8)?;
             return self.push_text(text);
         };
-        // Also the blanks around it.
+        // Includes surrounding blanks.
         let whole = || decode(cell).unwrap_or_default();
         match self {
             Growing::Unknown(_) if quoted => self.push_text(whole()),
@@ -117,7 +117,7 @@ impl Growing {
         }
     }
 
-    /// Adds a text to a column that is text from now on.
+    /// Adds a text to a column that becomes text.
     fn push_text(&mut self, text: String) -> Result<(), Refused> {
         match self {
             Growing::Unknown(words) => {
@@ -130,7 +130,7 @@ impl Growing {
         }
     }
 
-    /// The values of the whole column: missing numbers where there is nothing else.
+    /// The values of the whole column; a column without any value has missing numbers.
     pub fn finish(self) -> Values {
         match self {
             Growing::Values(values) => values,

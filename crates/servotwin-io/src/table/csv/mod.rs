@@ -1,18 +1,16 @@
 //! Tables as comma-separated text: one header line, then one line per row.
 //!
-//! The kind of a column is inferred: text if any of its cells is quoted, else what the first cell that
-//! is not empty looks like, whole numbers being widened to real ones where a later row needs it. The
-//! writer therefore quotes every text, and writes a real number with a point or an exponent, in
-//! the shortest form that reads back to the same bits. What is lost in CSV: metadata, units, the
+//! The kind of a column is inferred. It is text if any of its cells is quoted, otherwise the kind of its first nonempty
+//! cell. Whole numbers become floats if a later row needs it. The writer therefore quotes every text. It writes a float
+//! with a point or an exponent, in the shortest form that reads back to the same bits. CSV loses metadata, units, the
 //! difference between `u32` and `i64`, and the kinds of a table without rows.
 //!
-//! What other writers do is understood, and said in [`Origin::dialect`](super::Origin): semicolons or
-//! tabs between cells, then also a comma in numbers ([`dialect`]), UTF-16 and Latin-1 ([`encoding`]),
-//! empty cells and words for missing numbers, which are read as NaN ([`growing`]).
+//! The reader also accepts other dialects, and reports them in [`Origin::dialect`](super::Origin). These are semicolons
+//! or tabs between cells, with commas in numbers ([`dialect`]), UTF-16 and Latin-1 ([`encoding`]). Empty cells and
+//! words for missing numbers become NaN ([`growing`]).
 //!
-//! The file is read once from its beginning to its end, each cell straight into its column. Only where
-//! a later row contradicts what was understood (a quoted text in a column of numbers, a byte that is
-//! no UTF-8) does reading begin again, with that knowledge.
+//! The file is read once, each cell directly into its column. Reading restarts only if a later row contradicts the
+//! inference: a quoted text in a column of numbers, or a byte that is not UTF-8.
 
 pub mod dialect;
 pub mod encoding;
@@ -38,7 +36,7 @@ pub fn read(path: &Path) -> Result<Table, TableError> {
     read_mixed(path, &[])
 }
 
-/// Reads a CSV file; in the columns in `mixed` text between numbers is no mistake.
+/// Reads a CSV file; the columns in `mixed` may have text between numbers.
 pub fn read_mixed(path: &Path, mixed: &[&str]) -> Result<Table, TableError> {
     let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
     let open = || encoding::open(path).map_err(unreadable);
@@ -73,7 +71,7 @@ pub fn write_to(out: &mut dyn Write, table: &Table) -> io::Result<()> {
 
 fn write_cell(out: &mut dyn Write, values: &Values, row: usize) -> io::Result<()> {
     match values {
-        // `Debug` always shows a point or an exponent: the column stays real.
+        // `Debug` always writes a point or an exponent: the column stays a float.
         Values::Float(values) => write!(out, "{:?}", values[row]),
         Values::Integer(values) => write!(out, "{}", values[row]),
         Values::Unsigned(values) => write!(out, "{}", values[row]),
@@ -93,22 +91,22 @@ pub fn parse(text: &str) -> Result<Table, ContentError> {
     read_again(open, &[], |_| ContentError::Empty, &|problem| problem)
 }
 
-/// What was learnt by reading from the beginning, for the next attempt.
+/// Knowledge from previous attempts to read.
 #[derive(Default)]
 struct Known {
     /// Not all bytes are UTF-8.
     latin: bool,
-    /// The places of columns that are text in spite of how they begin.
+    /// Indices of columns that are text although their first cells look different.
     text: BTreeSet<usize>,
 }
 
-/// Why an attempt to read has ended early.
+/// Why an attempt to read ended early.
 enum Stop {
-    /// The content cannot be understood.
+    /// The content is invalid.
     Content(ContentError),
     /// The file cannot be read.
     Io(io::Error),
-    /// It can be understood with this knowledge.
+    /// A new attempt with this knowledge can succeed.
     Again(Known),
 }
 
@@ -131,7 +129,7 @@ fn read_again<R: BufRead, E>(
     wrong: &dyn Fn(ContentError) -> E,
 ) -> Result<Table, E> {
     let mut known = Known::default();
-    // Every attempt but the last adds to what is known: there are not many.
+    // Every attempt except the last adds knowledge, so there are few.
     loop {
         let (reader, encoding) = open()?;
         match attempt(reader, encoding, mixed, known) {
@@ -184,7 +182,7 @@ fn attempt(
                 Err(Refused::NoUtf8) => return Err(Stop::Again(Known { latin: true, ..known })),
                 Err(Refused::Contradiction(expected)) => {
                     let name = names[place].as_deref().unwrap_or_default();
-                    // True, false and nothing are three texts.
+                    // True, false and a missing value together are text.
                     let no_flag = expected == Kind::Flag && growing::is_missing(cell);
                     if quoted || no_flag || mixed.contains(&name) {
                         known.text.insert(place);
@@ -212,13 +210,13 @@ fn table_of(
     for (place, (name, column)) in names.into_iter().zip(columns).enumerate() {
         let values = column.finish();
         let Some(name) = name else {
-            // Cells without a head: nothing but a separator at the end of every line.
+            // Cells without a name: only a separator at the end of every line.
             if is_empty(&values) {
                 continue;
             }
             return Err(ContentError::UnnamedColumn { place: place + 1 }.into());
         };
-        // Names were compared and lengths are equal, so nothing can be refused here.
+        // Names are unique and lengths are equal, so this cannot fail.
         let _ = table.push(Column { name, unit: String::new(), values });
     }
     Ok(table)
@@ -232,8 +230,8 @@ fn is_empty(values: &Values) -> bool {
     }
 }
 
-/// The names of the columns. The first one may have none, as the index of data frames; so may the
-/// last one, if it holds nothing: it is `None` until that is known.
+/// The names of the columns. The first one may be unnamed, like the index of a data frame. So may the last one if it is
+/// empty; it is `None` until that is known.
 fn column_names(heads: Vec<String>) -> Result<Vec<Option<String>>, ContentError> {
     let count = heads.len();
     if count == 1 && heads[0].trim().is_empty() {

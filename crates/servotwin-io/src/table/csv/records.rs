@@ -1,4 +1,4 @@
-//! Text as records of cells, one after the other, in a buffer that is used again.
+//! Splits text into records of cells, one after another, in a reused buffer.
 
 use super::super::ContentError;
 use super::Stop;
@@ -10,7 +10,7 @@ pub struct Records<R> {
     separator: u8,
     /// The bytes of all cells of the record, without quotes.
     bytes: Vec<u8>,
-    /// Where each cell ends, and whether it was quoted.
+    /// End of each cell in `bytes`, and whether it was quoted.
     ends: Vec<(usize, bool)>,
     /// The line on which the record begins, from 1.
     line: usize,
@@ -18,23 +18,23 @@ pub struct Records<R> {
     next_line: usize,
 }
 
-/// Where in a cell the reader is.
+/// Position of the reader in a cell.
 #[derive(Clone, Copy, PartialEq)]
 enum State {
-    /// Before its first byte.
+    /// Before the first byte.
     Begin,
-    /// In a cell without quotes.
+    /// In an unquoted cell.
     Plain,
-    /// Between quotes; the line on which they were opened.
+    /// Inside quotes that were opened on this line.
     Quoted(usize),
-    /// Behind a quote that closes the cell, or is the first of two that stand for one.
+    /// After a quote that closes the cell, or is the first of a doubled quote.
     Closed(usize),
-    /// Behind a closed cell and a carriage return.
+    /// After a closed cell and a carriage return.
     ClosedReturn,
 }
 
 impl<R: BufRead> Records<R> {
-    /// The records of a reader.
+    /// Reads the records of a reader.
     pub fn new(reader: R, separator: u8) -> Self {
         Records { reader, separator, bytes: vec![], ends: vec![], line: 1, next_line: 1 }
     }
@@ -44,14 +44,13 @@ impl<R: BufRead> Records<R> {
         self.line
     }
 
-    /// The cells of the current record, each with whether it was quoted.
+    /// The cells of the current record, and whether each was quoted.
     pub fn cells(&self) -> impl Iterator<Item = (&[u8], bool)> {
         let starts = std::iter::once(0).chain(self.ends.iter().map(|(end, _)| *end));
         starts.zip(&self.ends).map(|(start, &(end, quoted))| (&self.bytes[start..end], quoted))
     }
 
-    /// Reads the next record; `false` at the end. Blank lines mean nothing: an empty text would be
-    /// quoted.
+    /// Reads the next record; `false` at the end. Blank lines are skipped: an empty text would be quoted.
     pub fn advance(&mut self) -> Result<bool, Stop> {
         self.bytes.clear();
         self.ends.clear();

@@ -1,8 +1,8 @@
-//! What the Arrow schema in a file's metadata adds to the Parquet schema: which columns are durations.
+//! Reads durations from the Arrow schema in a file's metadata.
 //!
-//! Parquet has no type for a duration, so writers with an Arrow layer store a plain whole number, and keep the unit in
-//! an Arrow schema under `ARROW:schema`: a FlatBuffers message in base64. This reader takes the names and units of the
-//! durations out of it and ignores everything else. Every access is checked; a damaged schema is as good as none.
+//! Parquet has no type for a duration. Writers with an Arrow layer store a plain whole number, and keep the unit in an
+//! Arrow schema under `ARROW:schema`: a FlatBuffers message in base64. This reader extracts the names and units of the
+//! durations and ignores everything else. Every access is checked; a damaged schema counts as none.
 //!
 //! Sources: Arrow columnar format, `Message.fbs` and `Schema.fbs`; FlatBuffers internals.
 
@@ -14,17 +14,17 @@ const SCHEMA: u8 = 1;
 const DURATION: u8 = 18;
 /// Parts of a second of each `TimeUnit` in `Schema.fbs`: seconds, milliseconds, microseconds, nanoseconds.
 const PARTS: [i64; 4] = [1, 1_000, 1_000_000, 1_000_000_000];
-/// The unit of a duration whose schema names none.
+/// The unit of a duration without a unit in the schema.
 const DEFAULT_UNIT: i16 = 1;
 
-/// The parts of a second in which each duration is stored, by the column's name.
+/// For each duration column by name, the parts of a second in which it is stored.
 pub(super) fn durations(schema: &str) -> HashMap<String, i64> {
     let bytes = base64(schema);
     bytes.and_then(|bytes| read_durations(&bytes)).unwrap_or_default()
 }
 
 fn read_durations(bytes: &[u8]) -> Option<HashMap<String, i64>> {
-    // An encapsulated message begins with a mark and its length; older ones with the length alone.
+    // An encapsulated message starts with a mark and its length; older ones with the length alone.
     let start = if read(bytes, 0)? == [0xFF; 4] { 8 } else { 4 };
     let message = Node::root(bytes.get(start..)?)?;
     if message.byte(1)? != SCHEMA {
@@ -42,7 +42,7 @@ fn read_durations(bytes: &[u8]) -> Option<HashMap<String, i64>> {
     Some(found)
 }
 
-/// A FlatBuffers table: its fields stand at places that a list of offsets gives.
+/// A FlatBuffers table: a list of offsets locates its fields.
 #[derive(Clone, Copy)]
 struct Node<'b> {
     bytes: &'b [u8],
@@ -54,7 +54,7 @@ impl<'b> Node<'b> {
         Some(Node { bytes, place: follow(bytes, 0)? })
     }
 
-    /// The place of a field; `None` where the field has its default.
+    /// Byte position of a field; `None` if the field has its default.
     fn field(self, number: usize) -> Option<usize> {
         let back = i32::from_le_bytes(read(self.bytes, self.place)?);
         let offsets = i64::try_from(self.place).ok()?.checked_sub(i64::from(back))?;
@@ -87,7 +87,7 @@ impl<'b> Node<'b> {
         String::from_utf8(bytes.to_vec()).ok()
     }
 
-    /// The tables of a list.
+    /// The tables of a vector field.
     fn nodes(self, number: usize) -> Option<Vec<Node<'b>>> {
         let start = follow(self.bytes, self.field(number)?)?;
         let length = usize::try_from(u32::from_le_bytes(read(self.bytes, start)?)).ok()?;
@@ -105,13 +105,13 @@ fn read<const N: usize>(bytes: &[u8], place: usize) -> Option<[u8; N]> {
     bytes.get(place..place.checked_add(N)?)?.try_into().ok()
 }
 
-/// The place that an offset points to.
+/// The target of an offset.
 fn follow(bytes: &[u8], place: usize) -> Option<usize> {
     let offset = usize::try_from(u32::from_le_bytes(read(bytes, place)?)).ok()?;
     place.checked_add(offset).filter(|target| *target < bytes.len())
 }
 
-/// Bytes from base64; `None` for any other text.
+/// Decodes base64; `None` for any other text.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let (mut bits, mut count) = (0_u32, 0);

@@ -1,4 +1,4 @@
-//! From the stored values of a Parquet column to the values of a table's column.
+//! Converts the stored values of a Parquet column to the values of a table's column.
 
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::{ByteArray, DataType, FixedLenByteArray, Int96};
@@ -12,25 +12,25 @@ use super::meaning::Meaning;
 /// Seconds in a day.
 const DAY_S: i64 = 86_400;
 
-/// The first of January 1970 in days of the Julian period.
+/// 1 January 1970 as a Julian day number.
 const JULIAN_1970: i64 = 2_440_588;
 
-/// Where a table's column comes from.
+/// The origin of a table's column.
 #[derive(Debug, Clone)]
 pub(super) struct Source {
     /// The name in the table.
     pub name: String,
-    /// The column's place in the file.
+    /// Index of the column in the file.
     pub place: usize,
-    /// The kind of the table's column. Whole numbers and flags with gaps become real numbers.
+    /// Kind of the table's column. Whole numbers and flags with gaps become floats.
     pub kind: Kind,
-    /// The stored type.
+    /// Meaning of the stored type.
     pub meaning: Meaning,
-    /// So many texts are decoded at once: one encoding makes long texts of a few bytes.
+    /// Number of texts decoded at once: one encoding makes long texts of a few bytes.
     pub texts_at_once: usize,
 }
 
-/// The next rows of a column; `first_row` counts from 0 in the whole file.
+/// Reads the next rows of a column; `first_row` counts from 0 in the whole file.
 pub(super) fn values_of(
     reader: &mut ColumnReader,
     source: &Source,
@@ -57,11 +57,11 @@ pub(super) fn values_of(
     })
 }
 
-/// What the next rows of a column of texts take in memory, where `before` bytes are taken already. The stored texts share
-/// memory, so that counting takes hardly any.
+/// Memory of the next rows of a text column, in addition to `before` bytes. The stored texts share memory, so counting
+/// needs hardly any.
 ///
 /// # Errors
-/// It is more than the budget allows, or the rows cannot be decoded.
+/// If the memory exceeds the budget, or the rows cannot be decoded.
 pub(super) fn bytes_of_texts(
     reader: &mut ColumnReader,
     source: &Source,
@@ -81,7 +81,7 @@ pub(super) fn bytes_of_texts(
     Ok(bytes)
 }
 
-/// Some rows of a column.
+/// Several rows of a column.
 #[derive(Clone, Copy)]
 struct Part<'s> {
     source: &'s Source,
@@ -91,7 +91,7 @@ struct Part<'s> {
 }
 
 impl Part<'_> {
-    /// Integers of 32 bits, and types stored as such.
+    /// 32-bit integers, and types stored as such.
     fn small(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int32Type>) -> Decoded {
         let meaning = self.source.meaning;
         Ok(match (self.source.kind, meaning) {
@@ -106,7 +106,7 @@ impl Part<'_> {
         })
     }
 
-    /// Integers of 64 bits, and types stored as such.
+    /// 64-bit integers, and types stored as such.
     fn large(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int64Type>) -> Decoded {
         let meaning = self.source.meaning;
         Ok(match (self.source.kind, meaning) {
@@ -123,7 +123,7 @@ impl Part<'_> {
         })
     }
 
-    /// Real numbers; NaN where a value is missing.
+    /// Floats; NaN for missing values.
     fn real<T: DataType>(
         self,
         reader: &mut ColumnReaderImpl<T>,
@@ -134,7 +134,7 @@ impl Part<'_> {
         Ok(Values::Float(with_gaps(values, &levels, || f64::NAN)))
     }
 
-    /// Values none of which may be missing.
+    /// Values without gaps.
     fn complete<T: DataType>(
         self,
         reader: &mut ColumnReaderImpl<T>,
@@ -149,8 +149,8 @@ impl Part<'_> {
         }
     }
 
-    /// Texts; empty where one is missing. The stored texts share memory, those of the table do not: what they will
-    /// take is counted first.
+    /// Texts; empty for missing ones. The stored texts share memory, but the table's texts do not, so their memory is
+    /// counted first.
     fn texts(
         self,
         reader: &mut ColumnReaderImpl<::parquet::data_type::ByteArrayType>,
@@ -182,7 +182,7 @@ impl Part<'_> {
 
 type Decoded = Result<Values, ContentError>;
 
-/// A whole number as a real one, in seconds where it is a time.
+/// A whole number as a float, in seconds for times.
 fn number(value: i64, meaning: Meaning) -> f64 {
     match meaning {
         Meaning::Time { parts } => seconds(value, parts),
@@ -191,12 +191,12 @@ fn number(value: i64, meaning: Meaning) -> f64 {
     }
 }
 
-/// A time in seconds: whole ones and the rest, each of which is rounded less than a number of parts.
+/// A time in seconds, as the sum of whole seconds and the fraction, which rounds less than a single division.
 fn seconds(value: i64, parts: i64) -> f64 {
     value.div_euclid(parts) as f64 + value.rem_euclid(parts) as f64 / parts as f64
 }
 
-/// Seconds since 1970 from the nanoseconds of a day and its number in the Julian period.
+/// Seconds since 1970 from the nanoseconds of a day and its Julian day number.
 fn old_moment(moment: &Int96) -> f64 {
     let [low, high, day] = *moment.data() else { return f64::NAN };
     let of_day = (u64::from(high) << 32 | u64::from(low)).cast_signed();
@@ -215,8 +215,8 @@ fn converted<A, B>(values: Vec<A>, convert: impl Fn(A) -> B) -> Vec<B> {
     values.into_iter().map(convert).collect()
 }
 
-/// The next rows as they are stored: the values that are there, and for each row a level that is 0 where none is. Without
-/// levels no value is missing.
+/// Reads the next rows as stored: the present values, and for each row a level that is 0 for a missing value. Without
+/// levels, no value is missing.
 fn stored<T: DataType>(
     reader: &mut ColumnReaderImpl<T>,
     rows: usize,
@@ -229,7 +229,7 @@ fn stored<T: DataType>(
     Ok((values, levels))
 }
 
-/// One value for each row.
+/// One value for each row, with `gap` for the missing ones.
 fn with_gaps<T>(values: Vec<T>, levels: &[i16], gap: impl Fn() -> T) -> Vec<T> {
     if levels.iter().all(|level| *level != 0) {
         return values;

@@ -1,4 +1,4 @@
-//! The meaning of a Parquet column's values, and the kind of column that holds them.
+//! The meaning of a Parquet column's values, and the column kind that holds them.
 
 use std::collections::HashMap;
 
@@ -7,31 +7,30 @@ use ::parquet::schema::types::{BasicTypeInfo, Type};
 
 use super::super::{ContentError, Kind};
 
-/// The meaning of a column's values, beside their stored type.
+/// The meaning of a column's values, in addition to their stored type.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Meaning {
-    /// Just what is stored.
+    /// The stored value itself.
     Stored,
     Signed,
     Unsigned,
     Text,
-    /// A number of 16 bits.
+    /// A 16-bit float.
     Half,
-    /// So many parts of a second: since 1970 (a moment), since midnight (a time of day), or between two moments (a
-    /// duration).
+    /// A time in `parts` of a second: a timestamp since 1970, a time of day since midnight, or a duration.
     Time {
         parts: i64,
     },
-    /// Days since the beginning of 1970.
+    /// Days since the start of 1970.
     Date,
-    /// A day and its nanoseconds in 96 bits, as older writers store moments.
+    /// A timestamp of older writers: a day number and its nanoseconds in 96 bits.
     OldMoment,
-    /// Something that has no place in a table, such as a list.
+    /// An unsupported type, such as a list.
     Other,
 }
 
 impl Meaning {
-    /// The unit of the column where the file names none.
+    /// The column's unit if the file names none.
     pub(super) fn unit(self) -> &'static str {
         match self {
             Meaning::Time { .. } | Meaning::Date | Meaning::OldMoment => "s",
@@ -45,7 +44,7 @@ impl Meaning {
     }
 }
 
-/// The parts of a second in a unit.
+/// Parts of a second in a time unit.
 fn parts_of(unit: TimeUnit) -> i64 {
     match unit {
         TimeUnit::MILLIS => 1_000,
@@ -77,8 +76,7 @@ fn meaning_of(info: &BasicTypeInfo) -> Meaning {
     }
 }
 
-/// The kind of column that holds a field's values, and what they stand for; `durations` are the fields that the Arrow
-/// schema knows as such.
+/// The column kind and meaning of a field's values; `durations` are the fields that the Arrow schema declares as such.
 pub(super) fn kind_of(
     field: &Type,
     durations: &HashMap<String, i64>,

@@ -1,8 +1,7 @@
-//! Pages compressed with Zstandard, which other writers often use; ours does not.
+//! Decompression of Zstandard pages, which other writers often use; ours does not.
 //!
-//! The Parquet library's own codec is C code that takes longer to compile than the library. So it is
-//! told that such pages are not compressed, hands them over as they are, and they are unpacked
-//! here by a decoder in Rust.
+//! The Parquet library's own codec is C code that takes longer to compile than the library. So the library reads such
+//! pages as uncompressed, and a decoder in Rust decompresses them here.
 
 use std::io::Read;
 
@@ -17,15 +16,15 @@ pub(super) fn is_packed(chunk: &ColumnChunkMetaData) -> bool {
     matches!(chunk.compression(), Compression::ZSTD(_))
 }
 
-/// The column's description, saying that it is not compressed.
+/// The column's description, declared as uncompressed.
 pub(super) fn as_stored(chunk: &ColumnChunkMetaData) -> Result<ColumnChunkMetaData, ParquetError> {
     chunk.clone().into_builder().set_compression(Compression::UNCOMPRESSED).build()
 }
 
-/// Unpacks the pages that another reader gives.
+/// Decompresses the pages of another reader.
 pub(super) struct Unpacked<Pages> {
     packed: Pages,
-    /// No page is larger than its column.
+    /// Upper limit of a page: the size of its column.
     limit_bytes: u64,
 }
 
@@ -34,7 +33,7 @@ impl<Pages: PageReader> Unpacked<Pages> {
         Self { packed, limit_bytes: u64::try_from(chunk.uncompressed_size()).unwrap_or(0) }
     }
 
-    /// A page's bytes; the first of them are levels, which version 2 leaves uncompressed.
+    /// Decompresses a page; its first bytes are levels, which version 2 leaves uncompressed.
     fn unpack(&self, bytes: &[u8], levels: usize) -> Result<Vec<u8>, ParquetError> {
         let (levels, packed) = bytes
             .split_at_checked(levels)
