@@ -68,6 +68,7 @@ fn manifest() -> Manifest {
         specimen_seed: None,
         split_seed: 1,
         solver: String::new(),
+        equations: String::new(),
         data_sets: vec![],
         outputs: vec![],
     }

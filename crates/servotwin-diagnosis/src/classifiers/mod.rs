@@ -57,7 +57,7 @@ pub trait Classifier {
     ///
     /// # Panics
     /// If `row` is shorter than [`Classifier::features`] or `scores` is not as long as
-    /// [`Classifier::classes`]. [`Model::predict`] checks first.
+    /// [`Classifier::classes`]. `servotwin_learning::classifiers::predict` checks first.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]);
 
     /// The predicted class, the lowest in a tie. Does not allocate; `scratch` has one entry per class and may hold the
