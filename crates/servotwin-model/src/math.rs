@@ -1,4 +1,4 @@
-//! The transcendental functions, once for every lane type.
+//! The transcendental functions, written once for all lane types.
 //!
 //! They are branch-free and use only correctly rounded primitives, so that all lane
 //! types and the generated C agree to the last bit. They are about a hundred times more

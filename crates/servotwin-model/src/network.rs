@@ -166,7 +166,7 @@ impl Network {
     /// component, the one that determines its circuit's fluid.
     ///
     /// # Errors
-    /// Every mistake in the network.
+    /// The mistakes found.
     pub(crate) fn wired(&self) -> Result<(Collected, Vec<usize>), Vec<Mistake>> {
         let mut joints = Joints::new(self);
         let mut mistakes = Vec::new();

@@ -308,7 +308,7 @@ pub struct Fault {
     pub summary: &'static str,
 }
 
-/// What a port exchanges.
+/// The kind of a port: the quantities that it exchanges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
     /// Pressure and flow. Exactly one component per node sets the pressure.
@@ -369,7 +369,7 @@ impl PortKind {
 pub struct Port {
     /// The name within its component.
     pub name: &'static str,
-    /// What it exchanges.
+    /// The quantities that it exchanges.
     pub kind: PortKind,
     /// Whether it may be left open. An open hydraulic port is plugged, an open
     /// mechanical port is free.

@@ -156,7 +156,7 @@ impl Equation<3, 3, 2> for StreamAtAltitude {
     }
 }
 
-/// Equation (H3) at rest: (scale, incidence, angle) → moment.
+/// Equation (H3) at zero rate: (scale, incidence, angle) → moment.
 pub struct HingeMoment;
 
 impl Equation<3, 1, 3> for HingeMoment {

@@ -89,7 +89,7 @@ impl Component for FlowSource {
     }
 }
 
-/// Equation (FS1): the flow of a pump at `speed`, with the constants `[Q, C_li]`.
+/// Equation (FS1) with the constants `[Q, C_li]`; `speed` is the speed times the relative displacement.
 #[inline(always)]
 pub(crate) fn delivered<S: Scalar>(c: &[S::Base; 2], [speed, inlet, outlet]: [S; 3]) -> S {
     speed * c[0] - (outlet - inlet) * c[1]

@@ -45,7 +45,7 @@ pub const ALL: [Level; 6] = [
     Level::Avx512Twice,
 ];
 
-/// Variants per lane above which sixteen lanes are faster overall for interpreted steps. Their step takes longer,
+/// Variants per lane from which on sixteen lanes are faster overall for interpreted steps. Their step takes longer,
 /// and at the end most of them are idle.
 const MANY_PER_LANE: usize = 8;
 

@@ -18,7 +18,7 @@ impl Network {
     /// Compiles the network.
     ///
     /// # Errors
-    /// Every mistake in the network.
+    /// The mistakes found.
     ///
     /// # Panics
     /// If a component does not wire what it declares.

@@ -77,7 +77,7 @@ pub fn run<'a>(
         record: &'w [Slot],
         source: &'w mut dyn JobSource<'a>,
         under_way: Vec<UnderWay<'a>>,
-        /// The number of lanes of the next narrower level.
+        /// The number of lanes of the next narrower level; 0 if there is none.
         narrower: usize,
     }
     impl<'a> Kernel for All<'_, 'a> {

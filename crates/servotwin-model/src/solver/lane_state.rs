@@ -40,7 +40,7 @@ pub(super) enum Phase {
 pub(super) struct Moving {
     /// Index of the input.
     pub external: usize,
-    /// Begin of the piece, s.
+    /// Start of the piece, s.
     pub from_s: f64,
     /// End of the piece, s; infinite for the last piece.
     pub until_s: f64,
