@@ -6,10 +6,9 @@
 //! ρ = p / (R T),   a = √(γ R T)                                           (A3)
 //! ```
 //!
-//! `h_1` = 11 km is the tropopause: below it the second factor of (A2) is one,
-//! above it the temperature stays and the first factor does. Valid for −2 km …
-//! 20 km of geopotential altitude, beyond which the altitude is held at the
-//! nearer end.
+//! `h_1` = 11 km is the tropopause. Below it the second factor of (A2) is one;
+//! above it the temperature and the first factor stay constant. Valid for −2 km …
+//! 20 km of geopotential altitude; outside, the altitude is held at the nearer end.
 
 use crate::scalar::{Scalar, lit};
 
@@ -27,10 +26,10 @@ const SEA_LEVEL_PA: f64 = 101_325.0;
 const LAPSE_K_M: f64 = 0.0065;
 /// Altitude of the tropopause, m.
 const TROPOPAUSE_M: f64 = 11_000.0;
-/// Altitudes that the law holds for, m.
+/// Altitudes for which the equations hold, m.
 const RANGE_M: (f64, f64) = (-2_000.0, 20_000.0);
 
-/// The air at an altitude.
+/// The state of the air at an altitude.
 #[derive(Clone, Copy, Debug)]
 pub struct Air<S> {
     /// Temperature, K.

@@ -1,4 +1,4 @@
-//! What a component of the catalogue is: what it declares, and how it wires its equations.
+//! The interface of a component in the catalogue: its declaration and the wiring of its equations.
 
 use crate::spec::Spec;
 use crate::wiring::Wiring;
@@ -6,33 +6,33 @@ use alloc::string::String;
 
 /// A component of the catalogue.
 pub trait Component: Sync {
-    /// What it declares.
+    /// The component's declaration.
     fn spec(&self) -> &'static Spec;
 
     /// Adds its equations to a program.
     fn connect(&self, wiring: &mut Wiring);
 
-    /// What a sensor's readings span, in the unit of its reading, for its parameters; `None` for a
-    /// component that is no sensor. Its `noise_sigma` and `bits` are parts of it.
+    /// A sensor's full scale and range for its parameters, in the unit of its reading; `None` for other
+    /// components. The sensor's `noise_sigma` and `bits` refer to them.
     fn span(&self, _parameters: &[f64]) -> Option<Span> {
         None
     }
 
-    /// Whether its parameters are possible together (each alone is checked
-    /// against its declared range).
+    /// Checks whether the parameters fit together. Each one alone is already
+    /// checked against its declared range.
     ///
     /// # Errors
-    /// What does not fit, naming the parameters.
+    /// Describes what does not fit and names the parameters.
     fn check(&self, _parameters: &[f64]) -> Result<(), String> {
         Ok(())
     }
 }
 
-/// What the readings of a sensor span.
+/// The measuring span of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// Its full scale: noise is a part of this.
+    /// Full scale; noise is given as a fraction of it.
     pub full_scale: f64,
-    /// From the least reading to the largest: what a converter divides into steps.
+    /// From the smallest reading to the largest; the converter divides it into steps.
     pub range: f64,
 }

@@ -5,10 +5,9 @@
 //! exact Jacobian beside its value, in every lane.
 //!
 //! Most intermediate results of an equation depend on one or two of its inputs.
-//! A [`Partial`] knows whether it is zero or one whatever the values are. Where
-//! an equation is inlined the compiler knows it too, and no instruction is left
-//! of a product with zero or one; and the outputs say which inputs they do not
-//! depend on at all.
+//! A [`Partial`] records whether it is zero or one for all values. In an inlined
+//! equation the compiler knows this too and removes products with zero or one.
+//! The outputs also show which inputs they do not depend on at all.
 
 use crate::scalar::{Scalar, lit};
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -27,7 +26,7 @@ pub enum Partial<V> {
 use Partial::{Number, One, Zero};
 
 impl<V: Scalar<Base = V>> Partial<V> {
-    /// The number.
+    /// The derivative as a number.
     #[inline(always)]
     pub fn number(self) -> V {
         match self {
@@ -91,9 +90,8 @@ pub struct Dual<V, const N: usize> {
     pub partials: [Partial<V>; N],
 }
 
-/// The partial derivatives of a result from those of two numbers. A closure
-/// would be compiled without the instruction set of the lanes where the compiler
-/// does not inline it.
+/// Combines the partial derivatives of two numbers into those of the result. This is a macro because
+/// a closure that the compiler does not inline is compiled without the lanes' instruction set.
 macro_rules! combined {
     ($first:expr, $second:expr, |$a:ident, $b:ident| $result:expr) => {{
         let mut partials = $first.partials;
@@ -114,7 +112,7 @@ impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
         Self { value, partials }
     }
 
-    /// The chain rule: a function's value and its derivative here.
+    /// The chain rule, for a function's value and its derivative at this number.
     #[inline(always)]
     fn chain(self, value: V, derivative: V) -> Self {
         Self { value, partials: combined!(self, self, |a, _b| a.times(derivative)) }

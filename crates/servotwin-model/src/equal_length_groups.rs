@@ -1,22 +1,22 @@
-//! Items of one shape side by side.
+//! Groups of items with the same shape.
 //!
-//! Lists of sums of products are short sums of many lengths. Where a sum's length
-//! changes from one to the next, the processor guesses wrong where it ends, and a
-//! wrong guess costs as much as ten products. So items are sorted, as far as what
-//! they need allows, into *groups* of one shape, and a group's loop knows its length.
+//! Lists of sums of products hold short sums of many lengths. Where the length changes
+//! from one sum to the next, the processor mispredicts the loop's end, which costs as
+//! much as ten products. The items are therefore sorted into *groups* of one shape, as
+//! far as their dependencies allow, and a group's loop knows its length.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Items of one shape that stand one after the other.
+/// Consecutive items of one shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Group<S> {
     pub shape: S,
     pub count: usize,
 }
 
-/// Does something with a length that the compiler knows, where it is one of the usual.
+/// Evaluates an expression with a length that the compiler knows if it is at most eight.
 macro_rules! unrolled {
     ($length:expr, |$known:ident| $what:expr) => {
         unrolled!($length, |$known| $what, 0 1 2 3 4 5 6 7 8)
@@ -30,11 +30,11 @@ macro_rules! unrolled {
 }
 pub(crate) use unrolled;
 
-/// The items in an order in which each comes after those that it needs, in few groups:
-/// at every turn the shape of which most items are ready, until none is left.
+/// Sorts the items so that each comes after those that it needs, in few groups.
+/// Every group takes the shape with the most items that are ready.
 ///
 /// # Panics
-/// Where items need each other in a circle.
+/// If items need each other in a circle.
 pub(crate) fn group_by_shape<S: Copy + Ord>(shapes: &[S], needs: &[Vec<usize>]) -> Vec<usize> {
     let mut needed_by = vec![Vec::new(); shapes.len()];
     let mut missing = vec![0; shapes.len()];

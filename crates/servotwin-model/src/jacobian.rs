@@ -1,11 +1,11 @@
 //! The sparse Jacobian by the chain rule over equation blocks.
 //!
-//! Every sum that matters for a derivative has a row: its gradient with respect
-//! to the states it depends on, and to time through the external inputs. The
-//! pattern of every row is found once. Evaluating a block with dual numbers
-//! gives its small dense Jacobian; [`SparseJacobian::chain`] multiplies these with the
-//! rows of the inputs, entry by entry of the rows in an order in which all
-//! sources are complete.
+//! Every sum that a derivative depends on has a row: its gradient with respect
+//! to the states, and to time through the external inputs. The pattern of each
+//! row is determined once. Evaluating a block with dual numbers
+//! gives its small dense Jacobian. [`SparseJacobian::chain`] multiplies these with the
+//! rows of the inputs, entry by entry, in an order in which all sources are
+//! complete.
 
 use crate::dual::Partial;
 use crate::equal_length_groups::{Group, equal_length_groups, group_by_shape, unrolled};
@@ -25,49 +25,49 @@ struct Term {
     source: LaneOffset,
 }
 
-/// How many terms of an entry add, and how many then subtract.
+/// Number of terms of an entry that are added, and of those then subtracted.
 type Shape = (usize, usize);
 
-/// The terms of one entry while they are collected: (adding, subtracting).
+/// The terms of one entry during collection: (added, subtracted).
 type Terms = (Vec<Term>, Vec<Term>);
 
-/// The places of all gradients, and how they are made.
+/// The sparsity pattern of all gradients and the products that form them.
 #[derive(Clone, Debug)]
 pub struct SparseJacobian {
     states: usize,
     slots: usize,
-    /// Where each external input's slope stands.
+    /// Index of the first external input's slope.
     first_slope: usize,
-    /// Where the blocks' partial derivatives begin, after the rows.
+    /// Index of the first partial derivative of a block, after the rows.
     first_partial: usize,
-    /// The entries in the order of their making, and their terms.
+    /// The entries in the order of their computation, and their terms.
     groups: Vec<Group<Shape>>,
     targets: Vec<LaneOffset>,
     terms: Vec<Term>,
-    /// (row, column, place) of the Jacobian's entries.
+    /// (row, column, offset) of the Jacobian's entries.
     jacobian: Vec<(u16, u16, LaneOffset)>,
-    /// (row, place) of the time derivatives.
+    /// (row, offset) of the time derivatives.
     time: Vec<(u16, LaneOffset)>,
 }
 
-/// The place that always holds one: the derivative of a state with respect to
+/// The offset that always holds one: the derivative of a state with respect to
 /// itself, and every partial derivative that is one.
 const ONE: LaneOffset = LaneOffset::new(0);
-/// The place that is always zero: where the factors have an entry and the
+/// The offset that always holds zero: where the factors have an entry and the
 /// Jacobian has none.
 const ZERO: LaneOffset = LaneOffset::new(1);
 
-/// The place of an index, of which there are not too many ([`MAX_SLOTS`]).
+/// The offset of an index, whose number is limited by [`MAX_SLOTS`].
 fn place(index: usize) -> LaneOffset {
     LaneOffset::new(u16::try_from(index).expect("counted before"))
 }
 
-/// So many gradient entries have places.
+/// The largest number of gradient entries that have offsets.
 const MAX_SLOTS: usize = Slot::MAX as usize + 1;
 
 impl SparseJacobian {
-    /// `needed` are the sums that some derivative depends on, derivatives included. `None` where there are too many
-    /// entries.
+    /// `needed` holds the sums that some derivative depends on, including the derivatives. Returns `None` if there are
+    /// too many entries.
     pub(crate) fn new(
         sequence: &Sequence,
         states: usize,
@@ -76,7 +76,7 @@ impl SparseJacobian {
         needed: &BTreeSet<usize>,
     ) -> Option<Self> {
         let patterns = patterns(sequence, states, externals, &sums, needed);
-        // The one and the zero, then the slopes of the inputs, then the rows.
+        // The layout: one and zero, the slopes of the inputs, then the rows.
         let first_slope = 2;
         let entries: usize = patterns.values().map(BTreeSet::len).sum();
         let partials: usize =
@@ -115,8 +115,8 @@ impl SparseJacobian {
         Some(rows)
     }
 
-    /// Lists the terms of all entries. Gives the places of those entries that need
-    /// none: (own place, where the number stands).
+    /// Lists the terms of all entries. Returns those entries that equal an existing
+    /// number and need no terms: (own offset, offset of the number).
     fn list_terms(
         &mut self,
         sequence: &Sequence,
@@ -125,7 +125,7 @@ impl SparseJacobian {
         places: &BTreeMap<(usize, usize), LaneOffset>,
     ) -> BTreeMap<LaneOffset, LaneOffset> {
         let mut terms: BTreeMap<LaneOffset, Terms> = BTreeMap::new();
-        // A row is complete after its last writer, which groups before all readers.
+        // A row is complete after its last writer, which runs before all readers.
         let mut last_writer: BTreeMap<usize, usize> = BTreeMap::new();
         for (index, (block, inputs, outputs)) in sequence.wired().enumerate() {
             let mut dependence = block.equation().visit(Dependence).into_iter();
@@ -155,7 +155,7 @@ impl SparseJacobian {
         let mut order: Vec<(Option<&usize>, LaneOffset)> =
             (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
         order.sort_unstable();
-        // Where an entry already stands that is one number and no sum.
+        // Offsets of the entries that equal one existing number.
         let mut stands = BTreeMap::new();
         let mut entries = Vec::new();
         for (_, target) in order {
@@ -173,7 +173,7 @@ impl SparseJacobian {
         stands
     }
 
-    /// Lists the entries (target, terms that add, that subtract) in groups.
+    /// Lists the entries (target, added terms, subtracted terms) in groups.
     fn list_entries(&mut self, entries: &[(LaneOffset, Vec<Term>, Vec<Term>)]) {
         let index: BTreeMap<LaneOffset, usize> =
             entries.iter().enumerate().map(|(index, entry)| (entry.0, index)).collect();
@@ -193,7 +193,7 @@ impl SparseJacobian {
         }
     }
 
-    /// The gradient of a block's input: (column, where the entry stands).
+    /// The gradient of a block's input: (column, offset of the entry).
     fn sources(
         &self,
         input: LaneOffset,
@@ -213,7 +213,7 @@ impl SparseJacobian {
         }
     }
 
-    /// The plan of the factorisation of `diagonal · I − J`.
+    /// The factorization of `diagonal · I − J`; `None` if it needs too many slots.
     pub(crate) fn lu(&self) -> Option<SparseLu> {
         let entries = self.jacobian.iter();
         let entries: Vec<_> = entries.map(|&(i, j, place)| (i, j, place.index() as u16)).collect();
@@ -225,30 +225,30 @@ impl SparseJacobian {
         self.jacobian.iter().map(|&(i, j, _)| (i, j)).collect()
     }
 
-    /// The places of the rows that a step reads: those of the Jacobian and of the time derivatives.
+    /// The indices that a step reads: those of the Jacobian and of the time derivatives.
     pub(crate) fn read_places(&self) -> BTreeSet<usize> {
         let entries = self.jacobian.iter().map(|entry| entry.2);
         entries.chain(self.time.iter().map(|entry| entry.1)).map(LaneOffset::index).collect()
     }
 
-    /// Number of values that gradients need, with the blocks' partial derivatives.
+    /// Number of gradient values, including the blocks' partial derivatives.
     pub fn slots(&self) -> usize {
         self.slots
     }
 
-    /// Number of multiply-add operations of one Jacobian, without the blocks.
+    /// Number of multiply-add operations of one Jacobian, excluding the blocks.
     pub fn products(&self) -> usize {
         self.terms.len()
     }
 
-    /// Where the slope of an external input must be put before an evaluation.
+    /// The index at which the caller stores the slope of an external input before an evaluation.
     pub fn slope(&self, external: usize) -> usize {
         self.first_slope + external
     }
 
-    /// Where the partial derivatives of all blocks are put, block by block in
-    /// the order of evaluation, before [`SparseJacobian::chain`]: by output, then input. The
-    /// places of those that are always zero or one stay as they are.
+    /// The partial derivatives of all blocks, which the caller stores before [`SparseJacobian::chain`]:
+    /// by block in the order of evaluation, then output, then input.
+    /// Slots of derivatives that are always zero or one are not used.
     #[inline(always)]
     pub(crate) fn partials<'g, V>(&self, gradients: &'g mut [V]) -> &'g mut [V] {
         &mut gradients[self.partial_range()]
@@ -260,12 +260,12 @@ impl SparseJacobian {
         self.first_partial..self.slots
     }
 
-    /// The rows from the blocks' partial derivatives.
+    /// Computes the rows from the blocks' partial derivatives.
     pub(crate) fn chain<V: Lanes>(&self, gradients: &mut [V]) {
         V::with_target_features(Chain { rows: self, gradients });
     }
 
-    /// The one and the zero.
+    /// Writes the constants one and zero.
     #[inline(always)]
     pub(crate) fn set_fixed<V: Scalar<Base = V>>(&self, gradients: &mut [V]) {
         gradients[ONE.index()] = V::constant(1.0);
@@ -283,8 +283,8 @@ impl SparseJacobian {
             terms: self.terms.as_ptr(),
         };
         for &Group { shape: (add, subtract), count } in &self.groups {
-            // SAFETY: a target and its terms are listed for everything in the groups, and
-            // all places are below `slots`.
+            // SAFETY: the lists hold a target and its terms for every entry of the groups, and
+            // all offsets are below `slots`.
             unsafe {
                 match subtract {
                     0 => unrolled!(add, |n| lists.multiply(n, 0, count)),
@@ -295,7 +295,7 @@ impl SparseJacobian {
         }
     }
 
-    /// `(row, column, value)` of the Jacobian.
+    /// The Jacobian's entries as `(row, column, value)`.
     pub fn values<'a, V: Lanes>(
         &'a self,
         gradients: &'a [V],
@@ -318,7 +318,7 @@ impl SparseJacobian {
     }
 }
 
-/// [`SparseJacobian::chain`].
+/// The work of [`SparseJacobian::chain`].
 struct Chain<'a, V> {
     rows: &'a SparseJacobian,
     gradients: &'a mut [V],
@@ -332,7 +332,7 @@ impl<V: Lanes> Work<V> for Chain<'_, V> {
     }
 }
 
-/// Where the making of the rows stands in its lists.
+/// The current position in the lists while the rows are computed.
 struct Multiplying<V> {
     gradients: *mut V,
     targets: *const LaneOffset,
@@ -340,10 +340,10 @@ struct Multiplying<V> {
 }
 
 impl<V: Scalar<Base = V>> Multiplying<V> {
-    /// Makes a run of entries.
+    /// Computes `count` entries of one shape.
     ///
     /// # Safety
-    /// The lists must go on for as many entries, with places that there are.
+    /// The lists must hold that many more entries, with valid offsets.
     #[inline(always)]
     unsafe fn multiply(&mut self, add: usize, subtract: usize, count: usize) {
         // SAFETY: promised by the caller.
@@ -363,7 +363,7 @@ impl<V: Scalar<Base = V>> Multiplying<V> {
     }
 
     /// # Safety
-    /// The list must go on.
+    /// The list must hold another term.
     #[inline(always)]
     unsafe fn next_term(&mut self) -> V {
         // SAFETY: promised by the caller.
@@ -377,7 +377,7 @@ impl<V: Scalar<Base = V>> Multiplying<V> {
 
 impl Term {
     /// # Safety
-    /// There must be a number at both places.
+    /// Both offsets must point to numbers.
     #[inline(always)]
     unsafe fn value<V: Scalar<Base = V>>(self, gradients: *mut V) -> V {
         // SAFETY: promised by the caller.
@@ -385,8 +385,8 @@ impl Term {
     }
 }
 
-/// Where the sum of an entry's terms stands already: a number times one is that
-/// number.
+/// The offset of the existing number that an entry equals, if its only term is a number
+/// times one.
 fn one_number(add: &[Term], subtract: &[Term]) -> Option<LaneOffset> {
     match (add, subtract) {
         (&[Term { partial: ONE, source }], []) => Some(source),

@@ -1,34 +1,34 @@
-//! Where something stands in an array, in a form that needs no arithmetic.
+//! The offset of an element in an array, in a form that needs no arithmetic.
 //!
-//! Half of what a step reads it finds through lists of places. Processors multiply
-//! an address' offset by up to eight for nothing, but lanes are up to 128 bytes long;
-//! so a place holds sixteen times the index.
+//! A step finds half of its operands through lists of offsets. Processors scale an
+//! index by up to eight for free, but lanes are up to 128 bytes long. A lane offset
+//! therefore stores sixteen times the index.
 
-/// The index of a variable in the array of all.
+/// The index of a variable in the array of all variables.
 pub type Slot = u16;
 
-/// A place in an array of lanes of any width, or of single numbers.
+/// An offset into an array of lanes of any width, or of single numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct LaneOffset(u32);
 
-/// What a place is for every index.
+/// The offset per index.
 const STEP: u32 = 16;
 
 impl LaneOffset {
-    /// The place of an index.
+    /// The offset of an index.
     pub const fn new(index: Slot) -> Self {
         Self(index as u32 * STEP)
     }
 
-    /// The index.
+    /// The index of the offset.
     pub fn index(self) -> usize {
         (self.0 / STEP) as usize
     }
 
-    /// The element in this place of an array that begins at `first`.
+    /// The element at this offset in an array that begins at `first`.
     ///
     /// # Safety
-    /// The array must have the place.
+    /// The offset must lie within the array.
     #[inline(always)]
     pub unsafe fn among<T>(self, first: *mut T) -> *mut T {
         // SAFETY: promised by the caller.
@@ -41,10 +41,10 @@ impl LaneOffset {
         }
     }
 
-    /// What stands in this place.
+    /// Reads the element at this offset.
     ///
     /// # Safety
-    /// The array must have the place.
+    /// The offset must lie within the array.
     #[inline(always)]
     pub unsafe fn read<T: Copy>(self, array: &[T]) -> T {
         debug_assert!(self.index() < array.len());

@@ -10,6 +10,7 @@ pub mod dual;
 mod equal_length_groups;
 pub mod equation;
 pub mod fluid;
+pub mod hash;
 pub mod jacobian;
 mod lane_offset;
 pub mod lanes;

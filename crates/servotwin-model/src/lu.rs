@@ -1,12 +1,12 @@
-//! Sparse LU factors without pivoting, planned once, computed in lanes.
+//! Sparse LU factorization without pivoting, planned once and computed in lanes.
 //!
-//! The order of elimination is found once per system by least Markowitz cost
+//! The order of elimination is determined once per system by the smallest Markowitz cost
 //! (the number of updates that a pivot causes) on the diagonal. The numeric
-//! work then follows flat lists, the same for every lane, in [`crate::equal_length_groups`]: every
-//! entry of the factors, and every unknown, is a number less a sum of products. There is no
-//! pivoting for size: the matrix `I/(γh) − J` of a dissipative system has a
-//! dominant diagonal for small steps, and the error control of the solver
-//! rejects a step that bad factors have spoilt.
+//! work then follows flat lists in [`crate::equal_length_groups`], the same for every lane.
+//! Every entry of the factors, and every unknown, is a number minus a sum of products.
+//! There is no pivoting for size: the matrix `I/(γh) − J` of a dissipative system has a
+//! dominant diagonal for small steps, and the solver's error control
+//! rejects a step that inaccurate factors have spoiled.
 
 use crate::equal_length_groups::{Group, equal_length_groups, group_by_shape, unrolled};
 use crate::lane_offset::LaneOffset;
@@ -27,13 +27,13 @@ struct Product {
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     target: LaneOffset,
-    /// Where the entry of the Jacobian stands.
+    /// Offset of the entry of the Jacobian.
     source: LaneOffset,
-    /// For an entry of the lower factor its column's diagonal.
+    /// Offset of the column's diagonal, for an entry of the lower factor.
     diagonal: LaneOffset,
 }
 
-/// What an entry of the factors is.
+/// The part of the factors that an entry belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Part {
     Lower,
@@ -50,21 +50,21 @@ struct Substitution {
     sources: Vec<LaneOffset>,
 }
 
-/// The lu of a factorisation of one sparsity pattern.
+/// The LU factorization of one sparsity pattern.
 ///
-/// The factors stand in the order in which a solution reads them: the rows of the
-/// lower factor, then those of the upper from the last pivot to the first, each
+/// The factors are stored in the order in which a solution reads them: the rows of the
+/// lower factor, then those of the upper factor from the last pivot to the first, each
 /// with its diagonal at the end.
 #[derive(Clone, Debug)]
 pub struct SparseLu {
     size: usize,
     positions: BTreeMap<(u16, u16), u16>,
-    /// The entries of the factors in the order of their making: what they are, and of
-    /// how many products.
+    /// The entries of the factors in the order of their computation, grouped by part and
+    /// number of products.
     groups: Vec<Group<(Part, usize)>>,
     entries: Vec<Entry>,
     products: Vec<Product>,
-    /// Length of the array that the Jacobian stands in.
+    /// Required length of the array that holds the Jacobian.
     gradients: usize,
     forward: Substitution,
     backward: Substitution,
@@ -73,16 +73,16 @@ pub struct SparseLu {
 /// The pattern with its fill, and the order of elimination.
 struct Elimination {
     rows: Vec<BTreeSet<usize>>,
-    /// The place of every unknown in the order.
+    /// The position of every unknown in the order.
     rank: Vec<usize>,
 }
 
 impl SparseLu {
-    /// Plans the factorisation of `diagonal · I − J` for a `size × size` matrix J of
-    /// the given entries (row, column, where it stands in an array); `absent` is where
-    /// that array holds zero.
+    /// Plans the factorization of `diagonal · I − J` for a `size × size` matrix J with
+    /// the given entries: (row, column, index in an array). `absent` is the index of a
+    /// zero in that array.
     ///
-    /// `None` where the factors have more entries than can be addressed.
+    /// Returns `None` if the factors have more entries than can be addressed.
     pub fn new(size: usize, entries: &[(u16, u16, u16)], absent: u16) -> Option<Self> {
         let mut rows: Vec<BTreeSet<usize>> = (0..size).map(|i| BTreeSet::from([i])).collect();
         for &(i, j, _) in entries {
@@ -119,12 +119,12 @@ impl SparseLu {
         self.positions.len()
     }
 
-    /// Number of multiply-subtract operations of one factorisation.
+    /// Number of multiply-subtract operations of one factorization.
     pub fn updates(&self) -> usize {
         self.products.len()
     }
 
-    /// Lists one of the substitutions, and gives its factors their places.
+    /// Lists one of the substitutions and assigns positions to its factors.
     fn substitution(&mut self, elimination: &Elimination, part: Part) -> Substitution {
         let sources: Vec<Vec<usize>> = (0..self.size)
             .map(|target| {
@@ -135,7 +135,7 @@ impl SparseLu {
         let lengths: Vec<usize> = sources.iter().map(Vec::len).collect();
         let mut order = group_by_shape(&lengths, &sources);
         if part == Part::Lower {
-            // Nothing is done to an unknown without products.
+            // An unknown without products stays as it is.
             order.retain(|&target| lengths[target] > 0);
         }
         let mut listed = Substitution {
@@ -155,14 +155,14 @@ impl SparseLu {
         listed
     }
 
-    /// Gives an entry the next place.
+    /// Assigns the next position to an entry.
     fn place(&mut self, row: usize, column: usize) {
         let place = u16::try_from(self.positions.len()).expect("at most 65,536 entries");
         self.positions.insert((row as u16, column as u16), place);
     }
 
-    /// Lists how the entries of the factors are made from those of J, which stand in
-    /// `sources`.
+    /// Lists how the entries of the factors follow from those of J; `sources` maps the
+    /// entries of J to their indices.
     fn list_entries(
         &mut self,
         elimination: &Elimination,
@@ -211,10 +211,10 @@ impl SparseLu {
         pivots.into_iter().map(|k| k as u16).collect()
     }
 
-    /// Makes the factors of `diagonal · I − J`, where J stands in `gradients`. The
+    /// Computes the factors of `diagonal · I − J` from J in `gradients`. The
     /// diagonal of the factors holds reciprocal pivots.
     ///
-    /// A zero pivot gives infinities or NaN in its own lane only.
+    /// A zero pivot causes infinities or NaN in its own lane only.
     #[inline(always)]
     pub fn factor<V: Scalar<Base = V>>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
         assert!(gradients.len() >= self.gradients && values.len() >= self.slots());
@@ -226,8 +226,8 @@ impl SparseLu {
             products: self.products.as_ptr(),
         };
         for &Group { shape: (part, products), count } in &self.groups {
-            // SAFETY: the lu lists an entry for everything in its groups, and every
-            // entry's products; all places are below `slots` and `gradients`.
+            // SAFETY: the lists hold every entry of the groups and its products; all
+            // offsets are below `slots` and `gradients`.
             unsafe {
                 match part {
                     Part::Lower => unrolled!(products, |n| lists.make::<LOWER>(n, count)),
@@ -244,8 +244,8 @@ impl SparseLu {
         assert!(values.len() >= self.slots() && x.len() >= self.size);
         let mut values = values.as_ptr();
         let x = x.as_mut_ptr();
-        // SAFETY: the lu lists a value and a source for every product, and behind
-        // the products of the second substitution a value for the diagonal, in the
+        // SAFETY: the lists hold a value and a source for every product, and after the
+        // products of the second substitution a value for the diagonal, in the
         // order of the groups; all unknowns are below `size`.
         unsafe {
             values = self.forward.run::<V, false>(values, x);
@@ -264,12 +264,12 @@ impl Elimination {
     }
 }
 
-/// [`Part`] as a constant.
+/// [`Part`] as const parameters.
 const LOWER: u8 = 0;
 const DIAGONAL: u8 = 1;
 const UPPER: u8 = 2;
 
-/// Where a factorisation stands in its lists.
+/// The current position of a factorization in its lists.
 struct Factoring<V> {
     diagonal: V,
     gradients: *const V,
@@ -279,10 +279,10 @@ struct Factoring<V> {
 }
 
 impl<V: Scalar<Base = V>> Factoring<V> {
-    /// Makes a run of entries of as many products.
+    /// Computes `count` entries, each with the same number of products.
     ///
     /// # Safety
-    /// The lists must go on for as many entries, with places that there are.
+    /// The lists must hold that many more entries, with valid offsets.
     #[inline(always)]
     unsafe fn make<const PART: u8>(&mut self, products: usize, count: usize) {
         // SAFETY: promised by the caller.
@@ -310,11 +310,11 @@ impl<V: Scalar<Base = V>> Factoring<V> {
 }
 
 impl Substitution {
-    /// Substitutes, and gives the place behind the factors.
+    /// Substitutes and returns the pointer past the factors used.
     ///
     /// # Safety
-    /// There must be a factor for every product and, where the sums are `SCALED`,
-    /// behind those of every unknown one for the diagonal; and all unknowns in `x`.
+    /// There must be a factor for every product and all unknowns in `x`. If the sums are
+    /// `SCALED`, a diagonal must follow the factors of each unknown.
     #[inline(always)]
     unsafe fn run<V: Scalar<Base = V>, const SCALED: bool>(
         &self,
@@ -335,7 +335,7 @@ impl Substitution {
     }
 }
 
-/// Where a substitution stands in its lists.
+/// The current position of a substitution in its lists.
 struct Substituting<V> {
     values: *const V,
     targets: *const LaneOffset,
@@ -344,10 +344,10 @@ struct Substituting<V> {
 }
 
 impl<V: Scalar<Base = V>> Substituting<V> {
-    /// Solves for a run of unknowns of as many products.
+    /// Solves for `count` unknowns, each with the same number of products.
     ///
     /// # Safety
-    /// The lists must go on for as many unknowns, with places that there are.
+    /// The lists must hold that many more unknowns, with valid offsets.
     #[inline(always)]
     unsafe fn solve<const SCALED: bool>(&mut self, products: usize, count: usize) {
         // SAFETY: promised by the caller.
@@ -371,10 +371,10 @@ impl<V: Scalar<Base = V>> Substituting<V> {
     }
 }
 
-/// Finds the order of elimination and adds the fill to the pattern.
+/// Determines the order of elimination and adds the fill to the pattern.
 fn eliminate(rows: &mut [BTreeSet<usize>]) -> Vec<u16> {
     let size = rows.len();
-    // What is left of the rows and the columns, without the diagonal.
+    // The remaining rows and columns, without the diagonal.
     let mut left: Vec<BTreeSet<usize>> = rows.to_vec();
     let mut columns: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); size];
     for (i, row) in left.iter_mut().enumerate() {

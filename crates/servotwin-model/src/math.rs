@@ -1,12 +1,12 @@
-//! The transcendental functions, once for every lane type.
+//! The transcendental functions, written once for all lane types.
 //!
-//! Branch-free and made of correctly rounded primitives only, so that all lane
-//! types and the generated C agree to the last bit. They are as exact as the
-//! tightest tolerance of the solver needs some hundred times over, not as `libm`:
-//! every further digit would cost each chamber and each friction a few operations
-//! more, and these functions are two fifths of an evaluation. The polynomials interpolate
-//! at Chebyshev's points, which is within a little of the best of their degree. The errors
-//! below were measured against `libm` (see the tests).
+//! They are branch-free and use only correctly rounded primitives, so that all lane
+//! types and the generated C agree to the last bit. They are about a hundred times more
+//! accurate than the solver's tightest tolerance needs, and less accurate than `libm`.
+//! Every further digit would cost each chamber and each friction a few more operations,
+//! and these functions take two fifths of an evaluation. The polynomials interpolate at
+//! Chebyshev points, which is nearly the best fit of their degree. The errors below
+//! were measured against `libm` (see the tests).
 //!
 //! | function | method | error |
 //! |---|---|---|
@@ -19,8 +19,8 @@
 
 use crate::scalar::{Primitive, lit};
 
-/// A polynomial, highest coefficient first: two Horner schemes in x², because one alone is a chain of which every
-/// link waits for the last.
+/// A polynomial, highest coefficient first. Two Horner schemes in x² run in parallel,
+/// because a single scheme is one long chain of dependent operations.
 #[inline(always)]
 fn polynomial<P: Primitive, const N: usize>(x: P, coefficients: &[f64; N]) -> P {
     let square = x * x;
@@ -43,7 +43,7 @@ fn every_second<P: Primitive, const N: usize>(
     sum
 }
 
-/// Beyond this, powers of two are not numbers of the usual kind.
+/// Powers of two up to this exponent, of either sign, are normal numbers.
 const LARGEST_EXPONENT: f64 = 1000.0;
 
 /// `2^x` for |x| ≤ 1000.
@@ -127,7 +127,7 @@ pub fn sin_cos<P: Primitive>(x: P) -> (P, P) {
     let z = r * r;
     let sine = r + r * z * polynomial(z, &SINE);
     let cosine = one + z * polynomial(z, &COSINE);
-    // quadrant −2 … 2: odd ones swap the two, ±2 turns both signs.
+    // Quadrants run from −2 to 2: odd ones swap sine and cosine, ±2 flips both signs.
     let magnitude = quadrant.abs();
     let odd = (magnitude - one).abs().less(P::constant(0.5));
     let half_turn = P::constant(1.5).less(magnitude);
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::components::contract::Random;
 
-    /// The largest of `error(x)` over a range.
+    /// The largest `error(x)` at random points of a range.
     fn worst(low: f64, high: f64, error: impl Fn(f64) -> f64) -> f64 {
         let mut random = Random(42);
         let samples = (0..200_000).map(|_| low + (high - low) * random.next());

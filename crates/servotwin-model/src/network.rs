@@ -1,36 +1,36 @@
-//! A system: components, connections and inputs, and how its components are wired.
+//! A system (components, connections and inputs) and the wiring of its components.
 //!
-//! All mistakes are collected and given by position (component, connection,
-//! input), so that a parser can name file, line and column.
+//! All mistakes are collected with the indices of their component, connection or
+//! input, so that a parser can name file, line and column.
 
 pub use crate::wiring::PortOf;
 
 use crate::component::Component;
 use crate::fluid::Fluid;
+use crate::hash::TextHash;
 use crate::spec::{PortKind, Unit};
 use crate::wiring::{Collected, Node, Role, Sum, Variable, Wiring};
 use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::fmt::{self, Write};
 
-/// One component of a system.
+/// A component of a system.
 #[derive(Clone)]
 pub struct Instance {
     /// The id, unique in the system, e.g. `actuator_1.servo_valve`.
     pub id: String,
-    /// What it is.
+    /// The component of the catalogue.
     pub component: &'static dyn Component,
-    /// Its parameters, in declared order, SI.
+    /// The parameters in SI units, in declared order.
     pub parameters: Vec<f64>,
     /// The value of each fault's law at intensity 1, in declared order.
     pub fault_full: Vec<f64>,
-    /// The fluid, for the components that fix a circuit's pressure.
+    /// The fluid, for components that fix a circuit's pressure.
     pub fluid: Fluid,
 }
 
 impl Instance {
-    /// A component with its declared defaults. Obligatory parameters are NaN
+    /// A component with its declared defaults. Mandatory parameters are NaN
     /// until they are set.
     pub fn new(id: impl Into<String>, component: &'static dyn Component) -> Self {
         let spec = component.spec();
@@ -43,8 +43,8 @@ impl Instance {
         }
     }
 
-    /// Between which values a parameter may lie: as declared, and the temperature of a circuit where the laws of its
-    /// fluid hold.
+    /// The permitted range of a parameter: as declared, and for a circuit's temperature also within the validity of the
+    /// fluid's equations.
     pub fn range(&self, parameter: usize) -> (f64, f64) {
         let spec = self.component.spec();
         let declared = &spec.parameters[parameter];
@@ -58,7 +58,7 @@ impl Instance {
     /// Sets a parameter by name.
     ///
     /// # Panics
-    /// Where the component declares no such parameter.
+    /// If the component declares no such parameter.
     pub fn with(mut self, parameter: &str, value: f64) -> Self {
         let index = self.component.spec().parameter(parameter).expect("a declared parameter");
         self.parameters[index] = value;
@@ -66,14 +66,14 @@ impl Instance {
     }
 }
 
-/// A signal from outside: a command, a boundary value, a load.
+/// An external signal: a command, a boundary value, a load.
 #[derive(Clone, Debug)]
 pub struct ExternalInput {
     /// The id, unique among inputs.
     pub id: String,
     /// The unit.
     pub unit: Unit,
-    /// The value where a run gives no signal.
+    /// The value if a run provides no signal.
     pub default: f64,
     /// The signal inputs it feeds.
     pub targets: Vec<PortOf>,
@@ -86,51 +86,39 @@ pub struct Network {
     pub components: Vec<Instance>,
     /// Each connection joins the ports it lists.
     pub connections: Vec<Vec<PortOf>>,
-    /// The inputs from outside.
+    /// The external inputs.
     pub inputs: Vec<ExternalInput>,
-}
-
-/// Hashes text (FNV-1a, 64 bits).
-struct Hash(u64);
-
-impl Write for Hash {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for &byte in text.as_bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-        Ok(())
-    }
 }
 
 impl Network {
     /// A number that differs between networks with other components, parameters, fluids, connections or inputs.
     pub fn identity(&self) -> u64 {
-        let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+        let mut hash = TextHash::default();
         for Instance { id, component, parameters, fault_full, fluid } in &self.components {
             let kind = component.spec().kind;
-            let _ = writeln!(hash, "{id} {kind} {parameters:?} {fault_full:?} {fluid:?}");
+            hash.add(format_args!("{id} {kind} {parameters:?} {fault_full:?} {fluid:?}\n"));
         }
-        let _ = write!(hash, "{:?} {:?}", self.connections, self.inputs);
-        hash.0
+        hash.add(format_args!("{:?} {:?}", self.connections, self.inputs));
+        hash.value()
     }
 }
 
-/// What is wrong with a network.
+/// A mistake in a network.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mistake {
     /// A port that must be connected is open.
     OpenPort(PortOf),
     /// A connection joins ports of different families.
     MixedKinds {
-        /// The connection.
+        /// Index of the connection.
         connection: usize,
         /// The first port.
         first: PortOf,
-        /// The one that does not fit.
+        /// The port that does not fit.
         second: PortOf,
     },
     /// A signal of one unit is connected to an input of another, or an input of the
-    /// system to what reads no signal.
+    /// system to a port that reads no signal.
     MixedUnits {
         /// The source; `None` for an input of the system.
         from: Option<PortOf>,
@@ -139,33 +127,33 @@ pub enum Mistake {
     },
     /// Two components set the same pressure, motion or signal.
     TwoSources {
-        /// The first.
+        /// The first source.
         first: PortOf,
-        /// The second.
+        /// The second source.
         second: PortOf,
     },
-    /// Nobody sets the pressure, motion or signal that this port reads.
+    /// No component sets the pressure, motion or signal that this port reads.
     NoSource(PortOf),
     /// A hydraulic circuit has neither a source nor a tank.
     NoReference {
         /// A component of the circuit.
         component: usize,
     },
-    /// The sources of a circuit disagree about fluid or temperature.
+    /// The sources of a circuit have different fluids or temperatures.
     TwoFluids {
         /// The first source.
         first: usize,
-        /// The one that disagrees.
+        /// The source that differs.
         second: usize,
     },
-    /// Signals depend on each other with no state in between.
+    /// Signals depend on each other without a state in between.
     AlgebraicLoop {
         /// The components in the loop.
         components: Vec<usize>,
     },
-    /// A component found its parameters impossible together.
+    /// A component rejects its combination of parameters.
     Impossible {
-        /// The component.
+        /// Index of the component.
         component: usize,
         /// What does not fit.
         reason: String,
@@ -177,7 +165,7 @@ pub enum Mistake {
 }
 
 impl Network {
-    /// The values that an external input may have: those that everything allows which it feeds.
+    /// The permitted range of an external input: the intersection of the ranges of its targets.
     pub fn input_range(&self, input: usize) -> (f64, f64) {
         let ranges = self.inputs[input].targets.iter().filter_map(|target| {
             let spec = self.components[target.component].component.spec();
@@ -188,11 +176,11 @@ impl Network {
         })
     }
 
-    /// Joins ports to nodes and lets every component wire its equations: what was collected, and for each
-    /// component the one that rules its circuit's fluid.
+    /// Joins ports to nodes and lets every component wire its equations. Returns the collected wiring and, for each
+    /// component, the one that determines its circuit's fluid.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// The mistakes found.
     pub(crate) fn wired(&self) -> Result<(Collected, Vec<usize>), Vec<Mistake>> {
         let mut joints = Joints::new(self);
         let mut mistakes = Vec::new();
@@ -210,13 +198,13 @@ impl Network {
         Ok((self.wire(&joints), circuits))
     }
 
-    /// The first component's port kind.
+    /// The kind of a port.
     pub(crate) fn kind(&self, port: PortOf) -> PortKind {
         self.components[port.component].component.spec().ports[port.port].kind
     }
 
-    /// For each component the one that rules its circuit's fluid: the first
-    /// pressure reference of the circuit (or itself where it has no fluid).
+    /// For each component the one that determines its circuit's fluid: the first
+    /// pressure reference of the circuit, or itself if it has no fluid.
     fn circuits(&self, joints: &Joints, mistakes: &mut Vec<Mistake>) -> Vec<usize> {
         let n = self.components.len();
         let mut group: Vec<usize> = (0..n).collect();
@@ -311,9 +299,9 @@ impl Network {
     }
 }
 
-/// Sets of ports that are one node.
+/// Sets of ports that form one node.
 struct Joints {
-    /// For every port, numbered through all components: its union-find parent.
+    /// The union-find parent of every port; ports are numbered through all components.
     parents: Vec<usize>,
     /// The number of the first port of each component.
     first: Vec<usize>,
@@ -332,8 +320,8 @@ fn root(parents: &[usize], mut i: usize) -> usize {
 
 fn unite(parents: &mut [usize], a: usize, b: usize) {
     let (a, b) = (root(parents, a), root(parents, b));
-    // The smaller number stays the root, so that the result does not depend on
-    // the order of connections.
+    // The smaller number stays the root, so that the order of connections does
+    // not affect the result.
     parents[a.max(b)] = a.min(b);
 }
 
@@ -361,7 +349,7 @@ impl Joints {
         self.first[port.component] + port.port
     }
 
-    /// The node of a port, `None` where it is open.
+    /// The node of a port; `None` for an open port.
     fn of(&self, port: PortOf) -> Option<usize> {
         let number = self.number(port);
         self.used[number].then(|| root(&self.parents, number))

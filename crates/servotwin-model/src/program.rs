@@ -1,9 +1,9 @@
-//! A compiled system: sequences of equation blocks over an array of variables, with what a run must know of
-//! them.
+//! A compiled system: sequences of equation blocks over an array of variables, with the information that a run
+//! needs about them.
 //!
 //! The array holds, in this order: states, external inputs, constants that
-//! stand in for signals (parameters, temperatures, held values), sums, and the
-//! derivatives of the states. How it is made of a network stands in `schedule`.
+//! replace signals (parameters, temperatures, held values), sums, and the
+//! derivatives of the states. The module `schedule` builds it from a network.
 
 mod schedule;
 
@@ -24,7 +24,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// Something a run can record.
+/// A quantity that a run can record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observable {
     /// `component.state` or `component.port` (with the quantity for physical
@@ -32,7 +32,7 @@ pub struct Observable {
     pub name: String,
     /// The unit.
     pub unit: Unit,
-    /// Its place in the variable array.
+    /// Its slot in the variable array.
     pub slot: Slot,
 }
 
@@ -41,15 +41,15 @@ pub struct Observable {
 pub struct StateOf {
     /// `component.state`.
     pub name: String,
-    /// The component.
+    /// Index of the component.
     pub component: usize,
-    /// The state in its declaration.
+    /// Index of the state in the component's declaration.
     pub state: usize,
-    /// The size that errors are measured against.
+    /// The magnitude that errors are measured against.
     pub scale: f64,
-    /// How many times as large an error over scale may be in a step as that of others.
+    /// Permitted error per `scale` in a step, as a multiple of that of other states.
     pub error_weight: f64,
-    /// The search for the steady state does not go below.
+    /// Lower bound in the steady-state search.
     pub lowest: f64,
     /// The unit.
     pub unit: Unit,
@@ -71,13 +71,13 @@ pub struct Program {
     circuits: Vec<usize>,
     states: Vec<StateOf>,
     observables: Vec<Observable>,
-    /// What stands in the slots of parameters, temperatures and held values.
+    /// The roles of the stand-in slots: parameters, temperatures and held values.
     stand_ins: Vec<Role>,
     slots: usize,
     sums: Range<usize>,
-    /// What the derivatives depend on.
+    /// The equations that the derivatives depend on.
     motion: Sequence,
-    /// What only readers from outside want: measured values, flows through
+    /// The equations that only observables depend on: measured values, flows through
     /// ports that set a pressure.
     readings: Sequence,
     clocks: Vec<Ticking>,
@@ -103,7 +103,7 @@ impl Program {
     pub fn observables(&self) -> &[Observable] {
         &self.observables
     }
-    /// Something to record, by name.
+    /// Finds an observable by name.
     pub fn observable(&self, name: &str) -> Option<&Observable> {
         self.observables.iter().find(|o| o.name == name)
     }
@@ -111,8 +111,8 @@ impl Program {
     pub fn slots(&self) -> usize {
         self.slots
     }
-    /// Length of the variable array: one more for outputs that go nowhere, and
-    /// one for the zero that sums begin with. To be filled with zeros at first.
+    /// Length of the variable array: the variables, one slot for outputs without a target,
+    /// and one for the zero that sums begin with. Fill it with zeros before the first use.
     pub fn memory(&self) -> usize {
         memory(self.slots)
     }
@@ -124,24 +124,24 @@ impl Program {
     pub fn blocks(&self) -> usize {
         self.motion.blocks.len() + self.readings.blocks.len()
     }
-    /// Where the external inputs stand.
+    /// The slots of the external inputs.
     pub fn externals(&self) -> Range<usize> {
         let n = self.states.len();
         n..n + self.network.inputs.len()
     }
-    /// Where parameters, temperatures and held values stand.
+    /// The slots of parameters, temperatures and held values.
     pub(crate) fn stand_ins(&self) -> Range<usize> {
         self.externals().end..self.sums.start
     }
-    /// Which of the stand-ins clocks hold: what they are is the run's, not the variant's.
+    /// Whether a clock holds this stand-in, which then depends on the run and not on the variant.
     pub(crate) fn is_held(&self, stand_in: usize) -> bool {
         matches!(self.stand_ins[stand_in], Role::Held)
     }
-    /// Where everything stands that an evaluation fills.
+    /// The slots that an evaluation fills.
     pub(crate) fn sums(&self) -> Range<usize> {
         self.sums.clone()
     }
-    /// Where the derivatives of the states stand.
+    /// The slots of the derivatives of the states.
     pub fn derivatives(&self) -> Range<usize> {
         self.sums.end - self.states.len()..self.sums.end
     }
@@ -149,26 +149,26 @@ impl Program {
     pub fn clock_periods_s(&self) -> impl Iterator<Item = f64> + '_ {
         self.clocks.iter().map(|c| c.period_s)
     }
-    /// The elimination lu of `I/(γh) − J`.
+    /// The factorization of `I/(γh) − J`.
     pub fn lu(&self) -> &SparseLu {
         &self.lu
     }
-    /// The sparsity of the Jacobian and where gradients are kept.
+    /// The sparsity of the Jacobian and the layout of the gradients.
     pub fn jacobian(&self) -> &SparseJacobian {
         &self.jacobian
     }
     pub(crate) fn clocks(&self) -> &[Ticking] {
         &self.clocks
     }
-    /// Evaluates all continuous equations: fills the sums and the derivatives
-    /// from the states, inputs and stand-ins in `variables`, which are
-    /// [`Program::memory`] long.
+    /// Evaluates all continuous equations: computes the sums and the derivatives
+    /// from the states, inputs and stand-ins in `variables`, which has the length
+    /// [`Program::memory`].
     pub fn evaluate<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
         self.motion.run(constants, variables);
         self.readings.run(constants, variables);
     }
 
-    /// As [`Program::evaluate`], with symbols.
+    /// [`Program::evaluate`] with symbols.
     pub(crate) fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
         self.motion.trace(constants, variables);
         self.readings.trace(constants, variables);
@@ -179,9 +179,8 @@ impl Program {
         &self.motion
     }
 
-    /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
-    /// and the time derivatives stand in `gradients` where [`Program::jacobian`]
-    /// says.
+    /// [`Program::evaluate`] with the gradients of all sums. [`Program::jacobian`]
+    /// describes the layout of the Jacobian and the time derivatives in `gradients`.
     pub fn evaluate_with_jacobian<V: Lanes>(
         &self,
         constants: &[V],
@@ -194,7 +193,7 @@ impl Program {
         self.readings.run(constants, variables);
     }
 
-    /// As [`Program::evaluate_with_jacobian`], with symbols.
+    /// [`Program::evaluate_with_jacobian`] with symbols.
     pub(crate) fn trace_with_jacobian<'g>(
         &self,
         constants: &[Symbol<'g>],
@@ -207,7 +206,7 @@ impl Program {
         self.readings.trace(constants, variables);
     }
 
-    /// Adds the derivatives and `slope_factor · ∂f/∂t` to the right side of a stage, then solves in place.
+    /// Adds the derivatives and `slope_factor · ∂f/∂t` to the right-hand side of a stage, then solves in place.
     #[inline(always)]
     pub(crate) fn solve_stage<V: Scalar<Base = V>>(
         &self,
@@ -224,13 +223,13 @@ impl Program {
         self.lu.solve(factors, right);
     }
 
-    /// The effective parameters of a variant, component by component: the
+    /// The effective parameters of a variant by component: the
     /// declared values with the faults applied.
     pub fn parameters(&self, faults: &[FaultAt]) -> Vec<Vec<f64>> {
         self.parameters_with(&[], faults)
     }
 
-    /// As [`Program::parameters`], with other values for some parameters before
+    /// [`Program::parameters`] with other values for some parameters before
     /// the faults act: (component, parameter, value).
     pub fn parameters_with(
         &self,
@@ -264,8 +263,7 @@ impl Program {
         ruled.collect()
     }
 
-    /// The constants of all blocks, those of clocks last, for effective
-    /// parameters.
+    /// The constants of all blocks for effective parameters; those of clocks are last.
     pub fn block_constants<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<S> {
         let fluids = self.fluids(parameters);
         let mut constants = Vec::with_capacity(self.constants);
@@ -283,7 +281,7 @@ impl Program {
         constants
     }
 
-    /// The values of parameters and temperatures that stand in for signals, and
+    /// The values of parameters and temperatures that replace signals, and
     /// zero for held values.
     pub fn stand_in_values<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<S> {
         let fluids = self.fluids(parameters);
@@ -295,7 +293,7 @@ impl Program {
         self.stand_ins.iter().map(value).collect()
     }
 
-    /// The first guess of the states for the steady-state search.
+    /// The initial guess of the states for the steady-state search.
     pub fn first_guess(&self, parameters: &[Vec<f64>]) -> Vec<f64> {
         let guess = |state: &StateOf| {
             let spec = self.network.components[state.component].component.spec();
@@ -310,7 +308,7 @@ impl Program {
         self.states.iter().map(guess).collect()
     }
 
-    /// Finds a fault by `component.fault`.
+    /// Finds a fault by `component.fault`; returns the indices of both.
     pub fn find_fault(&self, id: &str) -> Option<(usize, usize)> {
         let (component, fault) = id.rsplit_once('.')?;
         let index = self.network.components.iter().position(|c| c.id == component)?;
@@ -322,10 +320,10 @@ impl Program {
 /// A fault with its intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultAt {
-    /// The component.
+    /// Index of the component.
     pub component: usize,
-    /// The fault in its declaration.
+    /// Index of the fault in the component's declaration.
     pub fault: usize,
-    /// 0 healthy … 1.
+    /// From 0 (healthy) to 1.
     pub intensity: f64,
 }

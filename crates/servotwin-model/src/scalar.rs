@@ -1,7 +1,6 @@
 //! The number that every equation is written for.
 //!
-//! An equation is one generic text. What runs is decided by the type it is
-//! called with:
+//! An equation is one generic text. The type that it is called with decides what runs:
 //!
 //! | type | use |
 //! |---|---|
@@ -22,11 +21,11 @@
 use core::ops::{Add, Div, Mul, Neg, Sub};
 use core::slice;
 
-/// A number an equation can be evaluated with.
+/// A number that an equation can be evaluated with.
 ///
-/// `Base` is the type without derivatives: a dual number's plain value. What
-/// does not depend on the state (a component's constants) is passed as `Base`,
-/// so that no derivative is carried for it.
+/// `Base` is the type without derivatives: a dual number's plain value.
+/// Numbers that do not depend on the state (a component's constants) are passed as `Base`,
+/// so that they carry no derivatives.
 pub trait Scalar:
     Copy
     + Add<Self, Output = Self>
@@ -124,13 +123,13 @@ pub trait Primitive: Scalar<Base = Self> {
 
 /// Work on lanes of one type; see [`Lanes::with_target_features`].
 pub trait Work<V> {
-    /// What comes out.
+    /// The result of the work.
     type Output;
     /// Does the work. Implementations are `#[inline(always)]`.
     fn run(self) -> Self::Output;
 }
 
-/// Several independent numbers of which each belongs to one variant.
+/// Several independent numbers, one for each variant.
 ///
 /// `f64` is the case of one lane.
 ///
@@ -140,10 +139,10 @@ pub trait Work<V> {
 pub unsafe trait Lanes: Primitive {
     /// Number of variants side by side.
     const WIDTH: usize;
-    /// The lanes of one processor register: for work with so many live values
-    /// that more lanes would not find room.
+    /// The lanes of one processor register, for work with so many live values
+    /// that wider lanes would spill.
     type Register: Lanes;
-    /// How many of them these lanes are made of.
+    /// Number of registers in these lanes.
     const REGISTERS: usize = Self::WIDTH / Self::Register::WIDTH;
 
     /// The lanes `f(0), f(1), …`.
@@ -158,9 +157,9 @@ pub unsafe trait Lanes: Primitive {
         // SAFETY: promised by the implementation.
         unsafe { slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * Self::WIDTH) }
     }
-    /// Does the work in a function of its own, compiled for the instruction
-    /// set. All other lane code is inlined into its caller, because only so it
-    /// is compiled for the instruction set; this is for what is called from
-    /// several places and too large to be repeated.
+    /// Does the work in a separate function, compiled for the instruction set of these lanes.
+    ///
+    /// All other lane code is inlined into its caller, because only then does the compiler use
+    /// the instruction set. Use this for large work that several places call.
     fn with_target_features<W: Work<Self>>(work: W) -> W::Output;
 }

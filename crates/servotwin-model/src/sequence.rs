@@ -1,7 +1,7 @@
-//! Equation blocks in the order of their evaluation, grouped by kind, so that a whole group runs without a
-//! branch; and what is done with a group.
+//! Equation blocks in the order of their evaluation, grouped by kind so that a whole group runs without a
+//! branch, and the operations on a group.
 //!
-//! What a block reads and adds to is listed as places in the array of variables. The lists are checked when a
+//! Lists hold the offsets of a block's inputs and outputs in the array of variables. They are checked when a
 //! block is added, and read unchecked.
 
 use crate::components::{BlockKind, Visitor};
@@ -14,31 +14,30 @@ use crate::wiring::{Block, Sum};
 use alloc::vec::Vec;
 use core::marker::PhantomData;
 
-/// Blocks of one kind that can run in any order among themselves.
+/// Blocks of one kind that can run in any order among each other.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub kind: BlockKind,
-    /// Whether any output is subtracted somewhere. Most groups only add.
+    /// Whether any output is subtracted. Most groups only add.
     pub subtracts: bool,
-    /// Whether any output joins a sum that has been begun. Most sums have one
-    /// term.
+    /// Whether any output joins a sum that already has a term. Most sums have one term.
     pub joins: bool,
     pub count: usize,
-    /// Where the group's lists begin.
+    /// Index of the group's first entry in each list.
     pub inputs: usize,
     pub outputs: usize,
     pub constants: usize,
 }
 
-/// Where an output of a block goes; what is not used is the bin.
+/// The targets of a block's output. An unused target is the bin slot.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Target {
-    /// The sum that it is added to, and where the sum so far stands: in the same
-    /// slot, or in the one that holds (negative) zero for the sum's first block. So
-    /// sums need not be cleared.
+    /// The sum that the output is added to, and the offset of the sum so far. The sum so
+    /// far is in the same slot, or for a sum's first block in the slot that holds −0, so
+    /// that sums need not be cleared.
     pub add: LaneOffset,
     pub add_so_far: LaneOffset,
-    /// The sum that it is subtracted from, likewise.
+    /// The same for the sum that it is subtracted from.
     pub subtract: LaneOffset,
     pub subtract_so_far: LaneOffset,
 }
@@ -49,23 +48,23 @@ pub(crate) struct Sequence {
     pub groups: Vec<Group>,
     pub inputs: Vec<LaneOffset>,
     pub outputs: Vec<Target>,
-    /// The blocks themselves, in order: for constants and for the Jacobian.
+    /// The blocks in order, for the constants and the Jacobian.
     pub blocks: Vec<Block>,
-    /// Length of the variable array.
+    /// Required length of the variable array.
     memory: usize,
-    /// How many constants its blocks and those of earlier sequences hold.
+    /// Number of constants of its blocks and those of earlier sequences.
     constants: usize,
 }
 
-/// Length of the variable array for so many variables.
+/// Length of the variable array for `slots` variables, the bin and the zero.
 pub(crate) const fn memory(slots: usize) -> usize {
     slots + 2
 }
 
 impl Sequence {
-    /// Lists blocks that run in this order over `slots` variables; `slot_of`
-    /// places the blocks' variables, `written` knows the sums that earlier
-    /// sequences have begun, `constants` counts.
+    /// Lists blocks in this order over `slots` variables. `slot_of` maps the blocks'
+    /// variables to slots, `written` marks the sums that earlier sequences have begun,
+    /// and `constants` counts the constants.
     pub fn new(
         blocks: Vec<Block>,
         slots: usize,
@@ -88,8 +87,8 @@ impl Sequence {
         sequence
     }
 
-    /// Puts the zero in its place. It is negative: only so a sum of one term is that term, also where that is a
-    /// negative zero.
+    /// Checks the lengths and writes the zero, which is negative. Only then does a sum of one term equal that term,
+    /// even a term of −0.
     #[inline(always)]
     fn prepare<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
         assert!(variables.len() >= self.memory && constants.len() >= self.constants);
@@ -104,7 +103,7 @@ impl Sequence {
         }
     }
 
-    /// As [`Sequence::run`], with symbols.
+    /// [`Sequence::run`] with symbols.
     pub fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
         self.prepare(constants, variables);
         for group in &self.groups {
@@ -112,7 +111,7 @@ impl Sequence {
         }
     }
 
-    /// As [`Sequence::differentiate`], with symbols.
+    /// [`Sequence::differentiate`] with symbols.
     pub fn trace_with_partials<'g>(
         &self,
         constants: &[Symbol<'g>],
@@ -127,7 +126,7 @@ impl Sequence {
         }
     }
 
-    /// Runs all blocks once, with their partial derivatives: block by block, by output, then input.
+    /// Runs all blocks once and writes their partial derivatives: by block, then output, then input.
     pub fn differentiate<V: Lanes>(
         &self,
         constants: &[V],
@@ -142,7 +141,7 @@ impl Sequence {
         }
     }
 
-    /// The groups, each with the places of its partial derivatives.
+    /// The groups, each with the slice of its partial derivatives.
     #[inline(always)]
     fn groups_with<'a, V>(
         &'a self,
@@ -156,7 +155,7 @@ impl Sequence {
         })
     }
 
-    /// The blocks with the places of their inputs and outputs.
+    /// The blocks with the offsets of their inputs and outputs.
     pub fn wired(&self) -> impl Iterator<Item = (&Block, &[LaneOffset], &[Target])> {
         let (mut inputs, mut outputs) = (self.inputs.as_slice(), self.outputs.as_slice());
         self.blocks.iter().map(move |block| {
@@ -176,7 +175,7 @@ impl Sequence {
     ) {
         let kind = block.equation();
         let (inputs, outputs, held) = kind.visit(Dimensions);
-        // What `lists` relies on, with the place of every variable below.
+        // `lists` relies on this and on the check of every variable's slot below.
         assert_eq!((block.inputs.len(), block.outputs.len()), (inputs, outputs));
         let subtracts = block.subtracts();
         let fits = |g: &Group| (g.kind, g.subtracts) == (kind, subtracts);
@@ -222,7 +221,7 @@ impl Sequence {
     }
 }
 
-/// The numbers of inputs, outputs and constants of a block.
+/// Returns the numbers of inputs, outputs and constants of a block.
 struct Dimensions;
 
 impl Visitor for Dimensions {
@@ -235,8 +234,8 @@ impl Visitor for Dimensions {
     }
 }
 
-/// How the outputs of a block depend on its inputs, whatever their values are (the
-/// numbers mean nothing): by output, then input.
+/// Returns how the outputs of a block depend on its inputs for all values: by output,
+/// then input. The numbers themselves are meaningless.
 pub(crate) struct Dependence;
 
 impl Visitor for Dependence {
@@ -259,11 +258,11 @@ struct Evaluate<'a, V> {
     variables: &'a mut [V],
 }
 
-/// The lists of a group: what each of its blocks reads, writes and holds.
+/// The inputs, outputs and constants of each block of a group.
 ///
 /// # Safety
-/// The group must be one of the sequence's, `I`, `O` and `C` those of its kind, and
-/// there must be as many constants as [`Sequence::run`] asserts.
+/// The group must belong to the sequence, `I`, `O` and `C` must be those of its kind,
+/// and there must be as many constants as [`Sequence::run`] asserts.
 #[inline(always)]
 unsafe fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
     group: &Group,
@@ -285,7 +284,7 @@ unsafe fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
 /// `count` arrays of a slice, from `first` on.
 ///
 /// # Safety
-/// The slice must have them. It is not checked: a step asks some hundred times.
+/// The slice must hold them. There is no check, because a step calls this some hundred times.
 #[inline(always)]
 unsafe fn arrays<T, const N: usize>(slice: &[T], first: usize, count: usize) -> &[[T; N]] {
     debug_assert!(first + count * N <= slice.len());
@@ -303,7 +302,7 @@ impl<V: Lanes> Visitor for Evaluate<'_, V> {
     }
 }
 
-/// The same with symbols.
+/// [`Evaluate`] with symbols.
 struct Trace<'a, 'g>(Evaluate<'a, Symbol<'g>>);
 
 impl Visitor for Trace<'_, '_> {
@@ -317,7 +316,7 @@ impl Visitor for Trace<'_, '_> {
     }
 }
 
-/// As [`Differentiate`], with symbols.
+/// [`Differentiate`] with symbols.
 struct TraceDuals<'a, 'g>(Differentiate<'a, Symbol<'g>>);
 
 impl Visitor for TraceDuals<'_, '_> {
@@ -339,7 +338,7 @@ impl Visitor for TraceDuals<'_, '_> {
                 *place = partial.number();
             }
             let first = variables.as_mut_ptr();
-            // SAFETY: all slots of a sequence are below the length that is asserted.
+            // SAFETY: all slots of a sequence are below the asserted length.
             let at = |place: LaneOffset| unsafe { place.among(first) };
             // SAFETY: as above.
             unsafe { scatter(group, outputs, &results.map(|result| result.value), at) };
@@ -347,8 +346,8 @@ impl Visitor for TraceDuals<'_, '_> {
     }
 }
 
-/// What is done with a group whose blocks are of one kind, in a function of its own:
-/// all kinds in one would take the compiler minutes.
+/// An operation on a group of one kind, in a separate function: with all kinds in one
+/// function, compilation would take minutes.
 struct OfKind<T, E, const I: usize, const O: usize, const C: usize>(T, PhantomData<E>);
 
 impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: usize> Work<V>
@@ -374,8 +373,8 @@ where
         for (inputs, outputs, constants) in blocks {
             let mut values = [V::constant(0.0); I];
             for (value, &input) in values.iter_mut().zip(inputs) {
-                // SAFETY: all slots of a sequence are below the length that its
-                // caller asserts.
+                // SAFETY: all slots of a sequence are below the length that the caller
+                // asserts.
                 *value = unsafe { input.read(variables) };
             }
             let results = E::evaluate::<V>(constants, values);
@@ -388,10 +387,10 @@ where
     }
 }
 
-/// Adds a block's outputs to their sums, which stand `at(place)`.
+/// Adds a block's outputs to their sums; `at` returns the pointer to an offset.
 ///
 /// # Safety
-/// There must be a number at all places.
+/// Every offset must point to a number.
 #[inline(always)]
 unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
     group: &Group,
@@ -414,14 +413,14 @@ unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
     }
 }
 
-/// As [`Evaluate`], with the partial derivatives.
+/// [`Evaluate`] with the partial derivatives.
 struct Differentiate<'a, V> {
     evaluate: Evaluate<'a, V>,
-    /// Places for the group's partial derivatives.
+    /// Receives the group's partial derivatives.
     partials: &'a mut [V],
 }
 
-/// How many partial derivatives a block has.
+/// Returns the number of partial derivatives of a block.
 struct Partials;
 
 impl Visitor for Partials {
@@ -460,8 +459,8 @@ impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: us
             let all_held = constants.as_ptr().cast::<V::Register>();
             let first = variables.as_mut_ptr();
             for register in 0..V::REGISTERS {
-                // SAFETY: a slot's registers stand one after the other, and all slots
-                // of a sequence are below the length that its caller asserts.
+                // SAFETY: a slot's registers are contiguous, and all slots of a sequence
+                // are below the length that the caller asserts.
                 let at = |place: LaneOffset| unsafe {
                     place.among(first).cast::<V::Register>().add(register)
                 };
@@ -481,7 +480,7 @@ impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: us
                 for (o, result) in results.iter().enumerate() {
                     plain[o] = result.value;
                     for (i, &partial) in result.partials.iter().enumerate() {
-                        // No term reads the place of a zero or a one (`SparseJacobian::list_terms`).
+                        // No term reads the slot of a zero or a one (`SparseJacobian::list_terms`).
                         if let Partial::Number(number) = partial {
                             // SAFETY: `own` has `I · O` slots for every block.
                             unsafe { *own.add(place(o * I + i)) = number };

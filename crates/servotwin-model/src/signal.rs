@@ -4,9 +4,9 @@
 //!
 //! (SG1)  s(t) = c_0 + c_1 τ + c_2 τ² + c_3 τ³,  τ = t − b_k,  b_k ≤ t < b_{k+1}
 //!
-//! The last piece holds for ever. Before the first break the first value
+//! The last piece holds forever. Before the first break the first value
 //! holds: s(t) = s(b_0), with slope zero. At a break the piece that begins there
-//! counts, so that s is right-continuous.
+//! applies, so s is right-continuous.
 //!
 //! Hermite pieces between (b_k, v_k, m_k) and (b_{k+1}, v_{k+1}, m_{k+1}), with
 //! h = b_{k+1} − b_k and d = (v_{k+1} − v_k)/h:
@@ -16,8 +16,8 @@
 //! Error of a Hermite piece for a function with |f⁗| ≤ M: h⁴ M / 384. All other
 //! constructors are exact.
 //!
-//! A solver need not stop at every break: [`Piecewise::smoothness`] tells where
-//! the value jumps, where only the slope does, and where neither.
+//! A solver need not stop at every break: [`Piecewise::smoothness`] reports whether
+//! the value jumps at a break, or only the slope, or neither.
 
 use crate::scalar::Scalar;
 use alloc::vec;
@@ -34,28 +34,28 @@ pub struct Piecewise {
     pieces: Vec<Cubic>,
 }
 
-/// Why pieces are no function of time.
+/// Why pieces do not form a function of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CurveError {
-    /// There is no point or piece at all.
+    /// There is no point or piece.
     Empty,
     /// Times and values differ in number.
     Lengths {
-        /// How many times.
+        /// Number of times.
         times: usize,
-        /// How many values, slopes or pieces.
+        /// Number of values, slopes or pieces.
         values: usize,
     },
     /// A time is not finite.
     Time {
-        /// Which, from 0.
+        /// Index of the time, from 0.
         index: usize,
         /// The time.
         time_s: f64,
     },
     /// A time is not after the one before it.
     Order {
-        /// Which, from 0.
+        /// Index of the time, from 0.
         index: usize,
         /// The time before it.
         before_s: f64,
@@ -64,7 +64,7 @@ pub enum CurveError {
     },
     /// A value, a slope or a coefficient is not finite.
     Value {
-        /// Which point or piece, from 0.
+        /// Index of the point or piece, from 0.
         index: usize,
         /// The number.
         value: f64,
@@ -93,18 +93,18 @@ impl fmt::Display for CurveError {
 
 impl core::error::Error for CurveError {}
 
-/// What happens at a break.
+/// Continuity at a break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Smoothness {
-    /// Value and slope go on.
+    /// Value and slope are continuous.
     Smooth,
-    /// The slope jumps.
+    /// The slope jumps, the value is continuous.
     Kink,
     /// The value jumps.
     Jump,
 }
 
-/// (SG1) for a scalar or for lanes that stand in different pieces.
+/// (SG1) for a scalar, or for lanes in different pieces.
 #[inline(always)]
 pub fn cubic<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
     piece[0] + tau_s * (piece[1] + tau_s * (piece[2] + tau_s * piece[3]))
@@ -117,26 +117,26 @@ pub fn cubic_slope<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
     piece[1] + tau_s * (two * piece[2] + tau_s * (three * piece[3]))
 }
 
-/// (SG2): the cubic over `length_s` seconds with given values and slopes at its ends.
+/// (SG2): the cubic over `length_s` seconds with the given values and slopes at its ends.
 pub fn hermite_piece(length_s: f64, [from, to]: [f64; 2], [slope, end_slope]: [f64; 2]) -> Cubic {
     let mean = (to - from) / length_s;
     let square = (3.0 * mean - 2.0 * slope - end_slope) / length_s;
     [from, slope, square, (slope + end_slope - 2.0 * mean) / (length_s * length_s)]
 }
 
-/// Where the slope of a cubic is zero; not finite where it never is.
+/// Times at which the slope of a cubic is zero; not finite where there are none.
 fn turning_points([_, a, b, c]: &Cubic) -> [f64; 2] {
-    // c_1 + 2 c_2 τ + 3 c_3 τ² = 0, in the form that loses no digits.
+    // Solves c_1 + 2 c_2 τ + 3 c_3 τ² = 0 in a form without cancellation.
     let root = (b * b - 3.0 * a * c).sqrt();
     let sum = -(b + if *b < 0.0 { -root } else { root });
     [sum / (3.0 * c), a / sum]
 }
 
 impl Piecewise {
-    /// From breaks and the coefficients of the pieces that begin there.
+    /// Builds the function from breaks and the coefficients of the pieces that begin there.
     ///
     /// # Errors
-    /// Breaks that are not strictly increasing, numbers that are not finite.
+    /// The breaks are not strictly increasing, the lengths differ, or a number is not finite.
     pub fn new(breaks_s: Vec<f64>, pieces: Vec<Cubic>) -> Result<Self, CurveError> {
         check_times(&breaks_s, pieces.len())?;
         for (index, piece) in pieces.iter().enumerate() {
@@ -145,28 +145,28 @@ impl Piecewise {
         Ok(Self { breaks_s, pieces })
     }
 
-    /// The same value for ever.
+    /// The same value forever.
     ///
     /// # Errors
-    /// A value that is not finite.
+    /// The value is not finite.
     pub fn constant(value: f64) -> Result<Self, CurveError> {
         Self::new(vec![0.0], vec![[value, 0.0, 0.0, 0.0]])
     }
 
-    /// Each value from its time to the next (zero-order hold).
+    /// Holds each value from its time to the next (zero-order hold).
     ///
     /// # Errors
-    /// As [`Piecewise::new`].
+    /// See [`Piecewise::new`].
     pub fn steps(times_s: &[f64], values: &[f64]) -> Result<Self, CurveError> {
         check_points(times_s, values)?;
         let pieces = values.iter().map(|&value| [value, 0.0, 0.0, 0.0]).collect();
         Self::new(times_s.to_vec(), pieces)
     }
 
-    /// Straight lines between points; the last value holds.
+    /// Straight lines between points; the last value holds forever.
     ///
     /// # Errors
-    /// As [`Piecewise::new`].
+    /// See [`Piecewise::new`].
     pub fn linear(times_s: &[f64], values: &[f64]) -> Result<Self, CurveError> {
         check_points(times_s, values)?;
         let pieces = with_last(values, |k| {
@@ -176,10 +176,10 @@ impl Piecewise {
         Self::new(times_s.to_vec(), pieces)
     }
 
-    /// Cubics through points with given slopes (SG2); the last value holds.
+    /// Cubics through points with given slopes (SG2); the last value holds forever.
     ///
     /// # Errors
-    /// As [`Piecewise::new`].
+    /// See [`Piecewise::new`].
     pub fn hermite(times_s: &[f64], values: &[f64], slopes: &[f64]) -> Result<Self, CurveError> {
         check_points(times_s, values)?;
         check_points(times_s, slopes)?;
@@ -190,7 +190,7 @@ impl Piecewise {
         Self::new(times_s.to_vec(), pieces)
     }
 
-    /// Where the pieces begin.
+    /// The times at which the pieces begin.
     pub fn breaks_s(&self) -> &[f64] {
         &self.breaks_s
     }
@@ -200,7 +200,7 @@ impl Piecewise {
         &self.pieces
     }
 
-    /// The piece that holds at a time; the first one also before it begins.
+    /// Index of the piece that holds at a time; 0 before the first break.
     pub fn piece(&self, time_s: f64) -> usize {
         self.breaks_s.partition_point(|&b| b <= time_s).saturating_sub(1)
     }
@@ -211,7 +211,7 @@ impl Piecewise {
         cubic(&self.pieces[k], (time_s - self.breaks_s[k]).max(0.0))
     }
 
-    /// The time derivative, at a break that of the piece which begins there.
+    /// The time derivative at a time; at a break, that of the piece that begins there.
     pub fn slope(&self, time_s: f64) -> f64 {
         if time_s < self.breaks_s[0] {
             return 0.0;
@@ -220,10 +220,10 @@ impl Piecewise {
         cubic_slope(&self.pieces[k], time_s - self.breaks_s[k])
     }
 
-    /// Value and slope that a break is approached with from the left.
+    /// Value and slope immediately before a break.
     ///
     /// # Panics
-    /// Where there is no such break.
+    /// If there is no such break.
     pub fn before(&self, index: usize) -> (f64, f64) {
         match index.checked_sub(1) {
             None => (self.pieces[0][0], 0.0),
@@ -234,11 +234,11 @@ impl Piecewise {
         }
     }
 
-    /// What happens at a break. A difference below 1e-9 of what the piece
-    /// before it spans is taken for rounding.
+    /// The continuity at a break. A difference below 1e-9 of the preceding piece's
+    /// magnitude counts as rounding.
     ///
     /// # Panics
-    /// Where there is no such break.
+    /// If there is no such break.
     pub fn smoothness(&self, index: usize) -> Smoothness {
         const ROUNDING: f64 = 1e-9;
         let (value, slope) = self.before(index);
@@ -255,7 +255,7 @@ impl Piecewise {
         }
     }
 
-    /// The least and the largest value between two times.
+    /// The smallest and the largest value between two times.
     pub fn bounds(&self, from_s: f64, to_s: f64) -> (f64, f64) {
         let (mut least, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
         for k in self.piece(from_s)..=self.piece(to_s) {
@@ -275,7 +275,7 @@ impl Piecewise {
     /// The same function times a factor.
     ///
     /// # Errors
-    /// A product that is not finite.
+    /// A product is not finite.
     pub fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
         let pieces = self.pieces.iter().map(|piece| piece.map(|c| c * factor)).collect();
         Self::new(self.breaks_s.clone(), pieces)
@@ -284,7 +284,7 @@ impl Piecewise {
     /// The sum of two functions, with the breaks of both.
     ///
     /// # Errors
-    /// A sum that is not finite.
+    /// A sum is not finite.
     pub fn plus(&self, other: &Self) -> Result<Self, CurveError> {
         let mut breaks_s = [self.breaks_s.as_slice(), &other.breaks_s].concat();
         breaks_s.sort_by(f64::total_cmp);
@@ -296,7 +296,7 @@ impl Piecewise {
         Self::new(breaks_s.clone(), pieces.collect())
     }
 
-    /// The piece that holds from a time on, in powers of the time since then.
+    /// The piece that holds from `time_s` on, as a cubic in the time since then.
     fn moved_to(&self, time_s: f64) -> Cubic {
         let k = self.piece(time_s);
         let tau_s = time_s - self.breaks_s[k];
@@ -308,7 +308,7 @@ impl Piecewise {
         [cubic(&self.pieces[k], tau_s), slope, square + 3.0 * cube * tau_s, cube]
     }
 
-    /// The mean of the square from `from_s` to `to_s`, exact up to rounding.
+    /// The mean of the squared value from `from_s` to `to_s`, exact up to rounding.
     pub fn mean_square(&self, from_s: f64, to_s: f64) -> f64 {
         let mut sum = 0.0;
         let mut begin_s = from_s;
@@ -324,7 +324,7 @@ impl Piecewise {
 
 /// ∫ s² dτ from 0 to `length_s`.
 fn square_integral(piece: &Cubic, length_s: f64) -> f64 {
-    // Coefficients for τ = length · x, x in 0 … 1; ∫ xⁱ xʲ dx = 1/(i + j + 1).
+    // With τ = length · x, x in 0 … 1: ∫ xⁱ xʲ dx = 1/(i + j + 1).
     let [c0, c1, c2, c3] = *piece;
     let scaled = [c0, c1 * length_s, c2 * length_s * length_s, c3 * length_s * length_s * length_s];
     let mut sum = 0.0;
@@ -336,7 +336,7 @@ fn square_integral(piece: &Cubic, length_s: f64) -> f64 {
     sum * length_s
 }
 
-/// One piece per interval and the last value for ever.
+/// One piece per interval, then the last value forever.
 fn with_last(values: &[f64], piece: impl Fn(usize) -> Cubic) -> Vec<Cubic> {
     let last = values.len() - 1;
     let hold = [values[last], 0.0, 0.0, 0.0];

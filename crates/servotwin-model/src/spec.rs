@@ -1,7 +1,7 @@
-//! What a component says about itself: parameters, faults, ports and states.
+//! The declaration of a component: parameters, faults, ports and states.
 //!
-//! Declared once as data; the parser of system files, the fault list, the
-//! documentation, the column heads and the checks are all derived from it.
+//! Each is declared once, as data. The parser of system files, the fault list, the
+//! documentation, the column names and the checks are all derived from it.
 
 /// A physical unit (SI) of a parameter, a signal or a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,33 +12,33 @@ pub enum Unit {
     Pascal,
     /// Kelvin.
     Kelvin,
-    /// Metre.
+    /// Meter.
     Metre,
-    /// Square metre.
+    /// Square meter.
     SquareMetre,
-    /// Cubic metre.
+    /// Cubic meter.
     CubicMetre,
-    /// Metre per second.
+    /// Meter per second.
     MetrePerSecond,
-    /// Square metre per second: a kinematic viscosity.
+    /// Square meter per second: a kinematic viscosity.
     SquareMetrePerSecond,
-    /// Cubic metre per second.
+    /// Cubic meter per second.
     CubicMetrePerSecond,
     /// Kilogram.
     Kilogram,
-    /// Kilogram square metre.
+    /// Kilogram square meter.
     KilogramSquareMetre,
-    /// Kilogram per cubic metre.
+    /// Kilogram per cubic meter.
     KilogramPerCubicMetre,
     /// Newton.
     Newton,
-    /// Newton metre.
+    /// Newton meter.
     NewtonMetre,
-    /// Newton per metre.
+    /// Newton per meter.
     NewtonPerMetre,
-    /// Newton second per metre.
+    /// Newton second per meter.
     NewtonSecondPerMetre,
-    /// Newton metre second per radian.
+    /// Newton meter second per radian.
     NewtonMetreSecond,
     /// Radian.
     Radian,
@@ -50,17 +50,17 @@ pub enum Unit {
     Second,
     /// Hertz.
     Hertz,
-    /// One per metre.
+    /// One per meter.
     PerMetre,
-    /// Metre per pascal.
+    /// Meter per pascal.
     MetrePerPascal,
     /// One per pascal.
     PerPascal,
-    /// Cubic metre per second and pascal: a laminar conductance.
+    /// Cubic meter per second and pascal: a laminar conductance.
     CubicMetrePerSecondPascal,
-    /// Pascal second per cubic metre: a laminar resistance.
+    /// Pascal second per cubic meter: a laminar resistance.
     PascalSecondPerCubicMetre,
-    /// Pascal second squared per metre to the sixth: a turbulent resistance.
+    /// Pascal second squared per meter to the sixth: a turbulent resistance.
     PascalSecondSquaredPerMetreToTheSixth,
     /// One per second.
     PerSecond,
@@ -70,7 +70,7 @@ pub enum Unit {
     Ampere,
 }
 
-/// Suffix of names in this unit, symbol, and how reports show it.
+/// Name suffix and symbol of a unit, and the unit that reports show instead.
 struct UnitFacts {
     suffix: &'static str,
     symbol: &'static str,
@@ -135,7 +135,7 @@ impl Unit {
         }
     }
 
-    /// The end of every public name in this unit, e.g. `_pa`.
+    /// The suffix of every public name in this unit, e.g. `_pa`.
     pub const fn suffix(self) -> &'static str {
         self.facts().suffix
     }
@@ -145,18 +145,18 @@ impl Unit {
         self.facts().symbol
     }
 
-    /// The unit that reports show, e.g. `bar`.
+    /// Symbol of the unit that reports show, e.g. `bar`.
     pub const fn shown(self) -> &'static str {
         self.facts().shown
     }
 
-    /// An SI value in the unit that reports show.
+    /// Converts an SI value to the unit that reports show.
     pub fn to_shown(self, si: f64) -> f64 {
         let facts = self.facts();
         si * facts.shown_per_si + facts.shown_offset
     }
 
-    /// The difference of two SI values in the unit that reports show.
+    /// Converts a difference of two SI values to the unit that reports show.
     pub fn difference_to_shown(self, si: f64) -> f64 {
         si * self.facts().shown_per_si
     }
@@ -204,19 +204,19 @@ pub struct Parameter {
     pub name: &'static str,
     /// The unit.
     pub unit: Unit,
-    /// The value where the file gives none; `None` makes it obligatory.
+    /// The value if the file gives none; `None` makes the parameter mandatory.
     pub default: Option<f64>,
     /// The smallest value allowed.
     pub min: f64,
     /// The largest value allowed.
     pub max: f64,
-    /// One line for people.
+    /// One line of documentation.
     pub summary: &'static str,
 }
 
-/// How an intensity `i` in 0 … 1 moves a parameter `p`.
+/// How a fault of intensity `i` in 0 … 1 changes a parameter `p`.
 ///
-/// All three leave `p` as it is at `i = 0`, to the last bit.
+/// All three laws leave `p` unchanged at `i = 0`, to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
     /// `p + i · full`: for parameters that are zero when healthy.
@@ -238,32 +238,32 @@ impl Law {
     }
 }
 
-/// The physical kind of a fault, for reports and for choosing faults by kind.
+/// The physical kind of a fault, for reports and for selecting faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Category {
     /// Fluid leaves the circuit.
     ExternalLeakage,
-    /// Fluid passes a seal inside.
+    /// Fluid passes an internal seal.
     InternalLeakage,
     /// A passage is narrowed.
     Clogging,
     /// Edges or clearances are worn.
     Wear,
-    /// A drive became slow or badly damped.
+    /// A drive is slow or poorly damped.
     Dynamics,
-    /// A part does not move as it should.
+    /// A part sticks or moves less than it should.
     Jamming,
-    /// More friction.
+    /// Friction is increased.
     Friction,
-    /// Play or lost stiffness in a joint.
+    /// A joint has play or lost stiffness.
     Looseness,
-    /// The fluid is not what it should be.
+    /// The fluid's properties are wrong.
     Contamination,
-    /// A constant error of a signal.
+    /// A signal has a constant error.
     Bias,
-    /// A gain error of a signal.
+    /// A signal has a gain error.
     Calibration,
-    /// A signal is too slow.
+    /// A signal lags.
     Lag,
 }
 
@@ -287,14 +287,14 @@ impl Category {
     }
 }
 
-/// A fault that a component can have: a parameter that drifts with intensity.
+/// A fault of a component: a parameter that changes with intensity.
 #[derive(Clone, Copy, Debug)]
 pub struct Fault {
     /// The name within its component, e.g. `clogging_pa`.
     pub name: &'static str,
-    /// The parameter it acts on.
+    /// The parameter that it changes.
     pub parameter: &'static str,
-    /// How it acts.
+    /// How it changes the parameter.
     pub law: Law,
     /// The law's value at intensity 1; a system file can give another.
     pub full: f64,
@@ -302,16 +302,16 @@ pub struct Fault {
     pub full_min: f64,
     /// The largest `full` that a system file may give.
     pub full_max: f64,
-    /// Its physical kind.
+    /// The physical kind.
     pub category: Category,
-    /// One line for people.
+    /// One line of documentation.
     pub summary: &'static str,
 }
 
-/// What flows through a port.
+/// The kind of a port: the quantities that it exchanges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
-    /// Pressure and flow. Exactly one component of a node sets the pressure.
+    /// Pressure and flow. Exactly one component per node sets the pressure.
     Hydraulic {
         /// Whether this component sets the pressure.
         sets: bool,
@@ -330,11 +330,11 @@ pub enum PortKind {
     SignalIn {
         /// The signal's unit.
         unit: Unit,
-        /// The parameter that stands in where nothing is connected; `None`
-        /// makes the connection obligatory.
+        /// The parameter that supplies the signal if nothing is connected; `None`
+        /// makes the connection mandatory.
         default: Option<&'static str>,
     },
-    /// A signal that the component gives.
+    /// A signal that the component outputs.
     SignalOut {
         /// The signal's unit.
         unit: Unit,
@@ -342,7 +342,7 @@ pub enum PortKind {
 }
 
 impl PortKind {
-    /// The family that can be connected with each other, in words.
+    /// The family in words; ports of one family can be connected.
     pub fn family(self) -> &'static str {
         match self {
             PortKind::Hydraulic { .. } => "hydraulic",
@@ -352,7 +352,7 @@ impl PortKind {
         }
     }
 
-    /// Whether this end gives the node its potential or its signal.
+    /// Whether this port sets the node's potential or its signal.
     pub fn sets(self) -> bool {
         match self {
             PortKind::Hydraulic { sets }
@@ -364,19 +364,19 @@ impl PortKind {
     }
 }
 
-/// A place where a component is connected.
+/// A connection point of a component.
 #[derive(Clone, Copy, Debug)]
 pub struct Port {
     /// The name within its component.
     pub name: &'static str,
-    /// What flows through it.
+    /// The quantities that it exchanges.
     pub kind: PortKind,
-    /// Whether it may be left open (a hydraulic port then is plugged, a
-    /// mechanical one is free).
+    /// Whether it may be left open. An open hydraulic port is plugged, an open
+    /// mechanical port is free.
     pub optional: bool,
-    /// What a signal input may be, where no parameter stands in that says so.
+    /// Range of a signal input that has no default parameter.
     pub range: Option<(f64, f64)>,
-    /// One line for people.
+    /// One line of documentation.
     pub summary: &'static str,
 }
 
@@ -387,45 +387,45 @@ pub struct State {
     pub name: &'static str,
     /// The unit.
     pub unit: Unit,
-    /// The size that errors are measured against.
+    /// The magnitude that errors are measured against.
     pub scale: f64,
-    /// How many times as large an error over scale may be in a step as that of others.
+    /// Permitted error per `scale` in a step, as a multiple of that of other states.
     pub error_weight: f64,
-    /// Where the search for the steady state begins.
+    /// The initial guess for the steady-state search.
     pub start: Start,
-    /// The search for the steady state does not go below; minus infinity for no bound.
+    /// Lower bound in the steady-state search; minus infinity for no bound.
     pub lowest: f64,
-    /// One line for people.
+    /// One line of documentation.
     pub summary: &'static str,
 }
 
-/// An implicit step may end below vacuum, where hardly any flow lifts a pressure again; a search that went
-/// there would find no rest. No system of the catalogue rests at less than this.
+/// Lower bound of a pressure in the steady-state search. An implicit step may end below vacuum, where hardly any flow
+/// raises the pressure again, and the search would fail. No system of the catalogue has a lower steady-state pressure.
 const LOWEST_AT_REST_PA: f64 = 1e3;
 
-/// The first guess of a state for the steady-state search.
+/// The initial guess of a state for the steady-state search.
 #[derive(Clone, Copy, Debug)]
 pub enum Start {
-    /// A number.
+    /// A fixed number.
     Value(f64),
     /// The value of a parameter of the component.
     Parameter(&'static str),
 }
 
-/// Everything a component declares.
+/// The complete declaration of a component.
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
     /// The word for `kind` in a system file.
     pub kind: &'static str,
-    /// One line for people.
+    /// One line of documentation.
     pub summary: &'static str,
-    /// Parameters, in the order that equations see them.
+    /// Parameters, in the order in which equations index them.
     pub parameters: &'static [Parameter],
     /// Faults, in the order of the fault list.
     pub faults: &'static [Fault],
-    /// Ports.
+    /// Ports, in the order of their positions.
     pub ports: &'static [Port],
-    /// State variables.
+    /// State variables, in the order of their positions.
     pub states: &'static [State],
     /// Whether it fixes the absolute pressure of its hydraulic circuit.
     pub reference: bool,
@@ -442,7 +442,7 @@ impl Spec {
         self.faults.iter().position(|f| f.name == name)
     }
 
-    /// What a signal input may be: the range of the parameter that stands in, or its own.
+    /// Range of a signal input: that of its default parameter, or else its own.
     pub fn input_range(&self, port: &Port) -> Option<(f64, f64)> {
         match port.kind {
             PortKind::SignalIn { default: Some(name), .. } => {
@@ -459,13 +459,13 @@ impl Spec {
     }
 }
 
-/// Shorthands, so that a component's declaration reads as a table.
+/// Shorthands that make a component's declaration read as a table.
 pub mod declare {
     use super::*;
 
-    /// Declares the parameters of a component, one a row: `name: parameter(unit, default, range, summary)`.
+    /// Declares the parameters of a component, one per row: `name: parameter(unit, default, range, summary)`.
     ///
-    /// The name stands in system files and in equations. The macro makes the array `PARAMETERS` for the [`Spec`], and
+    /// System files and equations use the name. The macro creates the array `PARAMETERS` for the [`Spec`] and
     /// the module `index` with the position of each parameter: an equation reads `given[index::area_m2]`.
     macro_rules! parameters {
         ($($name:ident: $($declare:ident)::+ ($($argument:expr),* $(,)?)),* $(,)?) => {
@@ -538,7 +538,7 @@ pub mod declare {
         Fault { law: Law::Scale, ..adds(name, parameter, full, range, category, summary) }
     }
 
-    /// A fault that multiplies a parameter by `full^i`.
+    /// A fault that multiplies a parameter by `full^i`, such as a shrinking passage.
     pub const fn shrinks(
         name: &'static str,
         parameter: &'static str,
@@ -554,7 +554,7 @@ pub mod declare {
         Port { name, kind, optional: false, range: None, summary }
     }
 
-    /// A hydraulic port whose pressure comes from elsewhere.
+    /// A hydraulic port whose pressure another component sets.
     pub const fn hydraulic(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Hydraulic { sets: false }, summary)
     }
@@ -564,7 +564,7 @@ pub mod declare {
         port(name, PortKind::Hydraulic { sets: true }, summary)
     }
 
-    /// A translational port that is moved from elsewhere.
+    /// A translational port whose motion another component sets.
     pub const fn translational(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Translational { sets: false }, summary)
     }
@@ -574,7 +574,7 @@ pub mod declare {
         port(name, PortKind::Translational { sets: true }, summary)
     }
 
-    /// A rotational port that is turned from elsewhere.
+    /// A rotational port whose motion another component sets.
     pub const fn rotational(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Rotational { sets: false }, summary)
     }
@@ -589,7 +589,7 @@ pub mod declare {
         port(name, PortKind::SignalIn { unit, default: None }, summary)
     }
 
-    /// A signal input that must be connected, and what it may be.
+    /// A signal input that must be connected, with its range.
     pub const fn input_within(
         name: &'static str,
         unit: Unit,
@@ -599,7 +599,7 @@ pub mod declare {
         Port { range: Some(range), ..input(name, unit, summary) }
     }
 
-    /// A signal input with a parameter that stands in.
+    /// A signal input with a default parameter; it may be left open.
     pub const fn input_or(
         name: &'static str,
         unit: Unit,
@@ -612,17 +612,17 @@ pub mod declare {
         }
     }
 
-    /// A signal output.
+    /// A signal output; it may be left open.
     pub const fn output(name: &'static str, unit: Unit, summary: &'static str) -> Port {
         Port { optional: true, ..port(name, PortKind::SignalOut { unit }, summary) }
     }
 
-    /// The same port, but it may be left open.
+    /// Makes a port optional.
     pub const fn optional(port: Port) -> Port {
         Port { optional: true, ..port }
     }
 
-    /// A state variable.
+    /// A state variable with error weight 1 and no lower bound.
     pub const fn state(
         name: &'static str,
         unit: Unit,
@@ -633,16 +633,17 @@ pub mod declare {
         State { name, unit, scale, error_weight: 1.0, start, lowest: f64::NEG_INFINITY, summary }
     }
 
-    /// The error weight of a velocity that no sensor shows. It errs most, where friction turns, and would shorten steps in which
-    /// everything else is exact. With a tenth more the largest errors, where an edge clogs or the supply is lost, double.
+    /// The error weight of a velocity that no sensor measures. Such a velocity errs most where friction reverses, and
+    /// would shorten steps in which all else is accurate. A weight 10 % larger doubles the largest errors, which occur
+    /// where an edge clogs or the supply is lost.
     pub const VELOCITY_ERROR_WEIGHT: f64 = 5.0;
 
-    /// The same state, but its error in a step may be so many times as large.
+    /// Sets the error weight of a state.
     pub const fn with_error_weight(error_weight: f64, state: State) -> State {
         State { error_weight, ..state }
     }
 
-    /// The absolute pressure of a fluid, Pa; the search for the steady state begins at a parameter.
+    /// The absolute pressure of a fluid, Pa; `start` names the parameter with the initial guess.
     pub const fn pressure_state(
         name: &'static str,
         start: &'static str,

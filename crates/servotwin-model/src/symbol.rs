@@ -1,19 +1,19 @@
-//! Numbers that record what is done with them.
+//! Numbers that record the operations on them.
 //!
-//! Evaluating an equation with [`Symbol`]s leaves its text in a [`Graph`]: an
-//! expression per operation, each kept once however often it is used. From the
-//! graph comes the C of a system ([`crate::c_source`]).
+//! Evaluating an equation with [`Symbol`]s leaves its text in a [`Graph`]: one
+//! expression per operation, each stored once however often it is used. The
+//! graph becomes the C source of a system ([`crate::c_source`]).
 //!
-//! A constant is carried in the symbol itself and needs no graph; operations on
-//! constants are done at once, with the arithmetic of `f64`. What is simplified
-//! beyond that leaves every number as it is:
+//! A symbol carries a constant itself, without a graph. Operations on
+//! constants are done at once, in `f64` arithmetic. The other
+//! simplifications change no number:
 //!
 //! ```text
 //! −0 + x = x,   −0 − x = −x,   x − 0 = x,   1 x = x,   x/1 = x             (Y1)
 //! −(−x) = x,   (−x) + y = y − x,   x − (−y) = x + y                        (Y2)
 //! ```
 //!
-//! The zero of a sum is the negative one: the other would turn the sign of `x = −0`.
+//! The neutral element of a sum is −0, because adding +0 changes the sign of `x = −0`.
 
 use crate::math;
 use crate::scalar::{Primitive, Scalar};
@@ -70,7 +70,7 @@ impl Function {
         Function::Cos,
     ];
 
-    /// The usual name.
+    /// The usual name, for example `exp2`.
     pub fn name(self) -> &'static str {
         match self {
             Function::Exp => "exp",
@@ -82,7 +82,7 @@ impl Function {
         }
     }
 
-    /// What the function does, in primitives.
+    /// The function's value, computed from primitives.
     pub fn kernel<P: Primitive>(self, x: P) -> P {
         match self {
             Function::Exp => math::exp(x),
@@ -114,37 +114,37 @@ pub enum Binary {
     Larger,
 }
 
-/// What an expression is made of.
+/// An argument of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Operand {
     /// The bits of an `f64`.
     Constant(u64),
-    /// The expression of this number.
+    /// The index of an expression in the graph.
     Node(u32),
 }
 
 /// One entry of a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Expression {
-    /// An entry of a named array from outside.
+    /// An entry of a named external array.
     Variable(&'static str, u32),
-    /// Of one number.
+    /// An operation on one number.
     Unary(Unary, Operand),
-    /// Of two numbers.
+    /// An operation on two numbers.
     Binary(Binary, Operand, Operand),
-    /// A truth: the first is less than the second.
+    /// A truth value: the first operand is less than the second.
     Less(Operand, Operand),
-    /// The first where the truth of that number holds, else the second.
+    /// The first operand if the expression with that index is true, else the second.
     Select(u32, Operand, Operand),
 }
 
 impl Expression {
-    /// Whether it is a truth, not a number.
+    /// Whether it is a truth value and not a number.
     pub fn is_truth(self) -> bool {
         matches!(self, Expression::Less(..))
     }
 
-    /// The expressions that it needs.
+    /// The indices of the expressions that this one uses.
     pub fn needs(self) -> impl Iterator<Item = u32> {
         let none = Operand::Constant(0);
         let (truth, a, b) = match self {
@@ -161,7 +161,7 @@ impl Expression {
     }
 }
 
-/// Which expressions are needed for these values, by their numbers.
+/// Marks, for each expression, whether the values depend on it.
 pub(crate) fn needed(expressions: &[Expression], values: &[Operand]) -> Vec<bool> {
     let mut needed = vec![false; expressions.len()];
     for value in values {
@@ -185,17 +185,17 @@ struct Store {
     known: BTreeMap<Expression, u32>,
 }
 
-/// The expressions of a trace, each after those that it needs.
+/// The expressions of a trace. Each stands after those that it uses.
 #[derive(Default)]
 pub struct Graph(RefCell<Store>);
 
 impl Graph {
-    /// A graph without expressions.
+    /// An empty graph.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// An entry of an array from outside.
+    /// A symbol for an entry of an external array.
     pub fn variable(&self, array: &'static str, index: usize) -> Symbol<'_> {
         self.symbol(Expression::Variable(array, index as u32))
     }
@@ -209,7 +209,7 @@ impl Graph {
         self.0.borrow().expressions[node as usize]
     }
 
-    /// The number of an expression, which becomes a new one where it is unknown.
+    /// The index of an expression; adds the expression if it is new.
     fn node(&self, expression: Expression) -> u32 {
         let Store { expressions, known } = &mut *self.0.borrow_mut();
         *known.entry(expression).or_insert_with(|| {
@@ -223,26 +223,26 @@ impl Graph {
     }
 }
 
-/// A number in the making.
+/// A number in a trace.
 #[derive(Clone, Copy)]
 pub enum Symbol<'g> {
-    /// A number known already.
+    /// A known number.
     Constant(f64),
     /// An expression of a graph.
     Node(&'g Graph, u32),
 }
 
-/// A truth in the making.
+/// A truth value in a trace.
 #[derive(Clone, Copy)]
 pub enum Truth<'g> {
-    /// Known already.
+    /// A known truth value.
     Constant(bool),
     /// An expression of a graph.
     Node(&'g Graph, u32),
 }
 
 impl<'g> Symbol<'g> {
-    /// What an expression holds for this symbol.
+    /// This symbol as an operand of an expression.
     pub fn operand(self) -> Operand {
         match self {
             Symbol::Constant(value) => Operand::Constant(value.to_bits()),
@@ -250,7 +250,7 @@ impl<'g> Symbol<'g> {
         }
     }
 
-    /// The expression behind it, where it is not a constant.
+    /// The symbol's expression; `None` for a constant.
     pub fn expression(self) -> Option<Expression> {
         match self {
             Symbol::Constant(_) => None,
@@ -262,7 +262,7 @@ impl<'g> Symbol<'g> {
         matches!(self, Symbol::Constant(value) if value.to_bits() == number.to_bits())
     }
 
-    /// `x` where this is `−x`.
+    /// `x` if this is `−x`.
     fn negated(self) -> Option<Self> {
         let Symbol::Node(graph, node) = self else {
             return None;
@@ -293,7 +293,7 @@ impl<'g> Symbol<'g> {
             return Symbol::Constant(fold(self.known(), other.known()));
         };
         let (mut a, mut b) = (self.operand(), other.operand());
-        // Sums and products are the same either way round: keep one.
+        // Sums and products commute: keep one order.
         if matches!(operation, Binary::Sum | Binary::Product) && b < a {
             (a, b) = (b, a);
         }

@@ -1,13 +1,13 @@
-//! What a component is given to connect its equations.
+//! The interface through which a component wires its equations.
 //!
-//! A component does not know its neighbours. It asks for the variables behind
-//! its ports and states and adds equation blocks that read some variables and
-//! add their outputs to others.
+//! A component does not know its neighbors. It requests the variables behind
+//! its ports and states and adds equation blocks, which read variables and
+//! add their outputs to sums.
 //!
-//! Signs, once for all: the *sum* of a node is what flows **into the component
+//! Sign convention: the *sum* of a node is what flows **into the component
 //! that sets the node's potential** — flow into the volume that sets the
 //! pressure, force on the mass that sets the motion (positive along its
-//! coordinate), moment on the inertia that sets the angle. A block that takes a
+//! coordinate), moment on the inertia that sets the angle. A block that moves
 //! flow from port `a` to port `b` therefore subtracts it from the sum of `a`
 //! and adds it to the sum of `b`.
 
@@ -15,22 +15,22 @@ use crate::equation::Equation;
 use crate::spec::Spec;
 use alloc::vec::Vec;
 
-/// A port of a component, both by position.
+/// A port of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct PortOf {
-    /// The component.
+    /// Index of the component.
     pub component: usize,
-    /// The port in its declaration.
+    /// Index of the port in the component's declaration.
     pub port: usize,
 }
 
-/// Which equation a block is: its place in the catalogue's list, which knows the equation itself.
+/// The equation of a block, as its index in the catalogue's list, which holds the equation itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Kind(pub(crate) u8);
 
-/// An equation block that is in the catalogue's list.
+/// An equation block of the catalogue's list.
 pub trait Listed {
-    /// Its place there.
+    /// Its index in the list.
     const KIND: Kind;
 }
 
@@ -43,14 +43,13 @@ pub struct Variable(pub(crate) u32);
 pub struct Sum(pub(crate) u32);
 
 impl Sum {
-    /// The same quantity, to be read.
+    /// The sum as a variable to read.
     pub fn variable(self) -> Variable {
         Variable(self.0)
     }
 }
 
-/// Where an output goes: it is added to one sum, subtracted from another, or
-/// both.
+/// The target of an output: added to one sum, subtracted from another, or both.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Output {
     pub(crate) add: Option<Sum>,
@@ -66,13 +65,13 @@ impl Output {
     pub fn subtract(sum: Sum) -> Self {
         Self { add: None, subtract: Some(sum) }
     }
-    /// Takes from one sum and gives to the other.
+    /// Subtracts from one sum and adds to the other.
     pub fn transfer(from: Sum, to: Sum) -> Self {
         Self { add: Some(to), subtract: Some(from) }
     }
 }
 
-/// One equation block of one component, wired.
+/// A wired equation block of a component.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     pub kind: Kind,
@@ -80,7 +79,7 @@ pub(crate) struct Block {
     pub which: usize,
     pub inputs: Vec<Variable>,
     pub outputs: Vec<Output>,
-    /// The clock that runs it; `None` for continuous equations.
+    /// Index of the clock that runs it; `None` for continuous equations.
     pub clock: Option<usize>,
     /// Whether it runs before all others ([`Wiring::opening_equation`]).
     pub is_opening: bool,
@@ -93,16 +92,16 @@ impl Block {
     }
 }
 
-/// What a variable is.
+/// The source of a variable's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {
     State {
         component: usize,
         state: usize,
     },
-    /// From outside, in the order of the network's inputs.
+    /// An external input, by its index among the network's inputs.
     External(usize),
-    /// A parameter of a component where no signal is connected.
+    /// A component's parameter, where no signal is connected.
     Parameter {
         component: usize,
         parameter: usize,
@@ -111,18 +110,18 @@ pub(crate) enum Role {
     Temperature {
         component: usize,
     },
-    /// Kept between the ticks of a clock.
+    /// Held between the ticks of a clock.
     Held,
-    /// The sum of what blocks add to it.
+    /// The sum of the block outputs added to it.
     Sum,
     /// The time derivative of a state, itself a sum.
     Derivative {
         component: usize,
         state: usize,
     },
-    /// Another variable's name.
+    /// Another name of a variable.
     Alias(Variable),
-    /// A node's potential that nobody has set yet.
+    /// A node's potential that no component has set yet.
     Unset,
 }
 
@@ -144,7 +143,7 @@ pub(crate) struct Clock {
     pub period_s: f64,
 }
 
-/// Everything collected while components wire themselves.
+/// Everything that the components' wiring has added so far.
 #[derive(Default)]
 pub(crate) struct Collected {
     pub roles: Vec<Role>,
@@ -154,7 +153,7 @@ pub(crate) struct Collected {
     pub exchanges: Vec<(usize, Variable, Variable)>,
     /// The nodes of all connected ports, in the order of components.
     pub nodes: Vec<(PortOf, Node)>,
-    /// (state, what is recorded of it).
+    /// (state, variable recorded in its place).
     pub shown: Vec<(Variable, Variable)>,
 }
 
@@ -164,10 +163,10 @@ impl Collected {
         Variable(self.roles.len() as u32 - 1)
     }
 
-    /// The variable behind aliases.
+    /// Follows aliases to the variable behind them.
     ///
     /// # Panics
-    /// Where aliases run in a circle, which no component's wiring makes.
+    /// If aliases form a circle, which no component's wiring creates.
     pub fn resolve(&self, mut variable: Variable) -> Variable {
         for _ in 0..=self.roles.len() {
             match self.roles[variable.0 as usize] {
@@ -184,7 +183,7 @@ pub struct Wiring<'a> {
     pub(crate) collected: &'a mut Collected,
     pub(crate) component: usize,
     pub(crate) spec: &'static Spec,
-    /// The nodes of the ports; `None` where a port is open.
+    /// The nodes of the ports; `None` for an open port.
     pub(crate) nodes: &'a [Option<Node>],
     /// The states and their derivatives.
     pub(crate) states: &'a [(Variable, Sum)],
@@ -209,8 +208,8 @@ impl Wiring<'_> {
         self.nodes[self.index(port)].is_some()
     }
 
-    /// A parameter of the component, without faults: for what shapes the
-    /// structure (a count, a period), never for an equation's numbers.
+    /// A parameter of the component without faults. Use it for the structure (a count,
+    /// a period), never for the numbers of an equation.
     pub fn structural(&self, parameter: &str) -> f64 {
         self.parameters[self.spec.parameter(parameter).expect("a declared parameter")]
     }
@@ -255,8 +254,7 @@ impl Wiring<'_> {
         self.node(port).sum
     }
 
-    /// The signal at an input port: what is connected, or the parameter that
-    /// stands in.
+    /// The signal at an input port: the connected one, or that of the default parameter.
     pub fn signal(&mut self, port: &str) -> Variable {
         let index = self.index(port);
         if let Some(node) = self.nodes[index] {
@@ -279,20 +277,20 @@ impl Wiring<'_> {
         self.collected.variable(Role::Temperature { component: self.component })
     }
 
-    /// A sum inside the component.
+    /// Creates a sum inside the component.
     pub fn internal(&mut self) -> Sum {
         let variable = self.collected.variable(Role::Sum);
         Sum(variable.0)
     }
 
-    /// Sets the pressure of a port's node, or a signal output, to a variable.
+    /// Sets the pressure of a port's node, or a signal output, to a variable. An open port ignores it.
     pub fn set(&mut self, port: &str, variable: Variable) {
         if let Some(node) = self.nodes[self.index(port)] {
             self.collected.roles[node.first.0 as usize] = Role::Alias(variable);
         }
     }
 
-    /// Sets position and velocity (or angle and rate) of a port's node.
+    /// Sets position and velocity (or angle and rate) of a port's node. An open port ignores it.
     pub fn set_motion(&mut self, port: &str, position: Variable, velocity: Variable) {
         if let Some(node) = self.nodes[self.index(port)] {
             self.collected.roles[node.first.0 as usize] = Role::Alias(position);
@@ -300,7 +298,7 @@ impl Wiring<'_> {
         }
     }
 
-    /// Adds an equation block. `which` is handed to its constants.
+    /// Adds an equation block. Its constants receive `which`.
     pub fn equation<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
         which: usize,
@@ -312,8 +310,8 @@ impl Wiring<'_> {
         self.block::<E, I, O, C>(which, inputs, outputs, None);
     }
 
-    /// Adds an equation block that reads states alone and runs before all other blocks, so that the order of those does
-    /// not depend on whether they read the states or what the block makes of them.
+    /// Adds an equation block that reads only states and runs before all other blocks. The order of the others then
+    /// does not depend on whether they read the states or the block's outputs.
     pub fn opening_equation<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
         inputs: [Variable; I],
@@ -325,16 +323,16 @@ impl Wiring<'_> {
         self.collected.blocks.last_mut().expect("the block just added").is_opening = true;
     }
 
-    /// Makes runs record a variable where a state is asked for.
+    /// Makes runs record `variable` when the user selects the state.
     pub fn show_state(&mut self, state: &str, variable: Variable) {
         self.collected.shown.push((self.state(state), variable));
     }
 
-    /// Adds an equation block that runs once per period of the named parameter
-    /// and keeps its outputs in between.
+    /// Adds an equation block that runs once per period, given by the named parameter,
+    /// and holds its outputs in between.
     ///
-    /// `inputs` is given the held outputs, so that a block can read what it
-    /// gave at the tick before (a filter, an integrator).
+    /// `inputs` receives the held outputs, so that a block can read its own outputs of
+    /// the previous tick (a filter, an integrator).
     pub fn sampled<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
         period: &str,
@@ -351,8 +349,8 @@ impl Wiring<'_> {
         });
         let held = core::array::from_fn(|_| self.collected.variable(Role::Held));
         let inputs = inputs(self, held);
-        // Blocks add to sums of their own, which replace the held values when
-        // all blocks of the tick have run.
+        // Blocks add to separate sums. These replace the held values after all
+        // blocks of the tick have run.
         let outputs = held.map(|held| {
             let next = self.internal();
             self.collected.exchanges.push((index, next.variable(), held));

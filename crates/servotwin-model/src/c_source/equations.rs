@@ -1,6 +1,6 @@
 //! The equations of a system as plain C99, for simulators without Rust.
 //!
-//! The text comes from a trace of the compiled program, so it is the same arithmetic that everything else runs.
+//! The text comes from a trace of the compiled program, so its arithmetic is that of all other evaluations.
 //! The trace includes the transcendental functions; `helpers` adds rounding, scaling and splitting by powers of two.
 //! Compiled without fused or reassociated arithmetic (`-ffp-contract=off`, no `-ffast-math`), the C returns the same
 //! bits as [`Program::evaluate`].

@@ -1,4 +1,4 @@
-//! CompiledStep that the equations call and C's library lacks.
+//! Functions that the equations call and C's library lacks.
 
 use super::printer::{Body, Dialect, line};
 use crate::symbol::{Binary, Expression, Function, Unary};
@@ -7,7 +7,7 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// A function of the prelude.
+/// A function printed before the equations.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Helper {
     Round,

@@ -20,7 +20,7 @@ use crate::program::Program;
 use crate::symbol::{Graph, Symbol};
 use alloc::vec::Vec;
 
-/// Makes the parameters of all components variables of the array `parameters`.
+/// Returns the parameters of all components as variables of the array `parameters`.
 fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {
     let mut index = 0;
     let components = program.network().components.iter();

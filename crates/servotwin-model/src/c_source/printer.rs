@@ -13,27 +13,27 @@ const ARGUMENT: &str = "x";
 /// For each value, the array entries that receive it.
 pub(super) type Stores = BTreeMap<Operand, Vec<(&'static str, usize)>>;
 
-/// The C that one kind of number needs.
+/// The spelling of operations in C for one kind of number.
 pub(super) trait Dialect {
     /// The type of a number.
     const NUMBER: &'static str;
-    /// The type of a truth.
+    /// The type of a truth value.
     const TRUTH: &'static str;
 
     fn entry(&self, array: &str, index: usize) -> String;
     fn store(&self, array: &str, index: usize, value: &str) -> String;
     fn literal(&self, value: f64) -> String;
     fn unary(&mut self, operation: Unary, a: &str) -> String;
-    /// An operation that C has no operator for.
+    /// An operation without a C operator.
     fn call(&self, operation: Binary, a: &str, b: &str) -> String;
     fn less(&self, a: &str, b: &str) -> String;
     fn select(&self, truth: &str, yes: &str, no: &str) -> String;
-    /// Whether an expression gets a variable `v…` of its own.
+    /// Whether an expression gets its own variable `v…`.
     fn has_statement(&self, node: usize, expression: Expression) -> bool;
-    /// The entry that holds an expression without a variable of its own.
+    /// The entry that holds an expression without its own variable.
     fn held_entry(&self, node: usize) -> String;
 
-    /// A comment behind the statement of an expression.
+    /// A comment after the statement of an expression.
     fn comment(&self, _expression: Expression) -> String {
         String::new()
     }
@@ -46,7 +46,7 @@ pub(super) struct Printer<'a, D> {
 }
 
 impl<D: Dialect> Printer<'_, D> {
-    /// Prints what the values need, and stores each value as soon as it is known.
+    /// Prints the statements that the values need, and stores each value as soon as it is known.
     pub fn statements(&mut self, c: &mut String, values: &[Operand], stores: &Stores) {
         let needed = symbol::needed(self.expressions, values);
         for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
@@ -97,7 +97,7 @@ impl<D: Dialect> Printer<'_, D> {
         }
     }
 
-    /// A value where it is used.
+    /// The text of a value where it is used.
     pub fn operand(&self, operand: Operand) -> String {
         match operand {
             Operand::Constant(bits) => self.dialect.literal(f64::from_bits(bits)),
@@ -120,7 +120,7 @@ fn is_argument(expression: Expression) -> bool {
     matches!(expression, Expression::Variable(ARGUMENT, _))
 }
 
-/// A transcendental function, traced.
+/// The trace of a transcendental function.
 pub(super) struct Body {
     pub expressions: Vec<Expression>,
     value: Operand,
@@ -138,7 +138,7 @@ impl Body {
         needed_expressions(&self.expressions, &[self.value])
     }
 
-    /// Prints the function under a head.
+    /// Prints the function with the given head.
     pub fn print<D: Dialect>(&self, c: &mut String, head: &str, dialect: D) {
         line(c, format_args!("{head}\n{{"));
         let mut printer = Printer { dialect, expressions: &self.expressions };

@@ -1,22 +1,22 @@
-//! A step of the solver as straight lines of C, for [`CompiledStep`](crate::solver::CompiledStep).
+//! A step of the solver as straight-line C, for [`CompiledStep`](crate::solver::CompiledStep).
 //!
 //! The interpreted step finds its numbers through lists, because the lists describe any system.
 //! That costs half of its instructions. C for one system needs no lists: the compiler keeps numbers in registers, and
 //! the step takes two thirds of the time. The text comes from a trace of the functions that walk the lists, so it does
 //! the same arithmetic in the same order and returns the same bits.
 //!
-//! One text serves every width. `-DWIDTH=8` makes a register hold eight lanes (AVX-512), 4 four lanes (AVX2), 1 one
-//! lane; `-DSTRIDE` is the number of lanes in the arrays. Fused and reassociated arithmetic must be off
+//! One text serves every width. `-DWIDTH` is the number of lanes in a register: 8 for AVX-512, 4 for AVX2, or 1.
+//! `-DSTRIDE` is the number of lanes in the arrays. Fused and reassociated arithmetic must be off
 //! (`-ffp-contract=off`).
 //!
 //! On some processors with AVX-512 the derivatives wait for the only unit for roots and divisions. `-DITERATE_ROOTS`
-//! makes every second root an iteration. Its result is correctly rounded too, so the bits stay equal.
+//! computes every second root by iteration. Its result is correctly rounded too, so the bits stay equal.
 //!
-//! Some expressions depend only on constants, on parameters that stand in for signals and on external inputs. These
-//! expressions are *cached*: they keep their values as long as their sources do. `update` computes them anew and stores
+//! Some expressions depend only on constants, on parameters that replace signals and on external inputs. These
+//! expressions are *cached*: they keep their values as long as their sources do. `update` recomputes them and stores
 //! them in the array `cached`, where `begin` and `motion` read them. Its argument `changed` has one bit per input
-//! (`input_bit`) and one for everything else (`NUMBERS`). `update` is a function of its own because its branches would
-//! split the straight lines of `begin` and `motion`; the compiler schedules only between branches.
+//! (`input_bit`) and one for everything else (`NUMBERS`). `update` is a separate function because its branches would
+//! split the straight-line code of `begin` and `motion`; the compiler schedules only between branches.
 
 use super::parameter_symbols;
 use super::printer::{Body, Dialect, Printer, Stores, line};
@@ -56,24 +56,24 @@ pub fn write_step(program: &Program, method: Method) -> Option<String> {
     Some(c)
 }
 
-/// What the cached part of two evaluations is, and where each number of it stands.
+/// The cached expressions of `begin` and `motion`, and their indices in the array `cached`.
 #[derive(Default)]
 struct Cached {
-    /// What each expression changes with; `None` where it is not cached.
+    /// The sources that change each expression, as bits; `None` if it is not cached.
     changes_with: Vec<Option<u64>>,
-    /// Where those stand that other expressions need, or that are results, by the number of the expression.
+    /// Index in `cached` of each expression that is a result or that an expression with other sources uses.
     places: BTreeMap<u32, usize>,
 }
 
 impl Cached {
-    /// Of everything that is needed for these values.
+    /// Finds the cached part of the expressions that the values need.
     fn new(program: &Program, expressions: &[Expression], values: &[Operand]) -> Self {
         let mut changes_with: Vec<Option<u64>> = Vec::with_capacity(expressions.len());
         for &expression in expressions {
             let mut of_needed = expression.needs().map(|other| changes_with[other as usize]);
             changes_with.push(match expression {
                 Expression::Variable(array, place) => source(program, array, place as usize),
-                // A truth is no number that could be kept.
+                // A truth value is not a number and cannot be stored in the array.
                 Expression::Less(..) => None,
                 _ => of_needed.try_fold(0, |all, one| Some(all | one?)),
             });
@@ -92,7 +92,7 @@ impl Cached {
         Self { changes_with, places }
     }
 
-    /// The parts that change together, each after those that it needs.
+    /// The sets of sources in order: each after those of the expressions that it uses.
     fn parts(&self) -> Vec<u64> {
         let parts = self.places.keys().filter_map(|&node| self.changes_with[node as usize]);
         let mut parts: Vec<u64> = parts.collect::<BTreeSet<u64>>().into_iter().collect();
@@ -100,7 +100,7 @@ impl Cached {
         parts
     }
 
-    /// The function that does those parts anew that have changed.
+    /// Prints the function that recomputes the parts whose sources have changed.
     fn update(&self, c: &mut String, expressions: &[Expression]) {
         let head = "update(IN constants, IN variables, OUT cached, uint64_t changed)";
         function(c, head, |c| {
@@ -120,7 +120,7 @@ impl Cached {
     }
 }
 
-/// What an entry of an array changes with; `None` where that is more than what is cached.
+/// The sources that change an entry of an array; `None` if it must not be cached.
 fn source(program: &Program, array: &str, place: usize) -> Option<u64> {
     let (externals, stand_ins) = (program.externals(), program.stand_ins());
     match array {
@@ -133,7 +133,7 @@ fn source(program: &Program, array: &str, place: usize) -> Option<u64> {
     }
 }
 
-/// The number of an expression.
+/// The index of an expression; `None` for a constant.
 fn node(value: Operand) -> Option<u32> {
     match value {
         Operand::Node(node) => Some(node),
@@ -141,19 +141,19 @@ fn node(value: Operand) -> Option<u32> {
     }
 }
 
-/// A function that fills places of arrays.
+/// A function that writes entries of arrays.
 struct CFunction<'g> {
     head: String,
-    /// (array, place, value).
+    /// (array, index, value).
     stores: Vec<(&'static str, usize, Symbol<'g>)>,
 }
 
 impl CFunction<'_> {
-    /// Where each value is put.
+    /// The entries that receive each value.
     fn stores(&self) -> Stores {
         let mut stores = Stores::new();
         for &(array, place, value) in &self.stores {
-            // What stays where it is.
+            // An entry that keeps its value needs no store.
             if value.expression() != Some(Expression::Variable(array, place as u32)) {
                 stores.entry(value.operand()).or_default().push((array, place));
             }
@@ -165,7 +165,7 @@ impl CFunction<'_> {
         self.write_beside(c, &graph.expressions(), &Cached::default());
     }
 
-    /// The function, which finds what is cached in its array.
+    /// Writes the function, which reads cached values from their array.
     fn write_beside(self, c: &mut String, expressions: &[Expression], cached: &Cached) {
         let dialect = Lanes::new(cached, None);
         function(c, &self.head, |c| print_stores(c, expressions, dialect, &self.stores()));
@@ -178,7 +178,7 @@ fn print_stores(c: &mut String, expressions: &[Expression], dialect: Lanes, stor
     Printer { dialect, expressions }.statements(c, &values, stores);
 }
 
-/// A function over all lanes.
+/// Prints a function that loops over all lanes.
 fn function(c: &mut String, head: &str, body: impl FnOnce(&mut String)) {
     line(c, format_args!("void {head}\n{{"));
     line(c, format_args!("    for (int lane = 0; lane < STRIDE; lane += WIDTH) {{"));
@@ -186,12 +186,12 @@ fn function(c: &mut String, head: &str, body: impl FnOnce(&mut String)) {
     line(c, format_args!("    }}\n}}\n"));
 }
 
-/// An array from outside.
+/// The entries of an external array.
 fn array<'g>(graph: &'g Graph, name: &'static str, length: usize) -> Vec<Symbol<'g>> {
     (0..length).map(|index| graph.variable(name, index)).collect()
 }
 
-/// The variable array before an evaluation: what is no sum comes from outside.
+/// The variable array before an evaluation: all entries before the sums are external.
 fn variables<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     let mut variables = vec![Symbol::constant(0.0); program.memory()];
     let given = array(graph, "variables", program.sums().start);
@@ -199,15 +199,15 @@ fn variables<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     variables
 }
 
-/// Gradients from outside, and the two places that never change.
+/// External gradients, and the two entries that never change.
 fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     let mut gradients = array(graph, "gradients", program.jacobian().slots());
     program.jacobian().set_fixed(&mut gradients);
     gradients
 }
 
-/// Constants from outside. Those that no parameter changes are numbers, and of those that are made alike of the same
-/// parameters the first is read: eight lanes of a number take eight times its room in the nearest cache.
+/// The constants. Those that no parameter changes become numbers. Among constants with the same formula of the same
+/// parameters only the first is read, because eight lanes of a number take eight times its space in the nearest cache.
 fn constants<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     let of_parameters = Graph::new();
     let values = program.block_constants(&parameter_symbols(program, &of_parameters));
@@ -219,7 +219,7 @@ fn constants<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     values.iter().enumerate().map(constant).collect()
 }
 
-/// `begin` and `motion`, which share what is cached.
+/// Prints `begin` and `motion`, which share the cached values, and `update`.
 fn evaluations(c: &mut String, program: &Program) {
     let graph = Graph::new();
     let constants = constants(&graph, program);
@@ -239,7 +239,7 @@ fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> C
     let mut variables = variables(graph, program);
     let mut gradients = gradients(graph, program);
     program.trace_with_jacobian(constants, &mut variables, &mut gradients);
-    // What only clocks write stays as it is.
+    // Variables that only clocks write are not stored.
     let untouched = Symbol::constant(0.0).operand();
     let sums = program.sums().filter(|&place| variables[place].operand() != untouched);
     let sums = sums.map(|place| ("variables", place, variables[place]));
@@ -274,7 +274,7 @@ fn factor(c: &mut String, program: &Program) {
     .write(c, &graph);
 }
 
-/// The first stage, which has nothing on the right side before.
+/// The first stage, whose right-hand side starts at zero.
 fn solve_first(c: &mut String, program: &Program) {
     let graph = Graph::new();
     let right = vec![Symbol::constant(0.0); program.states().len()];
@@ -307,7 +307,7 @@ fn solution<'g>(
     .write(c, graph);
 }
 
-/// The derivatives of the states from outside.
+/// The derivatives of the states, as external variables.
 fn derivatives<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     program.derivatives().map(|place| graph.variable("variables", place)).collect()
 }
@@ -337,9 +337,9 @@ fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
 /// The macros of `step.h`, for the lanes of a register.
 struct Lanes<'a> {
     cached: &'a Cached,
-    /// Which part of what is cached is printed; `None` for the rest.
+    /// The part of the cached expressions to print; `None` for the uncached rest.
     part: Option<u64>,
-    /// Whether the last root was an iterated one; they alternate.
+    /// Whether the last root was an iterated one; iterated and plain roots alternate.
     is_root_iterated: bool,
 }
 
@@ -411,5 +411,5 @@ impl Dialect for Lanes<'_> {
     }
 }
 
-/// The operations on lanes, by width; the same as those of `lanes`.
+/// The operations on lanes by width; they match those of the module `lanes`.
 const PRELUDE: &str = include_str!("step.h");

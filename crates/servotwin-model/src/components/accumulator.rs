@@ -24,10 +24,10 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A gas accumulator; see the module documentation.
 pub struct Accumulator;
 
-/// The bladder begins to leave its seat here, per unit of the precharge.
+/// The pressure at which the bladder begins to leave its seat, per unit of the precharge.
 const SEATED: f64 = 0.95;
 
 parameters! {

@@ -22,10 +22,10 @@ use crate::scalar::{Scalar, lit};
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// The air's hinge moment; see the module documentation.
 pub struct AerodynamicLoad;
 
-/// Mach 0.9 in the stratosphere, where sound is slowest: the law says nothing beyond.
+/// Mach 0.9 in the stratosphere, where the speed of sound is lowest. (H2) does not hold beyond.
 const LARGEST_SPEED_M_S: f64 = 265.0;
 
 parameters! {
@@ -103,7 +103,7 @@ impl Component for AerodynamicLoad {
     }
 }
 
-/// Equation (H2): dynamic pressure, the scale of the static and of the rate
+/// Equation (H2): returns the dynamic pressure and the scales of the static and of the rate
 /// moment.
 #[inline(always)]
 fn scales<S: Scalar>(q: S, mach_2: S, speed: S, area_chord: S::Base, half: S::Base) -> [S; 3] {
@@ -139,7 +139,7 @@ impl Equation<2, 3, 4> for Stream {
     }
 }
 
-/// The same where the altitude is a signal: (air speed, load factor, altitude).
+/// The same with the altitude as a signal: (air speed, load factor, altitude).
 pub struct StreamAtAltitude;
 
 impl Equation<3, 3, 2> for StreamAtAltitude {
@@ -156,7 +156,7 @@ impl Equation<3, 3, 2> for StreamAtAltitude {
     }
 }
 
-/// Equation (H3) at rest: (scale, incidence, angle) → moment.
+/// Equation (H3) at zero rate: (scale, incidence, angle) → moment.
 pub struct HingeMoment;
 
 impl Equation<3, 1, 3> for HingeMoment {

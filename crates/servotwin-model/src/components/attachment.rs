@@ -20,7 +20,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// An elastic joint; see the module documentation.
 pub struct Attachment;
 
 parameters! {
@@ -87,7 +87,7 @@ impl Equation<4, 1, 6> for Joint {
             given[index::backlash_m],
             given[index::offset_m],
             S::constant(1.0) / ramp,
-            // Exactly one without play.
+            // Exactly one if there is no play.
             tiny / ramp,
         ]
     }

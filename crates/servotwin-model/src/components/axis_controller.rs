@@ -22,7 +22,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A linear axis controller; see the module documentation.
 pub struct AxisController;
 
 parameters! {
@@ -100,7 +100,7 @@ impl Equation<3, 1, 2> for AxisDemand {
     }
 }
 
-/// The last term of (AX2): (p_A, p_B, washout) → what the demand loses, rate of the washout.
+/// The last term of (AX2): (p_A, p_B, washout) → part subtracted from the demand, rate of the washout.
 pub struct AxisDamping;
 
 impl Equation<3, 2, 2> for AxisDamping {
@@ -145,7 +145,7 @@ mod tests {
         let c = constants::<AxisOutput, 4, 2, 3>(&AxisController, &changes, 0);
         let [current, rate] = AxisOutput::evaluate(&c, [0.1, 1.0, 2e-3, 1e-3]);
         assert!((current - 0.1).abs() < 1e-15 && (rate - 0.5).abs() < 1e-12, "{current} {rate}");
-        // With the error held, the integral comes to rest where the demand is beyond by the error.
+        // With a constant error, the integral settles where the demand exceeds the limit by the error.
         let [current, rate] = AxisOutput::evaluate(&c, [1.1, 0.5, 2e-3, 1e-3]);
         assert!((current - 0.5).abs() < 1e-15 && rate.abs() < 1e-12, "{current} {rate}");
     }

@@ -24,7 +24,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A check valve; see the module documentation.
 pub struct CheckValve;
 
 parameters! {

@@ -1,29 +1,29 @@
-//! What solid bodies do to each other: dry friction and end stops, each one text for all components.
+//! Contact forces between solid bodies: dry friction and end stops, each written once for all components.
 //!
 //! ```text
 //! F = b v + F_C (1 + (κ − 1) e^{−(v/v_s)²}) tanh(v/v_0)                    (CO1)
 //! ```
 //!
 //! with κ static over Coulomb friction, the Stribeck velocity v_s and the smoothing velocity v_0.
-//! End stops are equation (Y6) of the cylinder. Both hold for forces, and for accelerations where the
-//! constants are over the mass.
+//! Equation (Y6) of the cylinder describes end stops. Both return a force, or an acceleration if the
+//! constants are divided by the mass.
 
 use crate::scalar::Scalar;
 
 /// Number of constants of [`stribeck`].
 pub const STRIBECK_CONSTANTS: usize = 5;
 
-/// The parameters of (CO1).
+/// The parameters of (CO1), for a force or an acceleration.
 pub struct Stribeck<S> {
-    /// b
+    /// b, the viscous friction.
     pub viscous: S,
-    /// F_C
+    /// F_C, the Coulomb friction.
     pub coulomb: S,
-    /// κ
+    /// κ, the static over the Coulomb friction.
     pub static_ratio: S,
-    /// v_s
+    /// v_s, the Stribeck velocity, m/s.
     pub velocity: S,
-    /// v_0
+    /// v_0, the smoothing velocity, m/s.
     pub smoothing: S,
 }
 
@@ -34,7 +34,7 @@ pub fn stribeck_constants<S: Scalar<Base = S>>(of: Stribeck<S>) -> [S; STRIBECK_
     [of.viscous, of.coulomb, excess, one / of.velocity, one / of.smoothing]
 }
 
-/// Equation (CO1): what friction does against a velocity.
+/// Equation (CO1): the friction that opposes a velocity.
 #[inline(always)]
 pub fn stribeck<S: Scalar>(
     velocity: S,
@@ -57,8 +57,8 @@ pub fn end_stop_constants<S: Scalar<Base = S>>(
     [limit, stiffness, damping, S::constant(1e3) / limit]
 }
 
-/// Equation (Y6): what end stops at both ends do against a motion, force or
-/// acceleration as the constants have it.
+/// Equation (Y6): the force or acceleration with which end stops at both ends oppose a
+/// motion, depending on the constants.
 #[inline(always)]
 pub fn end_stop<S: Scalar>(
     position: S,
@@ -70,6 +70,6 @@ pub fn end_stop<S: Scalar>(
     let excess = position - position.clamp(-high, high);
     let contact = (excess.abs() * per_fade).min(S::constant(1.0));
     let push = excess * stiffness + velocity * contact * damping;
-    // A stop does not hold back what leaves it.
+    // A stop does not pull a body that moves away from it.
     S::select(excess.less(zero), push.min(zero), push.max(zero))
 }

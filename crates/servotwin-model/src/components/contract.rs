@@ -1,8 +1,8 @@
 //! Promises that every component keeps, checked over [`ALL`].
 //!
 //! Each component is wired alone, once with every port connected, once with
-//! the optional ones open, and once with only the last of these open. From the wiring it is known what each input of a
-//! block is (a pressure, a position, …), hence in which range to try it.
+//! the optional ones open, and once with only the last of these open. The wiring shows what each input of a
+//! block is (a pressure, a position, …), and therefore the range of its test values.
 
 use super::{ALL, BlockKind, Component, Visitor, description};
 use crate::dual::{Dual, Partial};
@@ -34,7 +34,7 @@ impl Random {
     }
 }
 
-/// The declared parameters, with something possible where there is no default.
+/// The declared parameters; a parameter without a default gets a value within its range.
 pub(crate) fn parameters(spec: &Spec) -> Vec<f64> {
     let values = spec.parameters.iter().map(|p| match p.default {
         Some(value) => value,
@@ -44,7 +44,7 @@ pub(crate) fn parameters(spec: &Spec) -> Vec<f64> {
     values.collect()
 }
 
-/// The constants of a component's block with its default parameters.
+/// The constants of a component's block with its default parameters and the given changes.
 pub(crate) fn constants<E, const I: usize, const O: usize, const C: usize>(
     component: &dyn Component,
     changes: &[(&str, f64)],
@@ -65,16 +65,16 @@ where
     })
 }
 
-/// The optional ports that are left open.
+/// The optional ports that stay open.
 #[derive(Clone, Copy)]
 enum Open {
     None,
-    /// The last signal for which no parameter stands in.
+    /// The last signal without a default parameter.
     Last,
     All,
 }
 
-/// A component wired without neighbours.
+/// A component wired without neighbors.
 struct Alone {
     spec: &'static Spec,
     parameters: Vec<f64>,
@@ -127,7 +127,7 @@ impl Alone {
         Self { spec, parameters, collected, states, nodes }
     }
 
-    /// Where an input of a block is to be tried.
+    /// The range of test values of a block's input.
     fn range(&self, variable: Variable) -> (f64, f64) {
         let variable = self.collected.resolve(variable);
         match self.collected.roles[variable.0 as usize] {
@@ -170,7 +170,7 @@ impl Alone {
         Some((-size, size))
     }
 
-    /// Around the parameter that stands in; else by unit.
+    /// A range around the default parameter, or else by unit.
     fn signal(&self, unit: Unit, default: Option<&str>) -> (f64, f64) {
         let value = default.map_or(0.0, |name| self.parameters[self.spec.parameter(name).unwrap()]);
         let by_unit = match unit {
@@ -230,7 +230,7 @@ fn for_each_block(mut f: impl FnMut(&Alone, &Block)) {
     }
 }
 
-/// One block, to be evaluated for several inputs.
+/// One block to evaluate for several inputs.
 #[derive(Clone, Copy)]
 struct OneBlock<'a> {
     kind: BlockKind,
@@ -239,7 +239,7 @@ struct OneBlock<'a> {
     samples: &'a [Vec<f64>],
 }
 
-/// Constants and the outputs for each sample.
+/// The constants, and the outputs for each sample.
 type Results = (Vec<f64>, Vec<Vec<f64>>);
 
 impl Kernel for OneBlock<'_> {
@@ -374,7 +374,7 @@ fn a_fault_is_neutral_at_zero_and_acts_at_one() {
 
 impl Alone {
     /// Whether another value of a parameter changes the constants of a block or
-    /// a signal that it stands in for.
+    /// a signal that the parameter replaces.
     fn depends_on(&self, parameter: usize, value: f64) -> bool {
         let mut changed = self.parameters.clone();
         changed[parameter] = value;
@@ -468,7 +468,7 @@ impl Visitor for WithPartials<'_> {
     }
 }
 
-/// The central difference by Richardson's extrapolation, `None` at a kink.
+/// The central difference by Richardson's extrapolation; `None` at a kink.
 fn difference(f: &dyn Fn(f64) -> f64, x: f64, h: f64, noise: f64) -> Option<f64> {
     let (ahead, behind) = ((f(x + h) - f(x)) / h, (f(x) - f(x - h)) / h);
     let size = ahead.abs() + behind.abs();

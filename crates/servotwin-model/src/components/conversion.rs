@@ -1,4 +1,4 @@
-//! What all sensors share: two conversions, each with its faults.
+//! The conversions that all sensors share: two conversions, each with its faults.
 //!
 //! A quantity becomes an electrical signal in the sensor and a number in the
 //! computer. Either conversion can be biased or miscalibrated:
@@ -9,8 +9,8 @@
 //! x' = (1 + g_d) (i − 4 mA) / 16 mA + b_d                                  (C3)
 //! ```
 //!
-//! `x` is a share of full scale, so a bias is one too. (C2) and (C3) are the
-//! current loop; the sensor's output ends at full scale.
+//! `x` is a fraction of full scale, and so is a bias. (C2) and (C3) describe the
+//! current loop; the sensor's output saturates at full scale.
 
 use crate::equation::Given;
 use crate::scalar::Scalar;
@@ -36,12 +36,12 @@ pub const fn gain_digital(name: &'static str) -> Parameter {
     share(name, (-1.0, 2.0), "gain error of the computer's input")
 }
 
-/// Noise, added where readings are sampled.
+/// Noise, which is added to sampled readings.
 pub const fn noise_sigma(name: &'static str) -> Parameter {
     share(name, (0.0, 1.0), "noise of a sample, share of full scale")
 }
 
-/// Resolution, applied where readings are sampled.
+/// Resolution, which is applied to sampled readings.
 pub const fn bits(name: &'static str) -> Parameter {
     share(name, (0.0, 32.0), "resolution of a sample over full scale; 0 for ideal")
 }
@@ -50,7 +50,7 @@ const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> 
     parameter(name, Unit::None, 0.0, range, summary)
 }
 
-/// The faults of both conversions, and one more of the sensor itself.
+/// The faults of both conversions, and one more fault of the sensor itself.
 pub const fn faults(own: Fault) -> [Fault; 9] {
     const fn bias(name: &'static str, parameter: &'static str, full: f64) -> Fault {
         adds(name, parameter, full, (-1.0, 1.0), Category::Bias, "constant error")
@@ -76,24 +76,24 @@ pub fn factor<S: Scalar<Base = S>>(given: &Given<S>, gain: usize) -> S {
     given[gain] + S::constant(1.0)
 }
 
-/// The current of an empty scale, A.
+/// The current at zero scale, A.
 pub const ZERO_A: f64 = 4e-3;
 const SPAN_A: f64 = 16e-3;
 
-/// The gain and the offset of [`to_current_a`] for a quantity that is `low` at an empty scale and `range` more at a full
-/// one: (C2) without its limits.
+/// The gain and the offset of [`to_current_a`], which are (C2) without its limits. The quantity is `low` at zero
+/// scale and `low + range` at full scale.
 pub fn to_current_constants<S: Scalar<Base = S>>(factor: S, bias: S, low: S, range: S) -> [S; 2] {
     let gain = factor * S::constant(SPAN_A) / range;
     [gain, bias * S::constant(SPAN_A) + S::constant(ZERO_A) - gain * low]
 }
 
-/// Equation (C2): a quantity → current.
+/// Equation (C2): quantity → current, A.
 #[inline(always)]
 pub fn to_current_a<S: Scalar>(quantity: S, gain: S::Base, offset: S::Base) -> S {
     (quantity * gain + offset).clamp(S::constant(ZERO_A), S::constant(ZERO_A + SPAN_A))
 }
 
-/// The gain and the offset of (C3), with the quantity of [`to_current_constants`] for the share.
+/// The gain and the offset of (C3), for the quantity of [`to_current_constants`] instead of its fraction.
 pub fn from_current_constants<S: Scalar<Base = S>>(factor: S, bias: S, low: S, range: S) -> [S; 2] {
     let gain = factor * range / S::constant(SPAN_A);
     [gain, bias * range - gain * S::constant(ZERO_A) + low]

@@ -38,10 +38,10 @@ use crate::wiring::{Output, Wiring};
 use alloc::format;
 use alloc::string::String;
 
-/// See the module.
+/// A double-acting cylinder; see the module documentation.
 pub struct Cylinder;
 
-/// The smallest chamber, per unit of its volume at the centre.
+/// The smallest chamber volume, per unit of the volume at the center.
 const SMALLEST: f64 = 0.01;
 
 parameters! {
@@ -187,7 +187,7 @@ impl Component for Cylinder {
 }
 
 /// Equations (Y1) and (Y2): (s, flow into the chamber, x, v) → s'. `which` is
-/// the chamber: 0 A, 1 B.
+/// the chamber: 0 for A, 1 for B.
 pub struct ChamberPressure;
 
 impl Equation<4, 1, { 4 + BULK_CONSTANTS }> for ChamberPressure {
@@ -224,7 +224,7 @@ impl Equation<2, 1, 1> for SealLeakage {
     }
 }
 
-/// Equation (Y4) without friction and stops: (p_a, p_b, rod force) → share of v'.
+/// Equation (Y4) without friction and stops: (p_a, p_b, rod force) → contribution to v'.
 pub struct PistonForce;
 
 impl Equation<3, 1, 4> for PistonForce {
@@ -310,7 +310,7 @@ mod tests {
         assert_eq!(friction_n(5e-3, -3e-3), -friction_n(5e-3, 3e-3));
         assert_eq!(friction_n(5e-3, 0.0), 0.0);
         assert!((friction_n(5e-3, 0.1) - 500.0).abs() < 1e-6);
-        // The slope at rest, which is the fastest pole of the actuator.
+        // The slope at zero velocity, which gives the fastest pole of the actuator.
         let slope = friction_n(5e-3, 1e-9) / 1e-9;
         assert!((slope / (750.0 / 5e-3) - 1.0).abs() < 1e-6);
     }
@@ -322,7 +322,7 @@ mod tests {
             forces.fold(0.0, f64::max)
         };
         assert!(largest(0.2e-3) > 720.0);
-        // As coarse as the Stribeck velocity, it hides the peak.
+        // A smoothing velocity as large as the Stribeck velocity hides the peak.
         assert!(largest(5e-3) <= 500.0 + 1e-6, "{}", largest(5e-3));
     }
 

@@ -16,7 +16,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A leak to the surroundings; see the module documentation.
 pub struct ExternalLeakage;
 
 parameters! {

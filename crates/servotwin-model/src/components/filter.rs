@@ -16,7 +16,7 @@ use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A filter, cooler or hose; see the module documentation.
 pub struct Filter;
 
 parameters! {
@@ -75,7 +75,7 @@ impl Equation<2, 1, 2> for FilterFlow {
     fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b]: [S; 2]) -> [S; 1] {
         let drop = p_a - p_b;
         let root = (drop.abs() * c[1] + c[0] * c[0]).sqrt();
-        // Not the difference as (O2): a filter may have no quadratic part.
+        // This form has no difference as in (O2), because a filter may have no quadratic part.
         [drop * lit::<S>(2.0) / (root + c[0])]
     }
 }

@@ -16,27 +16,27 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A pump of constant displacement; see the module documentation.
 pub struct FlowSource;
 
-/// Full flow; every pump has this parameter.
+/// The parameter for the full flow, which every pump has.
 pub(crate) const fn full_flow(name: &'static str) -> Parameter {
     let summary = "full flow Q at rated speed";
     required(name, Unit::CubicMetrePerSecond, (0.0, 1.0), summary)
 }
 
-/// Internal leakage; every pump has this parameter.
+/// The parameter for the internal leakage, which every pump has.
 pub(crate) const fn internal_leakage(name: &'static str) -> Parameter {
     let summary = "laminar conductance C_li from outlet to inlet";
     parameter(name, Unit::CubicMetrePerSecondPascal, 5e-13, (0.0, 1e-8), summary)
 }
 
-/// Speed; every pump has this parameter.
+/// The parameter for the speed, which every pump has.
 pub(crate) const fn speed(name: &'static str) -> Parameter {
     parameter(name, Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one")
 }
 
-/// Worn gaps; every pump has this fault.
+/// The fault of worn gaps, which every pump has.
 pub(crate) const WEAR: Fault = adds(
     "wear",
     "internal_leakage_m3_s_pa",
@@ -89,7 +89,7 @@ impl Component for FlowSource {
     }
 }
 
-/// Equation (FS1): what a pump delivers at `speed` times its displacement. Of `[Q, C_li]`.
+/// Equation (FS1) with the constants `[Q, C_li]`; `speed` is the speed times the relative displacement.
 #[inline(always)]
 pub(crate) fn delivered<S: Scalar>(c: &[S::Base; 2], [speed, inlet, outlet]: [S; 3]) -> S {
     speed * c[0] - (outlet - inlet) * c[1]

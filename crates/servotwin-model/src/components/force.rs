@@ -12,7 +12,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// An external force; see the module documentation.
 pub struct Force;
 
 parameters! {
@@ -44,7 +44,7 @@ impl Component for Force {
     }
 }
 
-/// Equation (P1): the signal as a force.
+/// Equation (P1): signal → force.
 pub struct Applied;
 
 impl Equation<1, 1, 0> for Applied {

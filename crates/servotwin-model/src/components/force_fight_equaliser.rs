@@ -26,7 +26,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
-/// See the module.
+/// The equalizer of two actuators; see the module documentation.
 pub struct ForceFightEqualiser;
 
 parameters! {
@@ -85,13 +85,13 @@ impl Component for ForceFightEqualiser {
     }
 }
 
-/// Declares the equaliser of more than two actuators.
+/// Declares the equalizer of more than two actuators.
 macro_rules! equaliser {
     (
         $component:ident, $kind:literal, $words:literal, $block:ident, $actuators:literal, $inputs:literal,
         [$($n:literal),*]
     ) => {
-        /// See the module.
+        /// An equalizer of more than two actuators; see the module documentation.
         pub struct $component;
 
         impl Component for $component {
@@ -99,7 +99,7 @@ macro_rules! equaliser {
                 static SPEC: Spec = Spec {
                     kind: $kind,
                     summary: concat!("balances the forces of ", $words, " actuators on one surface"),
-                    // The first three are those of two actuators, at the same positions.
+                    // The first three parameters are those of two actuators, at the same positions.
                     parameters: &{
                         let [gain, time_constant, limit, ..] = PARAMETERS;
                         [
@@ -162,7 +162,7 @@ macro_rules! equaliser {
                 let names = [$((concat!("difference_", $n, "_pa"), concat!("correction_", $n))),*];
                 for (own, (z, correction)) in names.into_iter().enumerate() {
                     let state = wiring.state(z);
-                    // Its own come first, then those of the others, and last z.
+                    // The actuator's own inputs come first, then those of the others, and z comes last.
                     let turned = |k: usize| (own + k) % $actuators;
                     let inputs = core::array::from_fn(|k| match k {
                         k if k < $actuators => differences[turned(k)],
@@ -179,7 +179,7 @@ macro_rules! equaliser {
             }
         }
 
-        /// Equation (Q3): (differences, modes, z), those of the actuator itself first → rate of its z.
+        /// Equation (Q3): (differences, modes, z), the actuator's own first → rate of its z.
         pub struct $block;
 
         impl Equation<$inputs, 1, 1> for $block {
@@ -215,7 +215,7 @@ equaliser!(
     [1, 2, 3, 4]
 );
 
-/// d of an actuator by its two ports.
+/// Wires the pressure difference d of an actuator from its two ports.
 fn difference(wiring: &mut Wiring, ports: [&str; 2]) -> Variable {
     let difference = wiring.internal();
     let pressures = ports.map(|port| wiring.signal(port));

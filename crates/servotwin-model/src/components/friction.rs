@@ -18,7 +18,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// Stribeck friction; see the module documentation.
 pub struct Friction;
 
 parameters! {
@@ -83,7 +83,7 @@ impl Component for Friction {
     }
 }
 
-/// Equation (R1): velocity → force against it.
+/// Equation (R1): velocity → force that opposes it.
 pub struct Rubbing;
 
 impl Equation<1, 1, STRIBECK_CONSTANTS> for Rubbing {

@@ -12,16 +12,16 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A gain; see the module documentation.
 pub struct Gain;
 
-/// An amplifier whose gain is a parameter gives too little.
+/// Fault of an amplifier whose gain, a parameter, is too low.
 pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
     let summary = "the amplifier has lost gain";
     scales("gain_low", parameter, 0.2, (0.0, 1.0), Category::Calibration, summary)
 }
 
-/// It gives too much.
+/// Fault of an amplifier whose gain, a parameter, is too high.
 pub(crate) const fn gain_high(parameter: &'static str) -> Fault {
     let summary = "the amplifier has too much gain";
     scales("gain_high", parameter, 2.0, (1.0, 100.0), Category::Calibration, summary)

@@ -17,7 +17,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A lever; see the module documentation.
 pub struct Lever;
 
 parameters! {

@@ -26,7 +26,7 @@ use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A long line; see the module documentation.
 pub struct LongLine;
 
 parameters! {

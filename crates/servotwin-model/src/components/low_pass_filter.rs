@@ -12,7 +12,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A low-pass filter; see the module documentation.
 pub struct LowPassFilter;
 
 parameters! {

@@ -19,7 +19,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A displacement sensor; see the module documentation.
 pub struct Lvdt;
 
 parameters! {

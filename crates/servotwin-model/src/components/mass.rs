@@ -15,7 +15,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A mass on a line; see the module documentation.
 pub struct Mass;
 
 parameters! {

@@ -56,7 +56,7 @@ pub mod temperature_sensor;
 pub mod variable_pump;
 pub mod volume;
 
-/// Work that is done with a block of any kind; see [`BlockKind::visit`].
+/// An operation on a block of any kind; see [`BlockKind::visit`].
 pub(crate) trait Visitor {
     type Output;
     fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
@@ -69,7 +69,7 @@ macro_rules! catalogue {
         /// Every component, in the order of the documentation.
         pub static ALL: &[&dyn Component] = &[$(&$module::$component),*];
 
-        /// The heads of their files, in the same order.
+        /// The module documentation of the components, in the same order.
         static HEADS: &[&str] = &[$({
             const FILE: &[u8] = include_bytes!(concat!(stringify!($module), ".rs"));
             const HEAD: [u8; head_length(FILE)] = head(FILE);
@@ -90,7 +90,7 @@ macro_rules! catalogue {
             const KIND: Kind = Kind(BlockKind::$block as u8);
         })*)*
 
-        /// The kinds in the order of their numbers.
+        /// The kinds, indexed by [`Kind`].
         static KINDS: &[BlockKind] = &[$($(BlockKind::$block,)*)*];
 
         impl BlockKind {
@@ -106,13 +106,13 @@ macro_rules! catalogue {
 }
 
 impl Block {
-    /// The equation that it is.
+    /// The kind of the block's equation.
     pub(crate) fn equation(&self) -> BlockKind {
         KINDS[self.kind.0 as usize]
     }
 }
 
-/// The number of bytes of the `//!` lines that a file begins with.
+/// The number of bytes of the `//!` lines at the beginning of a file.
 const fn head_length(file: &[u8]) -> usize {
     let mut at = 0;
     while at + 2 < file.len() && file[at] == b'/' && file[at + 1] == b'/' && file[at + 2] == b'!' {
@@ -124,7 +124,7 @@ const fn head_length(file: &[u8]) -> usize {
     at
 }
 
-/// These lines.
+/// The first `LENGTH` bytes of a file.
 const fn head<const LENGTH: usize>(file: &[u8]) -> [u8; LENGTH] {
     let mut head = [0; LENGTH];
     let mut at = 0;
@@ -135,8 +135,8 @@ const fn head<const LENGTH: usize>(file: &[u8]) -> [u8; LENGTH] {
     head
 }
 
-/// What a component is, with its equations, their sources and their limits: the head of its file, as
-/// Markdown.
+/// The description of a component as Markdown: the module documentation of its file, with the equations, their
+/// sources and their limits.
 pub fn description(kind: &str) -> Option<String> {
     let place = ALL.iter().position(|c| c.spec().kind == kind)?;
     let lines = HEADS[place].lines().map(|line| {
@@ -146,12 +146,12 @@ pub fn description(kind: &str) -> Option<String> {
     Some(lines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The component of a kind.
+/// Finds a component by its kind.
 pub fn find(kind: &str) -> Option<&'static dyn Component> {
     ALL.iter().copied().find(|c| c.spec().kind == kind)
 }
 
-/// The constants of one block as a list.
+/// Computes the constants of one block as a list.
 pub(crate) struct Constants<'a, S>(pub &'a Given<'a, S>);
 
 impl<S: Scalar<Base = S>> Visitor for Constants<'_, S> {

@@ -27,7 +27,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
-/// See the module.
+/// A mode valve; see the module documentation.
 pub struct ModeValve;
 
 parameters! {
@@ -166,7 +166,7 @@ impl Equation<1, 1, 1> for Transmission {
     }
 }
 
-/// `1 − m`, not below zero.
+/// `1 − m`, at least zero.
 #[inline(always)]
 fn damped<S: Scalar>(m: S) -> S {
     (S::constant(1.0) - m).max(S::constant(0.0))
@@ -191,8 +191,8 @@ impl Equation<3, 1, 3> for BypassFlow {
     }
 }
 
-/// Equation (M4): (m, p_up, p_down) → flow. `which` is the parameter that holds
-/// the area.
+/// Equation (M4): (m, p_up, p_down) → flow. `which` is the index of the area's
+/// parameter.
 pub struct ReserveFlow;
 
 impl Equation<3, 1, 4> for ReserveFlow {
@@ -208,7 +208,7 @@ impl Equation<3, 1, 4> for ReserveFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [m, up, down]: [S; 3]) -> [S; 1] {
-        // Closed where the drop is negative.
+        // The check valve is closed at a negative drop.
         let drop = (up - down).max(S::constant(0.0));
         let opening = damped(m) * smooth_step(drop * c[3]) * c[0];
         [opening * scaled_velocity_pa_s_m(drop, S::from_base(c[1]), c[2])]
@@ -224,7 +224,7 @@ mod tests {
     fn damping_resists_with_the_square_of_the_velocity() {
         let c = constants::<BypassFlow, 3, 1, 3>(&ModeValve, &[], 0);
         let area = 2.2723e-3;
-        // Velocity in mm/s and force in N: the law without laminar share.
+        // Velocity in mm/s and force in N: the law without its laminar part.
         for (velocity, force) in [(10.0, 342.0), (30.0, 3070.0), (60.0, 12.3e3), (90.0, 27.7e3)] {
             let [flow] = BypassFlow::evaluate(&c, [0.0, 1e5 + force / area, 1e5]);
             let reached = flow / area * 1e3;

@@ -23,7 +23,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// An orifice; see the module documentation.
 pub struct Orifice;
 
 parameters! {
@@ -76,13 +76,13 @@ pub fn laminar<S: Scalar<Base = S>>(
     transition_reynolds * kinematic_viscosity_m2_s * turbulent / hydraulic_diameter_m
 }
 
-/// The hydraulic diameter of a round hole, m. A closed hole counts as one of a
-/// micrometre, which keeps (O2) finite.
+/// The hydraulic diameter of a round hole, m. A closed hole counts as a hole of one
+/// micrometer, which keeps (O2) finite.
 pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
     (area_m2 * S::constant(4.0 / core::f64::consts::PI)).sqrt().max(S::constant(1e-6))
 }
 
-/// Equation (O2) by the constants of [`hole`], m³/s.
+/// Equation (O2) with the constants of [`hole`]: the flow, m³/s.
 #[inline(always)]
 pub fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
     let laminar = S::from_base(hole[1]);
@@ -90,7 +90,7 @@ pub fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
         * pressure_drop_pa.signed(hole[0])
 }
 
-/// Equation (O2) without its factor, for a drop that is not negative: `2 k` times the mean velocity, Pa s/m.
+/// Equation (O2) without its factor, for a drop of at least zero: `2 k` times the mean velocity, Pa s/m.
 #[inline(always)]
 pub fn scaled_velocity_pa_s_m<S: Scalar>(
     pressure_drop_pa: S,

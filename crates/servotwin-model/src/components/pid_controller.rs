@@ -24,7 +24,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
-/// See the module.
+/// A PID controller; see the module documentation.
 pub struct PidController;
 
 parameters! {
@@ -123,7 +123,7 @@ impl Equation<4, 3, 7> for PidLaw {
     }
 }
 
-/// The upper limit of (PI4): to the last bit y_max where all of the range is reached, and never below y_min by rounding.
+/// The upper limit of (PI4). It equals y_max to the last bit at full range, and rounding never takes it below y_min.
 fn highest<S: Scalar>(given: &Given<S>) -> S {
     let (least, largest) = (given[index::least], given[index::largest]);
     let lost = (S::constant(1.0) - given[index::reach]) * (largest - least);
@@ -150,7 +150,7 @@ mod tests {
         assert!((integral - 3.0 * 0.1).abs() < 1e-12 && (slow - 1.0).abs() < 1e-12);
         let [output, integral, _] = PidLaw::evaluate(&c, [5.0, 0.0, 0.0, 5.0]);
         assert_eq!((output, integral), (1.0, 3.0));
-        // An offset is wanted as a setpoint is.
+        // An offset acts like a setpoint.
         let shifted = constants::<PidLaw, 4, 3, 7>(&PidController, &[("offset", 0.05)], 0);
         let healthy = constants::<PidLaw, 4, 3, 7>(&PidController, &[], 0);
         let wanted = |c, setpoint| PidLaw::evaluate(c, [setpoint, 0.25, 0.0, 0.0]);

@@ -21,7 +21,7 @@ use crate::spec::{Category, Fault, Port, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use core::f64::consts::FRAC_PI_2;
 
-/// See the module.
+/// A continuous position loop; see the module documentation.
 pub struct PositionController;
 
 // The sampled controller shares these parameters.
@@ -36,7 +36,7 @@ parameters! {
     mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
 }
 
-/// The faults of a position loop: its amplifier has another gain, or another zero.
+/// The faults of a position loop: a wrong gain or a wrong zero of its amplifier.
 pub(crate) const LOOP_FAULTS: [Fault; 4] = {
     const fn bias(name: &'static str, full_m: f64, range_m: (f64, f64)) -> Fault {
         let summary = "null shift: the loop holds another position";
@@ -50,7 +50,7 @@ pub(crate) const LOOP_FAULTS: [Fault; 4] = {
     ]
 };
 
-/// The faults of the law, which the sampled controller shares.
+/// The faults of the controller, which the sampled controller shares.
 pub(crate) const FAULTS: [Fault; 5] = {
     let [low, high, positive, negative] = LOOP_FAULTS;
     let feedback_loss = scales(
@@ -64,7 +64,7 @@ pub(crate) const FAULTS: [Fault; 5] = {
     [low, high, positive, negative, feedback_loss]
 };
 
-/// The ports of the law, which the sampled controller shares.
+/// The ports of the controller, which the sampled controller shares.
 pub(crate) const PORTS: [Port; 7] = [
     input_within("command", Unit::Radian, (-FRAC_PI_2, FRAC_PI_2), "commanded angle θ_c"),
     input("position", Unit::Metre, "measured ram position x_m"),
@@ -128,15 +128,15 @@ pub(crate) fn feedback_gain<S: Scalar<Base = S>>(given: &Given<S>) -> S {
     given[index::pressure_gain] / given[index::pressure_reference_pa]
 }
 
-/// The second term of (K2): what the demand loses, and the rate of the washout. Of
-/// `[K_d/p_ref, 1/τ]` and `[p_A, p_B, d]`.
+/// The second term of (K2): the part subtracted from the demand, and the rate of the washout. The
+/// constants are `[K_d/p_ref, 1/τ]`, the inputs `[p_A, p_B, d]`.
 #[inline(always)]
 pub(crate) fn feedback<S: Scalar>(c: &[S::Base; 2], [p_a, p_b, washout]: [S; 3]) -> [S; 2] {
     let change = p_a - p_b - washout;
     [change * c[0], change * c[1]]
 }
 
-/// Equation (K3).
+/// Equation (K3): the current from the demand and the mode.
 #[inline(always)]
 pub(crate) fn limited<S: Scalar>(demand: S, mode: S) -> S {
     demand.clamp(S::constant(-1.0), S::constant(1.0)) * mode
@@ -157,7 +157,7 @@ impl Equation<3, 1, 3> for PositionDemand {
     }
 }
 
-/// The second term of (K2): (p_A, p_B, washout) → what the demand loses, rate of
+/// The second term of (K2): (p_A, p_B, washout) → part subtracted from the demand, rate of
 /// the washout.
 pub struct PressureFeedback;
 

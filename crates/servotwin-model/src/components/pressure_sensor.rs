@@ -17,7 +17,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A pressure transducer; see the module documentation.
 pub struct PressureSensor;
 
 parameters! {

@@ -29,11 +29,11 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
-/// See the module.
+/// A proportional valve; see the module documentation.
 pub struct ProportionalValve;
 
-/// The spool's stops, where they do not matter for the flow: 1.1 strokes, stiff and damped as those of
-/// the servo valve.
+/// The spool's stops: at 1.1 strokes, where they do not affect the flow, with the stiffness and damping of
+/// the servo valve's stops.
 const STOP: [f64; 3] = [1.1, 1e8, 1e4];
 
 /// The parameters of the edges in the order of [`ORIENTATIONS`]: PA, PB, AT, BT.
@@ -172,8 +172,8 @@ impl Equation<3, 2, SPOOL_CONSTANTS> for ControlledSpool {
     }
 }
 
-/// Equations (PV1) and (PV2): (x, transmission, p_up, p_down) → flow. `which` is the edge: 0 PA, 1 PB,
-/// 2 AT, 3 BT.
+/// Equations (PV1) and (PV2): (x, transmission, p_up, p_down) → flow. `which` is the edge: 0 for PA, 1 for PB,
+/// 2 for AT, 3 for BT.
 pub struct RatedEdge;
 
 impl Equation<4, 1, 6> for RatedEdge {
@@ -209,7 +209,7 @@ mod tests {
     use super::super::contract::constants;
     use super::*;
 
-    /// L/min through an edge of a valve of 60 L/min at 5 bar.
+    /// Flow in L/min through an edge of a valve rated at 60 L/min and 5 bar.
     fn flow(changes: &[(&str, f64)], which: usize, stroke: f64, bar: f64) -> f64 {
         let all = [&[("rated_flow_m3_s", 1e-3)], changes].concat();
         let c = constants::<RatedEdge, 4, 1, 6>(&ProportionalValve, &all, which);
@@ -236,7 +236,7 @@ mod tests {
         }
     }
 
-    /// Of the fluid that [`constants`] gives.
+    /// Density of the fluid in [`constants`], kg/m³.
     fn constants_density() -> f64 {
         let half = [("rated_density_kg_m3", 1000.0), ("leakage_m3_s_pa", 0.0)];
         1000.0 / (flow(&half, 0, 1.0, 5.0) / 60.0).powi(2)

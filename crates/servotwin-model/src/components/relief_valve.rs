@@ -16,7 +16,7 @@ use crate::component::Component;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
-/// See the module.
+/// A relief valve; see the module documentation.
 pub struct ReliefValve;
 
 parameters! {
@@ -28,7 +28,7 @@ parameters! {
     transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
 }
 
-// The equation of the check valve reads these positions.
+// The equation of the check valve uses these positions.
 const _: () = {
     use check_valve::index as shared;
     assert!(index::area_m2 == shared::area_m2 && index::set_pa == shared::cracking_pa);

@@ -23,10 +23,10 @@ use crate::spec::{Parameter, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 use alloc::string::String;
 
-/// See the module.
+/// A sampled position loop; see the module documentation.
 pub struct SampledPositionController;
 
-// These follow the parameters of the continuous controller.
+// These parameters follow those of the continuous controller.
 parameters! {
     period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "between ticks, T"),
     delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "whole samples, n"),
@@ -81,7 +81,7 @@ impl Component for SampledPositionController {
     }
 }
 
-/// Equations (Z1)–(Z3): (signals, what is held) → (washout, current, current of
+/// Equations (Z1)–(Z3): (signals, held values) → (washout, current, current of
 /// the last tick, current of the tick before).
 pub struct SampledLaw;
 

@@ -22,7 +22,7 @@ use crate::scalar::{Scalar, lit};
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
-/// See the module.
+/// A selector; see the module documentation.
 pub struct Selector;
 
 parameters! {
@@ -61,7 +61,7 @@ impl Component for Selector {
     }
 }
 
-/// v of as many displacements as are connected. It does not matter which of the optional ports is left open.
+/// Wires the vote v of the connected displacements. Either optional port may be left open.
 fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
     let others =
         ["third", "fourth"].map(|port| wiring.connected(port).then(|| wiring.signal(port)));

@@ -44,7 +44,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A two-stage servo valve; see the module documentation.
 pub struct ServoValve;
 
 /// The parameters of the edges in the order of [`ORIENTATIONS`]: PA, PB, AT, BT.
@@ -197,7 +197,7 @@ impl Equation<3, 2, SPOOL_CONSTANTS> for SpoolMotion {
 }
 
 /// Equations (W4)–(W7): (x, transmission, p_up, p_down) → flow. `which` is the
-/// edge: 0 PA, 1 PB, 2 AT, 3 BT.
+/// edge: 0 for PA, 1 for PB, 2 for AT, 3 for BT.
 pub struct EdgeFlow;
 
 impl Equation<4, 1, 9> for EdgeFlow {
@@ -241,7 +241,7 @@ impl Equation<4, 1, 9> for EdgeFlow {
         ] = *c;
         let travel = x * orientation - overlap;
         let smooth = (travel * travel + smoothing).sqrt();
-        // Twice the opening of (W4), and with it twice reach and gap.
+        // These are twice the opening of (W4), and therefore twice the reach and the gap.
         let reach = travel + smooth + four_radii;
         let gap = (reach * reach + four_heights).sqrt() - four_radii;
         let gap = gap * gap;
@@ -290,8 +290,8 @@ mod tests {
     #[test]
     fn an_open_edge_passes_the_turbulent_flow() {
         assert_close(edge_flow(&[], 0, 1e-3, 1e7), 2.196e-4, 1e-3);
-        // Without smoothing and viscosity. Of the 0.6 % between the two, 0.5 %
-        // are the tail of the slit in (W4): L falls only as ε²/(4 ξ).
+        // Without smoothing and viscosity. The two flows differ by 0.6 %, of which 0.5 %
+        // come from the tail of the slit in (W4): L falls only as ε²/(4 ξ).
         let turbulent = [("transition_reynolds", 1.0), ("smoothing_m", 1e-8)];
         assert_close(edge_flow(&turbulent, 0, 1e-3, 1e7), 2.210e-4, 1e-3);
     }
@@ -316,7 +316,7 @@ mod tests {
     #[test]
     fn at_null_the_spool_and_the_pilot_leak_as_in_the_prototype() {
         let litres_per_minute = 6e4;
-        // Two paths in parallel, each with half the pressure over either edge.
+        // Two parallel paths, each with half the pressure drop over either edge.
         let half = 0.5 * (20.68e6 - 0.6e6);
         let spool = 2.0 * edge_flow(&[], 0, 0.0, half) * litres_per_minute;
         assert_close(spool, 0.129, 1e-2);

@@ -20,7 +20,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A shut-off valve; see the module documentation.
 pub struct ShutOffValve;
 
 parameters! {

@@ -1,5 +1,5 @@
-//! What the valves with one spool and four edges have in common: the spool's motion, its edges' places, ports,
-//! states and faults. The equations (W1) to (W3) stand at [`super::servo_valve`].
+//! The common part of valves with one spool and four edges: the spool's motion, its edges, ports,
+//! states and faults. [`super::servo_valve`] gives the equations (W1) to (W3).
 
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::equation::Equation;
@@ -26,11 +26,11 @@ pub const fn ports(current: &'static str) -> [Port; 7] {
     ]
 }
 
-/// The states of its spool.
+/// The states of the spool.
 pub const fn states() -> [State; 2] {
     [
         state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
-        // A ringing valve's samples hang on it.
+        // The samples of an oscillating valve depend on the velocity.
         with_error_weight(
             2.0,
             state(
@@ -44,51 +44,51 @@ pub const fn states() -> [State; 2] {
     ]
 }
 
-/// Dirt narrows an edge, whose width or share a parameter gives.
+/// Fault: dirt narrows an edge. `parameter` is its width or share.
 pub const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
     scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
 }
 
-/// The spool became slow.
+/// Fault: the spool is slow.
 pub const fn natural_frequency_loss(summary: &'static str) -> Fault {
     let name = "natural_frequency_loss";
     shrinks(name, "natural_frequency_hz", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
 }
 
-/// The spool rings.
+/// Fault: the spool oscillates.
 pub const fn damping_loss(summary: &'static str) -> Fault {
     shrinks("damping_loss", "damping_ratio", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
 }
 
-/// The null moved towards p → a.
+/// Fault: the null moves towards p → a.
 pub const fn bias_positive() -> Fault {
     let summary = "null shift towards p → a";
     adds("bias_positive", "null_bias", 0.40, (0.0, 2.0), Category::Bias, summary)
 }
 
-/// The null moved towards p → b.
+/// Fault: the null moves towards p → b.
 pub const fn bias_negative() -> Fault {
     let summary = "null shift towards p → b";
     adds("bias_negative", "null_bias", -0.40, (-2.0, 0.0), Category::Bias, summary)
 }
 
-/// More stroke than asked for.
+/// Fault: the stroke is larger than commanded.
 pub const fn gain_high(summary: &'static str) -> Fault {
     adds("gain_high", "current_gain", 1.0, (0.0, 10.0), Category::Calibration, summary)
 }
 
-/// Less stroke than asked for.
+/// Fault: the stroke is smaller than commanded.
 pub const fn gain_low(summary: &'static str) -> Fault {
     adds("gain_low", "current_gain", -0.8, (-2.0, 0.0), Category::Calibration, summary)
 }
 
-/// The spool sticks.
+/// Fault: the spool sticks.
 pub const fn jam() -> Fault {
     let summary = "the spool sticks where it began";
     shrinks("jam", "mobility", 1e-5, (1e-12, 1.0), Category::Jamming, summary)
 }
 
-/// Connects the motion of the spool, `Motion`: (current, x, v) → (x', v'), and the flow past each edge, `Edge`:
+/// Wires the motion of the spool, `Motion`: (current, x, v) → (x', v'), and the flow through each edge, `Edge`:
 /// (x, transmission, p_up, p_down) → flow.
 pub fn connect<Motion, Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
 where
@@ -112,7 +112,7 @@ where
     }
 }
 
-/// What the motion of a spool depends on.
+/// The parameters of a spool's motion.
 pub struct Spool<S> {
     pub stroke_m: S,
     pub natural_frequency_hz: S,
@@ -121,7 +121,7 @@ pub struct Spool<S> {
     pub null_bias: S,
     pub current_gain: S,
     pub mobility: S,
-    /// Place per unit of stroke, stiffness and damping of the end stops.
+    /// Position per unit of stroke, stiffness and damping of the end stops.
     pub stop: [S; 3],
 }
 

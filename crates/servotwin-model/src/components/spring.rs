@@ -12,7 +12,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A spring with a damper; see the module documentation.
 pub struct Spring;
 
 parameters! {
@@ -50,7 +50,7 @@ impl Component for Spring {
     }
 }
 
-/// Equation (S1), with its sign turned: (position, velocity) → force against.
+/// Equation (S1) with the opposite sign: (position, velocity) → force that opposes it.
 pub struct Spreading;
 
 impl Equation<2, 1, 3> for Spreading {

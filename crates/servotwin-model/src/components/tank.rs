@@ -10,7 +10,7 @@ use crate::component::Component;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
-/// See the module.
+/// A tank; see the module documentation.
 pub struct Tank;
 
 parameters! {

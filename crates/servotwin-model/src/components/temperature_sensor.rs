@@ -20,7 +20,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
-/// See the module.
+/// A temperature sensor; see the module documentation.
 pub struct TemperatureSensor;
 
 parameters! {

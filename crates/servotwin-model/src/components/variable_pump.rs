@@ -22,7 +22,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// See the module.
+/// A pump of variable displacement; see the module documentation.
 pub struct VariablePump;
 
 parameters! {

@@ -19,7 +19,7 @@ use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
-/// See the module.
+/// A rigid volume; see the module documentation.
 pub struct Volume;
 
 parameters! {
@@ -52,8 +52,8 @@ impl Component for Volume {
     }
 }
 
-/// The pressure that the state of a fluid stands for, equation (V2): for ports, for other equations and for
-/// whoever records the state.
+/// Wires equation (V2): the pressure that a fluid state stands for. Ports, other equations and recordings of
+/// the state use it.
 pub(super) fn fluid_pressure(wiring: &mut Wiring, state: &str) -> Variable {
     let pressure = wiring.internal();
     let inputs = [wiring.state(state)];
@@ -76,7 +76,7 @@ impl Equation<1, 1, 0> for FluidPressure {
     }
 }
 
-/// Equation (V1): (state, flow into the volume) → its rate.
+/// Equation (V1): (state, flow into the volume) → rate of the state.
 pub struct VolumePressure;
 
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for VolumePressure {

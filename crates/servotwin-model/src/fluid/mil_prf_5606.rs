@@ -1,15 +1,15 @@
 //! MIL-PRF-5606, red mineral oil.
 //!
-//! Viscosity: Walther's law through a maker's sheet (495, 13.5 and 5.1 cSt at
-//! −40, 40 and 100 °C; `[S:5606]` of the physics notes), one line below 40 °C
-//! and one above, which meet there within 0.005 %. Density 871 kg/m³ at 15.6 °C,
-//! expansion by judgement. Bulk modulus 1.0 GPa at 40 °C from the same sheet,
-//! its slopes by judgement as for the other liquids.
+//! Viscosity: Walther's law through a manufacturer's data sheet (495, 13.5 and 5.1 cSt at
+//! −40, 40 and 100 °C; `[S:5606]` of the physics notes). It has one line below 40 °C
+//! and one above, which meet there within 0.005 %. Density: 871 kg/m³ at 15.6 °C; its
+//! expansion is an estimate. Bulk modulus: 1.0 GPa at 40 °C from the same sheet;
+//! its slopes are estimates, as for the other liquids.
 
 use super::{Liquid, walther_m2_s};
 use crate::scalar::{Scalar, lit};
 
-/// See the module.
+/// Red mineral oil; see the module documentation.
 pub struct MilPrf5606;
 
 impl Liquid for MilPrf5606 {

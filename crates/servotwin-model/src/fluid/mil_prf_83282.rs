@@ -1,14 +1,14 @@
 //! MIL-PRF-83282, synthetic hydrocarbon.
 //!
 //! The specification's limits: at least 14.0 cSt at 40 °C and 3.45 cSt at
-//! 100 °C, bulk modulus at least 1.379 GPa at 40 °C (remembered, `[M]` of the
-//! physics notes, not verified); Walther's law through the two viscosities.
-//! Density by judgement.
+//! 100 °C, bulk modulus at least 1.379 GPa at 40 °C. They are from memory (`[M]` of the
+//! physics notes) and not verified. Walther's law goes through the two viscosities.
+//! The density is an estimate.
 
 use super::{Liquid, walther_m2_s};
 use crate::scalar::{Scalar, lit};
 
-/// See the module.
+/// Synthetic hydrocarbon; see the module documentation.
 pub struct MilPrf83282;
 
 impl Liquid for MilPrf83282 {

@@ -1,9 +1,8 @@
 //! Hydraulic fluids: density, viscosity and bulk modulus.
 //!
-//! One file each; [`FluidKind::ALL`] lists them. The properties of a circuit at
-//! its temperature are a [`FluidState`], made once per variant; only the
-//! effective bulk modulus also depends on the pressure and is evaluated in the
-//! chambers:
+//! Each liquid has its own file; [`FluidKind::ALL`] lists them. The properties of a circuit at
+//! its temperature are a [`FluidState`], computed once per variant. Only the
+//! effective bulk modulus also depends on the pressure; the chambers evaluate it:
 //!
 //! ```text
 //! E_l = E_0(T) + k_p p                                                    (F1)
@@ -27,13 +26,13 @@
 //!
 //! `φ` is the cavity's share of the chamber's volume `V`, `q` the flow of liquid into
 //! the chamber. The liquid fills `V_l = (1 − φ) V`, and `V_l' = q` gives
-//! `φ' = [(1 − φ) V' − q]/V`, which is (F6). The vapor therefore gives way without
-//! resistance, its mass is neglected, and a cavity closes when as much liquid has
-//! come back as it has lost. With air the gas of (F2) gives way first.
+//! `φ' = [(1 − φ) V' − q]/V`, which is (F6). The vapor therefore yields without
+//! resistance, and its mass is neglected. A cavity closes when as much liquid has
+//! returned as left it. With air, the gas of (F2) expands first.
 //!
-//! Validity: `p_v` = 20 Pa for every fluid and temperature. Liquids of the catalogue boil at
-//! less than that up to about 60 °C, and nothing in a hydraulic system tells 20 Pa from zero. The
-//! cavity is lumped: it has no place within its chamber and no waves.
+//! Validity: `p_v` = 20 Pa for every fluid and temperature. The liquids of the catalogue boil
+//! below this pressure up to about 60 °C, and 20 Pa is practically zero in a hydraulic system. The
+//! cavity is lumped: it has no position in its chamber and no waves.
 //!
 //! Source: (F1)–(F3) as in MathWorks' hydraulic fluid; (F4)–(F6) are the discrete vapor cavity of column separation
 //! (Wylie & Streeter 1978), lumped into a chamber.
@@ -48,13 +47,13 @@ pub mod table;
 use crate::math::power;
 use crate::scalar::{Scalar, lit};
 
-/// The laws of one liquid, in its temperature.
+/// The properties of one liquid as functions of its temperature.
 pub trait Liquid {
     /// The word for `kind` in a system file.
     const NAME: &'static str;
-    /// One line for people, with the source.
+    /// One line of documentation, with the source.
     const SUMMARY: &'static str;
-    /// Temperatures the laws hold for, K.
+    /// Temperatures for which the equations hold, K.
     const RANGE_K: (f64, f64);
 
     /// Density at normal pressure, kg/m³.
@@ -67,15 +66,15 @@ pub trait Liquid {
     const BULK_MODULUS_SLOPE: f64;
 }
 
-/// What a system file says about the fluid of a circuit.
+/// The fluid of a circuit, as a system file describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fluid {
     /// The liquid.
     pub kind: FluidKind,
-    /// Its numbers, where it is [`FluidKind::Own`]; the growth of its bulk modulus also where it is
-    /// [`FluidKind::Table`].
+    /// The data of [`FluidKind::Own`]. [`FluidKind::Table`] also uses the growth of its bulk
+    /// modulus.
     pub own: own::OwnLiquid,
-    /// Its points, where it is [`FluidKind::Table`].
+    /// The points of [`FluidKind::Table`].
     pub table: table::Table,
     /// Volume of free gas per volume of liquid at normal pressure.
     pub air_fraction: f64,
@@ -98,7 +97,7 @@ impl Default for Fluid {
     }
 }
 
-/// The fluid of a circuit at its temperature.
+/// The properties of a circuit's fluid at its temperature.
 #[derive(Clone, Copy, Debug)]
 pub struct FluidState<S> {
     /// Density, kg/m³.
@@ -119,13 +118,13 @@ impl<S: Scalar<Base = S>> BulkModulus<S> {
     }
 }
 
-/// Equation (F4): the absolute pressure of a fluid by its state, Pa.
+/// Equation (F4): the absolute pressure of a fluid from its state, Pa.
 #[inline(always)]
 pub fn pressure_pa<S: Scalar>(state_pa: S) -> S {
     state_pa.max(S::constant(VAPOR_PRESSURE_PA))
 }
 
-/// `1 − φ` of equation (F5): the share of a chamber that liquid fills, exactly one where the chamber is full.
+/// `1 − φ` of equation (F5): the share of a chamber that liquid fills. It is exactly one in a full chamber.
 #[inline(always)]
 pub fn liquid_share<S: Scalar>(cavity_compliance_per_pa: S::Base, state_pa: S) -> S {
     let below = (-state_pa + lit::<S>(VAPOR_PRESSURE_PA)).max(S::constant(0.0));
@@ -151,15 +150,15 @@ pub struct BulkModulus<S> {
 
 /// Normal pressure, Pa.
 pub const NORMAL_PRESSURE_PA: f64 = 101_325.0;
-/// Vapor pressure `p_v`, Pa: no fluid is below it. It is so low that the gas gives way before:
-/// with 2 kPa the kink made the largest errors of all runs (4.7e-3 of scale instead of 5e-4).
+/// Vapor pressure `p_v`, Pa: the lowest pressure of any fluid. It is so low that the gas expands first.
+/// At 2 kPa the kink caused the largest errors of all runs (4.7e-3 of scale instead of 5e-4).
 pub const VAPOR_PRESSURE_PA: f64 = 20.0;
 
 /// Number of constants of [`BulkModulus`].
 pub const BULK_CONSTANTS: usize = 6;
 
 impl<S: Scalar> BulkModulus<S> {
-    /// As an array, to be stored among an equation's constants.
+    /// The constants as an array, for storage among an equation's constants.
     pub fn to_array(self) -> [S; BULK_CONSTANTS] {
         [
             self.liquid_pa,
@@ -181,8 +180,8 @@ pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) 
     numerator / denominator
 }
 
-/// `E q/V`, the rate at which a flow raises the pressure in a volume, Pa/s:
-/// [`compressibility_per_pa`] with one division in all.
+/// `E q/V`, the rate at which a flow raises the pressure in a volume, Pa/s. This is
+/// [`compressibility_per_pa`] with only one division.
 #[inline(always)]
 pub fn pressure_rate_pa_s<S: Scalar>(
     constants: &[S::Base],
@@ -201,7 +200,7 @@ fn compressibility<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> (S, S) {
     let one = lit::<S>(1.0);
     let p = pressure_pa.max(S::constant(VAPOR_PRESSURE_PA));
     let liquid_modulus = p * slope + liquid;
-    // A liquid that boils takes its gas along: its cavity is counted in the liquid's strain (F5).
+    // The cavity of a boiling liquid includes its gas: the strain of the liquid (F5) accounts for both.
     let boils = pressure_pa.less(S::constant(VAPOR_PRESSURE_PA));
     let gas_share = S::select(boils, S::constant(0.0), power(p, exponent) * gas);
     // (1 + g E_l/(n p)) / (E_l (1 + g)) + 1/E_wall, over one denominator.
@@ -210,7 +209,7 @@ fn compressibility<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> (S, S) {
     (numerator + denominator * wall, denominator)
 }
 
-/// The kinds of liquid, one line each: `Variant = module::Type`.
+/// Declares the kinds of liquid, one per line: `Variant = module::Type`.
 macro_rules! liquids {
     ($($variant:ident = $module:ident :: $liquid:ident),* $(,)?) => {
         /// A liquid of the catalogue.
@@ -238,7 +237,7 @@ macro_rules! liquids {
                 }
             }
 
-            /// One line for people.
+            /// One line of documentation.
             pub fn summary(self) -> &'static str {
                 match self {
                     $(Self::$variant => $module::$liquid::SUMMARY,)*
@@ -249,7 +248,7 @@ macro_rules! liquids {
         }
 
         impl Fluid {
-            /// Temperatures its laws hold for, K.
+            /// Temperatures for which the fluid's equations hold, K.
             pub fn range_k(&self) -> (f64, f64) {
                 match self.kind {
                     $(FluidKind::$variant => $module::$liquid::RANGE_K,)*
@@ -258,7 +257,7 @@ macro_rules! liquids {
                 }
             }
 
-            /// Density, kg/m³, kinematic viscosity, m²/s, and bulk modulus, Pa, with its growth.
+            /// Density, kg/m³, kinematic viscosity, m²/s, and bulk modulus, Pa, with its growth by pressure.
             fn laws<S: Scalar>(&self, t: S) -> (S, S, S, f64) {
                 match self.kind {
                     $(FluidKind::$variant => (
@@ -288,8 +287,8 @@ liquids! {
 }
 
 impl Fluid {
-    /// Its bulk modulus, Pa, at a temperature for which its numbers may be given, but at which it would be too soft
-    /// ([`own::LEAST_BULK_MODULUS_PA`]).
+    /// The bulk modulus, Pa, of a liquid with its own data at a temperature within [`own::RANGE_K`] at which it is too
+    /// soft ([`own::LEAST_BULK_MODULUS_PA`]); `None` otherwise.
     pub fn too_soft_pa(&self, temperature_k: f64) -> Option<f64> {
         let is_within = |(min, max): (f64, f64)| (min..=max).contains(&temperature_k);
         let is_too_soft = is_within(own::RANGE_K) && !is_within(self.range_k());
@@ -297,7 +296,7 @@ impl Fluid {
         (is_own && is_too_soft).then(|| self.own.bulk_modulus_at(temperature_k))
     }
 
-    /// The properties at a temperature.
+    /// The fluid's properties at a temperature.
     pub fn at<S: Scalar>(&self, temperature_k: S) -> FluidState<S> {
         let (density, viscosity, bulk, slope) = self.laws(temperature_k);
         let exponent = 1.0 / self.polytropic_exponent;
@@ -335,7 +334,7 @@ fn walther_m2_s<S: Scalar>(temperature_k: S, a: S, b: S) -> S {
     (power_of_ten(inner) - lit::<S>(0.7)) * lit::<S>(1e-6)
 }
 
-/// A and B of Walther's law through two temperatures, K, with their viscosities, m²/s: the colder first.
+/// A and B of Walther's law through two points (temperature, K; viscosity, m²/s), the colder first.
 fn walther_through([cold, hot]: [(f64, f64); 2]) -> [f64; 2] {
     let double = |m2_s: f64| log_10(log_10(m2_s * 1e6 + 0.7));
     let [warm, hotter] = [cold, hot].map(|(temperature_k, _)| log_10::<f64>(temperature_k));
@@ -412,7 +411,7 @@ mod tests {
                 assert_close(viscosity, centistokes * 1e-6, 1e-4);
             }
         }
-        // The numbers of HLP 46 make HLP 46.
+        // The data of HLP 46 give HLP 46.
         for celsius in [-10.0, 15.0, 70.0, 100.0] {
             let named = at(FluidKind::Hlp46, celsius);
             for by_numbers in [FluidKind::Own, FluidKind::Table].map(|kind| at(kind, celsius)) {
@@ -453,7 +452,7 @@ mod tests {
         for &kind in FluidKind::ALL {
             let constants = at(kind, 40.0).bulk.to_array();
             let (mut pressure, step_s) = (1e5, 1e-6);
-            // A chamber of 65 cm³ gives 0.2 L/s for a quarter of a second, from nothing.
+            // A chamber of 65 cm³ loses 0.2 L/s for a quarter of a second, without supply.
             for _ in 0..250_000 {
                 pressure += step_s * pressure_rate_pa_s(&constants, pressure, -2e-4, 65e-6);
             }

@@ -1,4 +1,4 @@
-//! A liquid by the numbers of its data sheet.
+//! A liquid defined by its data sheet.
 //!
 //! ```text
 //! ρ(T) = ρ₁₅ (1 − α (T − 288.15 K))                                        (L1)
@@ -13,17 +13,17 @@ use crate::scalar::{Scalar, lit};
 
 /// The word for `kind` in a system file.
 pub const NAME: &str = "own";
-/// One line for people.
+/// One line of documentation.
 pub const SUMMARY: &str = "a liquid by its own numbers";
-/// Temperatures for which numbers may be given, K; [`OwnLiquid::range_k`] may end before.
+/// Temperatures for which data may be given, K; [`OwnLiquid::range_k`] may end earlier.
 pub const RANGE_K: (f64, f64) = (253.15, 423.15);
-/// The least bulk modulus of a liquid by its own numbers, Pa: no hydraulic fluid is as soft. Equation (L3) is a straight
-/// line that goes through zero where it is hot enough.
+/// The lowest bulk modulus of a liquid with its own data, Pa: no hydraulic fluid is as soft. Equation (L3) is a
+/// straight line that reaches zero at a high enough temperature.
 pub const LEAST_BULK_MODULUS_PA: f64 = 2e8;
-/// The temperature of the bulk modulus in data sheets, K.
+/// The reference temperature of the bulk modulus in data sheets, K.
 const SHEET_K: f64 = 313.15;
 
-/// The numbers of a liquid.
+/// The data of a liquid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OwnLiquid {
     /// Density at 15 °C, kg/m³.
@@ -36,9 +36,9 @@ pub struct OwnLiquid {
     pub viscosity_100_m2_s: f64,
     /// Bulk modulus at 40 °C, extrapolated to zero pressure, Pa.
     pub bulk_modulus_pa: f64,
-    /// Its change β with the temperature, Pa/K.
+    /// Change β of the bulk modulus with temperature, Pa/K.
     pub bulk_modulus_change: f64,
-    /// Its growth with the pressure, Pa/Pa.
+    /// Growth of the bulk modulus with pressure, Pa/Pa.
     pub bulk_modulus_slope: f64,
 }
 
@@ -57,7 +57,7 @@ impl Default for OwnLiquid {
 }
 
 impl OwnLiquid {
-    /// Density, kg/m³, kinematic viscosity, m²/s, bulk modulus, Pa, and its growth with the pressure.
+    /// Density, kg/m³, kinematic viscosity, m²/s, bulk modulus, Pa, and its growth with pressure.
     pub fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S, f64) {
         let since_15 = temperature_k - lit::<S>(288.15);
         let number = |value: f64| S::constant(value);
@@ -71,13 +71,13 @@ impl OwnLiquid {
         )
     }
 
-    /// Equation (L3), Pa.
+    /// Equation (L3): the bulk modulus at zero pressure, Pa.
     pub fn bulk_modulus_at<S: Scalar>(&self, temperature_k: S) -> S {
         let since_40 = temperature_k - lit::<S>(SHEET_K);
         S::constant(self.bulk_modulus_pa) + since_40 * S::constant(self.bulk_modulus_change)
     }
 
-    /// Temperatures for which its laws hold, K: where the bulk modulus is not below [`LEAST_BULK_MODULUS_PA`].
+    /// Temperatures for which the equations hold, K: the bulk modulus must be at least [`LEAST_BULK_MODULUS_PA`].
     pub fn range_k(&self) -> (f64, f64) {
         let (coldest, hottest) = RANGE_K;
         if self.bulk_modulus_change >= 0.0 {

@@ -2,14 +2,14 @@
 //!
 //! Density and viscosity: polynomial fits of an aircraft actuator data set
 //! (Politecnico di Torino with UTAS, 2013; `[S:Turin-fluid]` of the physics
-//! notes), for −40 … 110 °C. Bulk modulus: 1.48 GPa at 40 °C, −7 MPa/K, slope
-//! 10, remembered from a maker's sheet and not verified; published effective
-//! values lie between 0.8 and 1.5 GPa.
+//! notes), for −40 … 110 °C. Bulk modulus: 1.48 GPa at 40 °C, −7 MPa/K, slope 10.
+//! These values are from memory of a manufacturer's sheet and not verified; published
+//! effective values lie between 0.8 and 1.5 GPa.
 
 use super::{Liquid, log_10, power_of_ten};
 use crate::scalar::{Scalar, lit};
 
-/// See the module.
+/// Phosphate ester; see the module documentation.
 pub struct PhosphateEster;
 
 impl Liquid for PhosphateEster {
@@ -20,7 +20,7 @@ impl Liquid for PhosphateEster {
 
     fn density_kg_m3<S: Scalar>(temperature_k: S) -> S {
         let celsius = temperature_k - lit::<S>(273.15);
-        // The second factor is the compression at the 20 MPa of a supply line.
+        // The second factor is the compression at a supply pressure of 20 MPa.
         (S::constant(1015.4) - celsius * lit::<S>(0.85)) * lit::<S>(1.0 + 20.0 / 8000.0)
     }
 

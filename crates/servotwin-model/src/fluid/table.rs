@@ -1,6 +1,6 @@
-//! A liquid by its properties at several temperatures.
+//! A liquid defined by its properties at several temperatures.
 //!
-//! Between two points that follow each other, 1 the colder and 2 the warmer one:
+//! Between two consecutive points, 1 the colder and 2 the warmer:
 //!
 //! ```text
 //! ρ(T)  = ρ₁ + (ρ₂ − ρ₁) (T − T₁)/(T₂ − T₁)                                 (LT1)
@@ -8,9 +8,9 @@
 //! lg lg(ν/cSt + 0.7) = A − B lg(T/K)   through ν₁ and ν₂                     (LT3)
 //! ```
 //!
-//! (LT3) is Walther's law (ASTM D341): between the points of a mineral oil it is better than a straight
-//! line by orders of magnitude. All three have kinks at the points, in the temperature alone, which no run
-//! changes. Outside of the points nothing is known.
+//! (LT3) is Walther's law (ASTM D341). Between the points of a mineral oil it is more accurate than a straight
+//! line by orders of magnitude. All three equations have kinks at the points, but only in the temperature, which no
+//! run changes. Outside the points the properties are unknown.
 
 use super::{walther_m2_s, walther_through};
 use crate::scalar::Scalar;
@@ -19,12 +19,12 @@ use alloc::vec::Vec;
 
 /// The word for `kind` in a system file.
 pub const NAME: &str = "table";
-/// One line for people.
+/// One line of documentation.
 pub const SUMMARY: &str = "a liquid by its own numbers at several temperatures";
-/// The least distance of two points, K: nearer ones would turn the rounding of a data sheet into a slope.
+/// The smallest distance of two points, K. Closer points would turn the rounding of a data sheet into a slope.
 pub const LEAST_STEP_K: f64 = 1.0;
 
-/// What a liquid is at one temperature, and at normal pressure.
+/// The properties of a liquid at one temperature and at normal pressure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Temperature, K.
@@ -37,7 +37,7 @@ pub struct Point {
     pub bulk_modulus_pa: f64,
 }
 
-/// Points from cold to hot.
+/// A liquid's points, from cold to hot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     points: Vec<Point>,
@@ -62,14 +62,14 @@ impl Default for Table {
 }
 
 impl Table {
-    /// The table of some points; `None` unless there are two or more, each warmer than the one before by
+    /// A table of points. Returns `None` unless there are at least two, each warmer than the one before by at least
     /// [`LEAST_STEP_K`].
     pub fn new(points: Vec<Point>) -> Option<Self> {
         let rises = |pair: &[Point]| pair[1].temperature_k >= pair[0].temperature_k + LEAST_STEP_K;
         (points.len() >= 2 && points.windows(2).all(rises)).then_some(Self { points })
     }
 
-    /// Temperatures between its points, K.
+    /// Temperatures of the first and the last point, K.
     pub fn range_k(&self) -> (f64, f64) {
         (self.points[0].temperature_k, self.points[self.points.len() - 1].temperature_k)
     }
@@ -86,7 +86,7 @@ impl Table {
         )
     }
 
-    /// Equations (LT1) and (LT2).
+    /// Equations (LT1) and (LT2): a property by linear interpolation.
     fn straight<S: Scalar>(&self, temperature_k: S, property: fn(&Point) -> f64) -> S {
         let [start, from_k, slope] = self.of_pair(temperature_k, |cold, warm| {
             let rise = property(warm) - property(cold);
@@ -96,7 +96,7 @@ impl Table {
         start + (temperature_k - from_k) * slope
     }
 
-    /// Constants that belong to the two points around a temperature.
+    /// The constants of the two points around a temperature.
     fn of_pair<S: Scalar, const N: usize>(
         &self,
         temperature_k: S,
@@ -121,7 +121,7 @@ mod tests {
         assert!((value / expected - 1.0).abs() < tolerance, "{value} instead of {expected}");
     }
 
-    /// MIL-PRF-5606 as its sheet has it: no single line of Walther's law goes through its viscosities.
+    /// MIL-PRF-5606 by its data sheet. No single line of Walther's law fits its viscosities.
     fn red_oil() -> [Point; 3] {
         [
             (233.15, 911.6, 495e-6, 1.56e9),

@@ -6,8 +6,8 @@ use core::arch::x86_64::*;
 
 /// Eight lanes of AVX-512 (F and DQ).
 ///
-/// Values are made only inside [`super::dispatch`], which has checked that the
-/// processor has AVX-512: this is what makes the intrinsics below sound.
+/// Values are created only inside [`super::dispatch`], which has checked that the
+/// processor has AVX-512. This makes the intrinsics below sound.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub struct Avx512(__m512d);
@@ -52,8 +52,8 @@ impl Scalar for Avx512 {
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        // SAFETY: see the type. The instruction's rule for equal numbers and NaN is the
-        // trait's.
+        // SAFETY: see the type. The instruction treats equal numbers and NaN as the
+        // trait requires.
         Self(unsafe { _mm512_min_pd(self.0, other.0) })
     }
     #[inline(always)]

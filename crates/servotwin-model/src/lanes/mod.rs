@@ -1,8 +1,7 @@
 //! Several variants side by side in one register.
 //!
-//! [`Level`] names the instruction sets; [`dispatch`] runs a [`Kernel`] with the
-//! widest lanes that this processor has, or with those that were asked for. All
-//! levels give the same bits: see [`crate::scalar`].
+//! [`Level`] lists the instruction sets. [`dispatch`] runs a [`Kernel`] with the
+//! lanes of a level. All levels return the same bits: see [`crate::scalar`].
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -15,16 +14,16 @@ mod single;
 use crate::scalar::Lanes;
 pub use portable::Portable;
 
-// Not public: their values must exist only where the processor can run them.
+// Private, because their values may exist only where the processor supports them.
 #[cfg(target_arch = "x86_64")]
 use {avx2::Avx2, avx512::Avx512, pair::Pair};
 
-/// An instruction set that lanes can be made of.
+/// An instruction set for lanes, with their number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// One lane, as of the twin beside an actuator: every machine.
+    /// One lane, as for the twin beside an actuator; runs on every machine.
     Single,
-    /// Plain arrays of four: every machine.
+    /// Plain arrays of four; runs on every machine.
     Portable,
     /// Four lanes of 256 bits.
     Avx2Once,
@@ -36,7 +35,7 @@ pub enum Level {
     Avx512Twice,
 }
 
-/// Every level, that of the slowest campaign first.
+/// Every level, from the slowest in campaigns to the fastest.
 pub const ALL: [Level; 6] = [
     Level::Single,
     Level::Portable,
@@ -46,8 +45,8 @@ pub const ALL: [Level; 6] = [
     Level::Avx512Twice,
 ];
 
-/// Variants for each of sixteen lanes from which on these are faster in all where lists are walked: a step of
-/// theirs takes longer, and at the end most of them have nothing to do.
+/// Variants per lane from which on sixteen lanes are faster overall for interpreted steps. Their step takes longer,
+/// and at the end most of them are idle.
 const MANY_PER_LANE: usize = 8;
 
 impl Level {
@@ -63,7 +62,7 @@ impl Level {
         }
     }
 
-    /// Variants side by side.
+    /// Number of variants side by side.
     pub fn width(self) -> usize {
         match self {
             Level::Single => 1,
@@ -73,7 +72,7 @@ impl Level {
         }
     }
 
-    /// How many of them a register has.
+    /// Number of variants in a register.
     pub fn register_width(self) -> usize {
         match self {
             Level::Single | Level::Portable => 1,
@@ -82,9 +81,9 @@ impl Level {
         }
     }
 
-    /// Whether this processor can run it.
+    /// Whether this processor supports the level.
     ///
-    /// The processor itself is asked; on others than x86-64 only portable lanes are there.
+    /// The processor itself reports it. Processors other than x86-64 have only single and portable lanes.
     pub fn available(self) -> bool {
         match self {
             Level::Single | Level::Portable => true,
@@ -97,7 +96,7 @@ impl Level {
         }
     }
 
-    /// The level that this processor takes a step with soonest.
+    /// The fastest level of this processor for interpreted steps.
     pub fn best() -> Level {
         let mut best = Level::Portable;
         for level in [Level::Avx2, Level::Avx512] {
@@ -108,8 +107,8 @@ impl Level {
         best
     }
 
-    /// The level that takes a step sooner, of fewer variants. Half as many lanes are not so much sooner that they
-    /// would be worth another change.
+    /// The level with a faster step and fewer lanes. A step with half the lanes is not enough faster to justify a
+    /// further change.
     pub fn narrower(self) -> Option<Level> {
         match self {
             Level::Avx512Twice | Level::Avx512 | Level::Avx2 => {
@@ -119,8 +118,8 @@ impl Level {
         }
     }
 
-    /// The level that is soonest where steps are compiled and this one is where lists are walked: two registers share
-    /// the time that it takes to walk a list, but straight lines of C do with half the memory in one.
+    /// The fastest level for compiled steps, given the fastest for interpreted ones. Two registers share the time
+    /// that it takes to walk a list, but compiled straight-line code needs half the memory with one.
     pub fn compiled(self) -> Level {
         match self {
             Level::Avx2 => Level::Avx2Once,
@@ -128,8 +127,8 @@ impl Level {
         }
     }
 
-    /// The level that is through with as many variants soonest, where this one is the
-    /// best.
+    /// The level that finishes this number of variants first, given the fastest level for a
+    /// step.
     pub fn for_many(self, variants: usize) -> Level {
         match self {
             Level::Avx512 if variants >= MANY_PER_LANE * Level::Avx512Twice.width() => {
@@ -142,20 +141,20 @@ impl Level {
 
 #[cfg(target_arch = "x86_64")]
 mod detected {
-    //! Asks the processor itself (`cpuid`, `xgetbv`), because `core` has no
+    //! Queries the processor itself (`cpuid`, `xgetbv`), because `core` has no
     //! run-time detection.
     use core::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
     use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
-    /// An answer that is asked for once: on a virtual machine `cpuid` takes tens
-    /// of microseconds.
+    /// A result that is queried only once, because `cpuid` takes tens of microseconds
+    /// on a virtual machine.
     pub struct Once(AtomicU8);
 
     pub static AVX2: Once = Once(AtomicU8::new(0));
     pub static AVX512: Once = Once(AtomicU8::new(0));
 
     impl Once {
-        /// The answer, asking where it is not known (0; 1 is no, 2 is yes).
+        /// The stored result; queries it if unknown (0 is unknown, 1 is no, 2 is yes).
         pub fn get(&self, ask: fn() -> bool) -> bool {
             if self.0.load(Relaxed) == 0 {
                 self.0.store(1 + u8::from(ask()), Relaxed);
@@ -174,7 +173,7 @@ mod detected {
         if __cpuid(0).eax < 7 || __cpuid(1).ecx & (1 << 27) == 0 {
             return false;
         }
-        // SAFETY: bit 27 says that the system enabled XSAVE and XGETBV.
+        // SAFETY: bit 27 shows that the system enabled XSAVE and XGETBV.
         unsafe { enabled_state() & state == state }
     }
 
@@ -189,19 +188,19 @@ mod detected {
     }
 }
 
-/// Work that can be done with lanes of any kind.
+/// Work that runs with lanes of any level.
 pub trait Kernel {
-    /// What comes out.
+    /// The result of the work.
     type Output;
     /// Does the work. Implementations are `#[inline(always)]`, down to every
-    /// equation, so that the whole is compiled for the instruction set.
+    /// equation, so that all of it is compiled for the instruction set.
     fn run<V: Lanes>(self) -> Self::Output;
 }
 
 /// Runs a kernel with lanes of a level.
 ///
 /// # Panics
-/// Where the processor does not have the level.
+/// If the processor does not support the level.
 pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
     assert!(level.available(), "this processor has no {} lanes", level.name());
     match level {
@@ -248,9 +247,9 @@ fn run_avx512_twice<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Pair<Avx512>>()
 }
 
-/// The parts of [`Scalar`](crate::scalar::Scalar) that are the same for all
-/// types without derivatives: the transcendental functions and the mixed
-/// operators' trivial conversions.
+/// The part of [`Scalar`](crate::scalar::Scalar) that is the same for all
+/// types without derivatives: the transcendental functions and the conversions
+/// to and from `Base`.
 macro_rules! base_scalar {
     () => {
         type Base = Self;
@@ -290,7 +289,7 @@ macro_rules! base_scalar {
     };
 }
 
-/// One operator of a register type by its intrinsic.
+/// Implements one operator of a register type by its intrinsic.
 #[cfg(target_arch = "x86_64")]
 macro_rules! operator {
     ($type:ident, $trait:ident, $method:ident, $intrinsic:ident) => {
@@ -309,15 +308,15 @@ use base_scalar;
 #[cfg(target_arch = "x86_64")]
 use operator;
 
-/// Numbers that the bit tricks of all types share.
+/// Constants for the bit operations of all types.
 mod bits {
     /// 1.5 × 2⁵²: adding it rounds to an integer held in the low bits.
     pub const ROUNDING: f64 = 6_755_399_441_055_744.0;
     /// The exponent field of 1.0.
     pub const ONE: u64 = 0x3ff0_0000_0000_0000;
-    /// √½, the lower end of the mantissas that `split_exponent` gives.
+    /// √½, the lower end of the mantissas that `split_exponent` returns.
     pub const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
-    /// The bits behind the exponent.
+    /// The bits below the exponent.
     pub const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
     /// 2⁵²: its low bits hold a small non-negative integer.
     pub const INTEGER: u64 = 0x4330_0000_0000_0000;
@@ -330,7 +329,7 @@ mod tests {
     use super::*;
     use alloc::vec::Vec;
 
-    /// What instructions of their own do in some lanes, on a pair of numbers.
+    /// Applies the operations that some levels implement with special instructions to a pair of numbers.
     struct Chosen(f64, f64);
 
     impl Kernel for Chosen {

@@ -1,8 +1,8 @@
-//! Twice as many lanes as a register has.
+//! Lanes of two registers.
 //!
-//! Two registers that do the same hide each other's latency, and share the
-//! reading of every list of slots. Written without closures: what is not
-//! inlined at once is compiled without the instruction set.
+//! Two registers with the same work hide each other's latency and share the
+//! reading of every list of slots. The code has no closures: a closure that is not
+//! inlined is compiled without the instruction set.
 
 use super::base_scalar;
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
@@ -86,7 +86,7 @@ impl<V: Lanes> Primitive for Pair<V> {
     }
 }
 
-// SAFETY: `repr(C)`, two of a kind.
+// SAFETY: `repr(C)`, two values of one type.
 unsafe impl<V: Lanes> Lanes for Pair<V> {
     const WIDTH: usize = 2 * V::WIDTH;
     type Register = V;
@@ -114,7 +114,7 @@ unsafe impl<V: Lanes> Lanes for Pair<V> {
     }
 }
 
-/// Work for a pair, done in a function of the single register's kind.
+/// Work for a pair, done in a function compiled for the single register's instruction set.
 struct ForPair<W>(W);
 
 impl<V, W: Work<Pair<V>>> Work<V> for ForPair<W> {

@@ -1,10 +1,10 @@
-//! Small networks: signs of flows, and every mistake with its place.
+//! Small networks: flow signs, and every mistake with its position.
 
 use super::*;
 use crate::components::{contract, find};
 use crate::program::Program;
 
-/// A network that is written as words.
+/// Builds a network from the names of its components and ports.
 #[derive(Default)]
 struct Draft(Network);
 
@@ -17,14 +17,14 @@ impl Draft {
         self
     }
 
-    /// Sets a parameter of the component before.
+    /// Sets a parameter of the last component.
     fn set(mut self, parameter: &str, value: f64) -> Self {
         let last = self.0.components.pop().expect("a component");
         self.0.components.push(last.with(parameter, value));
         self
     }
 
-    /// Where `component.port` is.
+    /// Finds a port by `component.port`.
     fn port(&self, id: &str) -> PortOf {
         let (id, port) = id.rsplit_once('.').expect("component.port");
         let component = self.0.components.iter().position(|c| c.id == id).expect("a component");
@@ -57,7 +57,7 @@ struct Running {
 }
 
 impl Running {
-    /// At the first guess of the states.
+    /// Evaluates the equations at the initial guess of the states.
     fn new(draft: &Draft) -> Self {
         let program = draft.0.compile().unwrap_or_else(|m| panic!("{m:?}"));
         let parameters = program.parameters(&[]);

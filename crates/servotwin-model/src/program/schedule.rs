@@ -1,5 +1,5 @@
-//! How a network becomes a program: its blocks are sorted by what they need and parted, its variables laid
-//! out.
+//! Compiles a network into a program: sorts its blocks by their dependencies, splits them into sequences and lays
+//! out its variables.
 
 use super::{Observable, Program, Slot, StateOf, Ticking};
 use crate::jacobian::SparseJacobian;
@@ -18,10 +18,10 @@ impl Network {
     /// Compiles the network.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// The mistakes found.
     ///
     /// # Panics
-    /// Where a component does not wire what it declares.
+    /// If a component does not wire what it declares.
     pub fn compile(&self) -> Result<Program, Vec<Mistake>> {
         let (collected, circuits) = self.wired()?;
         schedule(self, collected, circuits)
@@ -92,8 +92,8 @@ fn schedule(
     })
 }
 
-/// Parts ordered blocks into those that the derivatives depend on and the rest;
-/// with the sums that the derivatives depend on, themselves included.
+/// Splits ordered blocks into those that the derivatives depend on and the rest. Also returns
+/// the sums that the derivatives depend on, including the derivatives.
 fn parted(blocks: Vec<Block>, layout: &Layout) -> (Vec<Block>, Vec<Block>, BTreeSet<usize>) {
     let sums = &layout.sums;
     let mut needed: BTreeSet<usize> = (sums.end - layout.states..sums.end).collect();
@@ -125,13 +125,13 @@ fn resolve_aliases(collected: &mut Collected) {
     collected.blocks = blocks;
 }
 
-/// Where each variable stands.
+/// The slot of each variable.
 struct Layout {
     states: usize,
     slots: usize,
     sums: Range<usize>,
     stand_ins: Vec<Role>,
-    /// By variable.
+    /// Indexed by variable.
     slot_of: Vec<Slot>,
 }
 
@@ -194,7 +194,7 @@ impl Layout {
     }
 }
 
-/// Sorts blocks so that each runs after those that add to what it reads, and
+/// Sorts blocks so that each runs after those that add to its inputs, and
 /// groups blocks of one kind within a level.
 fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec<Mistake>> {
     let sums_of = |block: &Block| -> Vec<u32> {
@@ -219,7 +219,7 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
             let levels: Option<Vec<usize>> = needed.map(|&w| level[w]).collect();
             if let Some(levels) = levels {
                 let after = levels.iter().map(|l| l + 1).max().unwrap_or(0);
-                // Level zero belongs to the blocks that open.
+                // Level zero belongs to the opening blocks.
                 level[index] = Some(if blocks[index].is_opening { 0 } else { after.max(1) });
                 found += 1;
             }
@@ -234,7 +234,7 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
     Ok(order.into_iter().map(|i| blocks[i].take().expect("each once")).collect())
 }
 
-/// Follows what an unplaced block waits for until a block comes again.
+/// Follows the dependencies of an unplaced block until a block repeats.
 fn loop_among(
     blocks: &[Block],
     level: &[Option<usize>],

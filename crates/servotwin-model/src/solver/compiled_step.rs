@@ -1,4 +1,4 @@
-//! A step that a C compiler made for one system.
+//! A step compiled from C for one system.
 
 use super::Method;
 use super::step::{MAX_STAGES, Step, StepArrays};
@@ -32,14 +32,14 @@ pub struct CompiledStep {
     factor: Factor,
     solve_first: Solve,
     solve: Solve,
-    /// From the second stage on.
+    /// One function per stage, from the second on.
     sums: Vec<Sums>,
 }
 
-/// Makes an address a function.
+/// Converts an address to a function.
 ///
 /// # Safety
-/// A function of this type must stand at the address.
+/// The address must be that of a function of this type.
 unsafe fn function<F: Copy>(address: *const ()) -> F {
     assert_eq!(size_of::<F>(), size_of::<*const ()>());
     // SAFETY: promised by the caller.
@@ -47,10 +47,10 @@ unsafe fn function<F: Copy>(address: *const ()) -> F {
 }
 
 impl CompiledStep {
-    /// Takes the functions by their names; `None` if one is missing.
+    /// Looks up the functions by name; returns `None` if one is missing.
     ///
     /// # Safety
-    /// `find` must return the functions of a text of [`crate::c_source::write_step`], compiled with this stride for an
+    /// `find` must return the functions that [`crate::c_source::write_step`] writes, compiled with this stride for an
     /// instruction set of this processor. They must stay loaded as long as this value lives.
     pub unsafe fn find(
         method: Method,
@@ -83,7 +83,7 @@ impl CompiledStep {
         self.cached_length
     }
 
-    /// Computes cached values again whose sources have changed.
+    /// Recomputes the cached values whose sources have changed.
     #[inline(always)]
     fn update_cached<V: Lanes>(&self, arrays: &mut StepArrays<V>) {
         let changed = core::mem::take(&mut arrays.changed);
@@ -95,7 +95,7 @@ impl CompiledStep {
     }
 }
 
-/// The number in the first lane.
+/// Pointer to the number in the first lane.
 fn first<V: Lanes>(lanes: &[V]) -> *const f64 {
     lanes.as_ptr().cast()
 }
@@ -105,7 +105,7 @@ fn first_mut<V: Lanes>(lanes: &mut [V]) -> *mut f64 {
 }
 
 // SAFETY of all calls: `CompiledSteps::new` promises that the functions fit the program, and `CompiledSteps::find` that
-// they fit the lanes. The arrays belong to the program, so they are as long as its lists need.
+// they fit the lanes. The arrays belong to the program, so they are as long as the functions need.
 impl<V: Lanes> Step<V> for CompiledStep {
     #[inline(always)]
     fn evaluate_with_jacobian(&self, arrays: &mut StepArrays<V>) {
@@ -142,7 +142,7 @@ impl<V: Lanes> Step<V> for CompiledStep {
         unsafe { (self.sums[stage - 1])(first(&[reciprocal]), y, before, states, right) }
     }
 
-    /// In the first stage the right side counts as zero, whatever it holds.
+    /// In the first stage the right-hand side counts as zero, whatever it holds.
     #[inline(always)]
     fn solve_stage(&self, stage: usize, slope_factor: V, arrays: &mut StepArrays<V>) {
         let StepArrays { variables, gradients, factors, y, stages, .. } = arrays;
@@ -175,10 +175,10 @@ impl CompiledSteps {
         is_own.then_some(Self { method, identity, steps })
     }
 
-    /// The step for arrays of as many lanes.
+    /// The step for arrays with `stride` lanes.
     ///
     /// # Panics
-    /// The steps come from another program.
+    /// If the steps come from another program.
     pub(super) fn find(
         &self,
         program: &Program,

@@ -1,4 +1,4 @@
-//! Many variants, one after the other in each lane.
+//! Many variants in lanes; each lane runs one after another.
 
 use super::compiled_step::CompiledSteps;
 use super::lane_state::{LaneState, Moving, Phase};
@@ -15,7 +15,7 @@ use alloc::vec::Vec;
 /// A variant, ready to run.
 #[derive(Clone)]
 pub struct Job<'a> {
-    /// Its number, given back with every result.
+    /// Its number, which is returned with every result.
     pub number: usize,
     /// Constants of all blocks: [`Program::block_constants`].
     pub constants: Vec<f64>,
@@ -25,43 +25,43 @@ pub struct Job<'a> {
     pub inputs: Vec<&'a Piecewise>,
     /// The states at time zero.
     pub start: Vec<f64>,
-    /// Whether to search the steady state at the inputs of time zero first,
-    /// from `start`.
+    /// Whether to search for the steady state first, from `start` and with the
+    /// inputs of time zero.
     pub settle: bool,
-    /// How long, s.
+    /// Duration of the run, s.
     pub duration_s: f64,
     /// Time between samples, s.
     pub sample_period_s: f64,
-    /// What changes on the way, in the order of time.
+    /// Changes of parameters during the run, ordered by time.
     pub changes: Vec<Change>,
 }
 
-/// Other parameters from a moment on: a fault that begins, grows or goes away. Steps end there.
+/// Changes the parameters at a time: a fault begins, grows or disappears. A step ends there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// When, s.
+    /// Time of the change, s.
     pub time_s: f64,
-    /// As in [`Job`].
+    /// Constants of all blocks, as in [`Job`].
     pub constants: Vec<f64>,
-    /// As in [`Job`].
+    /// Values of the stand-ins, as in [`Job`].
     pub stand_ins: Vec<f64>,
 }
 
-/// Where variants come from and results go.
+/// Supplies variants and receives their results.
 pub trait JobSource<'a> {
     /// The next variant; `None` when there are no more.
     fn next(&mut self) -> Option<Job<'a>>;
-    /// A sample of the recorded slots.
+    /// Receives a sample of the recorded slots.
     fn sample(&mut self, job: usize, index: usize, values: &[f64]);
-    /// A variant has ended.
+    /// Receives the outcome of a variant.
     fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>);
-    /// Whether to stop now: variants in the lanes are dropped without a result.
+    /// Whether to stop now and drop the variants in the lanes without a result.
     fn cancelled(&self) -> bool {
         false
     }
 }
 
-/// Runs everything that the source gives, with the lanes of a level, and with compiled functions where there are some.
+/// Runs all variants of the source with the lanes of a level, and with compiled functions where available.
 pub fn run<'a>(
     program: &Program,
     compiled: Option<&CompiledSteps>,
@@ -77,7 +77,7 @@ pub fn run<'a>(
         record: &'w [Slot],
         source: &'w mut dyn JobSource<'a>,
         under_way: Vec<UnderWay<'a>>,
-        /// The number of lanes that do as well when no more are needed.
+        /// The number of lanes of the next narrower level; 0 if there is none.
         narrower: usize,
     }
     impl<'a> Kernel for All<'_, 'a> {
@@ -100,7 +100,7 @@ pub fn run<'a>(
     }
 }
 
-/// A variant between two steps, to go on in another lane.
+/// A variant between two steps that will continue in another lane.
 struct UnderWay<'a> {
     active: ActiveJob<'a>,
     lane_state: LaneState,
@@ -108,10 +108,10 @@ struct UnderWay<'a> {
     held: Vec<f64>,
 }
 
-/// The variant in a lane, and how much of its inputs and changes lies behind it.
+/// The variant in a lane, with its current input pieces and parameter changes.
 struct ActiveJob<'a> {
     job: Job<'a>,
-    /// For each input that moves, the number of its piece.
+    /// For each input that changes with time, the index of its piece.
     pieces: Vec<usize>,
     changed: usize,
 }
@@ -123,7 +123,7 @@ impl<'a> ActiveJob<'a> {
         Self { job, pieces: vec![0; moving], changed: 0 }
     }
 
-    /// The way before it.
+    /// The initial lane state.
     fn lane_state(&self, clocks: usize) -> LaneState {
         let job = &self.job;
         let inputs = job.inputs.iter().enumerate();
@@ -134,7 +134,7 @@ impl<'a> ActiveJob<'a> {
         lane_state
     }
 
-    /// What the variant is made of now.
+    /// The variant's current numbers.
     fn numbers(&self) -> Numbers<'_> {
         let changes = &self.job.changes[..self.changed];
         match changes.last() {
@@ -149,7 +149,7 @@ impl<'a> ActiveJob<'a> {
         change.min(self.job.duration_s)
     }
 
-    /// The pieces of the inputs that hold where the lane_state stands.
+    /// Updates the input pieces to the lane's current time.
     #[inline(always)]
     fn find_pieces(&mut self, lane_state: &mut LaneState) {
         let running = matches!(lane_state.phase, Phase::Running);
@@ -175,7 +175,7 @@ struct Ensemble<'p, 'f, 'a, V> {
     record: &'p [Slot],
     source: &'f mut dyn JobSource<'a>,
     stepper: LaneStepper<'p, V>,
-    /// One for each lane; lanes that never had a variant have the first one's.
+    /// One for each lane; lanes that never had a variant hold a copy of the first lane's.
     active_jobs: Vec<ActiveJob<'a>>,
     values: Vec<f64>,
 }
@@ -191,8 +191,8 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         Self { record, source, stepper, active_jobs, values }
     }
 
-    /// Goes on with what is under way, then runs what the source gives. When that is
-    /// all and `narrower` lanes are enough for the rest, gives the rest back.
+    /// Continues the variants under way, then runs those of the source. When the source is
+    /// exhausted and `narrower` lanes suffice, returns the remaining variants.
     #[inline(always)]
     fn run(mut self, under_way: Vec<UnderWay<'a>>, narrower: usize) -> Vec<UnderWay<'a>> {
         if !self.fill(under_way) {
@@ -219,8 +219,8 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
-    /// Fills the lanes for the first time; lanes without a variant of their own
-    /// get the numbers of the first, which run along unseen.
+    /// Fills the lanes for the first time. Lanes without a variant copy the first one;
+    /// their results are not used.
     fn fill(&mut self, under_way: Vec<UnderWay<'a>>) -> bool {
         for UnderWay { active, lane_state, states, held } in under_way {
             let lane = self.active_jobs.len();
@@ -273,7 +273,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         self.put(lane);
     }
 
-    /// Copies the active of a lane into its memory.
+    /// Copies a lane's active job into its memory.
     fn put(&mut self, lane: usize) {
         let active = &self.active_jobs[lane];
         let job = &active.job;
@@ -285,7 +285,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
-    /// What changes where the lanes stand: inputs, and in some of them parameters.
+    /// Applies the changes due at the lanes' current times: inputs and parameters.
     #[inline(always)]
     fn change(&mut self) {
         for (lane, active) in self.active_jobs.iter_mut().enumerate() {
@@ -314,7 +314,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
-    /// Records the lanes that stand on a sample; ends those that are through.
+    /// Records the lanes that have reached a sample; ends those that are finished.
     #[inline(always)]
     fn take_samples(&mut self) {
         for (lane, active) in self.active_jobs.iter().enumerate() {
@@ -355,7 +355,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
-    /// Samples between the beginning and the end of an accepted step.
+    /// Records samples between the beginning and the end of an accepted step.
     #[inline(always)]
     fn interpolate_samples(&mut self, tableau: &Tableau, h: V, error: V) {
         loop {
@@ -381,8 +381,8 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
-    /// Where in the step the next sample of a lane lies, strictly before its
-    /// end.
+    /// The position of a lane's next sample as a fraction of the step; `None` if it
+    /// is not strictly before the step's end.
     #[inline(always)]
     fn pending_fraction(&self, lane: usize, error: f64) -> Option<f64> {
         let lane_state = &self.stepper.lane_states[lane];

@@ -1,10 +1,10 @@
 //! Follows the motion of a system when the search for its steady state fails.
 //!
-//! The search takes long implicit steps. Where a rest repels nearby states on their way (a chamber near vacuum, whose
-//! stiffness grows with its pressure) such a step can point the wrong way, and the search stays where it is. The system
-//! itself comes to rest, so its motion at the inputs of time zero is followed, with error control and steps that grow
-//! as it calms down: pseudo-transient continuation with the true transient. A system that still moves then has no rest
-//! that anyone finds; whether it swings for ever is measured:
+//! The search takes long implicit steps. Near a steady state that repels nearby states (a chamber near vacuum, whose
+//! stiffness grows with its pressure), such a step can point the wrong way, and the search stalls. The system
+//! itself still settles. This module therefore follows its motion at the inputs of time zero, with error control and
+//! steps that grow as the motion decays: pseudo-transient continuation with the true transient. A system that still
+//! moves at the end has no steady state that can be found. The module measures whether it oscillates forever:
 //!
 //! ```text
 //! in windows of 1, 2, 4, 8 … s, of the state that moves most over its scale:
@@ -16,33 +16,33 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Error over scale that a step may have.
+/// Permitted error of a step over scale.
 pub(super) const TOLERANCE: f64 = 1e-5;
-/// Attempts at a step after which the system is given up.
+/// Attempted steps after which the system is given up.
 const MAX_ATTEMPTS: u64 = 20_000;
-/// Simulated time after which it is, s.
+/// Simulated time after which the system is given up, s.
 const MAX_S: f64 = 1e5;
 /// The first window, s.
 const FIRST_WINDOW_S: f64 = 1.0;
-/// (FO1): turns in each of two windows.
+/// (FO1): least turns in each of two windows.
 const MIN_TURNS: u32 = 8;
 /// (FO1): largest difference of two swings, over the larger.
 const MAX_CHANGE: f64 = 0.02;
-/// Swings over scale below this are none.
+/// Swings over scale below this do not count.
 const MIN_SWING: f64 = 1e-6;
 
-/// The outcome of following a system.
+/// The outcome of an observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// It still moves.
+    /// The system still moves.
     Moving,
-    /// It swings for ever: (FO1) holds.
+    /// The system oscillates forever: (FO1) holds.
     LimitCycle,
-    /// It moved until the end, and (FO1) did not hold.
+    /// The system moved until the end, and (FO1) did not hold.
     GivenUp,
 }
 
-/// How far a state went in a window.
+/// The range and the turns of a state in a window.
 #[derive(Clone, Copy)]
 struct Swing {
     low: f64,
@@ -58,17 +58,17 @@ impl Swing {
     }
 }
 
-/// A system that is followed.
+/// The progress of following a system.
 #[derive(Clone)]
 pub(super) struct Following {
-    /// States and held values where the search ended: a run without rest begins there.
+    /// States and held values at the end of the search. A run without a steady state begins there.
     pub search_end: (Vec<f64>, Vec<f64>),
     attempts: u64,
     window_end_s: f64,
-    /// By state.
+    /// Indexed by state.
     window: Vec<Swing>,
     window_before: Vec<Swing>,
-    /// Whether each state rose when it was last seen.
+    /// Whether each state was rising at the last observation.
     rises: Vec<bool>,
 }
 
@@ -85,7 +85,7 @@ impl Following {
         }
     }
 
-    /// Takes what the states are and how fast they move, both over scale, at the beginning of an attempt.
+    /// Observes the states and their rates, both over scale, at the beginning of an attempt.
     pub fn observe(&mut self, time_s: f64, states: impl Iterator<Item = (f64, f64)>) -> Progress {
         self.attempts += 1;
         if time_s >= self.window_end_s {
@@ -126,7 +126,7 @@ impl Following {
 mod tests {
     use super::*;
 
-    /// Follows one state and its rate, both functions of time, until something is known of it.
+    /// Follows one state and its rate, both functions of time, until the outcome is known.
     fn follow(state: impl Fn(f64) -> (f64, f64)) -> Progress {
         let mut following = Following::new(vec![0.0], vec![]);
         for step in 0.. {

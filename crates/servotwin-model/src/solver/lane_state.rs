@@ -1,4 +1,4 @@
-//! The way of one variant through time: where it stands, how long its next step is.
+//! The progress of one variant through time: its current time and the length of its next step.
 
 use super::follow::{self, Following};
 use super::{Control, Failure, SAME_TIME_S, Settings, Statistics};
@@ -9,60 +9,61 @@ use alloc::vec::Vec;
 
 /// The first step, s.
 const FIRST_STEP_S: f64 = 1e-4;
-/// Error over scale that steps on the way to rest grow or shrink towards.
+/// Change over scale that the step-size control of the steady-state search aims at.
 const WANTED_SETTLING_CHANGE: f64 = 0.1;
-/// The longest step on the way to rest, s.
+/// The longest step of the steady-state search, s.
 const MAX_SETTLING_STEP_S: f64 = 1e4;
 
-/// How long an attempt counts as attempt_rate_per_s, s.
+/// Averaging time of `attempt_rate_per_s`, s.
 const MEMORY_S: f64 = 1.0;
-/// The error grows by so much at most where a lane is busy. A valve that rings for ever then takes a fifth of the steps.
+/// The largest factor on the tolerance at a high attempt rate. A valve that oscillates forever then takes a fifth of
+/// the steps.
 const MAX_RELAXATION: f64 = 1024.0;
 
-/// What a lane is doing.
+/// The current activity of a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
-    /// Nothing to do; the numbers in the lane are stale.
+    /// Idle; the numbers in the lane are stale.
     Idle,
-    /// On the way to the steady state, with the inputs of time zero.
+    /// Steady-state search, with the inputs of time zero.
     Settling,
-    /// The search has failed: the system itself moves, with the inputs of time zero.
+    /// The search has failed: the system itself is simulated, with the inputs of time zero.
     Following,
-    /// At rest; runs from the next evaluation on, which has the inputs' slopes.
+    /// In steady state. The run starts with the next evaluation, which has the inputs' slopes.
     Settled,
-    /// On its way.
+    /// Simulation.
     Running,
 }
 
-/// An external input that moves, and the piece of it that holds now.
+/// An external input that changes with time, and its current piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moving {
-    /// Which input.
+    /// Index of the input.
     pub external: usize,
-    /// When the piece begins and ends, s.
+    /// Start of the piece, s.
     pub from_s: f64,
-    /// Infinite for the last piece.
+    /// End of the piece, s; infinite for the last piece.
     pub until_s: f64,
     /// The piece, in the time since `from_s`.
     pub piece: Cubic,
 }
 
 impl Moving {
-    /// The first piece of an input, if it moves at all.
+    /// The first piece of an input; `None` if it is constant.
     pub fn first(external: usize, input: &Piecewise) -> Option<Self> {
         let pieces = input.pieces();
         let moves = pieces.len() > 1 || pieces[0][1..] != [0.0; 3];
         moves.then(|| Self::nth(external, input, 0))
     }
 
-    /// A piece of an input.
+    /// The piece with index `k` of an input.
     pub fn nth(external: usize, input: &Piecewise, k: usize) -> Self {
         let breaks = input.breaks_s();
         let until_s = breaks.get(k + 1).copied().unwrap_or(f64::INFINITY);
         Self { external, from_s: breaks[k], until_s, piece: input.pieces()[k] }
     }
 
-    /// The piece as a cubic in the time since `time_s`. Before the piece begins its first value
+    /// The piece as a cubic in the time since `time_s`. Before the piece begins, its first value
     /// holds.
     #[inline(always)]
     fn from(&self, time_s: f64) -> Cubic {
@@ -75,33 +76,33 @@ impl Moving {
     }
 }
 
-/// What one lane is doing.
+/// The state of one lane.
 #[derive(Clone)]
 pub(super) struct LaneState {
     pub phase: Phase,
     pub time_s: f64,
-    /// The step that the error control wants.
+    /// The step length that the error control requests, s.
     pub wanted_s: f64,
-    /// The step being taken, and where it ends.
+    /// Length and end of the current step, s.
     pub step_s: f64,
     pub end_s: f64,
-    /// The external inputs that move.
+    /// The external inputs that change with time.
     pub moving: Vec<Moving>,
-    /// When the first of their pieces begins or ends behind where the lane stands, s, as far as they were looked for.
+    /// The next time at which one of their pieces begins or ends, s, as of the last update.
     pub next_break_s: f64,
     pub sample_period_s: f64,
     pub next_sample: u64,
-    /// A time that no step may pass: the end of the run, or a change of parameters.
+    /// A time that no step may cross, s: the end of the run or a change of parameters.
     pub halt_s: f64,
-    /// For each clock, the number of its next tick.
+    /// For each clock, the index of its next tick.
     pub next_tick: Vec<u64>,
     pub rejections: u32,
-    /// Attempts within about [`MEMORY_S`].
+    /// Attempts within about [`MEMORY_S`] of simulated time.
     pub attempt_rate_per_s: f64,
     pub statistics: Statistics,
-    /// Why it could not go on.
+    /// Why the variant could not be finished.
     pub failure: Option<Failure>,
-    /// The state of the search in [`Phase::Following`].
+    /// Progress in [`Phase::Following`].
     pub following: Option<Box<Following>>,
 }
 
@@ -127,12 +128,12 @@ impl LaneState {
         }
     }
 
-    /// A lane that has nothing to do.
+    /// A lane without a variant.
     pub fn idle(clocks: usize) -> Self {
         Self { phase: Phase::Idle, ..Self::new(false, Vec::new(), 1.0, clocks) }
     }
 
-    /// From rest into the run.
+    /// Starts the run from the steady state.
     pub fn begin_running(&mut self) {
         self.phase = Phase::Running;
         self.time_s = 0.0;
@@ -141,7 +142,7 @@ impl LaneState {
         self.attempt_rate_per_s = 0.0;
     }
 
-    /// From a search that failed onto the way that the system itself takes.
+    /// Starts the simulation of the system after a failed steady-state search.
     pub fn begin_following(&mut self, following: Following) {
         self.phase = Phase::Following;
         self.following = Some(Box::new(following));
@@ -153,14 +154,14 @@ impl LaneState {
         self.rejections = 0;
     }
 
-    /// Off that way, at rest or not.
+    /// Ends that simulation, in steady state or not.
     pub fn end_following(&mut self) -> Option<Box<Following>> {
         self.phase = Phase::Settled;
         self.next_tick.fill(0);
         self.following.take()
     }
 
-    /// Whether the lane is on its way to rest.
+    /// Whether the lane is searching for the steady state.
     pub fn seeks_rest(&self) -> bool {
         matches!(self.phase, Phase::Settling | Phase::Following)
     }
@@ -169,12 +170,12 @@ impl LaneState {
         self.next_sample as f64 * self.sample_period_s
     }
 
-    /// Whether the lane stands on its next sample, or behind it.
+    /// Whether the lane has reached its next sample.
     pub fn is_at_sample(&self) -> bool {
         self.phase == Phase::Running && self.sample_time_s() <= self.time_s + SAME_TIME_S
     }
 
-    /// The cubic of an input from the beginning of the step; `held` where it does not move.
+    /// The cubic of an input from the beginning of the step; the constant `held` if the input is constant.
     #[inline(always)]
     pub fn cubic(&self, external: usize, held: f64) -> Cubic {
         let Some(moving) = self.moving.iter().find(|moving| moving.external == external) else {
@@ -186,7 +187,7 @@ impl LaneState {
         moving.from(self.time_s)
     }
 
-    /// Whether a clock is due. On the way to rest it ticks at every step.
+    /// Whether a clock is due. During the steady-state search it ticks at every step.
     pub fn is_due(&self, clock: usize, period_s: f64) -> bool {
         match self.phase {
             Phase::Idle | Phase::Settled => false,
@@ -197,7 +198,7 @@ impl LaneState {
         }
     }
 
-    /// The next time that a step must not pass.
+    /// The next time that a step must not cross, s.
     #[inline(always)]
     fn next_event_s(&self, settings: &Settings, periods_s: &[f64]) -> f64 {
         let is_running = self.phase == Phase::Running;
@@ -220,8 +221,8 @@ impl LaneState {
         event
     }
 
-    /// Chooses the step: what the error control wants, but ending on the next
-    /// event without leaving a crumb before it.
+    /// Chooses the step that the error control requests, but ends it on the next event
+    /// and avoids a tiny step before the event.
     #[inline(always)]
     pub fn choose_step(&mut self, settings: &Settings, periods_s: &[f64]) {
         match self.phase {
@@ -230,7 +231,7 @@ impl LaneState {
                 return;
             }
             Phase::Settling => {
-                // Sampled controllers act once per step here.
+                // Sampled controllers act once per step here, so the step is at most one period.
                 let longest = periods_s.iter().copied().fold(f64::INFINITY, f64::min);
                 self.step_s = if self.wanted_s < longest { self.wanted_s } else { longest };
                 self.end_s = self.time_s + self.step_s;
@@ -254,7 +255,7 @@ impl LaneState {
         }
     }
 
-    /// The step, s, where no error control chooses it. The way to rest is always under error control.
+    /// The fixed step, s; `None` under error control. The steady-state search always has error control.
     #[inline(always)]
     pub fn fixed_step_s(&self, settings: &Settings) -> Option<f64> {
         match settings.control {
@@ -274,7 +275,7 @@ impl LaneState {
         }
     }
 
-    /// Error that a step may have, and the longest step, s; `None` for fixed
+    /// The permitted error and the longest step, s; `None` for fixed
     /// steps.
     #[inline(always)]
     pub fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
@@ -288,7 +289,7 @@ impl LaneState {
         }
     }
 
-    /// By how much the error may be larger because the lane is busy: at order four as much as takes it back.
+    /// Factor on the tolerance at a high attempt rate: at order four it brings the rate back to its limit.
     #[inline(always)]
     fn relaxation(&self, attempt_rate_limit_per_s: f64) -> f64 {
         let busy = self.attempt_rate_per_s / (attempt_rate_limit_per_s * MEMORY_S);
@@ -296,7 +297,7 @@ impl LaneState {
         (squared * squared).clamp(1.0, MAX_RELAXATION)
     }
 
-    /// The step for the next time, by a factor from the error of this one, which `was_rejected` at first.
+    /// Chooses the next step from this step's growth factor. `was_rejected` states whether an earlier attempt failed.
     #[inline(always)]
     pub fn adapt(&mut self, settings: &Settings, factor: f64, was_rejected: bool) {
         let Some((_, longest)) = self.allowed(settings) else {
@@ -304,7 +305,7 @@ impl LaneState {
         };
         let most = if self.rejections > 0 || was_rejected { 1.0 } else { 6.0 };
         let next = self.step_s * factor.clamp(0.1, most);
-        // A step that was cut short by an event says little about longer ones.
+        // A step that an event cut short allows no conclusion about longer ones.
         let next = if self.rejections == 0 && next < self.wanted_s && factor >= 1.0 {
             self.wanted_s
         } else {

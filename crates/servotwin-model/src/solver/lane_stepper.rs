@@ -1,9 +1,9 @@
-//! As many variants as there are lanes, each on its own way.
+//! Steps as many variants as there are lanes, each with its own time.
 //!
-//! A step of the stepper has three parts: [`LaneStepper::begin`] evaluates every lane where it stands, with
-//! the Jacobian; then samples can be read; [`LaneStepper::attempt`] tries a step and [`LaneStepper::conclude`]
-//! keeps it in the lanes where its error is small enough. One lane of `f64` is a twin that runs
-//! beside an actuator ([`super::Twin`]); many, refilled from a feed, are a campaign
+//! A step has three parts. [`LaneStepper::begin`] evaluates every lane at its current time, with
+//! the Jacobian; samples can then be read. [`LaneStepper::attempt`] tries a step, and [`LaneStepper::conclude`]
+//! accepts it in the lanes whose error is small enough. One lane of `f64` is a twin that runs
+//! beside an actuator ([`super::Twin`]). Many lanes that a [`super::JobSource`] refills are a campaign
 //! ([`super::ensemble`]).
 
 use super::compiled_step::CompiledSteps;
@@ -18,17 +18,17 @@ use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
 use alloc::vec::Vec;
 
-/// Rejections in a row before a variant is given up.
+/// Consecutive rejections after which a variant fails.
 const MAX_REJECTIONS: u32 = 60;
-/// Steps of the steady-state search.
+/// Largest number of steps of the steady-state search.
 const MAX_SETTLING_STEPS: u64 = 2000;
-/// Change over scale in one step that is accepted on the way to rest.
+/// Largest accepted change over scale in one step of the steady-state search.
 const MAX_SETTLING_CHANGE: f64 = 0.5;
-/// The system is at rest when no state moves faster than this part of its
+/// The system is in steady state when no state changes faster than this fraction of its
 /// scale, 1/s.
 const AT_REST_PER_S: f64 = 1e-9;
-/// Simulated time after which the search for rest is ended, s: a limit cycle
-/// has none.
+/// Simulated time after which the steady-state search ends, s: a limit cycle
+/// has no steady state.
 const MAX_SETTLING_S: f64 = 1e5;
 
 pub(super) struct LaneStepper<'p, V> {
@@ -37,12 +37,12 @@ pub(super) struct LaneStepper<'p, V> {
     memory: StepMemory<'p, V>,
     /// One for each lane.
     pub lane_states: Vec<LaneState>,
-    /// The external inputs that move in any lane.
+    /// The external inputs that change with time in any lane.
     moving: Vec<usize>,
     periods_s: Vec<f64>,
 }
 
-/// What a variant is made of, beside its inputs.
+/// The numbers of a variant, besides its inputs.
 pub(super) struct Numbers<'n> {
     /// [`Program::block_constants`].
     pub constants: &'n [f64],
@@ -61,7 +61,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         &self.periods_s
     }
 
-    /// Idle lanes.
+    /// A stepper with idle lanes.
     pub fn new(
         program: &'p Program,
         settings: Settings,
@@ -82,12 +82,12 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         stepper
     }
 
-    /// Takes steps by compiled functions from now on, if they are for as many lanes; whether they are.
+    /// Uses compiled functions from now on if they exist for this number of lanes. Returns whether they do.
     pub fn use_compiled(&mut self, compiled: &'p CompiledSteps) -> bool {
         self.memory.use_compiled(compiled.find(self.program, self.settings.method, V::WIDTH))
     }
 
-    /// Makes a lane another variant, on its way: states and what clocks hold stay.
+    /// Sets a lane's variant during a run: states and values held by clocks stay.
     pub fn set_numbers(&mut self, lane: usize, numbers: Numbers) {
         self.memory.set_constants(lane, numbers.constants);
         let first = self.program.externals().end;
@@ -98,7 +98,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// Makes clocks hold zero, as before their first tick.
+    /// Resets the values held by clocks to zero, as before their first tick.
     pub fn reset_held(&mut self, lane: usize) {
         let program = self.program;
         let first = program.externals().end;
@@ -111,12 +111,12 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         self.memory.set_states(lane, states);
     }
 
-    /// The value that an input which does not move has in a lane.
+    /// Sets the value of a constant input in a lane.
     pub fn set_input(&mut self, lane: usize, external: usize, value: f64) {
         self.memory.set_variable(lane, self.program.externals().start + external, value);
     }
 
-    /// To be called when the inputs that move are others.
+    /// Lists the inputs that change with time. Call it when the lanes' inputs have changed.
     pub fn find_moving(&mut self) {
         let Self { lane_states, moving, .. } = self;
         moving.clear();
@@ -129,13 +129,13 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// The external inputs, the stand-ins and what clocks hold.
+    /// The external inputs, the stand-ins and the values held by clocks.
     pub fn held(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
         let slots = self.program.externals().start..self.program.stand_ins().end;
         slots.map(move |slot| self.memory.variable(lane, slot))
     }
 
-    /// Puts back what [`LaneStepper::held`] gave.
+    /// Restores the values of [`LaneStepper::held`].
     pub fn set_held(&mut self, lane: usize, held: &[f64]) {
         let first = self.program.externals().start;
         for (offset, &value) in held.iter().enumerate() {
@@ -143,7 +143,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// The states where the lane stands.
+    /// The states at the lane's current time.
     pub fn states(&self, lane: usize) -> Vec<f64> {
         self.memory.states(lane)
     }
@@ -153,7 +153,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         self.memory.variable(lane, slot as usize)
     }
 
-    /// Ticks clocks that are due, chooses every lane's step and evaluates.
+    /// Ticks clocks that are due, chooses every lane's step and evaluates all equations.
     #[inline(always)]
     pub fn begin(&mut self) {
         for lane_state in self.lane_states.iter_mut() {
@@ -176,7 +176,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         self.end_settling();
     }
 
-    /// Takes over the pieces of the inputs as they are now.
+    /// Loads the current pieces of the inputs.
     #[inline(always)]
     pub fn load_inputs(&mut self) {
         self.memory.clear_inputs();
@@ -210,7 +210,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// Lanes whose search for rest is over, as of the evaluation that began the step.
+    /// Updates the lanes that search for the steady state, from the evaluation that began the step.
     #[inline(always)]
     fn end_settling(&mut self) {
         for index in 0..V::WIDTH {
@@ -235,7 +235,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// Observes a system that moves on its own; gives it up where it finds no rest.
+    /// Observes a system that moves on its own; gives up if it finds no steady state.
     fn follow(&mut self, index: usize) {
         let Self { memory, lane_states, .. } = self;
         let lane_state = &mut lane_states[index];
@@ -249,7 +249,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         self.begin_on_the_move(index);
     }
 
-    /// Ends the way to rest without it: the run begins where the search ended.
+    /// Ends the search without a steady state: the run begins where the search ended.
     fn begin_on_the_move(&mut self, index: usize) {
         let lane_state = &mut self.lane_states[index];
         lane_state.statistics.unsettled += 1;
@@ -260,7 +260,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// Tries every lane's step: how long it is and its error over scale.
+    /// Tries every lane's step; returns its length, s, and its error over scale.
     #[inline(always)]
     pub fn attempt(&mut self) -> (V, V) {
         let h = V::from_fn(|lane| self.lane_states[lane].step_s);
@@ -270,8 +270,8 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         };
         let mut error = self.memory.rosenbrock(tableau, h);
         if self.lane_states.iter().any(|lane_state| lane_state.phase == Phase::Settling) {
-            // Accuracy does not matter on the way to rest. The most stable method
-            // also comes to rest where the system itself would swing for ever.
+            // Accuracy does not matter in the steady-state search. The most stable method
+            // also converges where the system itself would oscillate forever.
             let settling =
                 |i: usize| if self.lane_states[i].phase == Phase::Settling { 1.0 } else { 0.0 };
             let settling = V::constant(0.0).less(V::from_fn(settling));
@@ -280,7 +280,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         (h, error)
     }
 
-    /// Evaluates every lane at a fraction of the step that was tried.
+    /// Evaluates every lane at a fraction of the attempted step.
     #[inline(always)]
     pub fn interpolate(&mut self, tableau: &Tableau, h: V, fraction: V) {
         self.memory.interpolate(tableau, h, fraction);
@@ -294,8 +294,8 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    /// The factor by which each lane's step could grow for its error; without
-    /// meaning where that is not finite.
+    /// The factor by which each lane's step could grow for its error;
+    /// meaningless if the error is not finite.
     #[inline(always)]
     fn growth(&self, error: V) -> V {
         let order = self.settings.method.tableau().map_or(4, |t| t.order);
@@ -307,8 +307,8 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         math::power(ratio, V::constant(-1.0 / order as f64)) * V::constant(0.9)
     }
 
-    /// Accepts or rejects the step that was tried in every lane, and plans the next. A lane that
-    /// cannot go on becomes idle, with its failure.
+    /// Accepts or rejects the attempted step in every lane, and plans the next. A lane that
+    /// cannot continue becomes idle and stores its failure.
     #[inline(always)]
     pub fn conclude(&mut self, error: V) {
         let implicit = self.settings.method.tableau();
@@ -318,7 +318,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         let growth = self.growth(error);
         for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
             let (error, growth) = (error.lane(index), growth.lane(index));
-            // A poisoned value shows in the error, except without an estimate.
+            // A value that is not finite shows in the error, except for methods without an estimate.
             let good = self.accepts(index, error) && (jacobians > 0 || self.memory.finite(index));
             let lane_state = &mut self.lane_states[index];
             lane_state.statistics.evaluations += evaluations;
@@ -358,7 +358,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         if stuck && lane_state.phase == Phase::Following {
             self.begin_on_the_move(index);
         } else if stuck {
-            // A fixed step is never too large for an error control.
+            // No error control shortens a fixed step.
             let is_too_small = error.is_finite() && !fixed;
             let cause = if is_too_small { Cause::StepTooSmall } else { Cause::NotFinite };
             let state = self.memory.worst_state(index);

@@ -1,15 +1,16 @@
 //! The solver: many variants at once, each with its own time and step.
 //!
 //! A linearly implicit (Rosenbrock) step needs no iteration, so all lanes do the same work whatever their step sizes
-//! are. Every lane therefore has its own time, its own error control and its own events. A lane that has finished takes
+//! are. Every lane therefore has its own time, error control and events. When a lane finishes, it takes
 //! the next variant. No lane reads the numbers of another, so a variant returns the same bits alone, in any lane and on
 //! any thread.
 //!
 //! - [`tableau`]: the coefficients of the methods
 //! - `step`: the operations of a step that depend on the system, interpreted or compiled ([`CompiledStep`])
-//! - [`StepMemory`]: the arrays of a few lanes, and one step of them
-//! - `lane_state`: the time and the step of one variant; `lane_stepper`: a step in which every lane has its own
-//! - `follow`: what the solver does where the search for the steady state fails
+//! - [`StepMemory`]: the arrays of a few lanes, and one step over them
+//! - `lane_state`: the time and the step of one variant
+//! - `lane_stepper`: a step in which every lane has its own time and step
+//! - `follow`: the solver's fallback when the steady-state search fails
 //! - [`Twin`]: one variant that its user steps from sample to sample
 //! - [`run`]: many variants, which lanes take from a [`JobSource`]
 //!
@@ -49,8 +50,8 @@
 //!  the next step
 //! ```
 //!
-//! The index of an array never depends on a lane. Lists of a `Sequence`, a `SparseJacobian` and a `SparseLu` say which
-//! entries an operation reads, in groups of equal length. A compiled step has the same arrays and no lists.
+//! An index into an array never depends on a lane. The lists of `Sequence`, `SparseJacobian` and `SparseLu` hold the
+//! entries that an operation reads, in groups of equal length. A compiled step has the same arrays and no lists.
 
 mod compiled_step;
 mod ensemble;
@@ -72,7 +73,7 @@ pub use twin::{Between, Knot, Snapshot, Twin};
 use core::fmt;
 use tableau::Tableau;
 
-/// How to step.
+/// The integration method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// Rosenbrock, order 3.
@@ -111,49 +112,49 @@ impl Method {
     }
 }
 
-/// How long a step is.
+/// Step-size control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
-    /// Always the same, shortened to land on events.
+    /// A constant step, shortened only to end on events.
     Fixed {
         /// The step, s.
         step_s: f64,
     },
-    /// As long as the estimated error of no state exceeds `tolerance` times its
-    /// scale and error_weight per step.
+    /// The longest step for which the estimated error of every state stays below `tolerance` times
+    /// its scale and `error_weight`.
     Adaptive {
-        /// Allowed error per step over the state's scale and error_weight.
+        /// Permitted error per step, relative to the state's scale and `error_weight`.
         tolerance: f64,
         /// The longest step, s.
         max_step_s: f64,
-        /// Attempts in about a second beyond which the error may be larger: a limit cycle, whose phase no tolerance
-        /// follows. Infinite: never.
+        /// Attempted steps per second of simulated time above which a larger error is accepted. Such a rate marks
+        /// a limit cycle, whose phase no tolerance can follow. Infinity disables the limit.
         attempt_rate_limit_per_s: f64,
     },
 }
 
 impl Control {
-    /// Steps by error alone, of a tenth of a second at most.
+    /// Error control with the given tolerance and steps of at most 0.1 s.
     pub fn within(tolerance: f64) -> Self {
         Control::Adaptive { tolerance, max_step_s: 0.1, attempt_rate_limit_per_s: f64::INFINITY }
     }
 }
 
-/// Everything a run needs to know about the method.
+/// Method and step-size control of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// The method.
     pub method: Method,
-    /// The step.
+    /// The step-size control.
     pub control: Control,
-    /// Whether steps end on every sample (`false`: samples are interpolated by
-    /// the method's dense output, for long steps between frequent samples).
+    /// Whether steps end on every sample. If `false`, the method's dense output interpolates
+    /// samples, for long steps between frequent samples.
     pub land_on_samples: bool,
 }
 
 impl Settings {
-    /// For campaigns: every state within 1e-4 of its scale (test `val_cvode_aileron_at_the_campaign_setting`), but
-    /// where a valve rings for ever.
+    /// For campaigns: keeps every state within 1e-4 of its scale (test `val_cvode_aileron_at_the_campaign_setting`),
+    /// except where a valve oscillates forever.
     pub fn campaign() -> Self {
         Self {
             method: Method::Rodas4P2,
@@ -171,7 +172,7 @@ impl Settings {
         Self { method: Method::Rodas5P, control: Control::within(1e-9), land_on_samples: true }
     }
 
-    /// For real time: a fixed step of a millisecond.
+    /// For real time: a fixed step of 1 ms.
     pub fn real_time() -> Self {
         Self {
             method: Method::Rodas3,
@@ -181,22 +182,22 @@ impl Settings {
     }
 }
 
-/// The work that a variant took.
+/// The computing effort of a variant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Accepted steps.
     pub steps: u64,
-    /// Those of them that searched for rest.
+    /// Accepted steps of steady-state searches.
     pub settling: u64,
     /// Steps whose error was too large.
     pub rejected: u64,
     /// Evaluations of all equations without the Jacobian.
     pub evaluations: u64,
-    /// Evaluations with the Jacobian, each followed by a factorisation.
+    /// Evaluations with the Jacobian, each followed by a factorization.
     pub jacobians: u64,
-    /// Searches for rest that ended without it: the run began on the move.
+    /// Steady-state searches that failed, so that the run began in motion.
     pub unsettled: u64,
-    /// Those of them in which the system was measured to swing for ever.
+    /// Failed searches in which the system was found to oscillate forever.
     pub limit_cycles: u64,
 }
 
@@ -215,15 +216,15 @@ impl core::ops::AddAssign for Statistics {
 /// Why a variant could not be finished.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Failure {
-    /// When, s.
+    /// Time of the failure, s.
     pub time_s: f64,
-    /// The state with the largest error, by its place in the program.
+    /// The state with the largest error, by its index in the program.
     pub state: usize,
-    /// What happened.
+    /// The cause.
     pub cause: Cause,
 }
 
-/// What stopped a variant.
+/// The cause of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// The error stayed too large down to the smallest step.
@@ -241,16 +242,16 @@ impl fmt::Display for Cause {
     }
 }
 
-/// Events closer together than this are one, s.
+/// Events closer together than this count as one, s.
 pub(crate) const SAME_TIME_S: f64 = 1e-9;
-/// Steps that are not cut short by an event are at least this long, s. A spool that hits its stop at full speed asks for
-/// 5e-9 s at a tolerance of 1e-7; after three hours a double still tells ten of these apart.
+/// Lower limit of steps that no event shortens, s. A spool that hits its stop at full speed needs
+/// 5e-9 s at a tolerance of 1e-7. After three hours, doubles are still only 2e-12 s apart.
 pub(crate) const MIN_STEP_S: f64 = 1e-11;
 
 #[cfg(test)]
 mod tests {
     //! The order of the methods, measured on a nonlinear, time-dependent
-    //! system: a volume filled through an orifice from a swinging supply.
+    //! system: a volume filled through an orifice from an oscillating supply.
 
     use super::*;
     use crate::components;

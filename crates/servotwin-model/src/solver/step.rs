@@ -12,10 +12,10 @@ pub(super) const MAX_LANES: usize = 16;
 /// The largest number of stages of any method.
 pub(super) const MAX_STAGES: usize = 8;
 
-/// A bit for everything in a variant but its external inputs: constants and stand-ins.
+/// A bit for all of a variant's numbers except its external inputs: constants and stand-ins.
 pub(crate) const NUMBERS: u64 = 1 << 63;
 
-/// The bit of an external input. Inputs from number 62 on share one: a value computed too often does no harm.
+/// The bit of an external input. Inputs from index 62 on share one bit, which costs some repeated computation.
 pub(crate) fn input_bit(external: usize) -> u64 {
     1 << external.min(62)
 }
@@ -57,14 +57,14 @@ impl<V: Lanes> StepArrays<V> {
         }
     }
 
-    /// Makes room for the cached values of another step. None of them is valid yet.
+    /// Allocates the cached values of another step. None of them is valid yet.
     fn resize_cached(&mut self, length: usize) {
         self.cached = vec![V::constant(0.0); length];
         self.changed = u64::MAX;
     }
 }
 
-/// What a Rosenbrock step needs from the system. All implementations return the same bits.
+/// The operations that a Rosenbrock step needs from the system. All implementations return the same bits.
 pub(super) trait Step<V> {
     /// Evaluates all equations and their gradients at the beginning of the step.
     fn evaluate_with_jacobian(&self, arrays: &mut StepArrays<V>);
@@ -75,8 +75,8 @@ pub(super) trait Step<V> {
     /// Factors `diagonal · I − J`.
     fn factor(&self, diagonal: V, arrays: &mut StepArrays<V>);
 
-    /// Puts the argument of a stage, `y + Σ a_ij U_j`, into the states of the variable array, and `(Σ c_ij U_j)/h` into
-    /// the place of `U_i`. The first stage has no sums.
+    /// Writes the argument of a stage, `y + Σ a_ij U_j`, to the states of the variable array, and `(Σ c_ij U_j)/h` to
+    /// the memory of `U_i`. The first stage has no sums.
     fn sum_stages(
         &self,
         tableau: &Tableau,
@@ -85,20 +85,20 @@ pub(super) trait Step<V> {
         arrays: &mut StepArrays<V>,
     );
 
-    /// Solves (R1) for `U_i`, in the place of its sum.
+    /// Solves (R1) for `U_i`, which replaces its sum.
     fn solve_stage(&self, stage: usize, slope_factor: V, arrays: &mut StepArrays<V>);
 }
 
 /// The step of a run: interpreted for any system, or compiled for this one.
 ///
-/// An enum and no trait object, because lane code must be inlined into functions of its instruction set.
+/// This is an enum and not a trait object, because lane code must be inlined into functions of its instruction set.
 pub(super) enum AnyStep<'p> {
     Interpreted(InterpretedStep<'p>),
     Compiled(&'p CompiledStep),
 }
 
 impl<'p> AnyStep<'p> {
-    /// The compiled step where there is one, with room for its cached values.
+    /// Returns the compiled step if there is one, and allocates its cached values.
     pub fn choose<V: Lanes>(
         program: &'p Program,
         compiled: Option<&'p CompiledStep>,
@@ -113,7 +113,7 @@ impl<'p> AnyStep<'p> {
     }
 }
 
-/// Calls a method of the step that is there.
+/// Calls a method of the step in use.
 macro_rules! forward {
     ($self:ident.$method:ident($($argument:expr),*)) => {
         match $self {
@@ -156,7 +156,7 @@ impl<V: Lanes> Step<V> for AnyStep<'_> {
     }
 }
 
-/// Walks the lists of a program.
+/// The step that walks the lists of a program.
 pub(super) struct InterpretedStep<'p> {
     program: &'p Program,
 }
@@ -205,8 +205,8 @@ impl<V: Lanes> Step<V> for InterpretedStep<'_> {
     }
 }
 
-/// Declares functions that the compiler compiles for the instruction set one by one
-/// (see [`Lanes::with_target_features`]). A step that is one inlined whole takes the compiler minutes.
+/// Declares functions that are each compiled separately for the instruction set
+/// (see [`Lanes::with_target_features`]). A fully inlined step would take minutes to compile.
 macro_rules! with_target_features {
     ($($(#[$note:meta])* fn $name:ident<'a, V>($($argument:ident: $type:ty),* $(,)?) $body:block)*) => {
         $($(#[$note])*

@@ -1,4 +1,4 @@
-//! The memory of a few variants side by side, and one step of them.
+//! The memory of a few variants side by side, and one step over them.
 
 use super::compiled_step::CompiledStep;
 use super::step::{AnyStep, MAX_LANES, NUMBERS, Step, StepArrays, input_bit};
@@ -7,21 +7,21 @@ use crate::program::Program;
 use crate::scalar::Lanes;
 use alloc::vec::Vec;
 
-/// The variables of as many variants as there are lanes.
+/// The arrays of as many variants as there are lanes.
 pub struct StepMemory<'p, V> {
     program: &'p Program,
     step: AnyStep<'p>,
     arrays: StepArrays<V>,
     /// The states at the end of the step.
     y_new: Vec<V>,
-    /// Index of the step's error in the stage vectors. There are zeros if a method has no error.
+    /// Index of the step's error in the stage vectors. These are zeros if a method has no error estimate.
     first_error: usize,
     reciprocal_scales: Vec<f64>,
-    /// The same for the errors of a step, with the states' error weights.
+    /// The same for the errors of a step, including the states' error weights.
     reciprocal_allowances: Vec<f64>,
     /// The lowest value of each state in the search for the steady state.
     lowest: Vec<f64>,
-    /// For each external input that changes in some lane, its number and its cubic in the time since the step began.
+    /// For each external input that changes in some lane: its index and its cubic in the time since the step began.
     moving: Vec<(usize, [V; 4])>,
 }
 
@@ -48,13 +48,13 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     /// Uses a compiled step from now on, or the interpreted one if there is none. Returns whether a compiled step is in
     /// use.
     ///
-    /// The step must belong to this program, to the method in use and to as many lanes.
+    /// The step must belong to this program and method, and have the same number of lanes.
     pub(super) fn use_compiled(&mut self, compiled: Option<&'p CompiledStep>) -> bool {
         self.step = AnyStep::choose(self.program, compiled, &mut self.arrays);
         self.step.is_compiled()
     }
 
-    /// Puts a variant's constants into a lane.
+    /// Stores a variant's constants in a lane.
     pub fn set_constants(&mut self, lane: usize, constants: &[f64]) {
         for (place, &value) in self.arrays.constants.iter_mut().zip(constants) {
             place.set_lane(lane, value);
@@ -95,15 +95,15 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         &self.arrays.gradients
     }
 
-    /// Forgets which inputs move. To be called before [`StepMemory::set_input`].
+    /// Removes all moving inputs. Call it before [`StepMemory::set_input`].
     pub fn clear_inputs(&mut self) {
         for (external, _) in self.moving.drain(..) {
             self.arrays.gradients[self.program.jacobian().slope(external)] = V::constant(0.0);
         }
     }
 
-    /// Makes an input move as a cubic in the time since the beginning of the
-    /// step: one polynomial per lane, `cubic(lane)`.
+    /// Sets an input to a cubic in the time since the beginning of the
+    /// step, with one polynomial per lane, `cubic(lane)`.
     #[inline(always)]
     pub fn set_input(&mut self, external: usize, cubic: impl Fn(usize) -> [f64; 4]) {
         let mut cubics = [[0.0; 4]; MAX_LANES];
@@ -114,7 +114,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         self.moving.push((external, coefficients));
     }
 
-    /// Loads the inputs at `offset` after the beginning of the step into the
+    /// Writes the inputs at `offset` after the beginning of the step to the
     /// variable array.
     #[inline(always)]
     fn load_inputs(&mut self, offset: V) {
@@ -125,7 +125,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         }
     }
 
-    /// Evaluates everything at the beginning of the step, with the Jacobian.
+    /// Evaluates all equations at the beginning of the step, with the Jacobian.
     #[inline(always)]
     pub fn begin(&mut self) {
         let n = self.arrays.y.len();
@@ -138,7 +138,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         self.step.evaluate_with_jacobian(&mut self.arrays);
     }
 
-    /// Evaluates everything at the beginning of the step, without the Jacobian.
+    /// Evaluates all equations at the beginning of the step, without the Jacobian.
     #[inline(always)]
     pub fn evaluate(&mut self) {
         let n = self.arrays.y.len();
@@ -147,8 +147,8 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         self.program.evaluate(&self.arrays.constants, &mut self.arrays.variables);
     }
 
-    /// Runs the sampled equations of a clock in the lanes of the mask; needs
-    /// an evaluation first.
+    /// Runs the sampled equations of a clock in the lanes of the mask. An evaluation
+    /// must precede it.
     #[inline(always)]
     pub fn tick(&mut self, clock: usize, lanes: V::Mask) {
         let clock = &self.program.clocks()[clock];
@@ -160,18 +160,18 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         }
     }
 
-    /// One Rosenbrock step (R1), (R2) from the last [`StepMemory::begin`]. Gives the
-    /// largest error of any state over its scale and error_weight.
+    /// Takes one Rosenbrock step (R1), (R2) from the last [`StepMemory::begin`]. Returns the
+    /// largest error of any state, relative to its scale and `error_weight`.
     #[inline(always)]
     pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
         let reciprocal = V::constant(1.0) / h;
         let diagonal = reciprocal * V::constant(1.0 / method.gamma);
         self.step.factor(diagonal, &mut self.arrays);
         for stage in 0..method.stages() {
-            // The first one has no sum: its argument is where the step begins.
+            // The first stage has no sum: its argument is the state at the beginning of the step.
             if stage > 0 {
                 self.step.sum_stages(method, stage, reciprocal, &mut self.arrays);
-                // The last two stages of the stiffly accurate methods stand at the same time.
+                // The last two stages of the stiffly accurate methods have the same time.
                 if method.alpha[stage] != method.alpha[stage - 1] {
                     self.load_inputs(h * V::constant(method.alpha[stage]));
                 }
@@ -183,7 +183,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         self.combine(method)
     }
 
-    /// (R2): the variable array still holds the argument of the last stage.
+    /// (R2). The variable array still holds the argument of the last stage.
     #[inline(always)]
     fn combine(&mut self, method: &Tableau) -> V {
         let n = self.arrays.y.len();
@@ -198,9 +198,9 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         largest.value()
     }
 
-    /// Makes the last step one of the linearly implicit Euler method over `γ h`
-    /// in the lanes of the mask, which is its first stage, ending at no state's lowest value. Gives the largest
-    /// change there, and `error` elsewhere.
+    /// Reduces the last step to its first stage in the lanes of the mask, which makes it a step of the linearly
+    /// implicit Euler method over `γ h`. No state ends below its lowest value. Returns the largest change in these
+    /// lanes, and `error` in the others.
     #[inline(always)]
     pub fn keep_first_stage(&mut self, lanes: V::Mask, error: V) -> V {
         for (k, &y) in self.arrays.y.iter().enumerate() {
@@ -218,7 +218,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         &self.arrays.stages[self.first_error..][..self.arrays.y.len()]
     }
 
-    /// What stands as the errors, the largest over its scale; NaN where any is NaN.
+    /// The largest error of the last step over its scale; NaN if any is NaN.
     #[inline(always)]
     fn largest_change(&self) -> V {
         let mut largest = Largest::default();
@@ -228,7 +228,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         largest.value()
     }
 
-    /// One step of the classical Runge–Kutta method from the last evaluation.
+    /// Takes one step of the classical Runge–Kutta method from the last evaluation.
     #[inline(always)]
     pub fn runge_kutta(&mut self, h: V) {
         let n = self.arrays.y.len();
@@ -252,7 +252,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         }
     }
 
-    /// Takes the step in the lanes of the mask.
+    /// Accepts the step in the lanes of the mask.
     #[inline(always)]
     pub fn accept(&mut self, lanes: V::Mask) {
         for (y, &new) in self.arrays.y.iter_mut().zip(&self.y_new) {
@@ -265,11 +265,11 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         self.y_new.iter().all(|v| v.lane(lane).is_finite())
     }
 
-    /// The state to blame for a step that failed in a lane: the first whose rate
-    /// is not finite where the step began, else the one with the largest error.
+    /// The state responsible for a failed step in a lane: the first whose rate is
+    /// not finite at the beginning of the step, else the one with the largest error.
     ///
-    /// One such rate spoils all states of the step, so the errors do not tell.
-    /// Evaluates everything again.
+    /// One such rate makes all states of the step not finite, so their errors do not
+    /// identify it. Evaluates all equations again.
     pub fn worst_state(&mut self, lane: usize) -> usize {
         self.evaluate();
         let rates = &self.arrays.variables[self.program.derivatives()];
@@ -277,7 +277,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         broken.unwrap_or_else(|| self.state_with_largest_error(lane))
     }
 
-    /// NaN counts as largest.
+    /// A NaN counts as the largest error.
     fn state_with_largest_error(&self, lane: usize) -> usize {
         let relative = |k: usize| {
             let e = self.errors()[k].lane(lane) * self.reciprocal_allowances[k];
@@ -293,14 +293,14 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         worst
     }
 
-    /// The states of a lane over their scales, and how fast they move, 1/s, as of the last evaluation.
+    /// For each state of a lane: its value and its rate, 1/s, both over its scale, as of the last evaluation.
     pub fn motion_over_scale(&self, lane: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
         let derivatives = &self.arrays.variables[self.program.derivatives()];
         let both = self.arrays.y.iter().zip(derivatives).zip(&self.reciprocal_scales);
         both.map(move |((y, rate), scale)| (y.lane(lane) * scale, rate.lane(lane) * scale))
     }
 
-    /// The largest rate of change of any state over its scale in a lane, 1/s,
+    /// The largest rate of any state over its scale in a lane, 1/s,
     /// as of the last evaluation.
     pub fn largest_rate_per_s(&self, lane: usize) -> f64 {
         let derivatives = &self.arrays.variables[self.program.derivatives()];
@@ -311,10 +311,10 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
         })
     }
 
-    /// Puts the states at a fraction of the last step (R3) into the variable
-    /// array and evaluates everything there; the beginning of the step stays.
+    /// Writes the states at a fraction of the last step (R3) to the variable
+    /// array and evaluates all equations there. The beginning of the step is unchanged.
     ///
-    /// `fraction` is per lane. To be called before [`StepMemory::accept`].
+    /// `fraction` is per lane. Call it before [`StepMemory::accept`].
     #[inline(always)]
     pub fn interpolate(&mut self, method: &Tableau, h: V, fraction: V) {
         let n = self.arrays.y.len();
@@ -339,7 +339,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
 /// The largest error over scale so far.
 struct Largest<V> {
     largest: V,
-    /// Zero, unless some error is not finite: comparisons would lose a NaN.
+    /// Zero unless some error is not finite, because comparisons would lose a NaN.
     poison: V,
 }
 

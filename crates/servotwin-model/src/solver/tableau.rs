@@ -1,6 +1,6 @@
 //! Coefficients of the Rosenbrock methods.
 //!
-//! In the form without matrix products: with `W = I/(γh) − J`,
+//! The methods are written without matrix products. With `W = I/(γh) − J`,
 //!
 //! ```text
 //! W U_i = f(t + α_i h, y + Σ_j a_ij U_j) + Σ_j (c_ij/h) U_j + h γ_i ∂f/∂t    (R1)
@@ -8,7 +8,7 @@
 //! y(θ)  = (1−θ) y + θ (y_1 + (1−θ)(k_1 + θ(k_2 + θ k_3))),  k_m = Σ_j h_mj U_j  (R3)
 //! ```
 //!
-//! All are L-stable and stiffly accurate (the last stage is the error).
+//! All methods are L-stable and stiffly accurate (the last stage is the error).
 
 use crate::scalar::Scalar;
 
@@ -25,9 +25,9 @@ pub struct Tableau {
     pub alpha: &'static [f64],
     /// `γ_i`.
     pub gamma_sum: &'static [f64],
-    /// `h_mj`; empty where the method has no dense output.
+    /// `h_mj`; empty if the method has no dense output.
     pub dense: &'static [&'static [f64]],
-    /// Order of the result; the error estimate is of one less.
+    /// Order of the result; the error estimate is one order lower.
     pub order: u32,
 }
 
@@ -37,8 +37,8 @@ impl Tableau {
         self.a.len()
     }
 
-    /// Whether a stage's argument is that of the stage before and its `U`, as in the last stages of stiffly accurate
-    /// methods.
+    /// Whether a stage's argument is the previous stage's argument plus its `U`, as in the last stages of stiffly
+    /// accurate methods.
     #[inline(always)]
     fn continues(&self, stage: usize) -> bool {
         match self.a[stage].split_last() {
@@ -47,8 +47,8 @@ impl Tableau {
         }
     }
 
-    /// The argument of the equations in a stage, `states = y + Σ a_j U_j`, and the rest of its right side,
-    /// `right = (Σ c_j U_j)/h`. `states` still holds the argument of the stage before.
+    /// Computes the argument of a stage, `states = y + Σ a_j U_j`, and the rest of its right-hand side,
+    /// `right = (Σ c_j U_j)/h`. On entry `states` holds the argument of the previous stage.
     #[inline(always)]
     pub(crate) fn sum_stages<V: Scalar<Base = V>>(
         &self,
@@ -76,7 +76,7 @@ impl Tableau {
     }
 }
 
-/// What a stage's sums are made of and where they go.
+/// The inputs and outputs of a stage's sums.
 struct StageSums<'a, V> {
     states: &'a mut [V],
     y: &'a [V],
@@ -85,7 +85,7 @@ struct StageSums<'a, V> {
 }
 
 impl<V: Scalar<Base = V>> StageSums<'_, V> {
-    /// Both sums at once, so that the stages are read once; their number is known, so
+    /// Computes both sums in one pass over the stages. The number of stages is a constant, so
     /// that sums and weights stay in registers.
     #[inline(always)]
     fn of<const N: usize, const CONTINUES: bool>(self, a: &[f64], c: &[f64], factor: V) {
@@ -129,7 +129,7 @@ pub static RODAS3: Tableau = Tableau {
     order: 3,
 };
 
-/// Six stages, order 4(3), little order reduction for stiff problems: Steinebach,
+/// Six stages, order 4(3), with little order reduction for stiff problems: Steinebach,
 /// Progress in Differential-Algebraic Equations II, Springer (2020) 165.
 pub static RODAS4P2: Tableau = Tableau {
     gamma: 0.25,

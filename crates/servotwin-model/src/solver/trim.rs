@@ -6,21 +6,21 @@ use crate::lanes::Level;
 use crate::program::{Program, Slot};
 use alloc::vec::Vec;
 
-/// The steady state of a variant at its inputs of time zero, from a first
-/// guess. A system without one (a limit cycle, an integrator that drifts) gives
-/// the state where the search ended.
+/// The steady state of a variant at its inputs of time zero, from an initial
+/// guess. For a system without one (a limit cycle, an integrator that drifts), the
+/// state at the end of the search.
 ///
 /// # Errors
-/// Where the search met numbers that are not finite.
+/// The search met numbers that are not finite.
 pub fn settle(program: &Program, job: Job) -> Result<Vec<f64>, Failure> {
     settle_counted(program, job).map(|(states, _)| states)
 }
 
-/// As [`settle`], with the work that it took: whether there was a rest ([`Statistics::unsettled`]) and, if not, whether a
-/// limit cycle was measured.
+/// [`settle`] with the computing effort, which shows whether the search failed ([`Statistics::unsettled`]) and whether
+/// it then found a limit cycle.
 ///
 /// # Errors
-/// Where the search met numbers that are not finite.
+/// The search met numbers that are not finite.
 pub fn settle_counted(program: &Program, job: Job) -> Result<(Vec<f64>, Statistics), Failure> {
     struct Catch<'a> {
         job: Option<Job<'a>>,

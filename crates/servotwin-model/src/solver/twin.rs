@@ -1,4 +1,4 @@
-//! One variant, stepped from sample to sample by its user: the twin that runs beside an actuator.
+//! One variant that its user steps from sample to sample: the twin that runs beside an actuator.
 //!
 //! ```text
 //! let mut twin = Twin::new(&program, Settings::campaign(), 0.01, between);
@@ -7,9 +7,9 @@
 //! loop { twin.step(&inputs)?; twin.value(slot); }
 //! ```
 //!
-//! It is the object of which a campaign keeps many in its lanes, so its values are those of a
-//! campaign with the same inputs, bit for bit. After [`Twin::new`] nothing is allocated by
-//! [`Twin::step`].
+//! A campaign runs the same code in its lanes, so a twin returns the bits of a
+//! campaign with the same inputs. After [`Twin::new`], [`Twin::step`] allocates
+//! nothing.
 
 use super::compiled_step::CompiledSteps;
 use super::lane_state::{LaneState, Moving, Phase};
@@ -19,80 +19,80 @@ use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
 use alloc::vec::Vec;
 
-/// How an input goes from one sample to the next.
+/// Interpolation of an input between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Between {
-    /// It keeps the value of the sample before.
+    /// Holds the value of the preceding sample.
     Hold,
-    /// Straight.
+    /// A straight line.
     Line,
-    /// A cubic with the slopes that are given at the samples.
+    /// A cubic with the given slopes at the samples.
     Cubic,
 }
 
 /// An input at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Knot {
-    /// In the input's SI unit.
+    /// The value, in the input's SI unit.
     pub value: f64,
-    /// Its slope, per second; read for [`Between::Cubic`] only.
+    /// Its slope per second; only [`Between::Cubic`] uses it.
     pub slope_per_s: f64,
 }
 
 impl From<f64> for Knot {
-    /// A value without a slope.
+    /// A value with slope zero.
     fn from(value: f64) -> Self {
         Knot { value, slope_per_s: 0.0 }
     }
 }
 
-/// Everything that a twin remembers, to go on later with the same bits.
+/// The complete state of a twin, from which it continues later with the same bits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snapshot {
-    /// Number of the sample that it stands on.
+    /// Index of the current sample.
     pub sample: u64,
-    /// The step that the error control wants, s.
+    /// The step that the error control requests, s.
     pub wanted_s: f64,
-    /// How much work it took lately.
+    /// The recent attempts per second of simulated time.
     pub attempt_rate_per_s: f64,
     /// The states.
     pub states: Vec<f64>,
-    /// The external inputs, the stand-ins and what clocks hold.
+    /// The external inputs, the stand-ins and the values held by clocks.
     pub held: Vec<f64>,
-    /// For each clock, the number of its next tick.
+    /// For each clock, the index of its next tick.
     pub next_tick: Vec<u64>,
-    /// The inputs at the sample.
+    /// The inputs at the current sample.
     pub inputs: Vec<Knot>,
 }
 
-/// A virtual twin in real time; see the module.
+/// A virtual twin in real time; see the module documentation.
 pub struct Twin<'p> {
     stepper: LaneStepper<'p, f64>,
     between: Vec<Between>,
     period_s: f64,
-    /// The inputs at the sample it stands on.
+    /// The inputs at the current sample.
     inputs: Vec<Knot>,
-    /// Constants and stand-ins that hold from the next sample on.
+    /// Constants and stand-ins that apply from the next sample on.
     loaded: Option<(Vec<f64>, Vec<f64>)>,
 }
 
-/// Its only lane.
+/// The twin's only lane.
 const LANE: usize = 0;
 
-/// The latest time of a snapshot, s: thirty years.
+/// Latest permitted time of a snapshot, s: thirty years.
 const MAX_TIME_S: f64 = 1e9;
-/// The longest step of a snapshot, s.
+/// Longest permitted step of a snapshot, s.
 const MAX_STEP_S: f64 = 1e4;
-/// The most attempts of a snapshot within a second.
+/// Largest permitted attempt rate of a snapshot, 1/s.
 const MAX_ATTEMPT_RATE_PER_S: f64 = 1e12;
 
 impl<'p> Twin<'p> {
-    /// A twin with samples every `period_s` seconds; `between` for each external input of the
-    /// program. Steps end on samples, whatever the settings say.
+    /// A twin with samples every `period_s` seconds, and one `between` for each external input of the
+    /// program. Steps end on samples, whatever the settings are.
     ///
     /// # Panics
-    /// If `between` is of another length than the program's inputs, the period is not positive, or the
-    /// method is explicit: it cannot search the rest that a run starts from.
+    /// If the lengths of `between` and the program's inputs differ, the period is not positive, or the
+    /// method is explicit. An explicit method cannot search for the steady state.
     pub fn new(
         program: &'p Program,
         settings: Settings,
@@ -115,25 +115,25 @@ impl<'p> Twin<'p> {
         self.stepper.program
     }
 
-    /// Takes steps by compiled functions from now on, of [`Level::Single`](crate::lanes::Level): the same bits, sooner.
-    /// Whether they are of that level, and are taken.
+    /// Uses compiled functions from now on, if they are for [`Level::Single`](crate::lanes::Level). They return the
+    /// same bits faster. Returns whether they are in use.
     pub fn use_compiled(&mut self, compiled: &'p CompiledSteps) -> bool {
         self.stepper.use_compiled(compiled)
     }
 
-    /// Puts the parameters of a variant in ([`Program::parameters`]). On the way they hold from the
-    /// next sample on that it comes to.
+    /// Loads the parameters of a variant ([`Program::parameters`]). During a run they apply from the
+    /// next sample on.
     pub fn load(&mut self, parameters: &[Vec<f64>]) {
         let program = self.stepper.program;
         let constants = program.block_constants(parameters);
         self.loaded = Some((constants, program.stand_in_values(parameters)));
     }
 
-    /// Searches the steady state at constant inputs, from a first guess
-    /// ([`Program::first_guess`]), and stands on sample 0 there.
+    /// Searches for the steady state at constant inputs, from an initial guess
+    /// ([`Program::first_guess`]), and places the twin on sample 0.
     ///
     /// # Errors
-    /// Where the search met numbers that are not finite.
+    /// The search met numbers that are not finite.
     pub fn settle(&mut self, inputs: &[Knot], guess: &[f64]) -> Result<(), Failure> {
         self.inputs.copy_from_slice(inputs);
         self.restart(true);
@@ -153,10 +153,10 @@ impl<'p> Twin<'p> {
         Ok(())
     }
 
-    /// Goes on to the next sample, where the inputs are `inputs`.
+    /// Simulates up to the next sample, at which the inputs are `inputs`.
     ///
     /// # Errors
-    /// Where the solver could not go on; only [`Twin::settle`] and [`Twin::restore`] help then.
+    /// The solver could not continue. Only [`Twin::settle`] and [`Twin::restore`] clear this failure.
     pub fn step(&mut self, inputs: &[Knot]) -> Result<(), Failure> {
         if let Some(failure) = self.lane_state().failure {
             return Err(failure);
@@ -173,27 +173,27 @@ impl<'p> Twin<'p> {
         Ok(())
     }
 
-    /// A variable at the sample it stands on.
+    /// A variable at the current sample.
     pub fn value(&self, slot: Slot) -> f64 {
         self.stepper.variable(LANE, slot)
     }
 
-    /// The number of the sample it stands on.
+    /// Index of the current sample.
     pub fn sample(&self) -> u64 {
         self.lane_state().next_sample - 1
     }
 
-    /// Time since rest, s.
+    /// Time since the steady state, s.
     pub fn time_s(&self) -> f64 {
         self.lane_state().time_s
     }
 
-    /// The work that it took so far.
+    /// The computing effort so far.
     pub fn statistics(&self) -> Statistics {
         self.lane_state().statistics
     }
 
-    /// What it remembers; `snapshot`'s memory is used again.
+    /// Saves the twin's state; reuses the memory of `snapshot`.
     pub fn save(&self, snapshot: &mut Snapshot) {
         let lane_state = self.lane_state();
         snapshot.sample = self.sample();
@@ -207,10 +207,10 @@ impl<'p> Twin<'p> {
         snapshot.inputs.clone_from(&self.inputs);
     }
 
-    /// Goes on from what a twin of the same program, settings and parameters remembered.
+    /// Continues from the snapshot of a twin with the same program, settings and parameters.
     ///
     /// # Errors
-    /// What does not fit: a list of another length, or a number with which no twin ever stood on a sample.
+    /// Names the part that does not fit: a list of another length, or a number that no twin can have at a sample.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), &'static str> {
         let held = self.stepper.held(LANE).count();
         let fits = |fits: bool, what| if fits { Ok(()) } else { Err(what) };
@@ -234,14 +234,14 @@ impl<'p> Twin<'p> {
         Ok(())
     }
 
-    /// That the numbers of a snapshot are such that the way goes on from them: a step of zero, or one that is too short
-    /// to change the time, would never end.
+    /// Checks that a twin can continue from the numbers of a snapshot. A step of zero, or one too short to change
+    /// the time, would never end.
     fn check_numbers(&self, snapshot: &Snapshot) -> Result<(), &'static str> {
         let fits = |fits: bool, what| if fits { Ok(()) } else { Err(what) };
         let time_s = snapshot.sample as f64 * self.period_s;
         let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
         let mut inputs = snapshot.inputs.iter().flat_map(|knot| [knot.value, knot.slope_per_s]);
-        // A clock has ticked up to the sample, and not beyond its next tick.
+        // A clock has ticked up to the sample, and not beyond the tick after it.
         let is_next = |(&tick, &period_s): (&u64, &f64)| {
             let next_s = tick as f64 * period_s;
             (time_s - period_s..=time_s + 2.0 * period_s).contains(&next_s)
@@ -262,7 +262,7 @@ impl<'p> Twin<'p> {
         &self.stepper.lane_states[LANE]
     }
 
-    /// A new way, with inputs that all move.
+    /// Starts a new run in which all inputs can change.
     fn restart(&mut self, settle: bool) {
         let moving = self.inputs.iter().enumerate().map(|(external, knot)| Moving {
             external,
@@ -283,8 +283,8 @@ impl<'p> Twin<'p> {
         }
     }
 
-    /// Evaluates at the sample that it has come to, as far as the inputs are known: values and
-    /// slopes.
+    /// Evaluates at the sample just reached, with the known values and slopes of
+    /// the inputs.
     fn stand(&mut self) {
         self.take_loaded();
         let lane_state = &mut self.stepper.lane_states[LANE];
@@ -303,8 +303,8 @@ impl<'p> Twin<'p> {
         self.stepper.lane_states[LANE].next_sample += 1;
     }
 
-    /// The pieces of the inputs up to the next sample. What the evaluation at this one knew of them
-    /// stays true, except that a straight line's slope was not known.
+    /// Sets the pieces of the inputs up to the next sample. The last evaluation remains valid,
+    /// unless an input has a slope that was unknown then, as on a straight line.
     fn lead_to(&mut self, next: &[Knot]) {
         let lane_state = &mut self.stepper.lane_states[LANE];
         let to_s = lane_state.sample_time_s();

@@ -1,4 +1,4 @@
-//! The C source of a system gives the numbers of the system itself, bit by bit.
+//! The C source of a system returns the same bits as the system itself.
 
 use crate::rig;
 use servotwin_model::c_source::{self, BadPrefix};
@@ -23,7 +23,7 @@ impl Random {
     }
 }
 
-/// What the equations are evaluated at.
+/// States, inputs and held values at which the equations are evaluated.
 struct Point {
     states: Vec<f64>,
     inputs: Vec<f64>,
@@ -46,7 +46,7 @@ fn points(program: &Program, parameters: &[Vec<f64>]) -> Vec<Point> {
     (0..CASES).map(point).collect()
 }
 
-/// Constants, stand-ins, and at each point derivatives and outputs, in Rust.
+/// The results in Rust: constants and stand-ins, then derivatives and outputs at each point.
 fn expected(program: &Program, parameters: &[Vec<f64>], points: &[Point]) -> Vec<f64> {
     let constants = program.block_constants(parameters);
     let mut numbers = constants.clone();
@@ -173,8 +173,8 @@ fn without_outputs_there_is_no_function_for_them() {
     assert!(!c.contains("t_outputs("));
 }
 
-/// Prints the three currents that the controller of the actuator holds after each
-/// of three ticks; its two open inputs stand behind them.
+/// Prints the three currents that the actuator's controller holds after each
+/// of three ticks. The controller's two open inputs follow them in the array.
 const TICK: &str = r#"
 #include <stdio.h>
 

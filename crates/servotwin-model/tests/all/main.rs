@@ -1,4 +1,4 @@
-//! Tests of the model from outside.
+//! Tests of the model through its public interface.
 
 mod c_source;
 mod rig;
@@ -7,19 +7,19 @@ mod twin;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// Counts what the current thread allocates.
+/// An allocator that counts the allocations of the current thread.
 struct Counting;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// How often the current thread has allocated.
+/// Number of allocations of the current thread.
 fn allocations() -> u64 {
     ALLOCATIONS.get()
 }
 
-// SAFETY: the system's allocator, and a counter that allocates nothing.
+// SAFETY: this is the system's allocator, with a counter that allocates nothing.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.set(ALLOCATIONS.get() + 1);

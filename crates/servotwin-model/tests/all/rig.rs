@@ -1,16 +1,16 @@
-//! Systems for tests, put together by names.
+//! Systems for tests, built by names.
 
 use servotwin_model::components;
 use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
 use servotwin_model::program::Program;
 use servotwin_model::spec::PortKind;
 
-/// A network in the making.
+/// A network under construction.
 #[derive(Default)]
 pub struct Rig(Network);
 
 impl Rig {
-    /// Adds a component with some parameters.
+    /// Adds a component with the given parameters.
     pub fn add(mut self, id: &str, kind: &str, parameters: &[(&str, f64)]) -> Self {
         let component = components::find(kind).expect("a kind of the catalogue");
         let instance = Instance::new(id, component);
@@ -33,7 +33,7 @@ impl Rig {
         self
     }
 
-    /// An input from outside that feeds a signal.
+    /// Adds an external input that feeds a signal.
     pub fn input(mut self, id: &str, default: f64, target: &str) -> Self {
         let target = self.port(target);
         let spec = self.0.components[target.component].component.spec();
@@ -65,8 +65,8 @@ pub fn filling() -> Program {
         .compile()
 }
 
-/// One actuator with its valves, sensors and a sampled controller on a control
-/// surface in the air.
+/// One actuator with its valves, sensors and a sampled controller, on a control
+/// surface with aerodynamic load.
 pub fn actuator() -> Program {
     Rig::default()
         .add("supply", "pressure_source", &[])

@@ -17,14 +17,14 @@ fn knot(k: usize) -> Knot {
     Knot { value: 0.1 + 0.05 * (7.0 * t).sin(), slope_per_s: 0.35 * (7.0 * t).cos() }
 }
 
-/// Command, mode and altitude at a sample; the actuator is switched off half-way.
+/// Command, mode and altitude at a sample; the mode switches the actuator off at sample 40.
 fn inputs(k: usize) -> [Knot; 3] {
     [knot(k), Knot::from(if k < 40 { 1.0 } else { 0.0 }), Knot::from(3000.0 + 10.0 * k as f64)]
 }
 
 const BETWEEN: [Between; 3] = [Between::Cubic, Between::Hold, Between::Line];
 
-/// The same inputs over the whole run.
+/// The same inputs as signals over the whole run.
 fn signals() -> [Piecewise; 3] {
     let times: Vec<f64> = (0..=SAMPLES).map(|k| k as f64 * PERIOD_S).collect();
     let of = |f: fn([Knot; 3]) -> f64| (0..=SAMPLES).map(|k| f(inputs(k))).collect::<Vec<f64>>();
@@ -56,7 +56,7 @@ impl<'a> JobSource<'a> for One<'a> {
     }
 }
 
-/// All observables at all samples, as a campaign computes them.
+/// All observables at all samples, computed by a campaign.
 fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level) -> Vec<Vec<f64>> {
     let signals = signals();
     let parameters = program.parameters(&[]);

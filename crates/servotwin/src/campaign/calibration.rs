@@ -6,7 +6,6 @@
 //! tolerances: `calibration-fitted.parquet`. It is computed once: every part of a campaign that finds
 //! the file takes it over, to the bit.
 
-use super::prepared::Mark;
 use super::{Campaign, CampaignError, Plants, Setting, described, ensemble};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
@@ -15,6 +14,7 @@ use crate::signal::random::Random;
 use crate::study::{Calibration, Lot, Role, Study};
 use crate::system::imperfection::Imperfections;
 use crate::table::{self, Column, Table, Values};
+use servotwin_model::hash::TextHash;
 use servotwin_model::solver::{Failure, Settings};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -216,14 +216,14 @@ impl Campaign<'_> {
     /// What a pool must have been made from to be taken over.
     fn calibration_mark(&self) -> String {
         let study = self.study;
-        let mut mark = Mark::default();
+        let mut mark = TextHash::default();
         mark.add(format_args!(
             "calibration 1 {:?} {:?} {} ",
             self.role, self.solver, study.sample_period_s
         ));
         mark.add(format_args!("{}", self.model_text()));
         mark.add(format_args!("{:?} {:?}", study.realism, study.calibration));
-        mark.text()
+        mark.to_string()
     }
 
     fn write_calibration(

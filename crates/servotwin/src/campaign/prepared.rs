@@ -9,7 +9,7 @@ use super::shard::SHARD;
 use super::{Campaign, CampaignError, Planned, SHARD_FORMAT};
 use crate::study::Setting;
 use servotwin_model::c_source;
-use std::fmt::{self, Write};
+use servotwin_model::hash::TextHash;
 
 /// Shards of a bundle, unless its first one alone serves more.
 const LARGEST_BUNDLE: usize = 8;
@@ -73,7 +73,7 @@ impl Campaign<'_> {
         model: &str,
     ) -> String {
         let study = self.study;
-        let mut mark = Mark::default();
+        let mut mark = TextHash::default();
         mark.add(format_args!(
             "{SHARD_FORMAT} {} {setting:?} {:?} {:?} {} {} {} {model}",
             images.has_mirrored(),
@@ -97,7 +97,7 @@ impl Campaign<'_> {
         for case in self.cases() {
             mark.add(format_args!("{:?} ", case.inputs));
         }
-        mark.text()
+        mark.to_string()
     }
 }
 
@@ -131,36 +131,6 @@ impl Prepared {
         }
         bundles.retain(|bundle| !bundle.is_empty());
         bundles
-    }
-}
-
-/// FNV-1a of texts as they come, for fingerprints of files: not for secrets.
-pub(super) struct Mark(u64);
-
-impl Default for Mark {
-    fn default() -> Self {
-        Mark(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Mark {
-    /// Adds a text.
-    pub fn add(&mut self, text: fmt::Arguments) {
-        self.write_fmt(text).expect("a hash takes everything");
-    }
-
-    /// What the texts add up to.
-    pub fn text(&self) -> String {
-        format!("{:016x}", self.0)
-    }
-}
-
-impl Write for Mark {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for &byte in text.as_bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-        Ok(())
     }
 }
 
