@@ -3,7 +3,8 @@
 use servotwin::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let study = Study::default();
+    // The quick size has no flights, from which the diagnosis at work learns.
+    let study = Study::default().full()?;
     train_and_diagnose(&study, "out", "actuator_1.servo_valve.bias_positive")
 }
 

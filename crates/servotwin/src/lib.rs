@@ -44,7 +44,7 @@
 //! ```no_run
 //! use servotwin::prelude::*;
 //!
-//! let study = Study::default(); // the study of the paper
+//! let study = Study::default(); // the study of the paper, in its quick size
 //! let results = study.run("out")?;
 //! println!("{}", results.folder().results().display());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -53,6 +53,7 @@
 //! # 5. Monitor
 //!
 //! A [`Monitor`](monitor::Monitor) runs the twin and the diagnosis beside an actuator.
+//! The diagnosis learns from flights, which are part of the [full](study::Study::full) study.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
