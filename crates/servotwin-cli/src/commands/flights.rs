@@ -24,9 +24,6 @@ use std::fmt::Write;
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// The full sizes of the study (`full` in its section on flights) instead of the small ones.
-    #[arg(long)]
-    full: bool,
     /// Only this setting; what was measured in the other stays if its flights had the same sizes.
     #[arg(long, value_name = "SETTING", value_parser = ["noise", "realistic"])]
     setting: Option<String>,
@@ -38,18 +35,8 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let (study, sizes) = match options.full {
-        true => {
-            let study = options.study.read_full(global)?;
-            let sizes = study.full_flights()?;
-            (study, sizes)
-        }
-        false => {
-            let study = options.study.read(global)?;
-            let sizes = study.flights()?;
-            (study, sizes)
-        }
-    };
+    let (study, is_full) = (options.study.read(global)?, options.study.full);
+    let sizes = if is_full { study.full_flights()? } else { study.flights()? };
     let Some(sizes) = sizes else { return Err(no_flights(&study)?) };
     let named =
         |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());
@@ -74,7 +61,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         });
     }
     let results = with_crew(threads, global, |crew| {
-        flights::fly_all(&folder, &study, &sizes, &settings, options.full, crew)
+        flights::fly_all(&folder, &study, &sizes, &settings, is_full, crew)
     })?;
     manifest::write(&folder, &study)?;
     Ok(match global {

@@ -83,6 +83,9 @@ pub struct StudyOptions {
     /// The folder for data sets, models, results and the report.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
+    /// The full sizes of the study, not those of its `[quick]`; of its flights those of `full`.
+    #[arg(long)]
+    full: bool,
     /// Remove what the folder holds of another study, or of the full size of this one.
     #[arg(long)]
     replace: bool,
@@ -93,10 +96,14 @@ pub struct StudyOptions {
 }
 
 impl StudyOptions {
-    /// Reads the study, in its full size where the folder holds that, and warns of its doubtful parts before it runs.
+    /// Reads the study, in its full size where that is wanted or in the folder, and warns of its doubtful parts before
+    /// it runs.
     fn read(&self, global: Global) -> Result<Study, Failure> {
         let study = self.find()?;
         warn(global, &study.warnings_in_words());
+        if self.full {
+            return Ok(study.full()?);
+        }
         if study.is_full || self.replace || !Folder::new(&self.out).holds_full(&study) {
             return Ok(study);
         }
@@ -106,13 +113,6 @@ impl StudyOptions {
             &format!("{folder} holds the full study, which goes on (--replace for the quick one)"),
         );
         Ok(study.full()?)
-    }
-
-    /// Reads the study in its full size.
-    fn read_full(&self, global: Global) -> Result<Study, Failure> {
-        let study = self.find()?.full()?;
-        warn(global, &study.warnings_in_words());
-        Ok(study)
     }
 
     fn find(&self) -> Result<Study, Failure> {

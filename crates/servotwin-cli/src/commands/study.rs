@@ -22,9 +22,6 @@ use std::time::Instant;
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// The full sizes: all records, training commands, protocols and flights, not those of the study's `[quick]`.
-    #[arg(long)]
-    full: bool,
     /// Also the setting in which every specimen has a twin that was fitted to it in a calibration
     /// flight.
     #[arg(long)]
@@ -34,10 +31,7 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
-    let study = match options.full {
-        true => options.study.read_full(global)?,
-        false => options.study.read(global)?,
-    };
+    let study = options.study.read(global)?;
     stop::heed();
     let screen = Screen::new(global, options, &study);
     let run = StudyRun {
