@@ -248,6 +248,7 @@ fn evaluation() -> Evaluation {
         paper_band: vec![],
         commands: vec![],
         baseline: vec![],
+        random_thirds: vec![],
         abstention: None,
         reliability: None,
         flips: None,

@@ -1,12 +1,12 @@
 //! The end of the main job on a terminal: safety first, then what is right; settings side by side.
 
 use crate::render::{Grid, Side};
-use servotwin::evaluation::protocol::Protocol;
+use servotwin::evaluation::baseline::RandomThirds;
 use servotwin::job::{Results, Subject};
 use servotwin::study::Study;
 use servotwin_report::lines::{self, OF_PAPER, Who};
 use servotwin_report::vocabulary::{PAPER, Vocabulary};
-use servotwin_report::words::{of_count, percent, share};
+use servotwin_report::words::{of_count, percent};
 
 /// One table for trees and committee.
 pub fn text(results: &Results, study: &Study) -> String {
@@ -45,16 +45,20 @@ const BEST: &str = Who::Committee.title();
 
 /// The seed paper's own test, in a line apart.
 fn seed_paper(results: &Results) -> String {
-    let third = Protocol::RandomThird;
     let ideal = results.of(Subject::Ideal).filter(|_| results.study == PAPER);
-    let baseline = ideal.and_then(|i| i.evaluation.baseline.iter().find(|r| r.protocol == third));
-    let Some(baseline) = baseline else { return String::new() };
-    let one = |(stage, paper): (&str, f64)| {
-        let own = baseline.stage(stage).map(|score| score.accuracy);
-        format!("{stage} {} ({})", share(own), percent(Some(paper)))
+    let thirds = ideal.map_or(&[][..], |ideal| &ideal.evaluation.random_thirds);
+    let told = |thirds: &RandomThirds| {
+        let (_, paper) = OF_PAPER.iter().find(|(stage, _)| *stage == thirds.stage)?;
+        let (mean, paper) = (percent(Some(thirds.mean())), percent(Some(*paper)));
+        Some(format!("{} {mean} ± {:.2} ({paper})", thirds.stage, 100.0 * thirds.deviation()))
     };
+    let told: Vec<String> = thirds.iter().filter_map(told).collect();
+    if told.is_empty() {
+        return String::new();
+    }
     format!(
-        "Apart, the seed paper's features without noise, a random third held out (the paper's): {}\n",
-        OF_PAPER.map(one).join(", ")
+        "Apart, the seed paper's trees in its own test, {} random thirds (the paper's one): {}\n",
+        thirds[0].accuracies.len(),
+        told.join(", ")
     )
 }

@@ -11,6 +11,7 @@ pub mod ablation;
 pub mod abstention;
 pub mod ambiguity;
 pub mod bands;
+pub mod baseline;
 pub mod committee;
 pub mod comparison;
 pub mod data_set;
@@ -33,6 +34,7 @@ pub use servotwin_learning::metrics;
 use crate::parallel::Workers;
 use abstention::Abstention;
 use bands::Band;
+use baseline::RandomThirds;
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
 use piece::Bench;
@@ -196,6 +198,9 @@ pub struct Evaluation {
     pub commands: Vec<(usize, ProtocolResult)>,
     /// The seed paper's trees: its features, nothing mirrored or pooled.
     pub baseline: Vec<ProtocolResult>,
+    /// The seed paper's test of these trees, repeated.
+    #[serde(default)]
+    pub random_thirds: Vec<RandomThirds>,
     /// What silence buys.
     pub abstention: Option<Abstention>,
     /// How far the committee's confidence can be believed.
@@ -244,10 +249,6 @@ const OF_COMMITTEE: [Protocol; 4] = [
     Protocol::WeakToStrong,
     Protocol::StrongToWeak,
 ];
-
-/// The protocols under which the seed paper's trees are judged.
-const OF_BASELINE: [Protocol; 4] =
-    [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut, Protocol::LeaveCommandOut];
 
 /// Numbers of training commands for the curve.
 const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
@@ -389,27 +390,6 @@ fn commands(
         curve.extend(found.map(|(result, _)| (count, result)));
     }
     Ok(curve)
-}
-
-/// The paper's trees: its family of features, each actuator for itself, no mirror images.
-fn baseline(
-    data: &DataSet,
-    settings: &Settings,
-    workers: Workers,
-) -> Result<Vec<ProtocolResult>, EvaluationError> {
-    let family = |info: &FeatureInfo| info.family == settings.baseline_family;
-    if !data.features.iter().any(family) {
-        return Ok(vec![]);
-    }
-    let data = data.with_features(family)?;
-    let training = Training { mirror: false, pool: false, ..Training::default() };
-    let mut results = vec![];
-    for protocol in OF_BASELINE {
-        let Settings { holding, shutdowns, .. } = settings;
-        let found = protocol::evaluate(protocol, &data, &training, *holding, shutdowns, workers)?;
-        results.extend(found.map(|(result, _)| result));
-    }
-    Ok(results)
 }
 
 fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) -> StageSize {

@@ -4,11 +4,12 @@
 use super::ablation::{self, Ablation};
 use super::ambiguity::{self, Ambiguity};
 use super::bands::Band;
+use super::baseline::{self, RandomThirds};
 use super::comparison::{self, Compared};
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
 use super::run::{self, Scope};
 use super::{Context, DataSet, Evaluation, EvaluationError, Settings, Training, TrainingFilter};
-use super::{WORST_LEAVES, banded, baseline, commands, detection, false_alarms, flips, leaves};
+use super::{WORST_LEAVES, banded, commands, detection, false_alarms, flips, leaves};
 use super::{silence, size};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -27,6 +28,8 @@ pub enum Piece {
     PaperBand,
     /// The seed paper's trees.
     Baseline,
+    /// The seed paper's test, repeated.
+    RandomThirds,
     /// All classifiers.
     Classifiers,
     /// What each part carries.
@@ -48,6 +51,8 @@ pub enum Found {
     PaperBand(Vec<ProtocolResult>),
     /// Of the seed paper's trees.
     Baseline(Vec<ProtocolResult>),
+    /// Of the seed paper's trees in its own test, repeated.
+    RandomThirds(Vec<RandomThirds>),
     /// Of all classifiers.
     Classifiers(Vec<Compared>),
     /// What each part carries.
@@ -65,6 +70,8 @@ pub fn all(settings: &Settings) -> Vec<Piece> {
     pieces.extend((has_several && settings.learning_curve).then_some(Piece::Commands));
     pieces.extend(settings.learned_bands.then_some(Piece::PaperBand));
     pieces.extend(has_several.then_some(Piece::Baseline));
+    // Where classifiers are compared, as in the paper.
+    pieces.extend((!settings.classifiers.is_empty()).then_some(Piece::RandomThirds));
     pieces.push(Piece::Classifiers);
     pieces.extend(settings.ablation.then_some(Piece::Ablation));
     pieces.push(Piece::Trained);
@@ -93,6 +100,7 @@ pub fn joined(found: Vec<Found>) -> Evaluation {
             Found::Commands(curve) => all.commands = curve,
             Found::PaperBand(results) => all.paper_band = results,
             Found::Baseline(results) => all.baseline = results,
+            Found::RandomThirds(thirds) => all.random_thirds = thirds,
             Found::Classifiers(list) => all.classifiers = list,
             Found::Ablation(list) => all.ablation = list,
             Found::Trained(_) => (),
@@ -169,7 +177,11 @@ impl<'b> Bench<'b> {
                 Found::PaperBand(found?.into_iter().flatten().map(|(result, _)| result).collect())
             }
             Piece::Baseline => {
-                Found::Baseline(baseline(self.context.all_features, settings, workers)?)
+                Found::Baseline(baseline::evaluate(self.context.all_features, settings, workers)?)
+            }
+            Piece::RandomThirds => {
+                let data = self.context.all_features;
+                Found::RandomThirds(baseline::random_thirds(data, settings, workers)?)
             }
             Piece::Classifiers => {
                 let (list, holding) = (&settings.classifiers, settings.comparison_holding);
@@ -231,6 +243,7 @@ impl<'b> Bench<'b> {
             paper_band: vec![],
             commands: vec![],
             baseline: vec![],
+            random_thirds: vec![],
             classifiers: vec![],
             ablation: vec![],
         })
@@ -247,6 +260,7 @@ impl<'b> Bench<'b> {
             Piece::Commands => ("fewer commands", 0.4),
             Piece::PaperBand => ("the fixed band", 0.45),
             Piece::Baseline => ("trees of fewer features", 0.5),
+            Piece::RandomThirds => ("the seed paper's test", 0.52),
             Piece::Classifiers => ("comparing classifiers", 0.55),
             Piece::Ablation => ("taking parts away", 0.8),
             Piece::Trained => ("moving windows", 0.9),
