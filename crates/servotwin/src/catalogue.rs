@@ -2,8 +2,8 @@
 //! from what components declare and from the heads of their files.
 
 use crate::document::{Quantities, Quantity};
-use crate::system::units::word;
 use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+use crate::units::word;
 use servotwin_model::components::{ALL, description};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table as by_table};
 use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind, Spec};

@@ -1,7 +1,7 @@
 //! Everything that can be wrong with a system file, in words.
 
-use super::units::word;
 use crate::document::{self, Explained, Quantity, suggest};
+use crate::units::word;
 use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::spec::Unit;
 
