@@ -236,6 +236,12 @@ fn recorded_signals_come_from_files() {
     let error = build("column=command_rad", Unit::Pascal).unwrap_err();
     assert_eq!(error, "column 'command_rad' is in rad, the input is in Pa");
     assert!(build("column=comand_rad", Unit::Radian).unwrap_err().contains("command_rad"));
+    write("time_s,q_l_min,oil_c,x_min\n0,60,20,1\n1,60,20,1\n");
+    assert_eq!(build("column=q_l_min", Unit::CubicMetrePerSecond).unwrap().value(0.5), 1e-3);
+    assert_eq!(build("column=oil_c", Unit::Kelvin).unwrap().value(0.5), 293.15);
+    // A letter or a word is a unit only where it measures what is wanted.
+    assert_eq!(build("column=oil_c", Unit::Metre).unwrap().value(0.5), 20.0);
+    assert_eq!(build("column=x_min", Unit::Metre).unwrap().value(0.5), 1.0);
     write("time_s,x\n0,1\n1,2\n1,3\n");
     let error = build("column=x", Unit::None).unwrap_err();
     assert!(error.ends_with("line 4: time 1 s is not after 1 s before it"), "{error}");
