@@ -106,7 +106,9 @@ class _Estimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         -------
         ndarray of shape (n_samples,)
         """
-        return self.classes_[self._labels(self._rows(X))]
+        # Rows first: who has not learned has no classes either.
+        rows = self._rows(X)
+        return self.classes_[self._labels(rows)]
 
 
 class _Classifier(_Estimator):
