@@ -300,7 +300,7 @@ class CommitteeClassifier(_Classifier):
         value = getattr(self, old)
         if isinstance(value, str) and value == _DEPRECATED:
             return getattr(self, name)
-        warnings.warn(f"'{old}' is deprecated, use '{name}'", DeprecationWarning, stacklevel=4)
+        warnings.warn(f"'{old}' is deprecated, use '{name}'", DeprecationWarning, stacklevel=5)
         return value
 
     def _settings(self) -> dict[str, Any]:
