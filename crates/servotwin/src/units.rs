@@ -41,7 +41,11 @@ const RADIAN_PER_DEGREE: f64 = PI / 180.0;
 /// Every unit that a reader knows; of one dimension the most usual first.
 pub static TABLE: &[NamedUnit] = &[
     si(Unit::Radian),
-    NamedUnit { spoken: "degrees", also: &["°"], ..usual("deg", Unit::Radian, RADIAN_PER_DEGREE) },
+    NamedUnit {
+        spoken: "degrees",
+        also: &["°", "degrees"],
+        ..usual("deg", Unit::Radian, RADIAN_PER_DEGREE)
+    },
     usual("mrad", Unit::Radian, 1e-3),
     usual("mm", Unit::Metre, 1e-3),
     si(Unit::Metre),
@@ -272,8 +276,10 @@ pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> 
             return Some((parameter, value));
         }
         let row = by_suffix(&rest.strip_prefix('_')?.to_lowercase())?;
-        let factors = row.to(parameter.unit).filter(|_| !row.is_si() || row.unit != parameter.unit);
-        let si = factors.zip(value).map(|((factor, offset), value)| value * factor + offset);
+        let si = row
+            .to(parameter.unit)
+            .zip(value)
+            .map(|((factor, offset), value)| value * factor + offset);
         Some((parameter, si))
     });
     let longest = candidates.max_by_key(|(parameter, _)| stem(parameter).len());
@@ -333,6 +339,7 @@ mod tests {
         let of = |text: &str| find(text).map(|row| (row.symbol, row.unit));
         assert_eq!(of("l/min"), Some(("L/min", Unit::CubicMetrePerSecond)));
         assert_eq!(of("degC"), Some(("°C", Unit::Kelvin)));
+        assert_eq!(of("Degrees"), Some(("deg", Unit::Radian)));
         assert_eq!(of("kN m"), Some(("kN m", Unit::NewtonMetre)));
         assert_eq!(of("kn_m"), Some(("kN/m", Unit::NewtonPerMetre)));
         assert_eq!(of("rad_s"), Some(("rad/s", Unit::RadianPerSecond)));
