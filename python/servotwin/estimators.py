@@ -32,13 +32,13 @@ def _weights(sample_weight: Any, X: Any) -> Any:
 
 
 class _Estimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """What all classifiers here have in common: they check rows and count classes."""
+    """The base of all classifiers: it checks rows and finds the classes."""
 
     _allows_missing = False
     _fitted = "model_"
 
     def _learn(self, X: Any, labels: Any, sample_weight: Any) -> None:
-        """Learns from rows and the places of their classes in `classes_`."""
+        """Learn from rows and the places of their classes in `classes_`."""
         raise NotImplementedError
 
     def _scores(self, rows: Any) -> Any:
@@ -106,7 +106,7 @@ class _Estimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         -------
         ndarray of shape (n_samples,)
         """
-        # Rows first: who has not learned has no classes either.
+        # Rows first: an estimator without fit has no classes.
         rows = self._rows(X)
         return self.classes_[self._labels(rows)]
 

@@ -38,8 +38,8 @@ pub fn is_period(step_s: f64) -> bool {
     (PERIODS_S.0..=PERIODS_S.1).contains(&rounded(step_s))
 }
 
-/// The unit, of these with their lengths in s, that makes a step a plausible sampling period, and that period, s. Of
-/// several the one nearest to `period_s`.
+/// The time unit that makes a step a plausible sampling period, and that period, s. Of several the one nearest to
+/// `period_s`. `units` holds names and lengths in s.
 pub fn likely_unit(
     step: f64,
     period_s: f64,

@@ -1,5 +1,6 @@
-//! The one table of units as people write them, and its readers: system files, signals, names of columns, maps of
-//! logs, and advice about values that are in another unit.
+//! The one table of units as people write them.
+//!
+//! System files, signals, column names, maps of logs and the advice about values in another unit read it.
 
 use servotwin_model::spec::{Parameter, Unit};
 use std::f64::consts::PI;
@@ -9,7 +10,7 @@ use std::f64::consts::PI;
 pub struct NamedUnit {
     /// How it is typed.
     pub symbol: &'static str,
-    /// The SI unit of what it measures.
+    /// The SI unit of the same dimension.
     pub unit: Unit,
     /// One of it in SI.
     pub si: f64,
@@ -38,7 +39,7 @@ const fn si(unit: Unit) -> NamedUnit {
 
 const RADIAN_PER_DEGREE: f64 = PI / 180.0;
 
-/// Every unit that a reader knows; of one dimension the most usual first.
+/// All known units; within a dimension the most usual comes first.
 pub static TABLE: &[NamedUnit] = &[
     si(Unit::Radian),
     NamedUnit {
@@ -128,8 +129,7 @@ pub static TABLE: &[NamedUnit] = &[
 ];
 
 impl NamedUnit {
-    /// How a number in it becomes one of `unit`: times the first number, plus the second. A speed of rotation is also a
-    /// frequency.
+    /// Factor and offset from this unit to `unit`; `None` for another dimension. A speed of rotation is also a frequency.
     pub fn to(&self, unit: Unit) -> Option<(f64, f64)> {
         match (self.unit, unit) {
             (own, unit) if own == unit => Some((self.si, self.offset)),
@@ -138,7 +138,7 @@ impl NamedUnit {
         }
     }
 
-    /// Whether a number in it is one in SI.
+    /// Whether it is the SI unit itself.
     pub fn is_si(&self) -> bool {
         self.symbol == word(self.unit)
     }
@@ -156,13 +156,13 @@ impl NamedUnit {
         }
     }
 
-    /// Whether it is written like that, to the letter; `m2` is as good as `m²`.
-    fn is_spelt(&self, text: &str) -> bool {
+    /// Whether `text` is one of its spellings, case-sensitively; `m2` equals `m²`.
+    fn is_spelled(&self, text: &str) -> bool {
         [self.symbol, self.spoken].into_iter().any(|own| own == text || plain(own) == text)
             || self.also.contains(&text)
     }
 
-    /// Whether a name ends so in it.
+    /// Whether a name with this suffix is in this unit.
     fn has_suffix(&self, suffix: &str) -> bool {
         !suffix.is_empty()
             && (self.suffix() == suffix || self.also.iter().any(|also| suffix_of(also) == suffix))
@@ -177,12 +177,12 @@ pub const fn word(unit: Unit) -> &'static str {
     }
 }
 
-/// The unit of a text that is spelt to the letter: `mA` is no `MA`.
+/// The unit with this spelling, case-sensitively: `mA` is not `MA`.
 pub fn exactly(text: &str) -> Option<&'static NamedUnit> {
-    TABLE.iter().find(|row| row.is_spelt(text))
+    TABLE.iter().find(|row| row.is_spelled(text))
 }
 
-/// The unit of a text: a symbol, or the suffix of a name in large or small letters.
+/// The unit with this spelling, or with this suffix of a name in any case.
 pub fn find(text: &str) -> Option<&'static NamedUnit> {
     let text = text.trim();
     exactly(text).or_else(|| by_suffix(&suffix_of(text)))
@@ -197,7 +197,7 @@ pub fn find_si(text: &str) -> Option<Unit> {
     exactly(text).filter(|row| row.is_si()).map(|row| row.unit)
 }
 
-/// The SI unit that a word of another system of units is meant for; none at all is meant for a pure number.
+/// The SI unit of the dimension of any unit; an empty text means a pure number.
 pub fn meant(text: &str) -> Option<Unit> {
     if matches!(text.trim(), "" | "-") {
         return Some(Unit::None);
@@ -210,32 +210,30 @@ fn of_logs(unit: Unit) -> impl Iterator<Item = &'static NamedUnit> {
     TABLE.iter().filter(move |row| row.unit == unit && row.is_usual)
 }
 
-/// The units of time that logs are in, and one of each, s.
+/// The units of time in logs, each with its length in s.
 pub fn of_times() -> Vec<(&'static str, f64)> {
     let second = exactly(word(Unit::Second)).into_iter();
     second.chain(of_logs(Unit::Second)).map(|row| (row.symbol, row.si)).collect()
 }
 
-/// Whether inputs and sensors usually measure that.
+/// Whether inputs and sensors usually have this dimension.
 pub fn is_usual(unit: Unit) -> bool {
     unit == Unit::Kelvin || typed(unit).is_some()
 }
 
-/// The unit that people type first instead of SI.
+/// The unit that people usually type instead of SI.
 pub fn typed(unit: Unit) -> Option<&'static NamedUnit> {
     of_logs(unit).next()
 }
 
-/// The unit that a column seems to be in whose values are so many times what they should be, and how many of it are
-/// one of SI.
+/// The unit of a column whose values are `ratio` times the expected SI values, with its number per SI unit.
 pub fn other(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
     let near = |row: &NamedUnit| (ratio * row.si).ln().abs();
     let best = of_logs(unit).min_by(|a, b| near(a).total_cmp(&near(b)))?;
     (near(best) < 0.35).then_some((1.0 / best.si, best.spoken))
 }
 
-/// The unit that a value seems to be in which is outside of its range and would be inside in that unit; of several the
-/// most usual one.
+/// The most usual unit in which a value lies within an SI range, with its number per SI unit.
 pub fn within(unit: Unit, value: f64, range: (f64, f64)) -> Option<(f64, &'static str)> {
     let is_inside = |row: &&NamedUnit| (range.0..=range.1).contains(&(value * row.si));
     of_logs(unit).find(is_inside).map(|row| (1.0 / row.si, row.spoken))
@@ -252,7 +250,7 @@ pub(crate) fn plain(text: &str) -> String {
     text.replace('²', "2").replace('³', "3").replace(['µ', 'μ'], "u")
 }
 
-/// A unit as it stands at the end of a name.
+/// A unit as a suffix of a name.
 fn suffix_of(text: &str) -> String {
     let text = text.replace("°C", "c").replace('°', "deg").replace('%', "percent");
     plain(&text.to_lowercase()).replace([' ', '/'], "_")
@@ -298,7 +296,7 @@ mod tests {
             for text in typed.iter().chain([&row.suffix()]).filter(|text| !text.is_empty()) {
                 assert_eq!(find(text), Some(row), "{text}");
                 let others = TABLE.iter().filter(|other| *other != row);
-                let twins: Vec<_> = others.filter(|other| other.is_spelt(text)).collect();
+                let twins: Vec<_> = others.filter(|other| other.is_spelled(text)).collect();
                 assert_eq!(twins, [] as [&NamedUnit; 0], "{text}");
             }
             let twins = TABLE.iter().filter(|other| other.has_suffix(&row.suffix())).count();

@@ -9,10 +9,10 @@ use servotwin_diagnosis::classifiers::linear::LinearFunctions;
 use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::numeric::dot;
 
-/// The classes and the standardization of complete rows, for settings that both linear classifiers have.
+/// Checks the rows and the settings of a linear classifier; returns the classes and the standardization.
 ///
 /// # Errors
-/// Missing values, settings outside of their ranges.
+/// Missing values, settings outside their ranges.
 pub(super) fn prepared(
     samples: &Samples,
     cost: f64,

@@ -120,8 +120,8 @@ pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
     if is_safe || short_lower >= short_upper { threshold } else { lower.max(short_lower) }
 }
 
-/// Moves the rows that go left to the front; both sides keep their order. Returns how many go left, the largest value of
-/// these, and the smallest of the others. `moving` is scratch memory.
+/// Moves the left rows to the front; both sides keep their order. Returns the number of left rows, their largest value,
+/// and the smallest value of the others. `moving` is scratch memory.
 pub(crate) fn divide_rows(
     rows: &mut [u32],
     moving: &mut Vec<u32>,

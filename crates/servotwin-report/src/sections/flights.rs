@@ -152,7 +152,7 @@ impl Limit {
     }
 }
 
-/// What is asked for, setting by setting; nothing of what was not counted.
+/// The limits of each setting; those without a count are left out.
 pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
     let own = own_limits(study);
     let of_setting = |merit| {
@@ -172,7 +172,7 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
 
 /// The limits of one setting, one after the other.
 struct SettingLimits<'m> {
-    /// The limits that the study sets itself.
+    /// The keys that the study sets itself.
     own: &'m [String],
     results: &'m FlightResults,
     words: &'m Vocabulary,
@@ -296,7 +296,7 @@ impl SettingLimits<'_> {
         self.wrong(wrong_sensor, unseen.shutdowns_behind_wrong_sensor());
     }
 
-    /// Of so many runs, with a shutdown of what is in order in the first number of them.
+    /// A limit on wrong shutdowns; `of` is the number of runs.
     fn wrong(&mut self, title: String, (wrong, of): (u64, u64)) {
         if of == 0 {
             return;

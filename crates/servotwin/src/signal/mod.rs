@@ -61,7 +61,7 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// What it measures, where that is said.
+    /// The measure of its unit; `None` for a plain number.
     pub fn measure(&self) -> Option<Measure> {
         self.unit.map(|unit| Measure::per(unit.unit, self.per_second))
     }

@@ -54,10 +54,10 @@ static SPEC: Spec = Spec {
     ],
 };
 
-/// Suffixes that also end the names of other things: `p_c`, `flow_in`, `x_min`.
+/// Suffixes that also end names without a unit: `p_c`, `flow_in`, `x_min`.
 const LETTERS: [&str; 5] = ["c", "g", "l", "in", "min"];
 
-/// The unit that the end of a column's name tells.
+/// The unit in the suffix of a column's name.
 fn unit_of(column: &str, wanted: Unit) -> Option<&'static NamedUnit> {
     let length = |row: &NamedUnit| {
         let symbol = if row.is_si() { "" } else { row.symbol };

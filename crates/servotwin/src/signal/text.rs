@@ -249,7 +249,7 @@ fn checked_quantity(
     Ok(quantity)
 }
 
-/// The usual units of whatever an input may be.
+/// The units of usual inputs, as a value or a rate.
 fn usual_units(sort: Sort) -> Vec<String> {
     let end = if sort == Sort::Rate { "/s" } else { "" };
     units::usual().map(|unit| format!("{}{end}", unit.symbol)).collect()

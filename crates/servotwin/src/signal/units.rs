@@ -26,7 +26,7 @@ impl Measure {
         Self { unit, per_second }
     }
 
-    /// Of a unit, or of that unit per second.
+    /// The measure of a unit, or of a unit per second.
     pub(super) fn per(unit: Unit, per_second: bool) -> Self {
         if per_second { Self { unit, per_second } } else { Self::of(unit) }
     }
@@ -45,12 +45,12 @@ impl Measure {
     }
 }
 
-/// Every unit that text may use: a signal is a sum, so zero of them is zero in SI.
+/// All units of signals. A signal is a sum, so units with an offset are excluded.
 pub(super) fn known() -> impl Iterator<Item = &'static NamedUnit> {
     TABLE.iter().filter(|row| row.is_proportional() && row.symbol != word(Unit::None))
 }
 
-/// The units of what inputs usually measure, for messages.
+/// The units of usual inputs, for messages.
 pub(super) fn usual() -> impl Iterator<Item = &'static NamedUnit> {
     known().filter(|row| units::is_usual(row.unit))
 }

@@ -253,7 +253,7 @@ fn part(family: &str) -> &'static str {
     }
 }
 
-/// What sets a node of this family.
+/// Components that set a node of this family.
 fn setter(family: &str) -> &'static str {
     match family {
         "hydraulic" => "join them with a volume, a cylinder chamber, a source or a tank",
@@ -263,7 +263,7 @@ fn setter(family: &str) -> &'static str {
 }
 
 impl Mistake {
-    /// The help that is the same whatever the names are; [`Explained::help`] makes the other.
+    /// Help without names; [`Explained::help`] adds the help with names.
     fn advice(&self) -> Option<&'static str> {
         Some(match self {
             Mistake::BadName { .. } => "names have small letters, digits and '_'",

@@ -379,7 +379,7 @@ pub fn judge(
     Ok(UnseenFaultMetrics { setting: setting.name().into(), outcomes })
 }
 
-/// A flight with an unseen fault that was judged to its end, or could not be simulated to it.
+/// A judged flight with an unseen fault; `is_ok` is false if the simulation failed.
 struct Ended<'c> {
     flight: Flight,
     case: &'c Case,
