@@ -31,12 +31,21 @@ def _weights(sample_weight: Any, X: Any) -> Any:
     return _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
 
 
-class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """The base of the compiled classifiers."""
+class _Estimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+    """The base of all classifiers: it checks rows and finds the classes."""
 
     _allows_missing = False
+    _fitted = "model_"
 
-    def _settings(self) -> dict[str, Any]:
+    def _learn(self, X: Any, labels: Any, sample_weight: Any) -> None:
+        """Learn from rows and the places of their classes in `classes_`."""
+        raise NotImplementedError
+
+    def _scores(self, rows: Any) -> Any:
+        raise NotImplementedError
+
+    def _labels(self, rows: Any) -> Any:
+        """The place of each row's class in `classes_`."""
         raise NotImplementedError
 
     def _finite(self) -> Any:
@@ -61,23 +70,11 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_all_finite=self._finite())
         check_classification_targets(y)
         self.classes_, labels = np.unique(y, return_inverse=True)
-        names = getattr(self, "feature_names_in_", None)
-        if names is None:
-            names = [f"x{k}" for k in range(self.n_features_in_)]
-        sample_weight = _weights(sample_weight, X)
-        self._names = [str(name) for name in names]
-        self.model_ = _native.fit(
-            json.dumps(self._settings()),
-            self._names,
-            X,
-            [str(name) for name in self.classes_],
-            labels,
-            sample_weight,
-        )
+        self._learn(X, labels, _weights(sample_weight, X))
         return self
 
     def _rows(self, X: Any) -> Any:
-        check_is_fitted(self, "model_")
+        check_is_fitted(self, self._fitted)
         return validate_data(
             self, X, reset=False, dtype=np.float64, ensure_all_finite=self._finite()
         )
@@ -95,8 +92,7 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         ndarray of shape (n_samples, n_classes)
             In the order of `classes_`.
         """
-        rows = self._rows(X)
-        return self.model_.scores(rows)
+        return self._scores(self._rows(X))
 
     def predict(self, X: Any) -> Any:
         """Return the class of every row.
@@ -110,8 +106,36 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         -------
         ndarray of shape (n_samples,)
         """
+        # Rows first: an estimator without fit has no classes.
         rows = self._rows(X)
-        return self.classes_[self.model_.predict(rows)]
+        return self.classes_[self._labels(rows)]
+
+
+class _Classifier(_Estimator):
+    """The base of the compiled classifiers."""
+
+    def _settings(self) -> dict[str, Any]:
+        raise NotImplementedError
+
+    def _learn(self, X: Any, labels: Any, sample_weight: Any) -> None:
+        names = getattr(self, "feature_names_in_", None)
+        if names is None:
+            names = [f"x{k}" for k in range(self.n_features_in_)]
+        self._names = [str(name) for name in names]
+        self.model_ = _native.fit(
+            json.dumps(self._settings()),
+            self._names,
+            X,
+            [str(name) for name in self.classes_],
+            labels,
+            sample_weight,
+        )
+
+    def _scores(self, rows: Any) -> Any:
+        return self.model_.scores(rows)
+
+    def _labels(self, rows: Any) -> Any:
+        return self.model_.predict(rows)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -276,7 +300,7 @@ class CommitteeClassifier(_Classifier):
         value = getattr(self, old)
         if isinstance(value, str) and value == _DEPRECATED:
             return getattr(self, name)
-        warnings.warn(f"'{old}' is deprecated, use '{name}'", DeprecationWarning, stacklevel=4)
+        warnings.warn(f"'{old}' is deprecated, use '{name}'", DeprecationWarning, stacklevel=5)
         return value
 
     def _settings(self) -> dict[str, Any]:
@@ -294,11 +318,12 @@ class CommitteeClassifier(_Classifier):
         }
 
 
-class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+class HierarchyClassifier(_Estimator):
     """A classifier for every question of a hierarchy, such as actuator / action / component.
 
     The parts of a class are separated by `separator`; classes that are no texts are one question. The
-    probability of a class is the product along its path.
+    probability of a class is the product along its path; `predict` returns the likeliest answer to one question
+    after the other.
 
     Parameters
     ----------
@@ -315,6 +340,9 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         The answers and the trained classifier of each question, by the answers above it.
     """
 
+    _allows_missing = True
+    _fitted = "stages_"
+
     def __init__(self, estimator: Any = None, *, separator: str = "/") -> None:
         self.estimator = estimator
         self.separator = separator
@@ -322,27 +350,8 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     def _parts(self, label: Any) -> tuple[Any, ...]:
         return tuple(label.split(self.separator)) if isinstance(label, str) else (label,)
 
-    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Any:
-        """Learn every question from the rows that it concerns.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-            The features.
-        y : array_like of shape (n_samples,)
-            The classes.
-        sample_weight : array_like of shape (n_samples,), optional
-            The weights of the rows.
-
-        Returns
-        -------
-        self
-        """
-        X, y = validate_data(self, X, y, dtype=np.float64, ensure_all_finite="allow-nan")
-        check_classification_targets(y)
-        self.classes_, labels = np.unique(y, return_inverse=True)
+    def _learn(self, X: Any, labels: Any, sample_weight: Any) -> None:
         paths = [self._parts(label) for label in self.classes_.tolist()]
-        sample_weight = _weights(sample_weight, X)
         base = CartClassifier(max_depth=7) if self.estimator is None else self.estimator
         self.stages_: dict[tuple[Any, ...], Any] = {}
         for asked in sorted({path[:k] for path in paths for k in range(len(path))}, key=repr):
@@ -357,26 +366,8 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             options = {} if sample_weight is None else {"sample_weight": sample_weight[rows]}
             self.stages_[asked] = (answers, clone(base).fit(X[rows], code[rows], **options))
         self._paths = paths
-        return self
 
-    def predict_proba(self, X: Any) -> Any:
-        """Return the probability of every class.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-            The features.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_classes)
-            In the order of `classes_`.
-        """
-        check_is_fitted(self, "stages_")
-        X = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite="allow-nan")
-        return self._shares(X)
-
-    def _shares(self, X: Any) -> Any:
+    def _scores(self, X: Any) -> Any:
         known: dict[tuple[Any, ...], Any] = {(): np.ones(len(X))}
         for asked in sorted(self.stages_, key=len):
             answers, model = self.stages_[asked]
@@ -389,20 +380,7 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 known[answer] = known[asked] * shares[:, place]
         return np.column_stack([known[path] for path in self._paths])
 
-    def predict(self, X: Any) -> Any:
-        """Return the class of every row: the likeliest answer to one question after the other.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-            The features.
-
-        Returns
-        -------
-        ndarray of shape (n_samples,)
-        """
-        check_is_fitted(self, "stages_")
-        X = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite="allow-nan")
+    def _labels(self, X: Any) -> Any:
         said = np.zeros(len(X), dtype=int)
         place = {path: k for k, path in enumerate(self._paths)}
         open_rows = {(): np.arange(len(X))}
@@ -416,7 +394,7 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                         open_rows[answer] = rows[code == k]
             else:
                 said[rows] = place[asked]
-        return self.classes_[said]
+        return said
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

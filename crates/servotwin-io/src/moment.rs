@@ -39,12 +39,15 @@ pub fn is_period(step_s: f64) -> bool {
 }
 
 /// The time unit that makes a step a plausible sampling period, and that period, s. Of several the one nearest to
-/// `period_s`.
-pub fn likely_unit(step: f64, period_s: f64) -> Option<(&'static str, f64)> {
-    let units = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
-    let periods = units.map(|(unit, unit_s)| (unit, rounded(step * unit_s)));
+/// `period_s`. `units` holds names and lengths in s.
+pub fn likely_unit(
+    step: f64,
+    period_s: f64,
+    units: Vec<(&'static str, f64)>,
+) -> Option<(&'static str, f64)> {
+    let periods = units.into_iter().map(|(unit, unit_s)| (unit, rounded(step * unit_s)));
     let far = |step_s: f64| (step_s / period_s).ln().abs();
-    let likely = periods.into_iter().filter(|(_, step_s)| is_period(*step_s));
+    let likely = periods.filter(|(_, step_s)| is_period(*step_s));
     likely.min_by(|one, other| far(one.1).total_cmp(&far(other.1)))
 }
 

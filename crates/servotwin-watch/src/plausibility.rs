@@ -8,7 +8,8 @@ use super::counts::Counts;
 use super::map::Map;
 use super::sequencer::Stamped;
 use servotwin::beside::{Beside, Spread};
-use servotwin::system::{System, units};
+use servotwin::system::System;
+use servotwin::units;
 use servotwin_io::document::{Quantities, Quantity};
 use servotwin_io::moment::{self, rounded};
 use servotwin_model::spec::Unit;
@@ -143,7 +144,7 @@ impl Plausibility {
             "its samples are usually {} s apart, those of the diagnosis {period_s} s",
             rounded(step_s)
         );
-        let likely = moment::likely_unit(step_s / self.unit_s, period_s);
+        let likely = moment::likely_unit(step_s / self.unit_s, period_s, units::of_times());
         let likely = likely.filter(|_| !moment::is_period(step_s));
         match likely {
             Some((unit, other_s)) => Some(format!(

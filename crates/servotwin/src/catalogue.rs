@@ -2,8 +2,8 @@
 //! from what components declare and from the heads of their files.
 
 use crate::document::{Quantities, Quantity};
-use crate::system::units::word;
 use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+use crate::units::word;
 use servotwin_model::components::{ALL, description};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table as by_table};
 use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind, Spec};
@@ -168,13 +168,33 @@ pub fn fluid_keys(kind: &str) -> Vec<(&'static str, &'static [Parameter])> {
     }
 }
 
-/// All that the book says of the catalogue: a page for each component, and the liquids.
+/// Every component in one row.
+fn overview() -> String {
+    let names = |names: Vec<&str>| match names.is_empty() {
+        true => "–".into(),
+        false => format!("`{}`", names.join("`, `")),
+    };
+    let row = |spec: &Spec| {
+        vec![
+            format!("[{kind}](#{kind})", kind = spec.kind),
+            spec.summary.replace('|', "\\|"),
+            names(spec.ports.iter().map(|port| port.name).collect()),
+            names(spec.states.iter().map(|state| state.name).collect()),
+            names(spec.faults.iter().map(|fault| fault.name).collect()),
+        ]
+    };
+    table(&["kind", "what it is", "ports", "states", "faults"], all().map(row).collect())
+}
+
+/// All that the book says of the catalogue: a row and a page for each component, and the liquids.
 pub fn book() -> String {
     let pages: Vec<String> = all().map(markdown).collect();
     let rows = fluids().into_iter().map(Vec::from).collect();
     let fluids = "The numbers of `own` are those of its defaults, `table` has what its points say, here those of HLP 46; \
                   [the system format](system-format.md) has their keys.";
-    format!("{}\n## Fluids\n\n{fluids}\n{}", pages.join("\n"), table(&FLUID_HEADS, rows))
+    let (overview, pages) = (overview(), pages.join("\n"));
+    let liquids = table(&FLUID_HEADS, rows);
+    format!("## All kinds\n{overview}\n{pages}\n## Fluids\n\n{fluids}\n{liquids}")
 }
 
 /// A table in Markdown.

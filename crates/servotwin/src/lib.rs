@@ -96,6 +96,7 @@ pub mod simulate;
 pub mod study;
 pub mod system;
 pub mod template;
+pub mod units;
 pub mod validity;
 
 pub use servotwin_io::{

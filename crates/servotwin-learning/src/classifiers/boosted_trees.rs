@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Fit;
 use crate::samples::{PresentClasses, Samples};
-use crate::tree::{Bins, separate};
+use crate::tree::{Bins, divide_rows, separate};
 use servotwin_diagnosis::classifiers::boosted_trees::{AddingTree, Model};
 use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::numeric::softmax;
@@ -385,23 +385,12 @@ impl<'a> Grower<'a> {
         let feature = self.bins.feature(split.column);
         let values = self.samples.column(feature);
         let bins = self.bins.column(split.column);
-        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-        let mut middle = range.start;
-        self.moving.clear();
-        for place in range.clone() {
-            let row = self.rows[place];
-            let value = values[row as usize];
-            if usize::from(bins[row as usize]) <= split.bin {
-                low = low.max(value);
-                self.rows[middle] = row;
-                middle += 1;
-            } else {
-                high = high.min(value);
-                self.moving.push(row);
-            }
-        }
-        self.rows[middle..range.end].copy_from_slice(&self.moving);
-        let both = middle > range.start && middle < range.end;
+        let rows = &mut self.rows[range.clone()];
+        let (left, low, high) = divide_rows(rows, &mut self.moving, values, |row, _| {
+            usize::from(bins[row]) <= split.bin
+        });
+        let middle = range.start + left;
+        let both = left > 0 && middle < range.end;
         both.then(|| Divided { feature, threshold: separate(low, high), middle })
     }
 }

@@ -4,8 +4,27 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::numeric::Standardiser;
+use crate::samples::{PresentClasses, Samples};
 use servotwin_diagnosis::classifiers::linear::LinearFunctions;
+use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::numeric::dot;
+
+/// Checks the rows and the settings of a linear classifier; returns the classes and the standardization.
+///
+/// # Errors
+/// Missing values, settings outside their ranges.
+pub(super) fn prepared(
+    samples: &Samples,
+    cost: f64,
+    tolerance: f64,
+    (name, passes): (&'static str, usize),
+) -> Result<(PresentClasses, Standardiser), Error> {
+    samples.complete()?;
+    require(cost.is_finite() && cost > 0.0, "cost", cost, "> 0")?;
+    require(tolerance > 0.0, "tolerance", tolerance, "> 0")?;
+    require(passes >= 1, name, passes as f64, ">= 1")?;
+    Ok((PresentClasses::new(samples), Standardiser::new(samples)))
+}
 
 /// Folds the standardization into the weights, one row of `features` per label.
 pub(super) fn from_standardised(

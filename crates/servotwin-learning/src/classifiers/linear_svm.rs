@@ -10,11 +10,11 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::Fit;
-use super::linear::{from_standardised, mirrored};
+use super::linear::{from_standardised, mirrored, prepared};
 use crate::numeric::Standardiser;
-use crate::samples::{PresentClasses, Samples};
+use crate::samples::Samples;
 use servotwin_diagnosis::classifiers::linear_svm::Model;
-use servotwin_diagnosis::error::{Error, require};
+use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::numeric::{add_scaled, dot};
 use servotwin_diagnosis::random::Random;
 
@@ -42,12 +42,8 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-        samples.complete()?;
-        require(self.cost.is_finite() && self.cost > 0.0, "cost", self.cost, "> 0")?;
-        require(self.tolerance > 0.0, "tolerance", self.tolerance, "> 0")?;
-        require(self.max_passes >= 1, "max_passes", self.max_passes as f64, ">= 1")?;
-        let present = PresentClasses::new(samples);
-        let standardiser = Standardiser::new(samples);
+        let most = ("max_passes", self.max_passes);
+        let (present, standardiser) = prepared(samples, self.cost, self.tolerance, most)?;
         let mut dual = Dual::new(samples, &standardiser, self);
         let features = samples.features();
         let mut converged = true;

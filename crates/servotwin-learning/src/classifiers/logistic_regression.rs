@@ -10,11 +10,11 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::Fit;
-use super::linear::from_standardised;
+use super::linear::{from_standardised, prepared};
 use crate::numeric::Standardiser;
 use crate::samples::{PresentClasses, Samples};
 use servotwin_diagnosis::classifiers::logistic_regression::Model;
-use servotwin_diagnosis::error::{Error, require};
+use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::numeric::{add_scaled, dot, softmax};
 
 /// Number of pairs of step and gradient change in the L-BFGS memory.
@@ -42,12 +42,8 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-        samples.complete()?;
-        require(self.cost.is_finite() && self.cost > 0.0, "cost", self.cost, "> 0")?;
-        require(self.tolerance > 0.0, "tolerance", self.tolerance, "> 0")?;
-        require(self.max_steps >= 1, "max_steps", self.max_steps as f64, ">= 1")?;
-        let present = PresentClasses::new(samples);
-        let standardiser = Standardiser::new(samples);
+        let most = ("max_steps", self.max_steps);
+        let (present, standardiser) = prepared(samples, self.cost, self.tolerance, most)?;
         let objective = Objective::new(samples, &standardiser, &present, self.cost);
         let (point, converged) = minimise(&objective, self);
         let (weights, intercepts) = objective.unpack(&point);

@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 use super::building::{Building, Growth, Parent};
 use super::criterion::{CountEntropyScan, CountScan, Criterion, Scan};
 use super::histogram::Bins;
-use super::split::{Candidate, separate};
+use super::split::{Candidate, divide_rows, separate};
 use servotwin_diagnosis::tree::Tree;
 
 /// Number of columns counted at once: their counts are independent of each other.
@@ -220,24 +220,11 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     /// rows.
     fn divide(&mut self, node: usize, start: usize, end: usize, best: &Candidate) -> usize {
         let column = self.growth.samples.column(best.feature);
-        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-        let mut middle = start;
-        self.moving.clear();
-        for place in start..end {
-            let row = self.rows[place];
-            let value = column[row as usize];
-            if value <= best.threshold {
-                low = low.max(value);
-                self.rows[middle] = row;
-                middle += 1;
-            } else {
-                high = high.min(value);
-                self.moving.push(row);
-            }
-        }
-        self.rows[middle..end].copy_from_slice(&self.moving);
+        let rows = &mut self.rows[start..end];
+        let (left, low, high) =
+            divide_rows(rows, &mut self.moving, column, |_, value| value <= best.threshold);
         self.building.tree.set_threshold(node, separate(low, high));
-        middle
+        start + left
     }
 }
 

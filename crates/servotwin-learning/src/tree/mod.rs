@@ -22,4 +22,4 @@ pub(crate) use building::{Costs, Growth, Rules};
 pub(crate) use grow::grow;
 pub(crate) use histogram::Bins;
 pub(crate) use presorted::Presorted;
-pub(crate) use split::{Limits, separate};
+pub(crate) use split::{Limits, divide_rows, separate};

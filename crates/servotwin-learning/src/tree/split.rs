@@ -1,6 +1,7 @@
 //! The best threshold of one feature.
 
 use super::criterion::Scan;
+use alloc::vec::Vec;
 use servotwin_diagnosis::numeric::MAX_VALUE;
 
 /// Resolution limits of a feature. Zero allows everything.
@@ -117,6 +118,33 @@ pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
     let is_safe = short_lower <= threshold && threshold < short_upper;
     // The larger one is below both upper values, because rounding keeps the order.
     if is_safe || short_lower >= short_upper { threshold } else { lower.max(short_lower) }
+}
+
+/// Moves the left rows to the front; both sides keep their order. Returns the number of left rows, their largest value,
+/// and the smallest value of the others. `moving` is scratch memory.
+pub(crate) fn divide_rows(
+    rows: &mut [u32],
+    moving: &mut Vec<u32>,
+    values: &[f64],
+    goes_left: impl Fn(usize, f64) -> bool,
+) -> (usize, f64, f64) {
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    let mut middle = 0;
+    moving.clear();
+    for place in 0..rows.len() {
+        let row = rows[place];
+        let value = values[row as usize];
+        if goes_left(row as usize, value) {
+            low = low.max(value);
+            rows[middle] = row;
+            middle += 1;
+        } else {
+            high = high.min(value);
+            moving.push(row);
+        }
+    }
+    rows[middle..].copy_from_slice(moving);
+    (middle, low, high)
 }
 
 /// The threshold of the test for a missing value: no number exceeds it.

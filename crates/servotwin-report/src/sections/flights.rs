@@ -9,6 +9,7 @@ use crate::words::{NONE, chosen, number, rate, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
+use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
@@ -151,124 +152,163 @@ impl Limit {
     }
 }
 
-/// What is asked for, setting by setting; nothing of what was not counted.
+/// The limits of each setting; those without a count are left out.
 pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
     let own = own_limits(study);
-    let marked = |text: String, key: &str| match own.iter().any(|known| known == key) {
-        true => text,
-        false => format!("{text}\ndefault"),
+    let of_setting = |merit| {
+        let mut limits = SettingLimits { own: &own, results, words, merit, list: vec![] };
+        if words.has_off() {
+            limits.latency();
+        }
+        limits.false_alarms();
+        if words.has_off() {
+            limits.healthy_shutdowns();
+            limits.wrong_shutdowns();
+        }
+        limits.list
     };
-    let (unit, off, run) = (words.unit(), words.off(), words.run());
-    let mut list = vec![];
-    for merit in &results.merits {
-        let FlightMetrics { setting, in_time, healthy, .. } = merit;
-        let mut push = |title: String, limit: String, measured: String, verdict: &'static str| {
-            list.push(Limit { title, setting: setting.clone(), limit, measured, verdict });
-        };
-        if words.has_off() && in_time.of > 0 {
-            let faults = format!("visible {off} faults of intensity {STRONG} and more");
-            let key = if setting == "realistic" { "latency_unfitted_s" } else { "latency_s" };
-            push(
-                format!("{faults}, isolated in time"),
-                marked(
-                    format!("{} % within {} s", chosen(100.0 * SHARE), chosen(merit.limit_s)),
-                    key,
-                ),
-                stacked(Some(*in_time)),
-                match in_time {
-                    rate if rate.low >= SHARE => MET,
-                    rate if rate.high < SHARE => MISSED,
-                    rate if rate.share.is_some_and(|share| share < SHARE) => PROBABLY_MISSED,
-                    _ => NOT_SHOWN,
-                },
-            );
-            let by_then = format!("of them left any band within {} s", chosen(merit.limit_s));
-            push(by_then, String::new(), stacked(Some(merit.visible_in_time)), "");
-            let since = stacked(Some(merit.in_time_since_visible));
-            push(
-                "of them isolated, counted from when they were visible".into(),
-                String::new(),
-                since,
-                "",
-            );
-            let strong = strong(merit)
-                .find(|class| merit.onsets.iter().any(|(_, onset)| onset.command == class.command));
-            if let Some(class) = strong {
-                let of = class.visible.count;
-                let isolated = class.isolation.as_ref().map_or(0, |latency| latency.flights);
-                let never = stacked(Some(Rate::new(of - isolated, of)));
-                push(
-                    format!("the same faults, never {}", words.switched_off()),
-                    String::new(),
-                    never,
-                    "",
-                );
-            }
-        }
-        if healthy.hours > 0.0 {
-            push(
-                "false alarms per hour".into(),
-                marked(chosen(results.limits.false_alarms_per_h), "false_alarms_per_h"),
-                format!(
-                    "{} in {:.1} h\nat most {} per hour (95 %)",
-                    healthy.alarms,
-                    healthy.hours,
-                    number(healthy.alarms_per_h_upper)
-                ),
-                match healthy {
-                    h if h.alarms_per_h_upper <= results.limits.false_alarms_per_h => MET,
-                    h if h.alarms_per_h > results.limits.false_alarms_per_h => MISSED,
-                    _ => NOT_SHOWN,
-                },
-            );
-        }
-        if !words.has_off() {
-            continue;
-        }
-        if healthy.hours > 0.0 {
-            let most = match healthy.shutdowns {
-                0 => format!("\nat most {} per hour (95 %)", number(MOST_OF_NONE / healthy.hours)),
-                _ => String::new(),
-            };
-            push(
-                format!("a healthy {unit} {}, nothing being wrong", words.switched_off()),
-                "0".into(),
-                format!("{} in {:.1} h{most}", healthy.shutdowns, healthy.hours),
-                none_allowed(healthy.shutdowns, 0.0),
-            );
-        }
-        let mut wrong = |title: String, wrong: u64, of: u64| {
-            push(
-                title,
-                marked(chosen(results.limits.wrong_shutdowns), "wrong_shutdowns"),
-                format!("{wrong} in {of} {run}s\n{}", at_most(wrong, of)),
-                none_allowed(wrong, results.limits.wrong_shutdowns),
-            );
-        };
-        if words.has_several() && merit.flights > 0 {
-            let title = format!("the wrong {unit} {}, all trained faults", words.switched_off());
-            wrong(title, merit.wrong_shutdowns, merit.flights);
-        }
-        let foreign = results.foreign.iter().find(|other| other.setting == *setting);
-        let off = words.switched_off();
-        let counts = foreign.map(|foreign| {
-            [
-                (
-                    foreign.shutdowns_healthy(),
-                    format!("a healthy {unit} {off}, faults never trained on"),
-                ),
-                (
-                    foreign.shutdowns_behind_wrong_sensor(),
-                    format!("a healthy {unit} {off} behind a wrong boundary sensor"),
-                ),
-            ]
+    results.merits.iter().flat_map(of_setting).collect()
+}
+
+/// The limits of one setting, one after the other.
+struct SettingLimits<'m> {
+    /// The keys that the study sets itself.
+    own: &'m [String],
+    results: &'m FlightResults,
+    words: &'m Vocabulary,
+    merit: &'m FlightMetrics,
+    list: Vec<Limit>,
+}
+
+impl SettingLimits<'_> {
+    fn push(&mut self, title: String, limit: String, measured: String, verdict: &'static str) {
+        self.list.push(Limit {
+            title,
+            setting: self.merit.setting.clone(),
+            limit,
+            measured,
+            verdict,
         });
-        for ((shutdowns, of), title) in counts.into_iter().flatten().filter(|((_, of), _)| *of > 0)
-        {
-            wrong(title, shutdowns, of);
+    }
+
+    /// A row that explains the one above it.
+    fn explain(&mut self, title: String, measured: Rate) {
+        self.push(title, String::new(), stacked(Some(measured)), "");
+    }
+
+    /// A limit, marked where it is servotwin's.
+    fn marked(&self, text: String, key: &str) -> String {
+        match self.own.iter().any(|known| known == key) {
+            true => text,
+            false => format!("{text}\ndefault"),
         }
     }
-    list
+
+    fn latency(&mut self) {
+        let FlightMetrics { setting, in_time, limit_s, onsets, .. } = self.merit;
+        if in_time.of == 0 {
+            return;
+        }
+        let off = self.words.off();
+        let key = if setting == "realistic" { "latency_unfitted_s" } else { "latency_s" };
+        let limit = format!("{} % within {} s", chosen(100.0 * SHARE), chosen(*limit_s));
+        let verdict = match in_time {
+            rate if rate.low >= SHARE => MET,
+            rate if rate.high < SHARE => MISSED,
+            rate if rate.share.is_some_and(|share| share < SHARE) => PROBABLY_MISSED,
+            _ => NOT_SHOWN,
+        };
+        self.push(
+            format!("visible {off} faults of intensity {STRONG} and more, isolated in time"),
+            self.marked(limit, key),
+            stacked(Some(*in_time)),
+            verdict,
+        );
+        let by_then = format!("of them left any band within {} s", chosen(*limit_s));
+        self.explain(by_then, self.merit.visible_in_time);
+        let since = "of them isolated, counted from when they were visible".into();
+        self.explain(since, self.merit.in_time_since_visible);
+        let has_onset =
+            |class: &&ClassMetrics| onsets.iter().any(|(_, onset)| onset.command == class.command);
+        if let Some(class) = strong(self.merit).find(has_onset) {
+            let of = class.visible.count;
+            let isolated = class.isolation.as_ref().map_or(0, |latency| latency.flights);
+            let never = format!("the same faults, never {}", self.words.switched_off());
+            self.explain(never, Rate::new(of - isolated, of));
+        }
+    }
+
+    fn false_alarms(&mut self) {
+        let healthy = &self.merit.healthy;
+        if healthy.hours <= 0.0 {
+            return;
+        }
+        let limit = self.results.limits.false_alarms_per_h;
+        self.push(
+            "false alarms per hour".into(),
+            self.marked(chosen(limit), "false_alarms_per_h"),
+            format!(
+                "{} in {:.1} h\nat most {} per hour (95 %)",
+                healthy.alarms,
+                healthy.hours,
+                number(healthy.alarms_per_h_upper)
+            ),
+            match healthy {
+                h if h.alarms_per_h_upper <= limit => MET,
+                h if h.alarms_per_h > limit => MISSED,
+                _ => NOT_SHOWN,
+            },
+        );
+    }
+
+    fn healthy_shutdowns(&mut self) {
+        let healthy = &self.merit.healthy;
+        if healthy.hours <= 0.0 {
+            return;
+        }
+        let most = match healthy.shutdowns {
+            0 => format!("\nat most {} per hour (95 %)", number(MOST_OF_NONE / healthy.hours)),
+            _ => String::new(),
+        };
+        let (unit, off) = (self.words.unit(), self.words.switched_off());
+        self.push(
+            format!("a healthy {unit} {off}, nothing being wrong"),
+            "0".into(),
+            format!("{} in {:.1} h{most}", healthy.shutdowns, healthy.hours),
+            none_allowed(healthy.shutdowns, 0.0),
+        );
+    }
+
+    fn wrong_shutdowns(&mut self) {
+        let (unit, off) = (self.words.unit(), self.words.switched_off());
+        let merit = self.merit;
+        if self.words.has_several() && merit.flights > 0 {
+            let title = format!("the wrong {unit} {off}, all trained faults");
+            self.wrong(title, (merit.wrong_shutdowns, merit.flights));
+        }
+        let is_own = |other: &&UnseenFaultMetrics| other.setting == merit.setting;
+        let Some(unseen) = self.results.foreign.iter().find(is_own) else {
+            return;
+        };
+        let never_trained = format!("a healthy {unit} {off}, faults never trained on");
+        self.wrong(never_trained, unseen.shutdowns_healthy());
+        let wrong_sensor = format!("a healthy {unit} {off} behind a wrong boundary sensor");
+        self.wrong(wrong_sensor, unseen.shutdowns_behind_wrong_sensor());
+    }
+
+    /// A limit on wrong shutdowns; `of` is the number of runs.
+    fn wrong(&mut self, title: String, (wrong, of): (u64, u64)) {
+        if of == 0 {
+            return;
+        }
+        let (limit, run) = (self.results.limits.wrong_shutdowns, self.words.run());
+        self.push(
+            title,
+            self.marked(chosen(limit), "wrong_shutdowns"),
+            format!("{wrong} in {of} {run}s\n{}", at_most(wrong, of)),
+            none_allowed(wrong, limit),
+        );
+    }
 }
 
 fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> Grid {

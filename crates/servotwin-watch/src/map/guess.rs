@@ -11,7 +11,8 @@ use super::FORMAT;
 use super::words::{Meaning, words};
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
-use servotwin::system::{System, units};
+use servotwin::system::System;
+use servotwin::units;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
@@ -378,7 +379,8 @@ impl Guess {
         (self.time, used[place]) = (true, true);
         let column = &columns[place];
         let _ = writeln!(self.text, "column = {}", quoted(&column.name));
-        let fitting = column.step().and_then(|step| moment::likely_unit(step, period_s));
+        let fitting =
+            column.step().and_then(|step| moment::likely_unit(step, period_s, units::of_times()));
         let line = match (column.unit == DATE, unit) {
             (true, _) => format!("unit = \"{DATE}\""),
             (false, Some(unit)) => {
@@ -404,7 +406,7 @@ impl Guess {
         unit: &str,
         fitting: Option<(&str, f64)>,
     ) -> String {
-        let claimed_s = units::convert(unit).map_or(1.0, |(_, unit_s, _)| unit_s);
+        let claimed_s = units::find(unit).map_or(1.0, |unit| unit.si);
         let step_s = column.step().unwrap_or(f64::NAN) * claimed_s;
         let Some((other, other_s)) = fitting.filter(|_| !moment::is_period(step_s)) else {
             return String::new();
@@ -472,10 +474,8 @@ impl Candidate<'_> {
     /// That its first numbers are outside of what the target can be, or hardly anything of it, and in which unit they would
     /// fit.
     fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
-        let (factor, offset) = match unit.and_then(|(_, text)| units::convert(text)) {
-            Some((_, factor, offset)) => (factor, offset),
-            None => (1.0, 0.0),
-        };
+        let known = unit.and_then(|(_, text)| units::find(text));
+        let (factor, offset) = known.map_or((1.0, 0.0), |unit| (unit.si, unit.offset));
         let (low, high) = target.range;
         let head = &self.column.head;
         let is_outside = |value: &&f64| !(low..=high).contains(&(**value * factor + offset));
@@ -505,8 +505,7 @@ impl Candidate<'_> {
 /// A unit with its text, where it is known.
 fn known(text: &str) -> Option<Named<'_>> {
     let text = text.trim();
-    let found = units::convert(text).filter(|_| !text.is_empty());
-    found.map(|(unit, ..)| (unit, text))
+    units::find(text).map(|row| (row.unit, text))
 }
 
 /// Whether a unit in a name is surely one: a number is none, and a letter that also stands for a chamber or a line (`p_a`,
@@ -520,8 +519,7 @@ fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
 
 /// A unit as people write it: a name's `_pa` is Pa.
 fn spelt(text: &str) -> &str {
-    let si = units::convert(text).filter(|(_, factor, offset)| (*factor, *offset) == (1.0, 0.0));
-    si.map_or(text, |(unit, ..)| units::word(unit))
+    units::find(text).filter(|row| row.is_si()).map_or(text, |row| row.symbol)
 }
 
 /// The ways to divide a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank

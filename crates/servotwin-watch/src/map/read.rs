@@ -3,7 +3,8 @@
 use super::{Channel, FORMAT, Map, MapError, Mistake, Origin, Time};
 use crate::sequencer::Rules;
 use crate::source::{DATE, Wanted};
-use servotwin::system::{System, units};
+use servotwin::system::System;
+use servotwin::units;
 use servotwin_io::document::{self, Collector, Entry, Span, entries};
 use servotwin_io::nearest::nearest;
 use servotwin_model::spec::Unit;
@@ -156,9 +157,9 @@ impl<'s> Reader<'s> {
             self.wanted.dates = true;
             return 1.0;
         }
-        match units::convert(word) {
-            Some((Unit::Second, unit_s, _)) => unit_s,
-            _ => {
+        match units::find(word).and_then(|row| row.to(Unit::Second)) {
+            Some((unit_s, _)) => unit_s,
+            None => {
                 let mut known = units::spellings(Unit::Second);
                 known.push(DATE.into());
                 let word = word.to_owned();
@@ -231,8 +232,11 @@ impl<'s> Reader<'s> {
     fn unit(&mut self, entries: &[Entry], id: &str, unit: Unit) -> (f64, f64) {
         let Some((entry, word)) = self.text(entries, "unit") else { return (1.0, 0.0) };
         let (word, known) = (word.to_owned(), units::spellings(unit));
-        match units::convert(&word) {
-            Some((found, factor, offset)) if found == unit => return (factor, offset),
+        let found = units::find(&word);
+        if let Some(factors) = found.and_then(|row| row.to(unit)) {
+            return factors;
+        }
+        match found {
             Some(_) => {
                 let id = id.to_owned();
                 self.mistakes.note(&entry.value_at(), Mistake::WrongUnit { word, id, unit, known });

@@ -4,7 +4,7 @@
 
 use super::{DATE, Wanted};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
-use servotwin::system::units;
+use servotwin::units;
 use servotwin_io::moment;
 use servotwin_io::table::csv::growing::{Numbers, is_missing};
 use std::borrow::Cow;
@@ -147,7 +147,7 @@ impl Sheet {
 /// Whether most cells of a line that are not empty are units.
 fn is_units(cells: &[String]) -> bool {
     let filled = cells.iter().map(|cell| bare_unit(cell)).filter(|unit| !unit.is_empty());
-    let is_known = |unit: &&str| matches!(*unit, "-" | "1") || units::convert(unit).is_some();
+    let is_known = |unit: &&str| matches!(*unit, "-" | "1") || units::find(unit).is_some();
     let (known, all) =
         filled.fold((0, 0), |(known, all), unit| (known + usize::from(is_known(&unit)), all + 1));
     known > 0 && 2 * known > all

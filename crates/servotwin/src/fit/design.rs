@@ -14,7 +14,8 @@ use super::linear::Symmetric;
 use super::record::Record;
 use super::response::Difference;
 use super::{Fit, FitError, Known};
-use crate::signal::{Signal, UNITS};
+use crate::signal::Signal;
+use crate::units;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 
@@ -210,8 +211,8 @@ fn built(shape: &str, unit: Unit, size: f64, limits: Limits) -> Option<Command> 
 
 /// A size in a unit that people read, rounded down to three digits.
 fn written(size: f64, unit: Unit) -> String {
-    let known = UNITS.iter().find(|known| known.unit == unit && known.si != 1.0);
-    let (value, symbol) = known.map_or((size, ""), |known| (size / known.si, known.symbol));
+    let typed = units::typed(unit);
+    let (value, symbol) = typed.map_or((size, ""), |typed| (size / typed.si, typed.symbol));
     let digit = 10_f64.powi(value.abs().max(1e-9).log10().floor() as i32 - 2);
     let value = (value / digit + 1e-9).floor() * digit;
     format!("{}{symbol}", format!("{value:.9}").trim_end_matches('0').trim_end_matches('.'))

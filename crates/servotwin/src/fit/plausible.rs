@@ -5,7 +5,8 @@
 use super::record::{LeftOut, Record, RecordError};
 use crate::beside::Beside;
 use crate::recording::with_suffix;
-use crate::system::{System, units};
+use crate::system::System;
+use crate::units;
 
 /// A sensor moves where it leaves its mean by so many of its deviations.
 const MOVES: f64 = 5.0;

@@ -15,8 +15,9 @@ use crate::document::{Quantities, Quantity};
 use crate::moment;
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
-use crate::system::{System, units};
+use crate::system::System;
 use crate::table::{Table, TableError};
+use crate::units;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::fmt;
@@ -364,7 +365,11 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     }
     if !(moment::PERIODS_S.0..=moment::PERIODS_S.1).contains(&period_s) {
         let unit_s = table.metadata.get(TIME_UNIT).and_then(|text| text.parse::<f64>().ok());
-        let likely = moment::likely_unit(period_s / unit_s.unwrap_or(1.0), USUAL_PERIOD_S);
+        let likely = moment::likely_unit(
+            period_s / unit_s.unwrap_or(1.0),
+            USUAL_PERIOD_S,
+            units::of_times(),
+        );
         return Err(RecordError::Period { period_s, likely });
     }
     for (row, &time_s) in times_s.iter().enumerate() {

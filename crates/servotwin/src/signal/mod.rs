@@ -26,8 +26,9 @@ mod units;
 pub use error::SignalError;
 pub use spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
 pub use text::QuantityError;
-pub use units::{Measure, TextUnit, UNITS};
+pub use units::Measure;
 
+use crate::units::NamedUnit;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::fmt;
@@ -54,12 +55,17 @@ pub struct Quantity {
     /// The number in front of the unit.
     pub number: f64,
     /// The unit; `None` means SI.
-    pub unit: Option<&'static TextUnit>,
+    pub unit: Option<&'static NamedUnit>,
     /// Whether the unit is per second.
     pub per_second: bool,
 }
 
 impl Quantity {
+    /// The measure of its unit; `None` for a plain number.
+    pub fn measure(&self) -> Option<Measure> {
+        self.unit.map(|unit| Measure::per(unit.unit, self.per_second))
+    }
+
     /// The number in SI.
     pub fn si(&self) -> f64 {
         self.number * self.unit.map_or(1.0, |unit| unit.si)
@@ -161,7 +167,7 @@ impl Signal {
 /// All kinds with their parameters, units, ranges and an example, for people.
 pub fn help() -> String {
     let kinds = ALL.iter().map(|kind| kind.spec().help());
-    let units: Vec<&str> = UNITS.iter().map(|unit| unit.symbol).collect();
+    let units: Vec<&str> = units::usual().map(|unit| unit.symbol).collect();
     kinds.collect::<String>()
         + &format!(
             "Units: {} (rates with /s, e.g. deg/s); a number without a unit is SI.\n\

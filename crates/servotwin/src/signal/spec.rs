@@ -261,10 +261,7 @@ pub(super) fn check_unit(
     quantity: &Quantity,
     measure: Measure,
 ) -> Result<(), SignalError> {
-    let Some(unit) = quantity.unit else {
-        return Ok(());
-    };
-    if (Measure { unit: unit.unit, per_second: quantity.per_second }) == measure {
+    if quantity.measure().is_none_or(|own| own == measure) {
         return Ok(());
     }
     Err(SignalError::WrongUnit {

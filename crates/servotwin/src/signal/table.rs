@@ -6,8 +6,8 @@
 
 use super::error::SignalError;
 use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
-use super::units::UNITS;
 use crate::table;
+use crate::units::{NamedUnit, TABLE};
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
 
@@ -54,16 +54,21 @@ static SPEC: Spec = Spec {
     ],
 };
 
-/// The unit that the end of a column's name tells, and one of it in SI.
-fn unit_of(column: &str) -> Option<(Unit, f64)> {
-    let si = Unit::ALL.iter().map(|unit| (unit.suffix().to_string(), *unit, 1.0));
-    let others = UNITS.iter().filter(|unit| unit.symbol != "%");
-    let others = others.map(|u| (format!("_{}", u.symbol.to_lowercase()), u.unit, u.si));
-    let fitting = si
-        .chain(others)
-        .filter(|(suffix, ..)| !suffix.is_empty() && column.ends_with(suffix.as_str()));
-    let longest = fitting.max_by_key(|(suffix, ..)| suffix.len());
-    longest.map(|(_, unit, factor)| (unit, factor))
+/// Suffixes that also end names without a unit: `p_c`, `flow_in`, `x_min`.
+const LETTERS: [&str; 5] = ["c", "g", "l", "in", "min"];
+
+/// The unit in the suffix of a column's name.
+fn unit_of(column: &str, wanted: Unit) -> Option<&'static NamedUnit> {
+    let length = |row: &NamedUnit| {
+        let symbol = if row.is_si() { "" } else { row.symbol };
+        let ends = [row.suffix(), symbol.to_lowercase()];
+        let is_meant = row.to(wanted).is_some() || !LETTERS.contains(&ends[0].as_str());
+        let fits = |end: &&String| {
+            is_meant && column.strip_suffix(end.as_str()).is_some_and(|stem| stem.ends_with('_'))
+        };
+        ends.iter().filter(|end| !end.is_empty()).filter(fits).map(String::len).max()
+    };
+    TABLE.iter().max_by_key(|row| length(row)).filter(|row| length(row).is_some())
 }
 
 impl Kind for Recorded {
@@ -73,20 +78,20 @@ impl Kind for Recorded {
 
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
         let (file, column) = (given.word(FILE), given.word("column"));
-        let (unit, factor) = unit_of(column).unwrap_or((given.unit, 1.0));
-        if unit != given.unit {
-            return Err(SignalError::ColumnUnit {
+        let factors = unit_of(column, given.unit).map_or(Ok((1.0, 0.0)), |row| {
+            row.to(given.unit).ok_or_else(|| SignalError::ColumnUnit {
                 column: column.into(),
-                found: unit,
+                found: row.unit,
                 wanted: given.unit,
-            });
-        }
+            })
+        });
+        let (factor, offset) = factors?;
         let is_wanted = |name: &str| name == column || name == given.word("time");
         let table = table::read_wanted(file, &[], &is_wanted);
         let table = table.map_err(|e| SignalError::Table(Box::new(e)))?;
         let numbers = |name| table.finite_f64(name).map_err(|e| SignalError::Table(Box::new(e)));
         let (times_s, values) = (numbers(given.word("time"))?, numbers(column)?);
-        let values: Vec<f64> = values.iter().map(|value| value * factor).collect();
+        let values: Vec<f64> = values.iter().map(|value| value * factor + offset).collect();
         let curve = match given.word("between") {
             "hold" => Piecewise::steps(&times_s, &values),
             _ => Piecewise::linear(&times_s, &values),

@@ -136,11 +136,15 @@ fn units_follow_the_input() {
     assert_eq!(build("50%", Unit::None).unwrap().value(0.0), 0.5);
     assert_eq!(build("20mm", Unit::Metre).unwrap().value(0.0), 0.02);
     assert_eq!(build("150m/s", Unit::MetrePerSecond).unwrap().value(0.0), 150.0);
+    assert_eq!(build("36km/h", Unit::MetrePerSecond).unwrap().value(0.0), 10.0);
+    assert_eq!(build("60L/min", Unit::CubicMetrePerSecond).unwrap().value(0.0), 1e-3);
+    assert_eq!(build("1L/s", Unit::CubicMetrePerSecond).unwrap().value(0.0), 1e-3);
+    assert!("20°C".parse::<Signal>().unwrap_err().to_string().contains("has a wrong unit"));
     assert_eq!(build("ramp:rate=10bar/s", Unit::Pascal).unwrap().value(0.5), 5e5);
     let error = build("5deg", Unit::Pascal).unwrap_err().to_string();
     assert_eq!(
         error,
-        "constant: 'value=5deg' has a wrong unit; allowed: bar, Pa, kPa, MPa, psi, a plain number (SI)"
+        "constant: 'value=5deg' has a wrong unit; allowed: bar, Pa, MPa, kPa, psi, mbar, GPa, a plain number (SI)"
     );
 }
 
@@ -161,8 +165,14 @@ fn mistakes_say_what_is_possible() {
         ("step:size=nan", "step: 'size' needs a number, not 'nan'"),
         ("step:size=1e999", "step: 'size' needs a number"),
         ("step:size=10grad", "step: 'size=10grad' has a wrong unit; allowed: rad, deg"),
-        ("step:size=10bar", "'size=10bar' has a wrong unit; allowed: rad, deg, a plain number"),
-        ("step:size=1,at=2Hz", "step: 'at=2Hz' has a wrong unit; allowed: s, ms, us, a plain"),
+        (
+            "step:size=10bar",
+            "'size=10bar' has a wrong unit; allowed: rad, deg, mrad, a plain number",
+        ),
+        (
+            "step:size=1,at=2Hz",
+            "step: 'at=2Hz' has a wrong unit; allowed: s, ms, us, ns, min, a plain",
+        ),
         ("step:size=1,at=-2s", "step: 'at=-2s' is out of range: 0 or greater (s)"),
         ("ramp:rate=20deg", "ramp: 'rate=20deg' has a wrong unit; allowed: rad/s, deg/s"),
         ("ramp:rate=20deg/s,to=-5deg", "ramp: 'rate' must not be zero and must have the sign"),
@@ -226,6 +236,12 @@ fn recorded_signals_come_from_files() {
     let error = build("column=command_rad", Unit::Pascal).unwrap_err();
     assert_eq!(error, "column 'command_rad' is in rad, the input is in Pa");
     assert!(build("column=comand_rad", Unit::Radian).unwrap_err().contains("command_rad"));
+    write("time_s,q_l_min,oil_c,x_min\n0,60,20,1\n1,60,20,1\n");
+    assert_eq!(build("column=q_l_min", Unit::CubicMetrePerSecond).unwrap().value(0.5), 1e-3);
+    assert_eq!(build("column=oil_c", Unit::Kelvin).unwrap().value(0.5), 293.15);
+    // A letter or a word is a unit only where it measures what is wanted.
+    assert_eq!(build("column=oil_c", Unit::Metre).unwrap().value(0.5), 20.0);
+    assert_eq!(build("column=x_min", Unit::Metre).unwrap().value(0.5), 1.0);
     write("time_s,x\n0,1\n1,2\n1,3\n");
     let error = build("column=x", Unit::None).unwrap_err();
     assert!(error.ends_with("line 4: time 1 s is not after 1 s before it"), "{error}");

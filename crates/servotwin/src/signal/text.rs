@@ -93,7 +93,7 @@ pub enum QuantityError {
         given: String,
     },
     /// Its unit is not known.
-    #[error("'{given}' has an unknown unit; known: {}", all_units(Sort::Value).join(", "))]
+    #[error("'{given}' has an unknown unit; known: {}", usual_units(Sort::Value).join(", "))]
     UnknownUnit {
         /// What was written.
         given: String,
@@ -141,9 +141,7 @@ impl Quantity {
     pub fn in_unit(text: &str, unit: Unit) -> Result<f64, QuantityError> {
         let quantity: Quantity = text.parse()?;
         let measure = Measure::of(unit);
-        let found =
-            quantity.unit.map(|u| Measure { unit: u.unit, per_second: quantity.per_second });
-        match found {
+        match quantity.measure() {
             Some(found) if found != measure => {
                 Err(QuantityError::WrongUnit { given: text.into(), allowed: measure.allowed() })
             }
@@ -239,7 +237,7 @@ fn checked_quantity(
         QuantityError::UnknownUnit { given } | QuantityError::WrongUnit { given, .. } => {
             let allowed = match measure {
                 Some(measure) if !by_input => measure.allowed(),
-                _ => all_units(parameter.sort),
+                _ => usual_units(parameter.sort),
             };
             SignalError::WrongUnit { kind, parameter: name, given, allowed }
         }
@@ -251,7 +249,8 @@ fn checked_quantity(
     Ok(quantity)
 }
 
-fn all_units(sort: Sort) -> Vec<String> {
+/// The units of usual inputs, as a value or a rate.
+fn usual_units(sort: Sort) -> Vec<String> {
     let end = if sort == Sort::Rate { "/s" } else { "" };
-    units::UNITS.iter().map(|unit| format!("{}{end}", unit.symbol)).collect()
+    units::usual().map(|unit| format!("{}{end}", unit.symbol)).collect()
 }

@@ -1,49 +1,7 @@
 //! The units that a signal's text may use.
 
+use crate::units::{self, NamedUnit, TABLE, word};
 use servotwin_model::spec::Unit;
-
-/// A unit as it is written behind a number.
-#[derive(Debug, PartialEq)]
-pub struct TextUnit {
-    /// How it is written.
-    pub symbol: &'static str,
-    /// The SI unit it measures.
-    pub unit: Unit,
-    /// One of it in SI.
-    pub si: f64,
-}
-
-const fn unit(symbol: &'static str, unit: Unit, si: f64) -> TextUnit {
-    TextUnit { symbol, unit, si }
-}
-
-/// Every unit that text may use.
-pub static UNITS: [TextUnit; 24] = [
-    unit("rad", Unit::Radian, 1.0),
-    unit("deg", Unit::Radian, std::f64::consts::PI / 180.0),
-    unit("mm", Unit::Metre, 1e-3),
-    unit("m", Unit::Metre, 1.0),
-    unit("um", Unit::Metre, 1e-6),
-    unit("cm", Unit::Metre, 1e-2),
-    unit("km", Unit::Metre, 1e3),
-    unit("bar", Unit::Pascal, 1e5),
-    unit("Pa", Unit::Pascal, 1.0),
-    unit("kPa", Unit::Pascal, 1e3),
-    unit("MPa", Unit::Pascal, 1e6),
-    unit("psi", Unit::Pascal, 6894.757293168),
-    unit("K", Unit::Kelvin, 1.0),
-    unit("N", Unit::Newton, 1.0),
-    unit("kN", Unit::Newton, 1e3),
-    unit("A", Unit::Ampere, 1.0),
-    unit("mA", Unit::Ampere, 1e-3),
-    unit("Hz", Unit::Hertz, 1.0),
-    unit("kHz", Unit::Hertz, 1e3),
-    unit("s", Unit::Second, 1.0),
-    unit("ms", Unit::Second, 1e-3),
-    unit("us", Unit::Second, 1e-6),
-    unit("L/min", Unit::CubicMetrePerSecond, 1e-3 / 60.0),
-    unit("%", Unit::None, 1e-2),
-];
 
 /// What a parameter measures: a unit, or that unit per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,27 +15,52 @@ pub struct Measure {
 impl Measure {
     /// A unit itself; speeds are lengths or angles per second.
     pub fn of(unit: Unit) -> Self {
-        match unit {
-            Unit::MetrePerSecond => Self { unit: Unit::Metre, per_second: true },
-            Unit::RadianPerSecond => Self { unit: Unit::Radian, per_second: true },
-            _ => Self { unit, per_second: false },
-        }
+        let (unit, per_second) = match unit {
+            Unit::MetrePerSecond => (Unit::Metre, true),
+            Unit::RadianPerSecond => (Unit::Radian, true),
+            Unit::SquareMetrePerSecond => (Unit::SquareMetre, true),
+            Unit::CubicMetrePerSecond => (Unit::CubicMetre, true),
+            Unit::PerSecond => (Unit::None, true),
+            unit => (unit, false),
+        };
+        Self { unit, per_second }
     }
 
-    /// How its units are written, in the order of [`UNITS`]. Empty where only
-    /// plain SI numbers are possible (a rate of a rate has no text).
+    /// The measure of a unit, or of a unit per second.
+    pub(super) fn per(unit: Unit, per_second: bool) -> Self {
+        if per_second { Self { unit, per_second } } else { Self::of(unit) }
+    }
+
+    /// How its units are written, the most usual first.
     pub fn allowed(self) -> Vec<String> {
-        let end = if self.per_second { "/s" } else { "" };
-        let units = UNITS.iter().filter(|u| u.unit == self.unit);
-        units.map(|u| format!("{}{end}", u.symbol)).collect()
+        let own = known().filter(|row| Self::of(row.unit) == self).map(|row| row.symbol.to_owned());
+        let rates = known().filter(|row| self.per_second && row.unit == self.unit);
+        let mut all: Vec<String> = vec![];
+        for text in rates.map(|row| format!("{}/s", row.symbol)).chain(own) {
+            if !all.contains(&text) {
+                all.push(text);
+            }
+        }
+        all
     }
 }
 
+/// All units of signals. A signal is a sum, so units with an offset are excluded.
+pub(super) fn known() -> impl Iterator<Item = &'static NamedUnit> {
+    TABLE.iter().filter(|row| row.is_proportional() && row.symbol != word(Unit::None))
+}
+
+/// The units of usual inputs, for messages.
+pub(super) fn usual() -> impl Iterator<Item = &'static NamedUnit> {
+    known().filter(|row| units::is_usual(row.unit))
+}
+
 /// A unit by its text, with or without `/s`.
-pub(super) fn find(text: &str) -> Option<(&'static TextUnit, bool)> {
+pub(super) fn find(text: &str) -> Option<(&'static NamedUnit, bool)> {
     let (symbol, per_second) = match text.strip_suffix("/s") {
         Some(symbol) => (symbol, true),
         None => (text, false),
     };
-    UNITS.iter().find(|unit| unit.symbol == symbol).map(|unit| (unit, per_second))
+    let unit = units::exactly(symbol).filter(|unit| unit.is_proportional());
+    unit.map(|unit| (unit, per_second))
 }

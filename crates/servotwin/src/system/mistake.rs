@@ -1,7 +1,7 @@
 //! Everything that can be wrong with a system file, in words.
 
-use super::units::word;
 use crate::document::{self, Explained, Quantity, suggest};
+use crate::units::word;
 use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::spec::Unit;
 
@@ -241,22 +241,91 @@ fn quote_all(names: &[String]) -> String {
     }
 }
 
+/// How to part two components that set the same.
+fn part(family: &str) -> &'static str {
+    match family {
+        "hydraulic" => "put a valve, an orifice or a line between them",
+        "signal" => "a signal has one source: keep one of them",
+        "translational" => {
+            "put an attachment between them (port a to the one, b to the other), or make them one mass"
+        }
+        _ => "make them one inertia, or let a rod with an attachment and a lever move one of them",
+    }
+}
+
+/// Components that set a node of this family.
+fn setter(family: &str) -> &'static str {
+    match family {
+        "hydraulic" => "join them with a volume, a cylinder chamber, a source or a tank",
+        "signal" => "join them with an output of a component or an input of the system",
+        _ => "join them with a mass, a cylinder rod or an inertia",
+    }
+}
+
+impl Mistake {
+    /// Help without names; [`Explained::help`] adds the help with names.
+    fn advice(&self) -> Option<&'static str> {
+        Some(match self {
+            Mistake::BadName { .. } => "names have small letters, digits and '_'",
+            Mistake::ReservedName { .. } => "choose another",
+            Mistake::ThickensWhenWarm { .. } => {
+                "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)"
+            }
+            Mistake::DuplicateId { .. } => "every id stands for one thing",
+            Mistake::KindOrAssembly { .. } => {
+                "for example: kind = \"volume\"; or assembly = \"actuator\""
+            }
+            Mistake::KindOverridden { .. } => "write a second assembly for another structure",
+            Mistake::FluidNotHere { .. } => {
+                "a fluid is named by the sources and tanks of the circuit"
+            }
+            Mistake::TwoInputs { .. } | Mistake::InputAndOutput { .. } => {
+                "a signal has one source: keep one of them"
+            }
+            Mistake::NoSignalInput { .. } => "inputs feed the signal inputs of components",
+            Mistake::InputUnused { .. } => {
+                "list what it feeds, for example: to = [\"supply.pressure\"]"
+            }
+            Mistake::MixedKinds { .. } => "a connection joins ports of one kind",
+            Mistake::TwoSources { family, .. } => part(family),
+            Mistake::NoSource { family, .. } => setter(family),
+            Mistake::NoReference { .. } => "connect a pressure_source or a tank",
+            Mistake::TwoFluids { .. } => "fluid and temperature are the same throughout a circuit",
+            Mistake::AlgebraicLoop { .. } => {
+                "break the loop with a component that has a state, such as a low_pass_filter"
+            }
+            Mistake::Empty => "add a component that stores something, such as a volume",
+            Mistake::Document(_)
+            | Mistake::UnknownWord { .. }
+            | Mistake::UnknownPort { .. }
+            | Mistake::Unused { .. }
+            | Mistake::WrongSuffix { .. }
+            | Mistake::FaultAmongParameters { .. }
+            | Mistake::PortAmongParameters { .. }
+            | Mistake::WhichFluid { .. }
+            | Mistake::FluidTooSoft { .. }
+            | Mistake::NoPort { .. }
+            | Mistake::UnknownUnit { .. }
+            | Mistake::NoOutput { .. }
+            | Mistake::ScaleBelowNoise { .. }
+            | Mistake::OpenPort { .. }
+            | Mistake::FluidTemperature { .. }
+            | Mistake::TooFewEnds
+            | Mistake::RepeatedEnd { .. }
+            | Mistake::MixedUnits { .. }
+            | Mistake::Impossible { .. }
+            | Mistake::TooLarge => return None,
+        })
+    }
+}
+
 impl Explained for Mistake {
     fn help(&self) -> Option<String> {
-        let text = match self {
+        Some(match self {
             Mistake::Document(mistake) => return mistake.help(),
-            Mistake::BadName { .. } => "names have small letters, digits and '_'".into(),
-            Mistake::ReservedName { .. } => "choose another".into(),
-            Mistake::ThickensWhenWarm { .. } => {
-                "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)".into()
-            }
-            Mistake::DuplicateId { .. } => "every id stands for one thing".into(),
             Mistake::UnknownWord { nearest, known, .. }
             | Mistake::UnknownPort { nearest, known, .. } => suggest(nearest, known),
             Mistake::Unused { what, .. } => format!("remove the {what} or use it"),
-            Mistake::KindOrAssembly { .. } => {
-                "for example: kind = \"volume\"; or assembly = \"actuator\"".into()
-            }
             Mistake::WrongSuffix { right, si: Some(si), .. } => {
                 format!("write: {right} = {}", Quantity(*si, ""))
             }
@@ -267,12 +336,6 @@ impl Explained for Mistake {
             Mistake::PortAmongParameters { key, id } => {
                 format!("ports are joined in 'connections': [\"{id}.{key}\", …]")
             }
-            Mistake::KindOverridden { .. } => {
-                "write a second assembly for another structure".into()
-            }
-            Mistake::FluidNotHere { .. } => {
-                "a fluid is named by the sources and tanks of the circuit".into()
-            }
             Mistake::WhichFluid { known, .. } => {
                 format!("add: fluid = \"…\"; known: {}", known.join(", "))
             }
@@ -281,13 +344,6 @@ impl Explained for Mistake {
                 format!("by its bulk_modulus_pa at 40 °C and bulk_modulus_change; at least {least}")
             }
             Mistake::NoPort { known, .. } => format!("its ports: {}", known.join(", ")),
-            Mistake::TwoInputs { .. } | Mistake::InputAndOutput { .. } => {
-                "a signal has one source: keep one of them".into()
-            }
-            Mistake::NoSignalInput { .. } => "inputs feed the signal inputs of components".into(),
-            Mistake::InputUnused { .. } => {
-                "list what it feeds, for example: to = [\"supply.pressure\"]".into()
-            }
             Mistake::UnknownUnit { meant: Some(unit), .. } => {
                 format!("files are in SI: \"{}\"", word(*unit))
             }
@@ -299,57 +355,18 @@ impl Explained for Mistake {
                 "a sensor is a signal output, such as the 'reading' of a pressure_sensor".into()
             }
             Mistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
-            Mistake::ScaleBelowNoise { full_scale, unit, .. } => {
-                let full_scale = full_scale.unwrap_or_default();
-                let full_scale = Quantity(full_scale, unit.symbol());
-                format!(
-                    "residuals are divided by it; usual is the full scale of the sensor, {full_scale}"
-                )
-            }
+            Mistake::ScaleBelowNoise { full_scale, unit, .. } => format!(
+                "residuals are divided by it; usual is the full scale of the sensor, {}",
+                Quantity(full_scale.unwrap_or_default(), unit.symbol())
+            ),
             Mistake::OpenPort { summary, also, .. } if also.is_empty() => {
                 format!("the port is: {summary}")
             }
             Mistake::OpenPort { summary, also, .. } => {
                 format!("the port is: {summary}; the same holds for {}", also.join(", "))
             }
-            Mistake::MixedKinds { .. } => "a connection joins ports of one kind".into(),
-            Mistake::TwoSources { family: "hydraulic", .. } => {
-                "put a valve, an orifice or a line between them".into()
-            }
-            Mistake::TwoSources { family: "signal", .. } => {
-                "a signal has one source: keep one of them".into()
-            }
-            Mistake::TwoSources { family: "translational", .. } => {
-                "put an attachment between them (port a to the one, b to the other), or make them one mass".into()
-            }
-            Mistake::TwoSources { .. } => {
-                "make them one inertia, or let a rod with an attachment and a lever move one of them".into()
-            }
-            Mistake::NoSource { family: "hydraulic", .. } => {
-                "join them with a volume, a cylinder chamber, a source or a tank".into()
-            }
-            Mistake::NoSource { family: "signal", .. } => {
-                "join them with an output of a component or an input of the system".into()
-            }
-            Mistake::NoSource { .. } => {
-                "join them with a mass, a cylinder rod or an inertia".into()
-            }
-            Mistake::NoReference { .. } => "connect a pressure_source or a tank".into(),
-            Mistake::TwoFluids { .. } => {
-                "fluid and temperature are the same throughout a circuit".into()
-            }
-            Mistake::AlgebraicLoop { .. } => {
-                "break the loop with a component that has a state, such as a low_pass_filter".into()
-            }
-            Mistake::Empty => "add a component that stores something, such as a volume".into(),
-            Mistake::FluidTemperature { .. }
-            | Mistake::TooFewEnds
-            | Mistake::RepeatedEnd { .. }
-            | Mistake::MixedUnits { .. }
-            | Mistake::Impossible { .. }
-            | Mistake::TooLarge => return None,
-        };
-        Some(text)
+            mistake => return mistake.advice().map(str::to_owned),
+        })
     }
 
     fn range(&self) -> Option<(f64, f64)> {

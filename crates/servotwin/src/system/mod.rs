@@ -35,7 +35,6 @@ mod mistake;
 mod read;
 mod rewrite;
 mod scope;
-pub mod units;
 
 pub use listing::ListedFault;
 pub(crate) use read::{FLUID, OF_ALL, POINT, WITH_MODULUS};

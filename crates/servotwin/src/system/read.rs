@@ -3,10 +3,11 @@
 
 use super::mistake::Mistake;
 use super::scope::{End, Input, Part, Scope};
-use super::{FORMAT, Sensor, units};
+use super::{FORMAT, Sensor};
 use crate::document::{self, Collector, Entry, Span, entries};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
+use crate::units;
 use servotwin_model::components::{ALL, find};
 use servotwin_model::fluid::table::{LEAST_STEP_K, Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};
@@ -870,7 +871,7 @@ impl Reader {
             return None;
         };
         let word = self.text(entry)?;
-        let unit = units::find(word);
+        let unit = units::find_si(word);
         if unit.is_none() {
             let mistake = Mistake::UnknownUnit { word: word.into(), meant: units::meant(word) };
             self.mistakes.note(&entry.value_at(), mistake);

@@ -11,7 +11,7 @@ mod values;
 use super::groups::{Group, Groups};
 use super::{LogColumn, Source, SourceError, Wanted};
 use blocks::{Channel, ChannelGroup, Mdf};
-use servotwin::system::units;
+use servotwin::units;
 use std::path::Path;
 
 /// The column with the times of all groups, s.
@@ -124,10 +124,8 @@ fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result
         number += 1;
     })?;
     let unit = &group.channels[master].unit;
-    let seconds = match units::convert(unit) {
-        Some((servotwin_model::spec::Unit::Second, factor, _)) => factor,
-        _ => 1.0,
-    };
+    let second = units::find(unit).and_then(|row| row.to(servotwin_model::spec::Unit::Second));
+    let seconds = second.map_or(1.0, |(factor, _)| factor);
     let mut columns = columns.into_iter();
     let times = columns.next().unwrap_or_default();
     // A factor of one keeps the bits.

@@ -132,6 +132,16 @@ struct Case {
     base: usize,
 }
 
+impl Case {
+    /// Its environment, its actuator and how strong the fault is.
+    fn in_words(&self, study: &Study, flights: &Flights) -> String {
+        let environment = &flights.judged[self.base].name;
+        let unit = &study.units[self.unit];
+        let of = if unit.is_empty() { String::new() } else { format!(", {unit}") };
+        format!("{environment}{of} at {}", self.strength)
+    }
+}
+
 /// The cases, their flights and the environments as twins are told them.
 #[derive(Default)]
 struct Plan {
@@ -269,6 +279,30 @@ impl Observer for Listening {
 }
 
 impl Listening {
+    fn new(
+        session: &Session,
+        is_off: &[bool],
+        flight: &Flight,
+        case: &Case,
+        period_s: f64,
+    ) -> Self {
+        let onset = (flight.onset_s / period_s).ceil() as usize;
+        Listening {
+            session: session.clone(),
+            touched: Touched::new(case.changes.touches(), onset, flight.number as u64),
+            onset: onset as u64,
+            at_fault: case.changes.at_fault.clone(),
+            misinformed: case.changes.misinformed.clone(),
+            is_off: is_off.to_vec(),
+            first: None,
+            heard: FindingFlags::default(),
+            first_word: None,
+            off_at_fault: false,
+            off_misinformed: false,
+            off_healthy: false,
+        }
+    }
+
     /// Whether something is wrong with a unit or with what its twin reads.
     fn is_concerned(&self, unit: usize) -> bool {
         self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
@@ -319,7 +353,6 @@ pub fn judge(
     let is_off: Vec<bool> =
         commands.map(|command| diagnoser.decision.off_actions.contains(command)).collect();
     let case = |flight: &Flight| &cases[flight.number - FIRST];
-    let onset = |flight: &Flight| (flight.onset_s / flown.period_s()).ceil() as usize;
     let mut ended = vec![];
     let all: Vec<usize> = (0..cases.len()).collect();
     flown.fly_altered(
@@ -331,68 +364,66 @@ pub fn judge(
             }
             variant.later = case.changes.later(study, flight, &variant.overrides);
         },
-        |flight| Listening {
-            session: fresh.clone(),
-            touched: Touched::new(
-                case(flight).changes.touches(),
-                onset(flight),
-                flight.number as u64,
-            ),
-            onset: onset(flight) as u64,
-            at_fault: case(flight).changes.at_fault.clone(),
-            misinformed: case(flight).changes.misinformed.clone(),
-            is_off: is_off.clone(),
-            first: None,
-            heard: FindingFlags::default(),
-            first_word: None,
-            off_at_fault: false,
-            off_misinformed: false,
-            off_healthy: false,
+        |flight| Listening::new(&fresh, &is_off, flight, case(flight), flown.period_s()),
+        |flight, heard, outcome| {
+            let (flight, case, is_ok) = (*flight, case(flight), outcome.is_ok());
+            ended.push(Ended { flight, case, heard, is_ok });
         },
-        |flight, listening, outcome| ended.push((*flight, listening, outcome.is_ok())),
     );
-    ended.sort_by_key(|(flight, ..)| flight.number);
-    let told_of = |foreign: usize| {
-        let own = ended.iter().filter(|(flight, ..)| case(flight).foreign == foreign);
-        let own: Vec<_> = own.map(|(f, heard, is_ok)| (f, case(f), heard, *is_ok)).collect();
-        let finished: Vec<_> = own.iter().filter(|one| one.3).collect();
-        let fault = &ALL[foreign];
-        let mut words = Words::default();
-        finished.iter().for_each(|(_, _, heard, _)| heard.count(fault.sensible, &mut words));
-        let of = finished.len() as u64;
-        let times = finished.iter().filter_map(|(flight, _, heard, _)| {
-            Some(heard.first_word? as f64 * flown.period_s() - flight.onset_s)
-        });
-        let count = |all: &[&(_, _, &Listening, _)], holds: fn(&Listening) -> bool| {
-            all.iter().filter(|one| holds(one.2)).count() as u64
-        };
-        let wrong: Vec<String> = finished
-            .iter()
-            .filter(|one| one.2.off_healthy || one.2.off_misinformed)
-            .map(|(_, case, _, _)| {
-                let environment = &flights.judged[case.base].name;
-                let unit = &study.units[case.unit];
-                let of = if unit.is_empty() { String::new() } else { format!(", {unit}") };
-                format!("{environment}{of} at {}", case.strength)
-            })
-            .collect();
-        UnseenFaultOutcome {
-            title: fault.title.into(),
-            strengths: fault.strengths_in_words.into(),
-            sensible: fault.sensible,
-            flights: of,
-            failed: own.len() as u64 - of,
-            words,
-            shutdowns_at_fault: count(&finished, |heard| heard.off_at_fault),
-            shutdowns_healthy: count(&finished, |heard| heard.off_healthy),
-            shutdowns_behind_wrong_sensor: own
-                .iter()
-                .any(|one| !one.1.changes.misinformed.is_empty())
-                .then(|| count(&finished, |heard| heard.off_misinformed)),
-            first_word: latency(times.map(|time_s: f64| time_s.max(0.0)), of),
-            wrong,
-        }
+    ended.sort_by_key(|ended| ended.flight.number);
+    let outcome_of = |foreign: usize| {
+        let own: Vec<&Ended> = ended.iter().filter(|ended| ended.case.foreign == foreign).collect();
+        outcome(&ALL[foreign], &own, study, flights, flown.period_s())
     };
-    let outcomes = (0..ALL.len()).map(told_of).filter(|o| o.flights + o.failed > 0).collect();
+    let outcomes = (0..ALL.len()).map(outcome_of).filter(|o| o.flights + o.failed > 0).collect();
     Ok(UnseenFaultMetrics { setting: setting.name().into(), outcomes })
+}
+
+/// A judged flight with an unseen fault; `is_ok` is false if the simulation failed.
+struct Ended<'c> {
+    flight: Flight,
+    case: &'c Case,
+    heard: Listening,
+    is_ok: bool,
+}
+
+/// The outcome of all flights with one of the faults.
+fn outcome(
+    fault: &Foreign,
+    own: &[&Ended],
+    study: &Study,
+    flights: &Flights,
+    period_s: f64,
+) -> UnseenFaultOutcome {
+    let finished: Vec<&Ended> = own.iter().copied().filter(|ended| ended.is_ok).collect();
+    let mut words = Words::default();
+    finished.iter().for_each(|ended| ended.heard.count(fault.sensible, &mut words));
+    let of = finished.len() as u64;
+    let times = finished
+        .iter()
+        .filter_map(|ended| Some(ended.heard.first_word? as f64 * period_s - ended.flight.onset_s));
+    let count = |holds: fn(&Listening) -> bool| {
+        finished.iter().filter(|ended| holds(&ended.heard)).count() as u64
+    };
+    let is_wrong = |ended: &&&Ended| ended.heard.off_healthy || ended.heard.off_misinformed;
+    UnseenFaultOutcome {
+        title: fault.title.into(),
+        strengths: fault.strengths_in_words.into(),
+        sensible: fault.sensible,
+        flights: of,
+        failed: own.len() as u64 - of,
+        words,
+        shutdowns_at_fault: count(|heard| heard.off_at_fault),
+        shutdowns_healthy: count(|heard| heard.off_healthy),
+        shutdowns_behind_wrong_sensor: own
+            .iter()
+            .any(|ended| !ended.case.changes.misinformed.is_empty())
+            .then(|| count(|heard| heard.off_misinformed)),
+        first_word: latency(times.map(|time_s: f64| time_s.max(0.0)), of),
+        wrong: finished
+            .iter()
+            .filter(is_wrong)
+            .map(|ended| ended.case.in_words(study, flights))
+            .collect(),
+    }
 }

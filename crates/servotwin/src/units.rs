@@ -1,0 +1,357 @@
+//! The one table of units as people write them.
+//!
+//! System files, signals, column names, maps of logs and the advice about values in another unit read it.
+
+use servotwin_model::spec::{Parameter, Unit};
+use std::f64::consts::PI;
+
+/// A unit as it is written behind a number.
+#[derive(Debug, PartialEq)]
+pub struct NamedUnit {
+    /// How it is typed.
+    pub symbol: &'static str,
+    /// The SI unit of the same dimension.
+    pub unit: Unit,
+    /// One of it in SI.
+    pub si: f64,
+    /// Zero of it in SI.
+    pub offset: f64,
+    /// How messages name it.
+    pub spoken: &'static str,
+    /// Other spellings.
+    also: &'static [&'static str],
+    /// Whether logs are often in it instead of SI.
+    is_usual: bool,
+}
+
+const fn named(symbol: &'static str, unit: Unit, si: f64) -> NamedUnit {
+    NamedUnit { symbol, unit, si, offset: 0.0, spoken: symbol, also: &[], is_usual: false }
+}
+
+const fn usual(symbol: &'static str, unit: Unit, si: f64) -> NamedUnit {
+    NamedUnit { is_usual: true, ..named(symbol, unit, si) }
+}
+
+/// The SI unit itself.
+const fn si(unit: Unit) -> NamedUnit {
+    named(word(unit), unit, 1.0)
+}
+
+const RADIAN_PER_DEGREE: f64 = PI / 180.0;
+
+/// All known units; within a dimension the most usual comes first.
+pub static TABLE: &[NamedUnit] = &[
+    si(Unit::Radian),
+    NamedUnit {
+        spoken: "degrees",
+        also: &["°", "degrees"],
+        ..usual("deg", Unit::Radian, RADIAN_PER_DEGREE)
+    },
+    usual("mrad", Unit::Radian, 1e-3),
+    usual("mm", Unit::Metre, 1e-3),
+    si(Unit::Metre),
+    usual("cm", Unit::Metre, 1e-2),
+    NamedUnit { spoken: "µm", ..usual("um", Unit::Metre, 1e-6) },
+    NamedUnit { spoken: "inches", ..usual("in", Unit::Metre, 0.0254) },
+    named("km", Unit::Metre, 1e3),
+    named("ft", Unit::Metre, 0.3048),
+    usual("bar", Unit::Pascal, 1e5),
+    si(Unit::Pascal),
+    usual("MPa", Unit::Pascal, 1e6),
+    usual("kPa", Unit::Pascal, 1e3),
+    usual("psi", Unit::Pascal, 6894.757293168),
+    named("mbar", Unit::Pascal, 1e2),
+    named("GPa", Unit::Pascal, 1e9),
+    si(Unit::Kelvin),
+    NamedUnit {
+        offset: 273.15,
+        also: &["celsius", "deg_c", "degc"],
+        ..named("°C", Unit::Kelvin, 1.0)
+    },
+    si(Unit::Newton),
+    usual("kN", Unit::Newton, 1e3),
+    NamedUnit { spoken: "pounds", ..usual("lbf", Unit::Newton, 4.448_221_615_260_5) },
+    si(Unit::Ampere),
+    usual("mA", Unit::Ampere, 1e-3),
+    si(Unit::Hertz),
+    usual("kHz", Unit::Hertz, 1e3),
+    si(Unit::Second),
+    usual("ms", Unit::Second, 1e-3),
+    NamedUnit { spoken: "µs", ..usual("us", Unit::Second, 1e-6) },
+    usual("ns", Unit::Second, 1e-9),
+    named("min", Unit::Second, 60.0),
+    usual("L/min", Unit::CubicMetrePerSecond, 1e-3 / 60.0),
+    si(Unit::CubicMetrePerSecond),
+    usual("%", Unit::None, 1e-2),
+    si(Unit::None),
+    usual("mm/s", Unit::MetrePerSecond, 1e-3),
+    si(Unit::MetrePerSecond),
+    named("km/h", Unit::MetrePerSecond, 1.0 / 3.6),
+    named("kt", Unit::MetrePerSecond, 1852.0 / 3600.0),
+    NamedUnit { also: &["°/s"], ..usual("deg/s", Unit::RadianPerSecond, RADIAN_PER_DEGREE) },
+    si(Unit::RadianPerSecond),
+    si(Unit::PerRadian),
+    named("1/deg", Unit::PerRadian, 1.0 / RADIAN_PER_DEGREE),
+    NamedUnit { spoken: "mm²", ..named("mm2", Unit::SquareMetre, 1e-6) },
+    NamedUnit { spoken: "cm²", ..named("cm2", Unit::SquareMetre, 1e-4) },
+    si(Unit::SquareMetre),
+    NamedUnit { spoken: "cm³", also: &["ml"], ..named("cm3", Unit::CubicMetre, 1e-6) },
+    NamedUnit { spoken: "mm³", ..named("mm3", Unit::CubicMetre, 1e-9) },
+    named("L", Unit::CubicMetre, 1e-3),
+    si(Unit::CubicMetre),
+    NamedUnit { also: &["mm²/s", "mm2/s"], ..named("cSt", Unit::SquareMetrePerSecond, 1e-6) },
+    si(Unit::SquareMetrePerSecond),
+    si(Unit::Kilogram),
+    named("g", Unit::Kilogram, 1e-3),
+    si(Unit::KilogramSquareMetre),
+    si(Unit::KilogramPerCubicMetre),
+    si(Unit::NewtonMetre),
+    named("kN m", Unit::NewtonMetre, 1e3),
+    si(Unit::NewtonPerMetre),
+    NamedUnit { also: &["N/mm"], ..named("kN/m", Unit::NewtonPerMetre, 1e3) },
+    named("N/µm", Unit::NewtonPerMetre, 1e6),
+    si(Unit::NewtonSecondPerMetre),
+    si(Unit::NewtonMetreSecond),
+    si(Unit::PerMetre),
+    named("1/mm", Unit::PerMetre, 1e3),
+    si(Unit::MetrePerPascal),
+    named("mm/bar", Unit::MetrePerPascal, 1e-8),
+    si(Unit::PerPascal),
+    named("1/bar", Unit::PerPascal, 1e-5),
+    si(Unit::CubicMetrePerSecondPascal),
+    named("L/(min bar)", Unit::CubicMetrePerSecondPascal, 1e-8 / 60.0),
+    si(Unit::PascalSecondPerCubicMetre),
+    named("bar min/L", Unit::PascalSecondPerCubicMetre, 6e9),
+    si(Unit::PascalSecondSquaredPerMetreToTheSixth),
+    named("bar min²/L²", Unit::PascalSecondSquaredPerMetreToTheSixth, 3.6e14),
+    si(Unit::PerSecond),
+    si(Unit::PerSecondSquared),
+];
+
+impl NamedUnit {
+    /// Factor and offset from this unit to `unit`; `None` for another dimension. A speed of rotation is also a frequency.
+    pub fn to(&self, unit: Unit) -> Option<(f64, f64)> {
+        match (self.unit, unit) {
+            (own, unit) if own == unit => Some((self.si, self.offset)),
+            (Unit::RadianPerSecond, Unit::Hertz) => Some((self.si * (0.5 / PI), 0.0)),
+            _ => None,
+        }
+    }
+
+    /// Whether it is the SI unit itself.
+    pub fn is_si(&self) -> bool {
+        self.symbol == word(self.unit)
+    }
+
+    /// Whether zero of it is zero in SI.
+    pub fn is_proportional(&self) -> bool {
+        self.offset == 0.0
+    }
+
+    /// The end of a name in it, without the `_` before: `l_min`. Empty for a pure number.
+    pub fn suffix(&self) -> String {
+        match self.is_si() {
+            true => self.unit.suffix().trim_start_matches('_').into(),
+            false => suffix_of(&self.symbol.replace("1/", "per_").replace(' ', "")),
+        }
+    }
+
+    /// Whether `text` is one of its spellings, case-sensitively; `m2` equals `m²`.
+    fn is_spelled(&self, text: &str) -> bool {
+        [self.symbol, self.spoken].into_iter().any(|own| own == text || plain(own) == text)
+            || self.also.contains(&text)
+    }
+
+    /// Whether a name with this suffix is in this unit.
+    fn has_suffix(&self, suffix: &str) -> bool {
+        !suffix.is_empty()
+            && (self.suffix() == suffix || self.also.iter().any(|also| suffix_of(also) == suffix))
+    }
+}
+
+/// The word for a unit in a system file: its symbol, `1` for a pure number.
+pub const fn word(unit: Unit) -> &'static str {
+    match unit {
+        Unit::None => "1",
+        unit => unit.symbol(),
+    }
+}
+
+/// The unit with this spelling, case-sensitively: `mA` is not `MA`.
+pub fn exactly(text: &str) -> Option<&'static NamedUnit> {
+    TABLE.iter().find(|row| row.is_spelled(text))
+}
+
+/// The unit with this spelling, or with this suffix of a name in any case.
+pub fn find(text: &str) -> Option<&'static NamedUnit> {
+    let text = text.trim();
+    exactly(text).or_else(|| by_suffix(&suffix_of(text)))
+}
+
+fn by_suffix(suffix: &str) -> Option<&'static NamedUnit> {
+    TABLE.iter().find(|row| row.has_suffix(suffix))
+}
+
+/// The SI unit of a word in a system file.
+pub fn find_si(text: &str) -> Option<Unit> {
+    exactly(text).filter(|row| row.is_si()).map(|row| row.unit)
+}
+
+/// The SI unit of the dimension of any unit; an empty text means a pure number.
+pub fn meant(text: &str) -> Option<Unit> {
+    if matches!(text.trim(), "" | "-") {
+        return Some(Unit::None);
+    }
+    find(text).map(|row| row.unit)
+}
+
+/// Units that logs are often in instead of SI, the most usual first.
+fn of_logs(unit: Unit) -> impl Iterator<Item = &'static NamedUnit> {
+    TABLE.iter().filter(move |row| row.unit == unit && row.is_usual)
+}
+
+/// The units of time in logs, each with its length in s.
+pub fn of_times() -> Vec<(&'static str, f64)> {
+    let second = exactly(word(Unit::Second)).into_iter();
+    second.chain(of_logs(Unit::Second)).map(|row| (row.symbol, row.si)).collect()
+}
+
+/// Whether inputs and sensors usually have this dimension.
+pub fn is_usual(unit: Unit) -> bool {
+    unit == Unit::Kelvin || typed(unit).is_some()
+}
+
+/// The unit that people usually type instead of SI.
+pub fn typed(unit: Unit) -> Option<&'static NamedUnit> {
+    of_logs(unit).next()
+}
+
+/// The unit of a column whose values are `ratio` times the expected SI values, with its number per SI unit.
+pub fn other(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
+    let near = |row: &NamedUnit| (ratio * row.si).ln().abs();
+    let best = of_logs(unit).min_by(|a, b| near(a).total_cmp(&near(b)))?;
+    (near(best) < 0.35).then_some((1.0 / best.si, best.spoken))
+}
+
+/// The most usual unit in which a value lies within an SI range, with its number per SI unit.
+pub fn within(unit: Unit, value: f64, range: (f64, f64)) -> Option<(f64, &'static str)> {
+    let is_inside = |row: &&NamedUnit| (range.0..=range.1).contains(&(value * row.si));
+    of_logs(unit).find(is_inside).map(|row| (1.0 / row.si, row.spoken))
+}
+
+/// How numbers for a unit may be written, for messages: SI first.
+pub fn spellings(unit: Unit) -> Vec<String> {
+    let others = TABLE.iter().filter(|row| row.unit == unit && !row.is_si());
+    std::iter::once(word(unit)).chain(others.map(|row| row.symbol)).map(str::to_owned).collect()
+}
+
+/// Without superscripts and Greek letters.
+pub(crate) fn plain(text: &str) -> String {
+    text.replace('²', "2").replace('³', "3").replace(['µ', 'μ'], "u")
+}
+
+/// A unit as a suffix of a name.
+fn suffix_of(text: &str) -> String {
+    let text = text.replace("°C", "c").replace('°', "deg").replace('%', "percent");
+    plain(&text.to_lowercase()).replace([' ', '/'], "_")
+}
+
+/// A parameter that was named with the suffix of another unit.
+pub struct Slip {
+    /// What was meant.
+    pub parameter: &'static Parameter,
+    /// The value in SI, where the unit of the slip is known.
+    pub si: Option<f64>,
+}
+
+/// Whether a key is a parameter's name but for the unit at its end.
+pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> Option<Slip> {
+    let stem = |p: &Parameter| p.name.strip_suffix(p.unit.suffix()).unwrap_or(p.name);
+    let candidates = parameters.iter().filter_map(|parameter| {
+        let rest = key.strip_prefix(stem(parameter))?;
+        // Without any suffix, the number is taken as meant in SI.
+        if rest.is_empty() {
+            return Some((parameter, value));
+        }
+        let row = by_suffix(&rest.strip_prefix('_')?.to_lowercase())?;
+        let si = row
+            .to(parameter.unit)
+            .zip(value)
+            .map(|((factor, offset), value)| value * factor + offset);
+        Some((parameter, si))
+    });
+    let longest = candidates.max_by_key(|(parameter, _)| stem(parameter).len());
+    longest.map(|(parameter, si)| Slip { parameter, si })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_spelling_of_a_row_finds_this_row_and_no_other() {
+        for row in TABLE {
+            let own = [row.symbol, row.spoken].into_iter().chain(row.also.iter().copied());
+            let typed: Vec<String> = own.flat_map(|text| [text.to_owned(), plain(text)]).collect();
+            for text in typed.iter().chain([&row.suffix()]).filter(|text| !text.is_empty()) {
+                assert_eq!(find(text), Some(row), "{text}");
+                let others = TABLE.iter().filter(|other| *other != row);
+                let twins: Vec<_> = others.filter(|other| other.is_spelled(text)).collect();
+                assert_eq!(twins, [] as [&NamedUnit; 0], "{text}");
+            }
+            let twins = TABLE.iter().filter(|other| other.has_suffix(&row.suffix())).count();
+            assert_eq!(twins, usize::from(!row.suffix().is_empty()), "suffix of {}", row.symbol);
+        }
+    }
+
+    #[test]
+    fn every_row_becomes_si_and_back() {
+        for row in TABLE {
+            let (factor, offset) = row.to(row.unit).unwrap();
+            assert!(factor > 0.0 && factor.is_finite() && offset >= 0.0, "{}", row.symbol);
+            for value in [-40.0, 0.0, 1.0, 123.456] {
+                let back = ((value * factor + offset) - offset) / factor;
+                assert!((back - value).abs() < 1e-12, "{value} {}", row.symbol);
+            }
+            assert_eq!(row.is_si(), (factor, offset) == (1.0, 0.0), "{}", row.symbol);
+        }
+    }
+
+    #[test]
+    fn every_unit_of_the_model_has_one_row_and_so_has_what_reports_show_it_in() {
+        for unit in Unit::ALL {
+            assert_eq!(TABLE.iter().filter(|row| row.unit == unit && row.is_si()).count(), 1);
+            assert_eq!(find_si(word(unit)), Some(unit));
+            if unit == Unit::None {
+                continue;
+            }
+            let row = find(unit.shown()).unwrap_or_else(|| panic!("{} is no row", unit.shown()));
+            let (factor, offset) = row.to(unit).unwrap();
+            let back = unit.to_shown(300.0) * factor + offset;
+            assert!((back / 300.0 - 1.0).abs() < 1e-12, "{} {back}", unit.shown());
+        }
+    }
+
+    #[test]
+    fn large_and_small_letters_are_alike_but_where_both_are_units() {
+        let of = |text: &str| find(text).map(|row| (row.symbol, row.unit));
+        assert_eq!(of("l/min"), Some(("L/min", Unit::CubicMetrePerSecond)));
+        assert_eq!(of("degC"), Some(("°C", Unit::Kelvin)));
+        assert_eq!(of("Degrees"), Some(("deg", Unit::Radian)));
+        assert_eq!(of("kN m"), Some(("kN m", Unit::NewtonMetre)));
+        assert_eq!(of("kn_m"), Some(("kN/m", Unit::NewtonPerMetre)));
+        assert_eq!(of("rad_s"), Some(("rad/s", Unit::RadianPerSecond)));
+        assert_eq!(exactly("rad/s").unwrap().to(Unit::Hertz), Some((0.5 / PI, 0.0)));
+        assert_eq!((exactly("mPa"), exactly("kn")), (None, None));
+        assert_eq!(of("furlong"), None);
+    }
+
+    #[test]
+    fn a_value_outside_of_its_range_is_in_the_unit_in_which_it_is_inside() {
+        let named = |unit, value, range| within(unit, value, range).map(|(_, unit)| unit);
+        assert_eq!(named(Unit::Metre, -37.5, (-0.1, 0.07)), Some("mm"));
+        assert_eq!(named(Unit::Pascal, 210.0, (150e5, 280e5)), Some("bar"));
+        assert_eq!(named(Unit::Radian, 12.0, (-0.3, 0.3)), Some("degrees"));
+        assert_eq!(named(Unit::Metre, 1e12, (-0.1, 0.1)), None);
+    }
+}
