@@ -47,7 +47,7 @@ pub struct MeasuredRate {
     pub measure: String,
     /// The part of the diagnosis that answers: bands, trees or committee.
     pub by: &'static str,
-    /// The protocol that held rows out.
+    /// How rows were held out; for flights, which faults the rate covers.
     pub protocol: String,
     /// The share with its count and 95 % interval.
     #[serde(flatten)]
@@ -275,7 +275,7 @@ fn table(heads: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     format!("{}|{}\n{rows}", line(&heads), "---|".repeat(heads.len()))
 }
 
-/// Makes a table for each protocol: one row for each measure, one column for each part of the diagnosis.
+/// Makes a table for each `protocol`: one row for each measure, one column for each part of the diagnosis.
 fn rate_tables(rates: &[MeasuredRate]) -> String {
     let groups = rates.chunk_by(|rate, next| rate.protocol == next.protocol);
     groups

@@ -54,8 +54,8 @@ pub fn share(rate: Option<Rate>) -> String {
     percent(rate.and_then(|rate| rate.share))
 }
 
-/// The share of a rate, no more precise than its count permits: a small sample gives the count itself, a larger one
-/// percent with the decimals that a single case changes.
+/// The share of a rate, no more precise than its count permits. A small sample gives the count itself; a larger one
+/// gives percent with the decimals that a single case changes.
 pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),

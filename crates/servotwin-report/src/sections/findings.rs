@@ -1,6 +1,6 @@
-//! The findings to act on, one sentence each, measured in the hardest setting: undetected faults, ways to detect more,
-//! dangerous errors, confused faults, the gain from the additional sensor, and missed limits. A quantity that was
-//! not counted produces no finding.
+//! The findings to act on, one sentence each, measured in the hardest setting. They cover undetected faults, ways to
+//! detect more, dangerous errors, confused faults, the gain from the additional sensor, and missed limits. A quantity
+//! that was not counted produces no finding.
 
 use super::{bands, flights, settings};
 use crate::Material;
@@ -151,8 +151,8 @@ fn unseen(material: &Material, result: &SubjectResult) -> Finding {
 /// A band wider than this share of the scale makes its sensor useless.
 const BLIND: f64 = 0.3;
 
-/// Ways to detect more: twins fitted to their specimens where tolerances hide faults, and other commands or sensors
-/// where faults stay hidden on perfect specimens too.
+/// Ways to detect more: fitted twins if tolerances hide faults, and other commands or sensors if faults stay hidden on
+/// perfect specimens too.
 fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
     let of = |subject| material.results.of(subject);
     let detected = |result: &SubjectResult| result.evaluation.detection.detected;

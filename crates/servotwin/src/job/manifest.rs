@@ -49,7 +49,7 @@ pub struct DataSetEntry {
     pub is_training: bool,
     /// Number of variants.
     pub variants: usize,
-    /// Variants obtained by mirroring others instead of simulating.
+    /// Variants that were not simulated, because they are symmetric copies of others.
     pub reflected: usize,
     /// Variants without a fault.
     pub healthy: usize,
