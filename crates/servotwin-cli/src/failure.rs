@@ -1,4 +1,4 @@
-//! Why a command ends without its result, and the exit code for it.
+//! The reasons why a command fails, and their exit codes.
 
 use crate::hint;
 use crate::incomplete::Incomplete;
@@ -30,16 +30,15 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-/// A file with the option that names it.
+/// A file, with the option that names it.
 #[derive(Debug)]
 pub struct Named {
-    /// The option, or what is read.
+    /// The option, or a description of the file.
     pub option: &'static str,
-    /// The file.
     pub path: PathBuf,
 }
 
-/// Why a command ends without its result.
+/// The reason why a command fails.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// The system file is missing or has mistakes.
@@ -48,7 +47,7 @@ pub enum Failure {
     /// The study file is missing or has mistakes.
     #[error("{}", of_study(.0))]
     Study(Box<StudyError>),
-    /// A campaign could not be run or written.
+    /// A campaign could not be simulated or written.
     #[error("{}", hint::of_campaign(.0))]
     Campaign(CampaignError),
     /// A name that the system does not have.
@@ -60,7 +59,6 @@ pub enum Failure {
         meant(.nearest.as_deref(), "'servotwin components' lists all")
     )]
     NoComponent {
-        /// The word.
         word: String,
         /// The nearest kind.
         nearest: Option<String>,
@@ -71,38 +69,34 @@ pub enum Failure {
         meant(nearest(.word, .known.iter().map(String::as_str)), &format!("there are: {}", .known.join(", ")))
     )]
     NoCommand {
-        /// The word.
         word: String,
         /// All commands.
         known: Vec<String>,
     },
-    /// A file that would be overwritten.
+    /// An output file exists already and would be overwritten.
     #[error("error: {} is there already and stays as it is", .0.display())]
     Exists(PathBuf),
-    /// An output that is what the command reads.
+    /// An output file is also an input of the command.
     #[error("error: {written} would overwrite {read}, which is read: name another file")]
     Overwritten {
-        /// The output.
         written: Named,
-        /// What is read.
+        /// The input that would be lost.
         read: Named,
     },
-    /// Two outputs that are one file.
+    /// Two outputs are the same file.
     #[error("error: {written} and {again} are the same file: name two")]
     Twice {
-        /// The one.
+        /// The first output.
         written: Named,
-        /// The other.
+        /// The second output.
         again: Named,
     },
-    /// An output that ends like a file of another kind.
+    /// An output has the extension of another kind of file.
     #[error("error: {option} must end in .{ending}, not as {} does", .path.display())]
     Ending {
-        /// The option.
         option: &'static str,
-        /// The output.
         path: PathBuf,
-        /// How it should end.
+        /// The required extension, without the dot.
         ending: &'static str,
     },
     /// A simulation cannot start.
@@ -111,66 +105,60 @@ pub enum Failure {
         .option.as_ref().map_or_else(String::new, |name| format!("{name}: "))
     )]
     Simulation {
-        /// The option, where one is to blame.
+        /// The option that caused the error, if any.
         option: Option<String>,
-        /// What is wrong.
         error: Box<SimulationError>,
     },
-    /// An option that needs `name=value`.
+    /// An option that requires `name=value`.
     #[error("error: {option} needs NAME=VALUE, not '{given}'")]
     NoEqualSign {
-        /// The option.
         option: &'static str,
-        /// What was written.
+        /// The text that the user gave.
         given: String,
     },
     /// An input or a fault that is given twice.
     #[error("error: {option}: '{name}' is given twice")]
     Repeated {
-        /// The option.
         option: &'static str,
-        /// The name.
+        /// The name of the input or fault.
         name: String,
     },
-    /// A number of an option that cannot be read.
+    /// An option's number that cannot be parsed.
     #[error("error: {option}: {error}")]
     Number {
-        /// The option.
+        /// The name of the option.
         option: &'static str,
-        /// What is wrong.
         error: QuantityError,
     },
-    /// A number of an option outside its range.
+    /// An option's number outside its range.
     #[error("error: {option} {given} is out of range: {range}")]
     OutOfRange {
-        /// The option.
         option: &'static str,
-        /// What was written.
+        /// The text that the user gave.
         given: String,
-        /// The range in words.
+        /// The allowed range as text.
         range: Cow<'static, str>,
     },
-    /// Options that do not go together.
+    /// A wrong combination of options.
     #[error("error: {0}")]
     Options(&'static str),
     /// A signal that cannot be built.
     #[error("error: {option}: {error}")]
     Signal {
-        /// The option and the input.
+        /// The option, with the input that it drives.
         option: String,
-        /// What is wrong.
         error: SignalError,
     },
     /// The solver could not finish.
     #[error("error: {0}")]
     Run(Stopped),
-    /// The equations at rest give numbers that are not finite.
+    /// The equations at rest produce numbers that are not finite.
     #[error("error: the equations at rest give numbers that are not finite")]
     Eigenvalues,
-    /// Ctrl-C.
+    /// The user pressed Ctrl-C.
     #[error("stopped")]
     Stopped,
-    /// Ctrl-C in a job that goes on where it was when it is run again.
+    /// The user pressed Ctrl-C in a job that resumes when it is run again.
     #[error("stopped; the same command again goes on where it was")]
     StoppedOnTheWay,
     /// A table cannot be made or written.
@@ -179,82 +167,73 @@ pub enum Failure {
     /// A figure cannot be written.
     #[error("error: {0}")]
     Figure(#[from] FigureError),
-    /// A table does not serve for training or testing, or a model cannot be used.
+    /// A table is unsuitable for training or testing, or a model is unusable.
     #[error("{}", hint::of_evaluation(.0))]
     Evaluation(EvaluationError),
     /// A stage of the main job stopped.
     #[error("{}", hint::of_job(.0))]
     Job(JobError),
-    /// A study file for traces has mistakes, or the traces are not as it says.
+    /// A study file for traces has mistakes, or the traces contradict it.
     #[error("{}", hint::of_traces(.path, .error))]
     Trace {
         /// The study file.
         path: PathBuf,
-        /// What is wrong.
         error: TraceError,
     },
-    /// A table is not as a study file for traces, or a model, says.
+    /// A table contradicts a study file for traces, or a model.
     #[error("error: {path} is not as {rule} says: {error}{}", hint::for_table(.error))]
     NotAs {
-        /// The table.
         path: PathBuf,
         /// The study file or the model.
         rule: PathBuf,
-        /// What is wrong.
         error: Box<EvaluationError>,
     },
     /// The twin or the diagnosis could not run.
     #[error("error: {0}")]
     Runtime(RuntimeError),
-    /// The diagnoser of a file is for something else.
+    /// The diagnoser in a file belongs to another system.
     #[error("error: {}: {error}", .path.display())]
     Diagnoser {
-        /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// The mismatch with the system, or an error of the twin.
         error: RuntimeError,
     },
-    /// A folder has no log that can be used.
+    /// A folder has no usable log.
     #[error("error: {}: {reason}", .folder.display())]
     NoLogs {
-        /// The folder.
         folder: PathBuf,
-        /// What is there instead.
+        /// What the folder has instead.
         reason: String,
     },
-    /// A log has nothing that can be watched.
+    /// A log without samples to watch.
     #[error("error: {log}: {reason}")]
     NoSample {
-        /// The log.
         log: String,
-        /// What it has instead.
+        /// What the log has instead.
         reason: String,
     },
-    /// A system that is none of the study which is taken where none is named.
+    /// A system that does not belong to the default study.
     #[error(
         "error: tolerances and faults are a study's, and without --study those of '{study}' are taken, to which the \
          system '{system}' does not belong: give --study {}",
         .own.as_deref().unwrap_or("FILE")
     )]
     OtherSystem {
-        /// The system.
         system: String,
-        /// The study.
+        /// The default study.
         study: String,
-        /// The study of this system, where it is known.
+        /// The study of this system, if known.
         own: Option<String>,
     },
-    /// A log of which nothing could be judged.
+    /// A log in which no sample was judged.
     #[error("error: {log}: {reason}")]
     Unjudged {
         /// The counts, for standard output.
         output: String,
-        /// The log.
         log: String,
-        /// Why.
         reason: String,
     },
-    /// A live watch went on without files that could not be written.
+    /// A live watch continued after some files could not be written.
     #[error("error: not complete: {}", .files.join("; "))]
     SinksLost {
         /// The counts, for standard output.
@@ -265,13 +244,13 @@ pub enum Failure {
     /// The map of a log has mistakes.
     #[error("{0}")]
     Map(#[from] MapError),
-    /// A log or a stream cannot be read, or what comes of it not be written.
+    /// A log or stream cannot be read, or its outputs cannot be written.
     #[error("{}", hint::of_watch(.0))]
     Watch(#[from] WatchError),
-    /// There is no fit.
+    /// A fit failed.
     #[error("error: {0}")]
     Fit(FitError),
-    /// There is no band.
+    /// A band could not be learned.
     #[error("error: {0}")]
     Band(BandError),
     /// A fitted system cannot be written.
@@ -280,23 +259,23 @@ pub enum Failure {
     /// A file cannot be written.
     #[error("error: {0}")]
     File(#[from] FileError),
-    /// A record shows what no tolerance explains.
+    /// A record has findings that no tolerance explains, so the twin is not updated.
     #[error("{}", first_findings(.findings))]
     NoUpdate {
-        /// What is known all the same, for standard output.
+        /// The results, for standard output.
         output: String,
-        /// What is found, as sentences.
+        /// The findings as sentences.
         findings: Vec<String>,
     },
-    /// A wear reaches its threshold.
+    /// Wear reaches its threshold.
     #[error("alarm: {}", .alarms.join("; "))]
     Alarm {
-        /// The result all the same, for standard output.
+        /// The results, for standard output.
         output: String,
-        /// What reaches it, as sentences.
+        /// The alarms as sentences.
         alarms: Vec<String>,
     },
-    /// A merge lacks parts of a campaign.
+    /// Parts of a campaign are missing in a merge.
     #[error("error: {0}")]
     PartsMissing(Box<Incomplete>),
     /// Standard output cannot be written.
@@ -305,7 +284,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The same of a job that goes on where it was when it is run again.
+    /// Turns `Stopped` into the failure of a job that resumes when it is run again.
     pub fn on_the_way(self) -> Self {
         match self {
             Failure::Stopped => Failure::StoppedOnTheWay,
@@ -313,7 +292,7 @@ impl Failure {
         }
     }
 
-    /// The exit code of the program, as the head of `main.rs` lists them.
+    /// The exit code of the program, as listed at the top of `main.rs`.
     pub fn exit_code(&self) -> u8 {
         match self {
             Failure::System(_)
@@ -384,10 +363,10 @@ impl Failure {
     }
 }
 
-/// A campaign's files are its own: what is wrong with them is no mistake of an input file, unless it was damaged.
+/// The exit code for a campaign. Its files are written by servotwin, so they are no input mistake unless damaged.
 fn of_campaign(error: &CampaignError) -> u8 {
     match error {
-        // A setting was asked for that the study does not have.
+        // The study lacks a section that the named setting needs.
         CampaignError::NoSection { .. } => 2,
         CampaignError::Unfinished { damaged: Some(_), .. }
         | CampaignError::File(FileError::Altered { .. })
@@ -396,7 +375,7 @@ fn of_campaign(error: &CampaignError) -> u8 {
     }
 }
 
-/// What cannot be written is no mistake of an input file.
+/// The exit code for a file. A failed write is no input mistake.
 fn of_file(error: &FileError) -> u8 {
     match error {
         FileError::MissingFolder { .. }
@@ -419,7 +398,7 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
     match error {
         EvaluationError::File(error) => of_file(error),
         EvaluationError::Table(error) => of_table(error),
-        // What an option asks for, and the table does not have.
+        // An option requests something that the table does not have.
         EvaluationError::TableModel(TableModelError::NoRow { .. })
         | EvaluationError::TooFewGroups { .. }
         | EvaluationError::Diagnosis(servotwin_diagnosis::Error::TooFewForFolds { .. }) => 2,
@@ -427,7 +406,7 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
     }
 }
 
-/// What follows a name that a list in a message would not hold.
+/// The hint after a name whose list of alternatives is too long for a message.
 const LIST_OF_NAMES: &str = "; 'servotwin describe' and 'servotwin faults' list them";
 
 impl fmt::Display for Named {
@@ -436,12 +415,12 @@ impl fmt::Display for Named {
     }
 }
 
-/// The name that was likely meant, or else what there is.
+/// Suggests the name that was probably meant, or else the given text.
 fn meant(nearest: Option<&str>, else_text: &str) -> String {
     nearest.map_or_else(|| else_text.to_owned(), |name| format!("did you mean '{name}'?"))
 }
 
-/// Mistakes of a file begin with their place instead of `error`.
+/// Formats an error of a system. Mistakes in a file begin with their place instead of `error`.
 fn of_system(error: &SystemError) -> String {
     match error {
         SystemError::File(error) => format!("error: {error}"),
@@ -456,7 +435,7 @@ fn of_study(error: &StudyError) -> String {
     }
 }
 
-/// The first findings, and how many there are.
+/// Lists the first findings, and counts the others.
 fn first_findings(findings: &[String]) -> String {
     const SHOWN: usize = 4;
     let mut text =

@@ -1,4 +1,4 @@
-//! The options that help against an error of the library, which knows of none.
+//! Adds helpful options to errors of the library, which does not know the command line.
 
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
@@ -25,7 +25,7 @@ pub fn of_evaluation(error: &EvaluationError) -> String {
     format!("error: {error}{}", for_table(error))
 }
 
-/// The options for somebody's table.
+/// Options that help with an error in a user's table.
 pub fn for_table(error: &EvaluationError) -> &'static str {
     match error {
         EvaluationError::InTest(error) => for_table(error),
@@ -59,7 +59,7 @@ pub fn of_job(error: &JobError) -> String {
     }
 }
 
-/// The message of traces that are not as their study says.
+/// The message for traces that contradict their study.
 pub fn of_traces(path: &Path, error: &TraceError) -> String {
     let hint = match error {
         TraceError::NoHealthyRows { .. } => " with --healthy",

@@ -1,25 +1,25 @@
-//! A merge that lacks parts, and the shell line that runs them.
+//! A merge with missing parts, and the shell line that runs them.
 
 use servotwin::campaign::MissingParts;
 use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
-/// The parts that a merge lacks, with the line that runs them.
+/// The missing parts of a merge, with the shell line that runs them.
 #[derive(Debug)]
 pub struct Incomplete {
     /// The output folder.
     pub folder: PathBuf,
-    /// The scenario that was named to the merge.
+    /// The scenario given to the merge.
     pub setting: Option<String>,
-    /// The campaigns that lack shards, in words.
+    /// Descriptions of the campaigns with missing shards.
     pub names: Vec<String>,
     /// The missing rows of each campaign.
     pub missing: MissingParts,
 }
 
 impl Incomplete {
-    /// The same for programs.
+    /// The missing parts as JSON.
     pub fn to_json(&self) -> serde_json::Value {
         let rows = self.missing.campaigns.iter().map(|rows| {
             serde_json::json!({
@@ -38,7 +38,7 @@ impl Incomplete {
         })
     }
 
-    /// One shell line that runs what is missing.
+    /// One shell line that runs the missing parts.
     fn resubmit(&self) -> String {
         let MissingParts { of, parts, simulate_images, .. } = &self.missing;
         let folder = quoted(&self.folder.to_string_lossy()).into_owned();
@@ -75,7 +75,7 @@ impl fmt::Display for Incomplete {
     }
 }
 
-/// Ascending numbers as an array of jobs is written: `2,5-7`.
+/// Ascending numbers in the notation of job arrays: `2,5-7`.
 fn ranges(numbers: &[usize]) -> String {
     let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
         [first, .., last] => format!("{first}-{last}"),
@@ -84,7 +84,7 @@ fn ranges(numbers: &[usize]) -> String {
     runs.collect::<Vec<_>>().join(",")
 }
 
-/// A path as a POSIX shell reads it back.
+/// Quotes a path for a POSIX shell.
 fn quoted(path: &str) -> Cow<'_, str> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
     match !path.is_empty() && path.chars().all(is_plain) {

@@ -1,7 +1,7 @@
 //! The command line of servotwin.
 //!
-//! Results go to standard output, everything else to standard error. A reader
-//! that closes the pipe early ends the program quietly. Exit codes:
+//! Results go to standard output, everything else to standard error. If a reader
+//! closes the pipe early, the program ends quietly. Exit codes:
 //!
 //! | code | meaning |
 //! |---|---|
@@ -127,8 +127,8 @@ enum Command {
 }
 
 impl Command {
-    /// The files that it reads and writes, where the user names what it writes. Who writes into a folder of results knows
-    /// which file there is whose.
+    /// The files that the command reads and writes, if the user names its outputs. Commands that write into a folder of
+    /// results check its files themselves.
     fn paths(&self) -> Paths {
         match self {
             Command::Simulate(options) => options.paths(),
@@ -145,7 +145,7 @@ impl Command {
         }
     }
 
-    /// The text for standard output.
+    /// Returns the text for standard output.
     fn run(&self, global: Global) -> Result<String, Failure> {
         match self {
             Command::Simulate(options) => simulate::run(options, global),
@@ -198,14 +198,14 @@ fn main() -> ExitCode {
             {
                 let _ = print(output);
             }
-            // Nobody is left to tell where standard error is closed, too.
+            // If standard error is closed too, there is no way to report that.
             let _ = writeln!(out::stderr(), "{failure}");
             ExitCode::from(failure.exit_code())
         }
     }
 }
 
-/// Writes a result; a reader that has gone is no failure.
+/// Writes a result. A closed pipe is no failure.
 fn print(text: &str) -> Result<(), Failure> {
     let mut out = out::stdout();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

@@ -1,21 +1,21 @@
-//! Standard output and standard error, as people read them: the one place where text leaves the program.
+//! Standard output and standard error with escaped text. All text leaves the program here.
 //!
-//! Names and values of a file may hold what a terminal acts on. It is escaped here, whichever command writes.
+//! Names and values from a file may contain control sequences for a terminal. They are escaped for every command.
 
 use servotwin::sanitize::Printable;
 use std::io::{self, IsTerminal, Stderr, Stdout};
 
-/// Standard output.
+/// Standard output, with control characters escaped.
 pub fn stdout() -> Printable<Stdout> {
     Printable::new(io::stdout())
 }
 
-/// Standard error.
+/// Standard error, with control characters escaped.
 pub fn stderr() -> Printable<Stderr> {
     Printable::new(io::stderr())
 }
 
-/// Whether somebody looks at standard error.
+/// Whether standard error is a terminal.
 pub fn is_stderr_seen() -> bool {
     io::stderr().is_terminal()
 }

@@ -1,8 +1,8 @@
-//! The files that a command reads and those that it writes, looked at before it does either.
+//! The input and output files of a command, checked before it reads or writes any of them.
 //!
-//! A result that takes the place of what it was made from is lost work, and no message afterwards brings it back. So no
-//! output may be a file that the same command reads, by whatever name or link, nor another of its outputs; and none may
-//! end like a file of another kind.
+//! A result that overwrites its own source is lost work. So no output may be the same file as an input or as
+//! another output, under any name or link. No output may have the extension of another kind of
+//! file.
 
 use crate::failure::{Failure, Named};
 use servotwin::figure::{FigureError, PngError};
@@ -14,29 +14,29 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What an output is, which says how its name may end.
+/// The kind of an output, which determines the allowed extensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// A table: its ending decides in which format it is written.
+    /// A table; its extension selects the format.
     Table,
-    /// A figure: likewise.
+    /// A figure; its extension selects the format.
     Figure,
-    /// One format whatever the ending says, which may be one of these or none.
+    /// One fixed format. The name has one of these extensions, or none.
     Only(&'static [&'static str]),
-    /// A file of the toolkit's own, which nobody looks into.
+    /// A file in servotwin's own format, with any extension.
     Any,
 }
 
 impl Format {
-    /// A page.
+    /// An HTML page.
     pub const HTML: Format = Format::Only(&["html", "htm"]);
     /// A system or a map.
     pub const TOML: Format = Format::Only(&["toml"]);
-    /// A model.
+    /// A model file.
     pub const JSON: Format = Format::Only(&["json"]);
-    /// A recording.
+    /// A recording for viewers of MCAP.
     pub const MCAP: Format = Format::Only(&["mcap"]);
-    /// Events, one a line.
+    /// Events, one in each line.
     pub const LINES: Format = Format::Only(&["jsonl", "ndjson", "json", "log", "txt"]);
 
     fn check(self, option: &'static str, path: &Path) -> Result<(), Failure> {
@@ -59,7 +59,7 @@ impl Format {
     }
 }
 
-/// The files of a command.
+/// The input and output files of a command.
 #[derive(Debug, Default)]
 pub struct Paths {
     reads: Vec<Named>,
@@ -67,7 +67,7 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Files that are read, as they are called in messages.
+    /// Adds input files, with their name in messages.
     pub fn read<P: AsRef<Path>>(
         mut self,
         option: &'static str,
@@ -78,13 +78,13 @@ impl Paths {
         self
     }
 
-    /// A study file that is read, and with it the file of the system that it names.
+    /// Adds a study file, and the file of the system that it names.
     pub fn read_study(self, study: Option<&PathBuf>) -> Self {
         let system = study.and_then(|path| Study::system_file(path));
         self.read("the study", study).read("the study's system", system)
     }
 
-    /// Files that are written.
+    /// Adds output files.
     pub fn write<P: AsRef<Path>>(
         mut self,
         option: &'static str,
@@ -96,10 +96,10 @@ impl Paths {
         self
     }
 
-    /// Removes temporary files that killed commands have left beside the outputs.
+    /// Removes temporary files that killed commands left next to the outputs.
     pub fn remove_leftovers(&self) {
         let beside = self.writes.iter().filter_map(|(written, _)| {
-            // Behind a link, the file pointed at is replaced.
+            // For a link, the file that it points to is replaced.
             let target = fs::canonicalize(&written.path).unwrap_or_else(|_| written.path.clone());
             let folder = target.parent()?.to_path_buf();
             Some(if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder })
@@ -108,10 +108,10 @@ impl Paths {
         folders.iter().for_each(|folder| remove_abandoned_files(folder));
     }
 
-    /// Whether all of them may be read and written together.
+    /// Checks that the command may read and write all files together.
     ///
     /// # Errors
-    /// The first output that may not.
+    /// The first conflict.
     pub fn check(self) -> Result<(), Failure> {
         let Paths { mut reads, writes } = self;
         let mut before: Vec<(Named, Format)> = vec![];
@@ -127,12 +127,12 @@ impl Paths {
             }
             before.push((written, format));
         }
-        // Whose file would be lost comes first: another ending would not help there.
+        // Report a file that would be lost first; another extension would not save it.
         before.iter().try_for_each(|(written, format)| format.check(written.option, &written.path))
     }
 }
 
-/// Whether two paths lead to one regular file, or would. A device or a pipe takes what comes from several.
+/// Whether two paths lead, or would lead, to the same regular file. Devices and pipes may be shared.
 fn are_one(one: &Path, other: &Path) -> bool {
     match (fs::metadata(one), fs::metadata(other)) {
         (Ok(own), Ok(others)) => {
@@ -143,7 +143,7 @@ fn are_one(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// Whether two paths are the same without links.
+/// Whether two paths are the same after links are resolved.
 fn leads(one: &Path, other: &Path) -> bool {
     match (resolved(one), resolved(other)) {
         (Some(one), Some(other)) => one == other,
@@ -151,7 +151,7 @@ fn leads(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// A path without links; of a file that is not there yet, its folder's.
+/// Resolves the links of a path. If the file does not exist yet, those of its folder are resolved.
 fn resolved(path: &Path) -> Option<PathBuf> {
     if let Ok(found) = fs::canonicalize(path) {
         return Some(found);
@@ -161,7 +161,7 @@ fn resolved(path: &Path) -> Option<PathBuf> {
     Some(folder.join(path.file_name()?))
 }
 
-/// Hard links are one file by two names.
+/// Whether both are the same file, perhaps through hard links.
 #[cfg(unix)]
 fn is_same_file(one: &fs::Metadata, other: &fs::Metadata) -> bool {
     use std::os::unix::fs::MetadataExt;

@@ -1,19 +1,19 @@
-//! Tables for people.
+//! Text tables and JSON for standard output.
 
 pub use servotwin::shown::{number, number_and_unit, shown};
 
-/// A table of texts; columns of numbers stand at the right.
+/// A table of text cells. Numeric columns are right-aligned.
 pub struct Grid {
     heads: Vec<(&'static str, Side)>,
     rows: Vec<Vec<String>>,
 }
 
-/// Where the texts of a column stand.
+/// The alignment of a column.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Side {
-    /// Words.
+    /// For words.
     Left,
-    /// Numbers.
+    /// For numbers.
     Right,
 }
 
@@ -23,13 +23,13 @@ impl Grid {
         Self { heads: heads.to_vec(), rows: Vec::new() }
     }
 
-    /// Adds a row, one text per column.
+    /// Adds a row, one text for each column.
     pub fn push(&mut self, row: Vec<String>) {
         debug_assert_eq!(row.len(), self.heads.len());
         self.rows.push(row);
     }
 
-    /// The table as lines.
+    /// Returns the table as lines.
     pub fn text(&self) -> String {
         let width = |column: usize| {
             let cells = self.rows.iter().map(|row| row[column].chars().count());
@@ -52,7 +52,7 @@ impl Grid {
     }
 }
 
-/// JSON as lines for people and programs.
+/// Formats JSON in indented lines.
 pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }

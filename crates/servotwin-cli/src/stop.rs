@@ -1,8 +1,8 @@
-//! Ctrl-C: the first asks the run to stop, the second ends the program. Before a command looks whether it
-//! is asked to stop, the first one ends the program.
+//! Ctrl-C: the first one asks the run to stop, the second one ends the program. A command that has not called [`heed`]
+//! ends at the first one.
 //!
-//! Files are written under another name and renamed when complete, so even an end at once leaves no
-//! target half-written.
+//! Files are written under another name and renamed when complete, so even an immediate end leaves no
+//! half-written target.
 
 use crate::failure::Failure;
 use crate::out;
@@ -10,32 +10,32 @@ use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static STOP: AtomicBool = AtomicBool::new(false);
-/// Whether the command looks at it.
+/// Whether the command polls the flag.
 static HEEDED: AtomicBool = AtomicBool::new(false);
 
-/// What is set by Ctrl-C.
+/// The flag that Ctrl-C sets.
 pub fn flag() -> &'static AtomicBool {
     &STOP
 }
 
-/// Catches Ctrl-C, and what else asks a program to end, from now on. Where the system does not let us, it
-/// ends at once, as it does without.
+/// Handles Ctrl-C and other termination signals from now on. If the handler cannot be installed, a signal ends
+/// the program at once, as usual.
 pub fn listen() {
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) || !HEEDED.load(Ordering::Relaxed) {
-            // Nobody is left to tell where standard error is closed.
+            // If standard error is closed, there is no way to report that.
             let _ = writeln!(out::stderr(), "{}", Failure::Stopped);
             std::process::exit(i32::from(Failure::Stopped.exit_code()));
         }
     });
 }
 
-/// Tells that the command looks whether it is asked to stop from now on.
+/// Declares that the command polls the flag from now on.
 pub fn heed() {
     HEEDED.store(true, Ordering::Relaxed);
 }
 
-/// Ends a job between two of its steps, if Ctrl-C was pressed.
+/// Ends a job between two of its steps if the flag is set.
 pub fn check() -> Result<(), Failure> {
     if STOP.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) }
 }

@@ -1,10 +1,10 @@
-//! Faults simulated again for the report, with their time series: few, and always the same.
+//! Example faults, simulated again for the report with their time series. The choice is small and always the same.
 
 use servotwin::campaign::{self, CampaignError};
 use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::study::{FaultCase, Study};
 
-/// Words that an example's class is looked for by, and the intensities shown.
+/// Words to find in a fault class, and the intensities to show.
 const WANTED: [&str; 2] = ["leakage", "pressure_sensor"];
 const INTENSITIES: [f64; 2] = [0.3, 1.0];
 
@@ -12,25 +12,25 @@ const INTENSITIES: [f64; 2] = [0.3, 1.0];
 pub struct Example {
     /// The fault's name.
     pub fault: String,
-    /// Its class, e.g. `external_leakage`.
+    /// The fault class, e.g. `external_leakage`.
     pub detail: String,
-    /// The unit it is in, from 0.
+    /// The index of its actuator, from 0.
     pub unit: usize,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
-    /// The twin's signals, one vector for each measured sensor.
+    /// Samples of the twin, one vector for each measured sensor.
     pub twin: Vec<Vec<f64>>,
-    /// Intensity and signals of the faulty plant.
+    /// Intensity and samples of each faulty plant.
     pub runs: Vec<(f64, Vec<Vec<f64>>)>,
 }
 
 /// Simulates the examples of a study, without noise.
 ///
 /// # Errors
-/// The healthy system cannot be simulated. A faulty one that cannot is left out.
+/// The healthy system cannot be simulated. A faulty system that cannot be simulated is left out.
 pub fn simulate(study: &Study) -> Result<Vec<Example>, CampaignError> {
     let ensemble = campaign::ensemble(study);
-    // A case in the middle is neither the easiest nor the hardest.
+    // The case in the middle is neither the easiest nor the hardest.
     let case = study.cases.len() / 2;
     let inputs = || study.cases[case].inputs.iter().collect();
     let healthy = Variant { inputs: inputs(), ..Variant::default() };
@@ -62,7 +62,7 @@ fn signals(ensemble: &Ensemble, variant: &Variant) -> Result<Vec<Vec<f64>>, Stri
         .map_err(|failure| failure.cause.to_string())
 }
 
-/// For each word the first fault of the first class with it, at two intensities.
+/// For each wanted word, the first fault of the first matching class, at the intensities nearest to the wanted ones.
 fn wanted(study: &Study) -> Vec<Vec<&FaultCase>> {
     let of_word = |word: &&str| {
         let is_class = |fault: &&FaultCase| study.classes[fault.class].detail.contains(*word);

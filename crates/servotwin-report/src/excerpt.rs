@@ -1,48 +1,48 @@
-//! An excerpt of a data set: some of its columns and rows, for the paper's figure 8.
+//! An excerpt of a data set, a few columns and rows, for the seed paper's figure 8.
 
 use servotwin_io::table::TableError;
 use servotwin_io::table::parquet::{self, ParquetReader};
 use std::path::Path;
 
-/// Some columns and rows of a data set. Rows are variants whose fault is detectable.
+/// A few columns and rows of a data set. Each row is a variant whose fault is detectable.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Excerpt {
-    /// How many rows are left of the data set where undetectable variants are filtered out.
+    /// How many variants of the data set have a detectable fault and were simulated to the end.
     pub detectable: usize,
-    /// How many columns have an intensity each.
+    /// How many intensity columns the data set has, one for each fault.
     pub faults: usize,
-    /// How many columns have a feature each.
+    /// How many feature columns the data set has.
     pub features: usize,
-    /// The faults of the columns shown: the first and the last.
+    /// The faults of the columns shown: the first two with detectable rows, and the fault of the last row.
     pub shown_faults: Vec<String>,
-    /// The features of the columns shown: the first and the last.
+    /// The features of the columns shown: the first three and the last.
     pub shown_features: Vec<String>,
-    /// The rows shown: of the first faults, and the last of all.
+    /// The rows shown: up to two for each shown fault, ending with the last detectable row.
     pub rows: Vec<Row>,
 }
 
-/// A row of the data set.
+/// A row of the excerpt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The number of the variant.
     pub variant: u32,
-    /// Of the faults shown.
+    /// Intensities of the shown faults.
     pub intensities: Vec<f64>,
-    /// The unit, the command, the detail.
+    /// Actuator, command and fault class.
     pub classes: [String; 3],
-    /// Of the features shown.
+    /// Values of the shown features.
     pub features: Vec<f64>,
 }
 
 const CLASSES: [&str; 3] = ["actuator", "command", "detail"];
-/// What names of columns with intensities and with features begin with.
+/// Prefixes of the intensity and feature columns.
 const INTENSITY: &str = "i:";
 const FEATURE: &str = "f:";
 
-/// Reads an excerpt of a data set; `None` where it has no detectable fault.
+/// Reads an excerpt of a data set; `None` if no fault in it is detectable.
 ///
 /// # Errors
-/// The file is missing or no data set.
+/// The file is missing or is no data set.
 pub fn read(path: &Path) -> Result<Option<Excerpt>, TableError> {
     let schema = ParquetReader::open(path)?;
     let names: Vec<&str> = schema.schema().names().collect();
@@ -56,7 +56,7 @@ pub fn read(path: &Path) -> Result<Option<Excerpt>, TableError> {
     let used: Vec<usize> = (0..table.row_count()).filter(is_used).collect();
     let Some(&last) = used.last() else { return Ok(None) };
 
-    // Columns in which something is to be seen: the faults of the first rows, and that of the last.
+    // Choose columns with values in them: the faults of the first rows, and the fault of the last row.
     let own = |name: &str| -> Vec<usize> {
         used.iter().copied().filter(|&row| fault[row] == name).take(2).collect()
     };
@@ -99,7 +99,7 @@ pub fn read(path: &Path) -> Result<Option<Excerpt>, TableError> {
     }))
 }
 
-/// What follows the prefix in names that have it.
+/// Returns the rest of each name that starts with the prefix.
 fn with_prefix<'n>(names: &[&'n str], prefix: &str) -> Vec<&'n str> {
     names.iter().filter_map(|name| name.strip_prefix(prefix)).collect()
 }

@@ -1,4 +1,4 @@
-//! Why the hierarchy says what it says about one variant.
+//! Explains the hierarchy's answer for one variant.
 
 use crate::vocabulary::Vocabulary;
 use serde::Serialize;
@@ -14,70 +14,69 @@ use servotwin_diagnosis::panel::{self, Panel};
 use servotwin_io::table::{self, Table, TableError};
 use std::path::Path;
 
-/// What was simulated, and how the hierarchy came to its answer.
+/// The simulated variant, and the hierarchy's answer stage by stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Explanation {
     /// The number of the variant.
     pub variant: u32,
     /// The operating case.
     pub case: String,
-    /// The fault; `healthy` for none.
+    /// The name of the fault, or `healthy`.
     pub fault: String,
-    /// Its intensity.
+    /// The intensity of the fault.
     pub intensity: f64,
-    /// Whether a residual left its band: otherwise nothing would have been asked.
+    /// Whether a residual left its band. The diagnosis asks no stage otherwise.
     pub detectable: bool,
-    /// What trees and committee say together.
+    /// The combined answer of trees and committee.
     pub verdict: Verdict,
     /// The largest scaled residual.
     pub largest_residual: f64,
-    /// Why the variant was not simulated to the end; empty where it was.
+    /// Why the simulation stopped early; empty if it did not.
     pub failure: String,
-    /// The stages in the order in which they were asked.
+    /// The stages in the order in which the hierarchy asks them.
     pub stages: Vec<Answer>,
 }
 
-/// What trees and committee say together.
+/// The combined answer of trees and committee.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
     /// `healthy`, `not_isolated` or `isolated`.
     pub outcome: &'static str,
-    /// The actuator that the committee names; `None` where the only one has no name.
+    /// The actuator that the committee names; `None` if the only actuator has no name.
     pub actuator: Option<String>,
     /// The command that the committee asks for.
     pub command: Option<String>,
-    /// The probability that both are right; `None` where nothing was asked.
+    /// The probability that both are right; `None` if no stage was asked.
     pub confidence: Option<f64>,
 }
 
 /// One stage's answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Answer {
-    /// The stage.
+    /// The name of the stage.
     pub stage: String,
     /// What it decides.
     pub question: Question,
-    /// What it said; whether something is wrong with the only actuator is `faulty` or `healthy`.
+    /// The predicted class. With a single actuator it is `faulty` or `healthy`.
     pub said: String,
-    /// What is true.
+    /// The true class.
     pub truth: String,
-    /// The questions asked; none if the classifier is no tree.
+    /// The questions on the tree's path; empty if the classifier is not a tree.
     pub steps: Vec<Step>,
-    /// Share of the class said among the training rows of the leaf.
+    /// Share of the predicted class among the training rows in the leaf.
     pub purity: Option<f64>,
 }
 
 /// One question of a tree.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
-    /// The feature, as the stage sees it: a stage that all actuators share sees the one that it is asked about where
-    /// actuator 1 stands.
+    /// The feature as the stage sees it. Actuators that share a stage all appear to it in the place of actuator 1.
     pub feature: String,
-    /// What it means.
+    /// The meaning of the feature.
     pub meaning: String,
-    /// Its unit.
+    /// The unit of the feature.
     pub unit: String,
-    /// Its value.
+    /// The value of the feature.
     pub value: f64,
     /// The threshold.
     pub threshold: f64,
@@ -121,7 +120,7 @@ pub fn explain(
     Ok(Some(explanation))
 }
 
-/// How many variants a subject's data set has; they are numbered from 0.
+/// Counts the variants of a subject's data set. They are numbered from 0.
 ///
 /// # Errors
 /// The data set is missing or cannot be read.
@@ -133,7 +132,7 @@ pub fn variants(folder: &Folder, subject: Subject) -> Result<usize, JobError> {
     }
 }
 
-/// A variant, and its features in every view.
+/// A variant, and its features in each view.
 type Found = (Explanation, Vec<Vec<f64>>);
 
 fn read(path: &Path, panel: &Panel, variant: u32) -> Result<Option<Found>, EvaluationError> {
@@ -189,7 +188,7 @@ fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableEr
     })
 }
 
-/// The row's features in every view that the hierarchy needs.
+/// Returns the row's features in every view that the hierarchy needs.
 fn views(table: &Table, hierarchy: &Hierarchy, row: usize) -> Result<Vec<Vec<f64>>, TableError> {
     let of_view = |view: usize| {
         let names = hierarchy.names.features.iter();
@@ -198,7 +197,7 @@ fn views(table: &Table, hierarchy: &Hierarchy, row: usize) -> Result<Vec<Vec<f64
     (0..hierarchy.views()).map(of_view).collect()
 }
 
-/// Actuator, command and detail of a fault.
+/// The true actuator, command and fault class of a fault.
 fn truth(study: &Study, words: &Vocabulary, fault: &str) -> [String; 3] {
     let known = study.faults.iter().find(|known| known.id == fault);
     known.map_or(["healthy"; 3].map(Into::into), |known| {

@@ -1,9 +1,9 @@
-//! The report: one HTML file that a reliability engineer reads, and its figures as files.
+//! The report: one HTML file for reliability engineers, and its figures as files.
 //!
-//! The file needs no network and no script, prints on paper, and is readable without colour. A
-//! section is one file in `sections/` and one line in [`CHAPTERS`]; a section that has nothing to say of
-//! a study (no third sensor, no realistic setting) is left out. What is acted on comes first, what it
-//! rests on stands behind it as an appendix. The same material gives the same bytes.
+//! The file needs no network and no script, prints on paper, and is readable without color. A
+//! section is one file in `sections/` and one line in [`CHAPTERS`]. A section without content for
+//! a study (no third sensor, no realistic setting) is left out. Results to act on come first; the
+//! evidence behind them follows in an appendix. The same material gives the same bytes.
 
 pub mod examples;
 pub mod excerpt;
@@ -38,51 +38,51 @@ use servotwin_plot::Figure;
 use vocabulary::Vocabulary;
 pub use write::write;
 
-/// What a report is made of.
+/// Everything that a report is made from.
 pub struct Material<'a> {
     /// The study.
     pub study: &'a Study,
-    /// What was measured.
+    /// The results of the evaluation.
     pub results: &'a Results,
     /// The hierarchy of each subject.
     pub hierarchies: &'a [(Subject, Hierarchy)],
-    /// What was measured in flights, where the study has any.
+    /// The results of the flights, if the study has any.
     pub flights: Option<&'a FlightResults>,
-    /// The confidence bands that were learned.
+    /// The learned conditional bands and their figures of merit.
     pub bands: &'a [BandMerit],
-    /// True and fitted parameters of the pool of the fitted setting.
+    /// True and fitted parameters of the specimens in the fitted setting.
     pub calibrations: &'a [Comparison],
-    /// Faults simulated as examples.
+    /// Simulated example faults.
     pub examples: &'a [Example],
-    /// Some rows and columns of the data set whose trees are drawn, and its setting.
+    /// An excerpt of the data set whose trees are drawn, with its setting.
     pub excerpt: Option<(Setting, &'a Excerpt)>,
-    /// Where everything comes from.
+    /// The origin of all results.
     pub manifest: &'a Manifest,
 }
 
 /// One section of the report.
 pub trait Section: Sync {
-    /// The anchor in the file.
+    /// The anchor of the section in the HTML file.
     fn id(&self) -> &'static str;
-    /// The heading.
+    /// The heading of the section.
     fn title(&self) -> &'static str;
-    /// Writes the section; nothing where there is nothing to say.
+    /// Writes the section, or nothing if the study has no content for it.
     fn write(&self, material: &Material, page: &mut Page);
 }
 
-/// Sections that answer the same question. The reader chooses among several; on paper all stand below each other.
+/// Sections that answer the same question. On screen the reader picks one of them; on paper they follow one another.
 pub struct Chapter {
-    /// The anchor in the file.
+    /// The anchor of the chapter in the HTML file.
     pub id: &'static str,
-    /// The heading.
+    /// The heading of the chapter.
     pub title: &'static str,
-    /// Whether it is evidence behind what the others say: it then stands in the appendix.
+    /// Whether the chapter is evidence for other chapters and stands in the appendix.
     pub is_appendix: bool,
-    /// Its sections; the first is in front.
+    /// The sections of the chapter. The first is shown in front.
     pub sections: &'static [&'static dyn Section],
 }
 
-/// The chapters of the report, in their order. A new section is one file and one line here.
+/// The chapters of the report in their order. A new section is one file and one line here.
 pub static CHAPTERS: &[Chapter] = &[
     Chapter {
         id: "findings",
@@ -169,19 +169,19 @@ pub static CHAPTERS: &[Chapter] = &[
     },
 ];
 
-/// The subject whose trees are drawn: those that learned with noise, because trees that never saw any ask for
-/// what no sensor shows. Without a setting of noise, the first.
+/// The subject whose trees are drawn: the one with noise, or the first if there is none. Trees that never saw noise
+/// split on differences that no sensor resolves.
 pub(crate) fn main_of(results: &Results) -> Option<&SubjectResult> {
     results.of(Subject::Noise).or(results.subjects.first())
 }
 
 impl Material<'_> {
-    /// What things are called.
+    /// The study's vocabulary.
     pub fn words(&self) -> Vocabulary {
         Vocabulary::of(self.study)
     }
 
-    /// What looks how in figures.
+    /// The plot styles of the study's actuators, commands and failures.
     fn looks(&self) -> Looks {
         Looks::of(self.study)
     }
@@ -191,13 +191,13 @@ impl Material<'_> {
         main_of(self.results)
     }
 
-    /// The hierarchy of a subject.
+    /// The hierarchy of a subject, if the report has it.
     pub fn hierarchy(&self, subject: Subject) -> Option<&Hierarchy> {
         self.hierarchies.iter().find(|(own, _)| *own == subject).map(|(_, hierarchy)| hierarchy)
     }
 }
 
-/// Shows the hardest of some settings, the last, and the others where somebody asks.
+/// Shows the last (hardest) setting, and folds the others.
 fn hardest_first(
     results: &[&SubjectResult],
     page: &mut Page,
@@ -210,7 +210,7 @@ fn hardest_first(
     }
 }
 
-/// The report as HTML, and its figures with the names of their files.
+/// Returns the report as HTML, and its figures with their file names.
 pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
     let mut chapters = vec![];
     for chapter in CHAPTERS {
@@ -241,7 +241,7 @@ pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
 }
 
 impl Chapter {
-    /// Writes its sections that have anything to say; the reader chooses among several.
+    /// Writes the sections that have content. The reader chooses among several.
     fn write(&self, material: &Material, page: &mut Page) {
         let written = self.sections.iter().map(|section| {
             let mut inner = Page::default();

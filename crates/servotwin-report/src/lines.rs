@@ -1,7 +1,7 @@
 //! The measures of every summary, on a terminal or in the report: safety first.
 //!
-//! What is reported first is the *headline*: each setting under the hardest protocol that the study
-//! allows. One row is one measure of one kind; settings stand side by side.
+//! The first table is the *headline*: each setting under the hardest protocol that the study
+//! allows. A row is one measure and one classifier; the settings are its columns.
 
 use crate::vocabulary::Vocabulary;
 use crate::words::spoken;
@@ -13,32 +13,32 @@ use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
 
-/// The accuracies that the seed paper reports, with a third of the variants held out at random.
+/// The accuracies that the seed paper reports for stages A and B, with a random third of the variants held out.
 pub const OF_PAPER: [(&str, f64); 2] = [("A", 0.9149), ("B", 0.9844)];
 
-/// Who answers.
+/// The part of the diagnosis that answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Who {
-    /// The trees, which can be explained.
+    /// The trees. Their answers can be explained.
     Trees,
-    /// The committee, which can be silent.
+    /// The committee, which may abstain.
     Committee,
 }
 
 /// One measure of a diagnosis.
 pub struct Measure {
-    /// What it says.
+    /// The name of the measure.
     pub title: String,
-    /// Its rate under a protocol.
+    /// Its rate under a protocol, if it was measured.
     pub rate: fn(&ProtocolResult) -> Option<Rate>,
 }
 
-/// A rate that counts something; of nothing there is none.
+/// Drops a rate that counted nothing.
 fn counted(rate: Rate) -> Option<Rate> {
     Some(rate).filter(|rate| rate.of > 0)
 }
 
-/// What errors would do. Less is better. Nothing where no command switches its unit off.
+/// Measures of unsafe errors; less is better. Empty if no command switches an actuator off.
 pub fn safety(words: &Vocabulary) -> Vec<Measure> {
     let off = words.off();
     let mut measures = vec![];
@@ -66,7 +66,7 @@ pub fn safety(words: &Vocabulary) -> Vec<Measure> {
     measures
 }
 
-/// How often the answer is right. More is better.
+/// Measures of right answers; more is better.
 pub fn right(words: &Vocabulary) -> Vec<Measure> {
     vec![
         Measure {
@@ -80,8 +80,7 @@ pub fn right(words: &Vocabulary) -> Vec<Measure> {
     ]
 }
 
-/// Whether a stage decides anything: whether something is wrong with the only unit is no question where no
-/// healthy one was ever seen.
+/// Whether a stage decides between classes. The actuator stage does not if its counts contain one class only.
 pub fn decides(stage: &StageScore) -> bool {
     let counts = &stage.score.confusion;
     let is_known = |class: &usize| {
@@ -94,7 +93,7 @@ pub fn decides(stage: &StageScore) -> bool {
     stage.question != Question::Actuator || (0..counts.len()).filter(is_known).count() > 1
 }
 
-/// The stages of the hierarchy over all units that any of some results has: letters and what they find.
+/// The stages over all actuators in any of the results: the letter of each, and what it finds.
 pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, String)> {
     let mut stages: Vec<(String, String)> = vec![];
     let all = results.iter().flat_map(|result| &result.stages);
@@ -118,7 +117,7 @@ impl Who {
     /// The trees first: they explain their answer.
     pub const ALL: [Who; 2] = [Who::Trees, Who::Committee];
 
-    /// The word in tables.
+    /// The name in tables.
     pub const fn title(self) -> &'static str {
         match self {
             Who::Trees => "trees",
@@ -134,7 +133,7 @@ impl Who {
         }
     }
 
-    /// The result under the hardest protocol of all that were possible.
+    /// The result under the hardest protocol that the study allows.
     pub fn headline(self, evaluation: &Evaluation) -> Option<&ProtocolResult> {
         self.under(evaluation, evaluation.headline()?.protocol)
     }
@@ -142,27 +141,27 @@ impl Who {
 
 /// One row of the headline.
 pub struct Row {
-    /// What is measured.
+    /// The name of the measure.
     pub title: String,
-    /// Who answers.
+    /// The part of the diagnosis that answers.
     pub who: &'static str,
-    /// Whether it is about safety.
+    /// Whether the measure concerns safety.
     pub is_safety: bool,
-    /// One rate for each setting.
+    /// One rate for each setting; `None` if the setting has none.
     pub rates: Vec<Option<Rate>>,
 }
 
-/// The results without those of an additional sensor: one for each setting, the kindest first.
+/// The results without an extra sensor, one for each setting, from the easiest to the hardest.
 pub fn settings(results: &Results) -> Vec<&SubjectResult> {
     results.subjects.iter().filter(|result| !result.subject.extra_sensor()).collect()
 }
 
-/// The bands in use, where they were learned from healthy specimens; otherwise the seed paper's is.
+/// The learned bands, if they are in use. Otherwise the fixed band of the seed paper is in use.
 pub fn learned(result: &SubjectResult) -> Option<&[Band]> {
     result.evaluation.bands.as_deref().filter(|_| result.settings.learned_bands)
 }
 
-/// The headline of some settings; rows without a rate in any of them are left out.
+/// The headline of some settings. Rows without any rate are left out.
 pub fn headline(settings: &[&SubjectResult], words: &Vocabulary) -> Vec<Row> {
     let mut rows = vec![];
     let mut push = |title: &str, who, is_safety, of: &dyn Fn(&Evaluation) -> Option<Rate>| {

@@ -1,21 +1,21 @@
-//! Which look what a study speaks of has in the figures of its report.
+//! Plot styles of a study's actuators, commands and failures in the figures of its report.
 
 use servotwin::job::Subject;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::{Look, Meaning};
 
-/// The looks of a study's units, commands and failures.
+/// The plot styles of a study's actuators, commands and failures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Looks {
     units: Vec<String>,
     commands: Vec<String>,
-    /// What is broken, and the place of its command.
+    /// Fault classes, each with the index of its command.
     details: Vec<(String, usize)>,
 }
 
 impl Looks {
-    /// The looks of a study.
+    /// Assigns styles to a study's actuators, commands and failures.
     pub fn of(study: &Study) -> Self {
         let commands = study.commands();
         let mut details: Vec<(String, usize)> = vec![];
@@ -28,7 +28,7 @@ impl Looks {
         Looks { units: study.units.clone(), commands, details }
     }
 
-    /// That of a class, by the question that it answers; healthy is plain.
+    /// The style of a class, by the question that it answers. Healthy is plain.
     pub fn class(&self, question: Question, name: &str) -> Look {
         let place = |names: &[String]| names.iter().position(|known| known == name);
         let found = match question {
@@ -43,24 +43,24 @@ impl Looks {
         let place = self.details.iter().position(|(known, _)| known == name)?;
         let command = self.details[place].1;
         let below = self.details[..place].iter().filter(|(_, other)| *other == command).count();
-        // Without colours, no two of all details are alike.
+        // Without colors, every fault class still has its own look.
         Some(Meaning::Detail(command, below).look().at(place))
     }
 }
 
-/// That of a data set with the sensors that are used of it.
+/// The style of a subject (a data set and the sensors used).
 pub fn subject(subject: Subject) -> Look {
     let place = Subject::ALL.iter().position(|known| *known == subject);
     Meaning::Setting(place.unwrap_or(0)).look()
 }
 
-/// That of a setting, by its name.
+/// The style of a setting, by its name.
 pub fn setting(name: &str) -> Look {
     let known = Subject::ALL.into_iter().find(|subject| subject.name() == name);
     known.map_or_else(|| Meaning::Plain(1).look(), subject)
 }
 
-/// Those of two series that mean nothing in other figures.
+/// Styles of two series that have no meaning in other figures.
 pub fn plain() -> Vec<Look> {
     vec![Meaning::Plain(0).look(), Meaning::Plain(1).look()]
 }

@@ -1,7 +1,7 @@
-//! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the figures
-//! of merit of the flights, each with its count and interval.
+//! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the
+//! figures of merit of the flights. Each has its count and interval.
 //!
-//! The page holds nothing that depends on the machine, so that the same study gives the same page everywhere.
+//! The page contains nothing that depends on the machine, so the same study gives the same page everywhere.
 
 use crate::lines::{self, Measure, Who};
 use crate::vocabulary::Vocabulary;
@@ -21,9 +21,9 @@ use servotwin::study::Study;
 pub struct Measured {
     /// The study's name.
     pub study: String,
-    /// The version of servotwin that reads the results.
+    /// The version of servotwin that wrote the page.
     pub version: &'static str,
-    /// The commands that measure the same again.
+    /// The commands that reproduce the results.
     pub commands: Vec<String>,
     /// The scenarios of the campaign.
     pub variants: Vec<MeasuredScenario>,
@@ -31,45 +31,45 @@ pub struct Measured {
     pub flights: Vec<MeasuredFlights>,
 }
 
-/// What was measured of the variants of a scenario.
+/// The measures of one scenario of the campaign.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasuredScenario {
-    /// The scenario and its sensors.
+    /// The scenario with its sensors.
     pub scenario: String,
-    /// The measures, those of detection first.
+    /// The measures; detection comes first.
     pub rates: Vec<MeasuredRate>,
 }
 
 /// One measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasuredRate {
-    /// What is counted.
+    /// What the rate counts.
     pub measure: String,
     /// The part of the diagnosis that answers: bands, trees or committee.
     pub by: &'static str,
-    /// How rows were held out.
+    /// How rows were held out; for flights, which faults the rate covers.
     pub protocol: String,
     /// The share with its count and 95 % interval.
     #[serde(flatten)]
     pub rate: Rate,
 }
 
-/// What was measured of the flights of a scenario.
+/// The measures of one scenario of the flights.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasuredFlights {
     /// The scenario.
     pub scenario: String,
-    /// Flights with a fault.
+    /// The number of flights with a fault.
     pub flights: u64,
     /// Shares with their count and 95 % interval.
     pub rates: Vec<MeasuredRate>,
-    /// Strong faults by the action that they call for.
+    /// Strong faults, by the action that they call for.
     pub actions: Vec<ClassMetrics>,
-    /// Flights without a fault, and the time before faults.
+    /// Healthy flights, and the time before a fault begins.
     pub healthy: HealthyMetrics,
 }
 
-/// A share of independent cases, unless there are none.
+/// A share of independent cases, or `None` for no cases.
 fn counted(count: u64, of: u64) -> Option<Rate> {
     (of > 0).then(|| Rate::new(count, of))
 }
@@ -97,7 +97,7 @@ impl Measured {
         }
     }
 
-    /// The page as Markdown.
+    /// Returns the page as Markdown.
     pub fn markdown(&self) -> String {
         let mut page = format!(
             "# Measured results\n\n\
@@ -120,10 +120,10 @@ impl Measured {
     }
 }
 
-/// Cases that no protocol holds out.
+/// The protocol's name for measures that hold nothing out.
 const ALL: &str = "all variants";
 
-/// How to read the tables.
+/// Explains how to read the tables.
 const TERMS: &str = "\
 An interval covers 95 %.\n\
 Cases of one fault are not independent, so the intervals of faults come from a bootstrap over clusters (kind of fault × \
@@ -131,7 +131,7 @@ intensity).\n\
 Shares without such clusters, as of healthy specimens, have Wilson's interval.\n\
 The trees always answer, and the committee may stay silent.\n";
 
-/// The commands that measure the same results.
+/// The commands that reproduce the results.
 fn commands(study: &Study, results: &Results, flights: Option<&FlightResults>) -> Vec<String> {
     let full = if study.is_full && study.has_quick_size() { " --full" } else { "" };
     let study = &study.name;
@@ -147,7 +147,7 @@ fn commands(study: &Study, results: &Results, flights: Option<&FlightResults>) -
     commands
 }
 
-/// The measures of a scenario: what is detected, then trees and committee under each protocol.
+/// The measures of a scenario: first detection, then trees and committee under each protocol.
 fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate> {
     let mut rates = vec![];
     let mut push = |measure: &str, by, protocol: &str, rate: Option<Rate>| {
@@ -178,7 +178,7 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
     rates
 }
 
-/// The hardest protocol of all that were possible, and the one that also holds the fault out.
+/// The hardest protocol that the study allows, and the one that also holds the fault out.
 fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
     let headline = evaluation.headline().map(|result| result.protocol);
     let held_out = evaluation.protocol(Protocol::NewCommandAndFault).map(|result| result.protocol);
@@ -223,7 +223,7 @@ impl MeasuredFlights {
     }
 }
 
-/// The shares that flights have counted.
+/// The rates counted in flights.
 fn of_flights(
     merit: &FlightMetrics,
     foreign: Option<&UnseenFaultMetrics>,
@@ -275,7 +275,7 @@ fn table(heads: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     format!("{}|{}\n{rows}", line(&heads), "---|".repeat(heads.len()))
 }
 
-/// A table for each way to hold cases out, with a row for each measure and a column for each part of the diagnosis.
+/// Makes a table for each `protocol`: one row for each measure, one column for each part of the diagnosis.
 fn rate_tables(rates: &[MeasuredRate]) -> String {
     let groups = rates.chunk_by(|rate, next| rate.protocol == next.protocol);
     groups
@@ -297,7 +297,7 @@ fn rate_table(rates: &[MeasuredRate]) -> String {
     table(&heads, distinct(rates.iter().map(|rate| rate.measure.as_str())).into_iter().map(row))
 }
 
-/// The values without those that stand earlier.
+/// Returns each value once, in the order of first appearance.
 fn distinct<'t>(values: impl Iterator<Item = &'t str>) -> Vec<&'t str> {
     values.fold(vec![], |mut known, value| {
         if !known.contains(&value) {
@@ -307,7 +307,7 @@ fn distinct<'t>(values: impl Iterator<Item = &'t str>) -> Vec<&'t str> {
     })
 }
 
-/// A share, its interval and its count: `97.38 % (96.50 … 98.12), 4049 of 4158`.
+/// A rate with its interval and count: `97.38 % (96.50 … 98.12), 4049 of 4158`.
 fn rate_cell(rate: &Rate) -> String {
     let [low, high] = [rate.low, rate.high].map(|part| 100.0 * part);
     format!("{} ({low:.2} … {high:.2}), {} of {}", percent(rate.share), rate.count, rate.of)

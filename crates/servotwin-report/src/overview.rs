@@ -1,5 +1,5 @@
-//! The first screen: figures of merit with their targets, what is detected from which intensity on, and the faults that
-//! need attention. One tab for each scenario, the hardest in front.
+//! The first screen: figures of merit with their targets, the intensity at which each fault becomes detectable, and the
+//! faults that need attention. One tab for each scenario; the hardest is in front.
 
 use crate::Material;
 use crate::lines::{self, Who};
@@ -14,16 +14,16 @@ use servotwin::study::{Role, Setting};
 use servotwin_io::text::escaped;
 use std::fmt::Write;
 
-/// The share that detection and isolation should reach: what the study of flights asks of strong shutdown faults.
+/// The target share of detected and isolated faults. The flight study has the same target for strong shutdown faults.
 const TARGET: f64 = 0.95;
 
-/// So many faults are named.
+/// The maximum number of weak faults listed.
 const WEAKEST: usize = 5;
 
-/// What a figure of merit should be.
+/// The target of a figure of merit.
 #[derive(Clone, Copy, PartialEq)]
 enum Target {
-    /// It should not happen at all.
+    /// The event should never happen.
     Never,
     /// At least this share.
     AtLeast(f64),
@@ -37,7 +37,7 @@ struct Card {
 }
 
 impl Card {
-    /// Whether the target is met; by how much an interval reaches over it decides between the first two and the last.
+    /// Whether the target is met. If the interval contains the target, the verdict stays open.
     fn verdict(&self) -> (&'static str, &'static str) {
         match self.target {
             Target::Never if self.rate.count == 0 => ("met", "target: never · met"),
@@ -60,7 +60,7 @@ impl Card {
     }
 }
 
-/// Writes the first screen; nothing without a result.
+/// Writes the first screen, or nothing if there are no results.
 pub fn write(material: &Material, page: &mut Page) {
     if let Some(missing) = missing(material) {
         page.note(&missing);
@@ -74,7 +74,7 @@ pub fn write(material: &Material, page: &mut Page) {
     page.tabs("scenario", &tabs);
 }
 
-/// What a reader might look for and this report does not have, yet or at all.
+/// Reports results that a reader may expect and that this report lacks.
 fn missing(material: &Material) -> Option<String> {
     let Material { study, results, flights, .. } = material;
     let is_there = |setting: Setting| results.of(Subject::of(setting)).is_some();
@@ -152,7 +152,7 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
     cards
 }
 
-/// The faults that are detected least, each with what to do about it.
+/// The faults with the lowest detection rates, each with advice.
 fn weakest(material: &Material, result: &SubjectResult) -> String {
     let all = seen(material, result);
     let weak = all.iter().filter(|seen| seen.rate.count < seen.rate.of).take(WEAKEST);
@@ -173,7 +173,7 @@ fn weakest(material: &Material, result: &SubjectResult) -> String {
     if any { html } else { "<p>Every fault is detected in each of its tests.</p>\n".into() }
 }
 
-/// What makes a fault visible, in one sentence.
+/// One sentence about how to make the fault visible.
 fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
     let perfect =
         material.results.of(Subject::Noise).filter(|perfect| perfect.subject != result.subject);
@@ -215,7 +215,7 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
     }
 }
 
-/// The share detected for every kind of fault and intensity, the hardest first.
+/// The share detected for every kind of fault and intensity, the hardest kind first.
 fn heat_map(result: &SubjectResult) -> String {
     let mut curves: Vec<_> = result.evaluation.detection.curves.iter().collect();
     let share = |curve: &&servotwin::evaluation::detection::Curve| {

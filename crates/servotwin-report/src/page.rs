@@ -1,4 +1,4 @@
-//! The HTML that a report is written in: headings, paragraphs, tables and figures, all escaped.
+//! The HTML of a report: headings, paragraphs, tables and figures, all escaped.
 
 use servotwin::evaluation::metrics::Rate;
 use servotwin_io::text::escaped;
@@ -12,27 +12,27 @@ pub struct Page {
     figures: Vec<(String, Figure)>,
 }
 
-/// A section in the list of contents.
+/// A section in the table of contents.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// The anchor.
+    /// The anchor of the section.
     pub id: String,
-    /// The heading.
+    /// The heading of the section.
     pub title: String,
-    /// Whether it stands in the appendix.
+    /// Whether the section is in the appendix.
     pub is_appendix: bool,
 }
 
-/// Where the texts of a column stand.
+/// The alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// Words.
+    /// For words.
     Left,
-    /// Numbers.
+    /// For numbers.
     Right,
 }
 
-/// A table of texts.
+/// A table of text cells.
 #[derive(Debug, Clone)]
 pub struct Grid {
     heads: Vec<(String, Side)>,
@@ -51,19 +51,19 @@ impl Grid {
         self.rows.push((row, false));
     }
 
-    /// Adds a row that stands out: a sum, or what is most important.
+    /// Adds an emphasized row: a sum, or the most important result.
     pub fn push_strong(&mut self, row: Vec<String>) {
         self.rows.push((row, true));
     }
 
-    /// Whether there is no row.
+    /// Whether the table has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 }
 
 impl Page {
-    /// Begins a section; nothing is written of one that turns out empty.
+    /// Adds a section. An empty one is dropped.
     pub fn section(&mut self, id: &str, title: &str, write: impl FnOnce(&mut Page)) {
         let mut inner = Page::default();
         write(&mut inner);
@@ -76,33 +76,33 @@ impl Page {
         self.html += "</section>\n";
     }
 
-    /// Whether nothing was written.
+    /// Whether the page has no content.
     pub fn is_empty(&self) -> bool {
         self.html.is_empty()
     }
 
-    /// Another page below this one.
+    /// Appends another page.
     pub fn append(&mut self, other: Page) {
         self.html += &other.html;
         self.figures.extend(other.figures);
     }
 
-    /// A heading inside a section.
+    /// Adds a heading inside a section.
     pub fn heading(&mut self, text: &str) {
         let _ = writeln!(self.html, "<h3>{}</h3>", escaped(text));
     }
 
-    /// A paragraph.
+    /// Adds a paragraph.
     pub fn text(&mut self, text: &str) {
         let _ = writeln!(self.html, "<p>{}</p>", escaped(text));
     }
 
-    /// A remark in small print.
+    /// Adds a remark in small print.
     pub fn note(&mut self, text: &str) {
         let _ = writeln!(self.html, "<p class=\"note\">{}</p>", escaped(text));
     }
 
-    /// A list of findings: what each is about, and what was found.
+    /// Adds a list of findings, each a topic and a text.
     pub fn findings(&mut self, findings: &[(String, String)]) {
         self.html += "<ul class=\"findings\">\n";
         for (about, text) in findings {
@@ -112,7 +112,7 @@ impl Page {
         self.html += "</ul>\n";
     }
 
-    /// Tabs of which one is shown; the last is in front. Each is a title and HTML.
+    /// Adds tabs of a title and HTML each. The last one is shown first.
     pub(crate) fn tabs(&mut self, name: &str, tabs: &[(String, String)]) {
         if tabs.is_empty() {
             return;
@@ -128,8 +128,8 @@ impl Page {
         self.html += "</div>\n";
     }
 
-    /// Sections under one heading, each with its anchor and title: on a screen one is shown, the first in front; on paper
-    /// all of them.
+    /// Adds sections under one heading, each with its anchor and title. A screen shows one at a time, starting with the
+    /// first; paper shows all.
     pub(crate) fn choices(&mut self, name: &str, sections: Vec<(&str, &str, Page)>) {
         let is_alone = sections.len() == 1;
         if !is_alone {
@@ -162,7 +162,7 @@ impl Page {
         );
     }
 
-    /// A list of links to sections.
+    /// Adds a list of links to sections.
     pub fn contents(&mut self, entries: &[Entry]) {
         self.html += "<nav aria-label=\"Contents\">";
         for (is_appendix, head) in [(false, "Findings"), (true, "Appendix, what this rests on")] {
@@ -180,14 +180,14 @@ impl Page {
         self.html += "</nav>\n";
     }
 
-    /// Begins the appendix: in print, on a new page.
+    /// Begins the appendix. In print it starts on a new page.
     pub fn appendix(&mut self) {
         self.html += "<p class=\"appendix\">Appendix: what this rests on</p>\n\
             <p class=\"note paper\">What is folded on a screen is not on paper: figures and tables whose numbers \
             have a point, and the values in figures.</p>\n";
     }
 
-    /// What is shown only when asked for.
+    /// Adds content that is collapsed until the reader opens it.
     pub fn folded(&mut self, summary: &str, write: impl FnOnce(&mut Page)) {
         let mut inner = Page::default();
         write(&mut inner);
@@ -202,14 +202,14 @@ impl Page {
         self.html += "</details>\n";
     }
 
-    /// A figure with one sentence of what it shows, which readers that do not see it get, too.
-    /// `name` is that of its own file.
+    /// Adds a figure with a one-sentence caption, which also serves as its text alternative.
+    /// `name` is the name of the figure's own file.
     pub fn figure(&mut self, name: &str, figure: Figure, caption: &str) {
         self.draw(name, figure, caption, "drawing");
     }
 
-    /// A figure that keeps its size however wide it is, and is scrolled. In print, what would not be read on an upright
-    /// page is turned, as wide as the page, and goes over as many as it needs.
+    /// Adds a figure that keeps its size and scrolls. In print, a figure too large for an upright page is turned, set
+    /// to the width of the page, and continued over as many pages as it needs.
     pub fn wide_figure(&mut self, name: &str, figure: Figure, caption: &str) {
         let (width, height) = PAPER;
         let is_large = figure.width > width || figure.height > height;
@@ -226,7 +226,7 @@ impl Page {
         let head = format!("<svg role=\"img\" aria-label=\"{alt}\" ");
         let svg = figure.svg.replacen("<svg ", &head, 1);
         let name_text = escaped(name);
-        // The box takes the keyboard's focus, so that what is wide can be scrolled without a mouse.
+        // The box takes keyboard focus, so a wide figure scrolls without a mouse.
         let _ = write!(
             self.html,
             "<figure id=\"figure-{name_text}\">\n<div class=\"{class}\" tabindex=\"0\">{}</div>\n\
@@ -239,7 +239,7 @@ impl Page {
         self.figures.push((name.to_owned(), figure));
     }
 
-    /// The values in a figure as a table, for readers who cannot point at them.
+    /// Adds the values of a figure as a table, for readers who cannot hover over them.
     fn values(&mut self, values: &[Vec<String>]) {
         let Some((heads, rows)) = values.split_first() else { return };
         self.html += "<details class=\"values\"><summary>The values</summary><div class=\"sheet\">\
@@ -258,7 +258,7 @@ impl Page {
         self.html += "</tbody></table></div></details>\n";
     }
 
-    /// Figures side by side, as many as fit.
+    /// Adds figures side by side, as many as fit.
     pub fn beside(&mut self, write: impl FnOnce(&mut Page)) {
         let mut inner = Page::default();
         write(&mut inner);
@@ -267,8 +267,7 @@ impl Page {
         self.html += "</div>\n";
     }
 
-    /// A table with one sentence of what it shows; a line feed in a cell begins a new line, in small
-    /// type.
+    /// Adds a table with a one-sentence caption. A line feed in a cell begins a new line in small type.
     pub fn table(&mut self, grid: &Grid, caption: &str) {
         let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
         let wide = if grid.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
@@ -297,7 +296,7 @@ impl Page {
         self.html += "</tbody></table></div>\n";
     }
 
-    /// The finished document and the figures in it, with the names of their files.
+    /// Returns the finished document, and its figures with their file names.
     pub fn finish(self, title: &str) -> (String, Vec<(String, Figure)>) {
         let html = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -313,18 +312,18 @@ impl Page {
     }
 }
 
-/// A share as HTML whose hover text is its count.
+/// A rate as HTML; its count is the hover text.
 pub(crate) fn counted(text: &str, rate: Rate) -> String {
     format!("<abbr title=\"{} of {}\">{}</abbr>", rate.count, rate.of, escaped(text))
 }
 
-/// What is counted.
+/// A numbered kind of content.
 struct Kind {
     word: &'static str,
-    /// Where the number will stand: sections are written alone, and counted together. No text has these characters,
-    /// because control characters are left out.
+    /// Marks where the number goes: sections are written separately and numbered together. No text contains these
+    /// characters, because escaping drops control characters.
     mark: char,
-    /// The same for what is folded, which is not on paper and so takes no number from what is.
+    /// The mark inside folded content. It is not on paper, so it uses none of the main numbers.
     folded: char,
 }
 
@@ -332,7 +331,7 @@ const FIGURE: Kind = Kind { word: "Figure", mark: '\u{1}', folded: '\u{2}' };
 const TABLE: Kind = Kind { word: "Table", mark: '\u{3}', folded: '\u{4}' };
 const KINDS: [Kind; 2] = [FIGURE, TABLE];
 
-/// The text with numbers at its marks, in their order: 1, 2, and what is folded behind it 2.1, 2.2.
+/// Replaces the marks by numbers in their order: 1, 2, and 2.1, 2.2 for the folded ones after 2.
 fn numbered(html: &str, kind: &Kind) -> String {
     let mut all = String::with_capacity(html.len());
     let (mut shown, mut folded, mut rest) = (0, 0, html);
@@ -348,9 +347,9 @@ fn numbered(html: &str, kind: &Kind) -> String {
     all + rest
 }
 
-/// HTML in which the long names of a table may be broken, behind the parts that they are made of.
+/// Lets the browser break long names in a table between their parts.
 fn breakable(html: &str) -> String {
-    /// What is shorter fits any column.
+    /// Shorter names fit any column.
     const LONG: usize = 14;
     let words = html.split(' ').map(|word| match word.len() > LONG {
         true => word.replace('_', "_<wbr>").replace('.', ".<wbr>"),
@@ -359,13 +358,13 @@ fn breakable(html: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// What an upright page of paper holds of a figure in its own size, its caption left out: wide and high, in pixels.
+/// Width and height in pixels that an upright page has for a figure at its own size, without the caption.
 const PAPER: (f64, f64) = (690.0, 900.0);
 
-/// A table with so many columns is set in smaller type.
+/// A table with at least this many columns is set in smaller type.
 const WIDE: usize = 8;
 
-/// A table with so many rows is not broken in print.
+/// A table with at most this many rows is not broken in print.
 const SHORT: usize = 14;
 
 const STYLE: &str = include_str!("style.css");
@@ -426,14 +425,14 @@ mod tests {
             });
         }
         let (html, figures) = page.finish("");
-        // What is folded takes no number from what is on paper.
+        // Folded content does not use the numbers of content on paper.
         let texts = ["<b>Table 1.</b> of numbers", "<b>Table 2.</b> of", "<b>Figure 1.</b> bars"];
         for text in texts.into_iter().chain(["<b>Figure 1.1.</b> bars", "<b>Figure 2.1.</b> bars"])
         {
             assert!(html.contains(text), "{text}");
         }
         assert_eq!((figures.len(), html.matches("<b>Figure").count()), (4, 4));
-        // Every value can be read without pointing at it, and is there where one points.
+        // Every value is in a table, and in the hover text of its mark.
         assert!(
             html.contains("<td>0.250</td>") && html.contains("<title>valve, one: 0.250 </title>")
         );

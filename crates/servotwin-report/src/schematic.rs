@@ -1,5 +1,5 @@
-//! A system as a hydraulic drawing: what supplies stands at the top, what is moved at the bottom, units
-//! side by side, and connections run from the port that sets.
+//! A system as a hydraulic drawing: sources at the top, moving parts at the bottom, actuators
+//! side by side. Connections start at the port that sets the potential.
 
 use servotwin::system::System;
 use servotwin_model::network::{Network, PortOf};
@@ -8,16 +8,16 @@ use servotwin_plot::Meaning;
 use servotwin_plot::diagram::{Block, Diagram, Wire};
 use std::collections::{BTreeMap, VecDeque};
 
-/// What is connected, in the order of the colours: the same in every drawing.
+/// The kinds of connections, in the order of their colors. The order is the same in every drawing.
 const MEDIA: [&str; 4] = ["hydraulic", "translational", "signal", "rotational"];
 
-/// Components that oil comes from and goes to.
+/// Components that oil comes from or returns to.
 const SOURCES: [&str; 4] = ["pressure_source", "flow_source", "variable_pump", "tank"];
 
-/// So many blocks of a unit stand side by side; a row with more becomes several.
+/// The maximum number of an actuator's blocks side by side. A fuller row is split into several.
 const IN_A_ROW: usize = 3;
 
-/// The diagram of a system.
+/// Draws the diagram of a system.
 pub fn of(system: &System) -> Diagram {
     let network = system.network();
     let mut diagram = Diagram {
@@ -46,7 +46,7 @@ pub fn of(system: &System) -> Diagram {
             let port = to.component.spec().ports[target.port].name;
             Wire {
                 arrow: true,
-                // All that an input drives hangs on one line, and an input has no port that has a name.
+                // One line joins everything that an input drives, and the port of an input has no name.
                 ports: [" ".into(), port.into()],
                 ..Wire::new(&block, &to.id, "signal")
             }
@@ -72,7 +72,7 @@ fn wires(network: &Network, ports: &[PortOf]) -> Vec<Wire> {
     wires.collect()
 }
 
-/// Units left and right of what they have in common.
+/// Lists the actuators, with the shared part in the middle.
 fn groups(diagram: &Diagram) -> Vec<String> {
     let mut groups: Vec<String> = vec![];
     for block in diagram.blocks.iter().filter(|block| !block.group.is_empty()) {
@@ -84,8 +84,8 @@ fn groups(diagram: &Diagram) -> Vec<String> {
     groups
 }
 
-/// Gives every block its row: the distance from the sources through oil and mechanics; what only
-/// signals reach stands below the nearest block it is joined with, and inputs above what they drive.
+/// Gives every block its row: the distance from the sources through oil and mechanics. A block that only signals
+/// reach stands below its nearest neighbor, and an input stands above what it drives.
 fn place_rows(network: &Network, diagram: &mut Diagram) {
     let place: BTreeMap<String, usize> =
         diagram.blocks.iter().enumerate().map(|(place, block)| (block.id.clone(), place)).collect();
@@ -108,7 +108,7 @@ fn place_rows(network: &Network, diagram: &mut Diagram) {
     }
     spread(&mut rows, &neighbours(&|wire| !is_signal(wire)));
     if rows.iter().all(Option::is_none) {
-        // A system without oil hangs from its first component.
+        // A system without sources starts from its first component.
         rows[..1.min(count)].fill(Some(0));
     }
     spread(&mut rows, &neighbours(&|wire| !is_signal(wire)));
@@ -123,7 +123,7 @@ fn place_rows(network: &Network, diagram: &mut Diagram) {
     divide(diagram, &rows, &lines);
 }
 
-/// What moves stands below all that oil flows through: a cylinder below its valves.
+/// Moves mechanical parts below everything that oil flows through, e.g. a cylinder below its valves.
 fn lower_what_moves(network: &Network, rows: &mut [Option<usize>]) {
     let ports = |place: usize, wanted: fn(PortKind) -> bool| {
         let ports = network.components[place].component.spec().ports;
@@ -148,7 +148,7 @@ fn lower_what_moves(network: &Network, rows: &mut [Option<usize>]) {
 }
 
 fn spread(rows: &mut [Option<usize>], neighbours: &[Vec<usize>]) {
-    // From the rows above downwards, so that a distance is the least.
+    // Start from the upper rows, so that each distance is the shortest.
     let mut start: Vec<usize> = (0..rows.len()).filter(|&place| rows[place].is_some()).collect();
     start.sort_by_key(|&place| (rows[place], place));
     let mut queue: VecDeque<usize> = start.into();
@@ -163,14 +163,14 @@ fn spread(rows: &mut [Option<usize>], neighbours: &[Vec<usize>]) {
     }
 }
 
-/// Makes several rows of one that holds too many blocks of a unit: those with one line first.
+/// Splits a row with too many blocks of one actuator. Blocks with a single line come first.
 fn divide(diagram: &mut Diagram, rows: &[Option<usize>], lines: &[usize]) {
     let last = rows.iter().flatten().max().copied().unwrap_or(0);
     let mut above = 0;
     for row in 0..=last {
         let mut by_group: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         for (place, own) in rows.iter().enumerate() {
-            // What nothing is connected to stands at the top.
+            // An unconnected block stands at the top.
             if own.unwrap_or(0) == row {
                 by_group.entry(diagram.blocks[place].group.clone()).or_default().push(place);
             }
@@ -206,13 +206,13 @@ mod tests {
         assert!(layer(&diagram, "aileron") > layers[4]);
         assert_eq!(diagram.groups, ["actuator_1", "", "actuator_2"]);
         let figure = diagram.draw();
-        // Those of components with one port, too.
+        // Components with one port are included.
         for name in [">p<", ">t<", ">rod<", ">port<"] {
             assert!(figure.svg.contains(name), "no port {name}");
         }
-        // Supply, lines and sensors hang on one line: where it branches there is a dot.
+        // Supply, lines and sensors share one line. A dot marks where it branches.
         assert!(figure.svg.contains("<circle"));
-        // The legend: every medium once.
+        // The legend lists every medium once.
         for medium in MEDIA {
             assert_eq!(figure.svg.matches(&format!(">{medium}<")).count(), 1, "{medium}");
         }

@@ -9,7 +9,7 @@ use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_plot::tree::{Node, Tree as Drawing};
 
-/// The tree of a stage; `None` if its classifier is no tree.
+/// Draws the tree of a stage; `None` if its classifier is not a tree.
 pub fn drawing(
     hierarchy: &Hierarchy,
     stage: &Stage,
@@ -31,8 +31,8 @@ pub fn drawing(
     Some(Drawing { title: String::new(), classes: drawer.classes, looks, root, sideways: true })
 }
 
-/// Whether a stage decides anything: the tree that tells whether something is wrong asks nothing where nothing
-/// healthy left the bands. Of several units one is always to be found.
+/// Whether a stage decides between classes. The actuator stage does not if its tree was trained with one class only,
+/// e.g. because no healthy variant left the bands.
 pub fn decides(stage: &Stage) -> bool {
     match &stage.model {
         Model::Cart(tree) if stage.place.question == Question::Actuator => {
@@ -42,7 +42,7 @@ pub fn decides(stage: &Stage) -> bool {
     }
 }
 
-/// The features that a stage asks for, each once, in the order of the nodes.
+/// The features that a stage uses, each once, in the order of the nodes.
 pub fn asked<'h>(hierarchy: &'h Hierarchy, stage: &Stage) -> Vec<&'h str> {
     let Model::Cart(tree) = &stage.model else {
         return vec![];

@@ -5,17 +5,17 @@ use servotwin::study::Study;
 /// A row of table 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
-    /// What the flight control computer must do.
+    /// The action that the flight control computer must take.
     pub command: String,
-    /// What is broken.
+    /// The fault class.
     pub detail: String,
-    /// Components of one unit.
+    /// The number of components of one actuator in this class.
     pub components: usize,
-    /// Faults of one unit, every intensity counted.
+    /// The number of faults of one actuator, counting every intensity.
     pub faults: usize,
 }
 
-/// The rows, in the order of the study.
+/// Returns the rows in the order of the study's classes.
 pub fn rows(study: &Study) -> Vec<Row> {
     let row = |(place, class): (usize, &servotwin::study::Class)| {
         let own = study.faults.iter().filter(|fault| fault.class == place && fault.unit == 0);
@@ -29,7 +29,7 @@ pub fn rows(study: &Study) -> Vec<Row> {
     study.classes.iter().enumerate().map(row).collect()
 }
 
-/// Components and faults of all units together.
+/// Counts components and faults over all actuators.
 pub fn sum(study: &Study) -> (usize, usize) {
     let components: usize = rows(study).iter().map(|row| row.components).sum();
     (components * study.units.len(), study.faults.len())

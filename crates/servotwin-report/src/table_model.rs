@@ -1,5 +1,5 @@
-//! The report of any table: what was learnt from, classifiers compared on rows held out, results for
-//! each class and group, and the tree in parts that can be read.
+//! The report of any table: the training data, classifiers compared on held-out rows, results for
+//! each class and group, and the tree in readable parts.
 
 use super::looks;
 use super::page::{Grid, Page, Side};
@@ -11,46 +11,46 @@ use servotwin_plot::bars::{Bar, Bars};
 use servotwin_plot::heatmap::ConfusionMatrix;
 use servotwin_plot::tree::{Branch, Node, Tree as Drawing};
 
-/// A drawing holds at most so many leaves and places to go on: as many as can be read side by side.
+/// The maximum number of leaves and continuations in one drawing; more cannot be read side by side.
 const LEAVES_IN_A_DRAWING: usize = 8;
 
-/// At most so many features are listed.
+/// The maximum number of features listed.
 const FEATURES_LISTED: usize = 200;
 
-/// At most so many groups are listed, the worst first.
+/// The maximum number of groups listed, the worst first.
 const GROUPS_LISTED: usize = 100;
 
 /// Confusion matrices with more classes than this cannot be read side by side.
 const CLASSES_IN_A_MATRIX: usize = 30;
 
-/// What the report of a table is made of.
+/// Everything that the report of a table is made from.
 pub struct TableMaterial<'a> {
     /// The table's name.
     pub name: &'a str,
-    /// The table, ready to learn from.
+    /// The table, prepared for training.
     pub prepared: &'a Prepared,
-    /// How rows were held out, in words, with the seed.
+    /// A description of how rows were held out, with the seed.
     pub held_out: &'a str,
-    /// How the rows of the classes weigh, in words.
+    /// A description of the class weights.
     pub class_weights: &'a str,
-    /// Every classifier's result.
+    /// The results of each classifier on held-out rows.
     pub results: &'a [(Kind, Judged)],
-    /// The classifiers that could not learn from the table, and why.
+    /// The classifiers that could not be trained on the table, with the reasons.
     pub refused: &'a [(Kind, String)],
-    /// The tree, trained with all rows that train; or the model that was trained elsewhere.
+    /// The tree trained with all training rows, or the model that was trained elsewhere.
     pub tree: &'a TableModel,
-    /// The file of a model that was trained elsewhere and has judged every row.
+    /// The file of a model that was trained elsewhere and classified every row.
     pub model: Option<&'a str>,
 }
 
 impl TableMaterial<'_> {
-    /// Words for classifiers that learned from the table, or for a model that was trained elsewhere.
+    /// Selects a text: `learned` for classifiers trained on this table, `elsewhere` for a model trained elsewhere.
     fn either<'w>(&self, learned: &'w str, elsewhere: &'w str) -> &'w str {
         if self.model.is_some() { elsewhere } else { learned }
     }
 }
 
-/// The report as HTML.
+/// Returns the report as HTML.
 pub fn render(material: &TableMaterial) -> String {
     let mut page = Page::default();
     page.section("data", "The table", |page| data(material, page));
@@ -155,7 +155,7 @@ fn classifiers(material: &TableMaterial, page: &mut Page) {
     }
 }
 
-/// Why classifiers could not learn from the table: those of one reason together.
+/// Why classifiers could not be trained on the table. Classifiers with the same reason share a sentence.
 fn refusals(refused: &[(Kind, String)]) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = vec![];
     for (kind, reason) in refused {
@@ -167,7 +167,7 @@ fn refusals(refused: &[(Kind, String)]) -> Vec<String> {
     reasons.iter().map(|(reason, kinds)| format!("{}: {reason}.", kinds.join(", "))).collect()
 }
 
-/// The result that classes and groups are shown of: the most accurate one, of equal ones the first.
+/// The result for which classes and groups are shown: the most accurate, and the first among equals.
 fn best<'a>(material: &TableMaterial<'a>) -> Option<&'a (Kind, Judged)> {
     let share = |judged: &Judged| judged.score.accuracy.share.unwrap_or(0.0);
     let results = material.results.iter().rev();
@@ -292,7 +292,7 @@ fn tree(material: &TableMaterial, page: &mut Page) {
     }
 }
 
-/// The roots of the parts that a tree is drawn in, each after the part in which it is named. A part
+/// The roots of the parts in which a tree is drawn, each after the part that refers to it. A part
 /// is filled level by level until no more leaves fit side by side.
 fn parts(tree: &Tree) -> Vec<usize> {
     let mut parts = vec![0];
@@ -304,11 +304,11 @@ fn parts(tree: &Tree) -> Vec<usize> {
     parts
 }
 
-/// The nodes at which a part ends, from left to right: leaves, and where another part goes on.
+/// The nodes at which a part ends, from left to right: leaves and continuations.
 fn ends(tree: &Tree, root: usize) -> Vec<usize> {
     let mut ends = vec![root];
     loop {
-        // Of the inner nodes the highest, of equally high ones the leftmost.
+        // Split the highest inner node, and the leftmost among equals.
         let inner = ends.iter().enumerate().filter(|(_, node)| tree.split(**node).is_some());
         let next = inner.min_by_key(|(_, node)| tree.node_depth(**node)).map(|(place, _)| place);
         let full = ends.len() >= LEAVES_IN_A_DRAWING;
@@ -323,7 +323,7 @@ fn ends(tree: &Tree, root: usize) -> Vec<usize> {
 
 fn node(model: &TableModel, tree: &Tree, at: usize, parts: &[usize], own: usize) -> Node {
     let rows: u32 = tree.counts(at).iter().sum();
-    // Rows as they were: what the classes weighed in training shows in the decision only.
+    // Row counts without class weights; the weights affect only the decision.
     let shares: Vec<f64> = tree.counts(at).iter().map(|count| f64::from(*count)).collect();
     let purity = shares[tree.decision(at) as usize] / f64::from(rows);
     let size = format!("n = {rows}, purity {} %", number(100.0 * purity));

@@ -1,28 +1,28 @@
-//! What things are called in the report of a study: one home for every word that depends on it.
+//! The words in a study's report that depend on the study, all in one place.
 //!
-//! Units and commands have the names that the study gives them, a study of one unit has no wrong unit
-//! to be confused with, and only the paper's study may speak of the paper's figures.
+//! Actuators and actions have the names that the study gives them. With a single actuator no other can be wrongly
+//! accused. Only the paper's study refers to the paper's figures.
 
 use super::words::spoken;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::{FAULTY, HEALTHY, Question};
 
-/// The study whose results the seed paper has.
+/// The name of the study that the seed paper reports on.
 pub const PAPER: &str = "paper";
 
 /// The words of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Vocabulary {
-    /// One unit, e.g. `actuator`.
+    /// The name of one actuator, e.g. `actuator`.
     unit: String,
     units: usize,
-    /// The commands that switch their unit off.
+    /// The actions that switch an actuator off.
     off: Vec<String>,
     is_paper: bool,
 }
 
 impl Vocabulary {
-    /// The words of a study.
+    /// Collects the words of a study.
     pub fn of(study: &Study) -> Self {
         Vocabulary {
             unit: common_name(&study.units),
@@ -32,37 +32,37 @@ impl Vocabulary {
         }
     }
 
-    /// What can fail as a whole: `actuator` where units are called `actuator_1`, `actuator_2`.
+    /// What the study calls its actuators: `actuator` for `actuator_1` and `actuator_2`.
     pub fn unit(&self) -> &str {
         &self.unit
     }
 
-    /// Several of them.
+    /// The plural of [`Vocabulary::unit`].
     pub fn units(&self) -> String {
         format!("{}s", self.unit)
     }
 
-    /// Two units: `both` where there are no more.
+    /// Refers to two actuators: `both` if there are exactly two, else `two`.
     pub fn two(&self) -> &'static str {
         if self.units == 2 { "both" } else { "two" }
     }
 
-    /// Whether one unit can be taken for another.
+    /// Whether one actuator can be confused with another.
     pub fn has_several(&self) -> bool {
         self.units > 1
     }
 
-    /// A text for studies of several units; nothing of one.
+    /// The text if there are several actuators, else an empty string.
     pub fn several<'t>(&self, text: &'t str) -> &'t str {
         if self.has_several() { text } else { "" }
     }
 
-    /// Whether any command switches its unit off, so that there are figures of safety.
+    /// Whether any action switches an actuator off. Safety figures exist only then.
     pub fn has_off(&self) -> bool {
         !self.off.is_empty()
     }
 
-    /// What switches a unit off: `shutdown`, or the command as the study calls it.
+    /// The action that switches an actuator off: `shutdown`, or the study's name for it.
     pub fn off(&self) -> String {
         match self.off.as_slice() {
             [one] if one == "shut_down" => "shutdown".into(),
@@ -71,7 +71,7 @@ impl Vocabulary {
         }
     }
 
-    /// How many units are never switched off, behind another half of the sentence; nothing where it may be all.
+    /// The clause about the number of actuators that must stay on; empty if all may be switched off.
     pub fn kept_on(&self, least_on: u32) -> String {
         let unit = &self.unit;
         match (least_on, self.units) {
@@ -83,7 +83,7 @@ impl Vocabulary {
         }
     }
 
-    /// What is done to a unit by that: `shut down`.
+    /// The participle for a switched-off actuator, e.g. `shut down`.
     pub fn switched_off(&self) -> &'static str {
         match self.off.as_slice() {
             [one] if one == "shut_down" => "shut down",
@@ -91,22 +91,22 @@ impl Vocabulary {
         }
     }
 
-    /// A text for the paper's own study; nothing in others.
+    /// The text if this is the paper's own study, else an empty string.
     pub fn paper<'t>(&self, text: &'t str) -> &'t str {
         if self.is_paper { text } else { "" }
     }
 
-    /// The fixed band of ±3 %.
+    /// Names the fixed band of ±3 %.
     pub fn fixed_band(&self) -> &'static str {
         if self.is_paper { "the seed paper's band of ±3 %" } else { "the fixed band of ±3 %" }
     }
 
-    /// What is judged at work.
+    /// What the study calls a run of the diagnosis in operation.
     pub fn run(&self) -> &'static str {
         if self.is_paper { "flight" } else { "run" }
     }
 
-    /// What every answer is about: the unit, where there are several, and the command.
+    /// What every answer names: the action and, with several actuators, the actuator.
     pub fn action(&self) -> String {
         match self.has_several() {
             true => format!("{} and command", self.unit),
@@ -114,7 +114,7 @@ impl Vocabulary {
         }
     }
 
-    /// The same where one of them is wrong.
+    /// The same as [`Vocabulary::action`] for answers in which either is wrong.
     pub fn action_wrong(&self) -> String {
         match self.has_several() {
             true => format!("{} or command", self.unit),
@@ -122,7 +122,7 @@ impl Vocabulary {
         }
     }
 
-    /// What a question of the hierarchy finds: of one unit alone whether anything is wrong with it.
+    /// What a question of the hierarchy determines. For a single actuator that is whether it is faulty.
     pub fn question(&self, question: Question) -> String {
         match question {
             Question::Actuator if self.has_several() => format!("the {}", self.unit),
@@ -132,7 +132,7 @@ impl Vocabulary {
         }
     }
 
-    /// A question of the hierarchy as it is asked.
+    /// A question of the hierarchy, as a question.
     pub fn asks(&self, question: Question) -> String {
         match question {
             Question::Actuator if self.has_several() => format!("which {}?", self.unit),
@@ -142,7 +142,7 @@ impl Vocabulary {
         }
     }
 
-    /// An answer to a question by its name: the only unit is `faulty` or healthy, whatever its name.
+    /// Names an answer to a question. A single actuator is `faulty` or healthy, whatever its name.
     pub fn class<'t>(&self, question: Question, name: &'t str) -> &'t str {
         match question {
             Question::Actuator if !self.has_several() && name != HEALTHY => FAULTY,
@@ -150,8 +150,8 @@ impl Vocabulary {
         }
     }
 
-    /// A text about actuators, as the toolkit says it, in the words of the study: units have its name for them,
-    /// the only one no number, and only the paper's study speaks of the paper.
+    /// Adapts the toolkit's text about actuators to the study: actuators get the study's name, a single
+    /// one has no number, and only the paper's study refers to the paper.
     pub fn adapted(&self, text: &str) -> String {
         let of_paper = " (the paper's)";
         let text = text.replace(of_paper, self.paper(of_paper));
@@ -162,7 +162,7 @@ impl Vocabulary {
         text.replace("actuator", &self.unit)
     }
 
-    /// What was said of a fault never trained on: of the only unit it is not asked which one it is.
+    /// The answer for an unseen fault. It does not name the actuator if there is only one.
     pub fn said(&self, word: &str) -> String {
         match (word, self.has_several()) {
             ("actuator", false) => FAULTY.into(),
@@ -172,7 +172,7 @@ impl Vocabulary {
     }
 }
 
-/// `actuator` of `actuator_1` and `actuator_2`, and `unit` of `left` and `right`.
+/// The common stem of the names: `actuator` for `actuator_1` and `actuator_2`, else `unit`.
 fn common_name(units: &[String]) -> String {
     let stem = |name: &String| {
         let stem = name.trim_end_matches(|last: char| last.is_ascii_digit());

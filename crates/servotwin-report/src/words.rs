@@ -1,10 +1,10 @@
-//! Numbers and names as a report shows them.
+//! Formats numbers and names for reports.
 
 use servotwin::evaluation::metrics::Rate;
 
 pub use servotwin_io::text::{number, spoken};
 
-/// What stands for a value that is not there.
+/// The placeholder for a missing value.
 pub const NONE: &str = "–";
 
 /// A share in percent: `99.84 %`.
@@ -12,7 +12,7 @@ pub fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| NONE.into(), |share| format!("{:.2} %", 100.0 * share))
 }
 
-/// A rate with its interval, in square brackets because round ones may follow: `99.84 % [99.67 … 99.92]`.
+/// A rate with its interval: `99.84 % [99.67 … 99.92]`. The brackets are square because parentheses may follow.
 pub fn rate(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(share), low, high, .. }) => {
@@ -23,12 +23,12 @@ pub fn rate(rate: Option<Rate>) -> String {
     }
 }
 
-/// A rate with its interval below it: a line feed begins what stands in small type.
+/// A rate with its interval below it; the line feed switches to small type.
 pub fn stacked(value: Option<Rate>) -> String {
     rate(value).replace(" [", "\n").replace(']', "")
 }
 
-/// The interval of a rate that comes from drawing whole kinds of fault: `90.50 … 95.10`.
+/// The interval of a rate from a bootstrap over kinds of fault: `90.50 … 95.10`.
 pub fn by_kind(rate: Option<Rate>) -> String {
     let interval = rate.filter(|rate| rate.of > 0).and_then(|rate| rate.by_kind);
     interval.map_or_else(
@@ -37,7 +37,7 @@ pub fn by_kind(rate: Option<Rate>) -> String {
     )
 }
 
-/// The change from one rate to another in points: `+0.12`.
+/// The change between two rates in percentage points: `+0.12`.
 pub fn change(before: Option<Rate>, after: Option<Rate>) -> String {
     let shares = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
     shares.map_or_else(
@@ -54,8 +54,8 @@ pub fn share(rate: Option<Rate>) -> String {
     percent(rate.and_then(|rate| rate.share))
 }
 
-/// The share of a rate as far as what it is counted of lets it be known: of few the count itself, else percent with the
-/// decimals in which one more or less of them shows.
+/// The share of a rate, no more precise than its count permits. A small sample gives the count itself; a larger one
+/// gives percent with the decimals that a single case changes.
 pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
@@ -67,24 +67,24 @@ pub fn of_count(rate: Option<Rate>) -> String {
     }
 }
 
-/// Of fewer cases a share is told as their count.
+/// Below this sample size a share is shown as a count.
 const FEW: u64 = 20;
-/// Of as many a second decimal tells something.
+/// From this sample size on, a share has a second decimal.
 const MANY: u64 = 1000;
 
-/// The text with a capital letter at its beginning.
+/// Capitalizes the first letter.
 pub fn begun(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().into_iter().flat_map(char::to_uppercase);
     first.chain(letters.as_str().chars()).collect()
 }
 
-/// A number that somebody chose, as it was written: without digits that say nothing.
+/// A number from a configuration, without rounding errors in its last digits.
 pub fn chosen(value: f64) -> String {
     ((value * 1e6).round() / 1e6).to_string()
 }
 
-/// A value or threshold of a feature in the unit that people read.
+/// A feature's value or threshold in its display unit.
 pub fn of_unit(value: f64, unit: &str) -> String {
     match unit {
         "of scale" => format!("{} %", number(100.0 * value)),
@@ -94,7 +94,7 @@ pub fn of_unit(value: f64, unit: &str) -> String {
     }
 }
 
-/// The unit as people read it beside a value of [`of_unit`].
+/// The display unit of a value from [`of_unit`].
 pub fn unit(unit: &str) -> &str {
     match unit {
         "of scale" => "% of scale",

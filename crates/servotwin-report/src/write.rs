@@ -10,7 +10,7 @@ use servotwin::study::{Role, Setting, Study};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_io::files::{create_folder, write_atomically};
 
-/// Writes the report, its figures and the manifest from what the other stages have left.
+/// Writes the report, its figures and the manifest from the results of the other stages.
 ///
 /// # Errors
 /// A file is missing, or cannot be read or written; the healthy system cannot be simulated.
@@ -20,8 +20,8 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let hierarchies: Vec<(Subject, Hierarchy)> = subjects
         .map(|subject| Ok((subject, hierarchy(folder, subject)?)))
         .collect::<Result<_, JobError>>()?;
-    // An older report is no source of the new one, and nothing is claimed of it any more: the manifest that is written in
-    // the end keeps what the one in the folder knows, and would keep the older report's hashes.
+    // Remove the older report first. The manifest written at the end keeps the entries of the one in the folder,
+    // and would otherwise keep the older report's hashes.
     folder.remove_report()?;
     let manifest = manifest::write(folder, study)?;
     let flights = flights::results(folder)?;
@@ -52,7 +52,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     manifest::write_with(folder, study, &drawn).map(drop)
 }
 
-/// An excerpt of the data set whose trees are drawn; `None` where it is not there any more.
+/// Reads an excerpt of the data set whose trees are drawn; `None` if the data set was removed.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -69,7 +69,7 @@ fn excerpt(folder: &Folder, results: &Results) -> Result<Option<(Setting, Excerp
     Ok(excerpt.map(|excerpt| (setting, excerpt)))
 }
 
-/// Reads the bands that were learned.
+/// Reads the learned bands.
 ///
 /// # Errors
 /// A file cannot be read.

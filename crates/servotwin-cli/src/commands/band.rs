@@ -1,4 +1,4 @@
-//! `servotwin band`: the confidence band of the twin as a field, with what it promises and what it is worth.
+//! `servotwin band`: the conditional confidence band of the twin, with its target and its measured performance.
 
 use super::evaluate::workers;
 use super::flights::no_flights;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 /// Learn the confidence band of the twin as a field over command, rate, load and boundary values.
 ///
-/// Flies the healthy flights of the study's [flights]: half of the environments say how residuals depend on what is
+/// Flies the healthy flights of the study's `[flights]`: half of the environments say how residuals depend on what is
 /// asked, the others calibrate the band, so that at most --share of healthy flights of new specimens leave it (conformal
 /// prediction). Both this field and a band that is the same everywhere are judged in the judged flights.
 #[derive(clap::Args)]
@@ -47,14 +47,14 @@ pub struct Options {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let read = Paths::default().read_study(self.study.as_ref());
         read.write("--plot", Format::Figure, &self.plot)
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if !(options.share > 0.0 && options.share < 1.0) {
         let (option, given) = ("--share", options.share.to_string());
@@ -128,7 +128,7 @@ fn healthy_rate(merit: &BandMerit, place: usize) -> Rate {
     Rate::new(merit.left[place] as u64, merit.healthy as u64)
 }
 
-/// The target beside what held-out flights show, as a line.
+/// A line with the target and the rate measured on held-out flights.
 fn against_target(name: &str, merit: &BandMerit, place: usize) -> String {
     let target = merit.field.share;
     let rate = healthy_rate(merit, place);

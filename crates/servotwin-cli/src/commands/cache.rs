@@ -1,4 +1,4 @@
-//! `servotwin cache`: the compiled equations that later runs find again.
+//! `servotwin cache`: compiled equations that later runs reuse.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -18,7 +18,7 @@ pub struct Options {
     clear: bool,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let Some(folder) = cache::folder() else {
         let text =

@@ -1,4 +1,4 @@
-//! `servotwin campaign`: every fault of a study under every operating case,
+//! `servotwin campaign`: simulates every fault of a study under every operating case
 //! into a data set.
 
 use super::StudyOptions;
@@ -40,7 +40,7 @@ pub struct Options {
     shards: Option<Part>,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
@@ -75,7 +75,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// The campaigns of a study in the setting of a name, or in the usual ones.
+/// The campaigns of a study in a named setting, or in the usual ones.
 pub fn chosen(
     study: &Study,
     setting: Option<&str>,
@@ -86,13 +86,13 @@ pub fn chosen(
     };
     let runs = runs(study, named);
     match Setting::ALL.into_iter().find(|setting| named(*setting)) {
-        // A setting was named that the study does not have.
+        // The study lacks a section that the named setting needs.
         Some(setting) if runs.is_empty() => Err(CampaignError::no_section(setting, study)),
         _ => Ok(runs),
     }
 }
 
-/// A campaign that Ctrl-C stops.
+/// A campaign that Ctrl-C can stop.
 pub fn campaign<'s>(
     study: &'s Study,
     role: Role,
@@ -108,8 +108,8 @@ pub fn campaign<'s>(
     }
 }
 
-/// Runs a campaign, or a part of it beside the bundles counted before, with its progress on a
-/// terminal.
+/// Runs a campaign or a part of it, with its progress on a terminal. A part comes with the number of bundles in
+/// earlier campaigns.
 pub fn simulate(
     campaign: &Campaign,
     part: Option<(Part, &mut usize)>,
@@ -134,7 +134,7 @@ pub fn simulate(
     if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
 }
 
-/// A bar with the rows of a campaign.
+/// The progress bar of a campaign, in rows.
 pub fn bar(name: &str, global: Global) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
@@ -145,7 +145,7 @@ pub fn bar(name: &str, global: Global) -> ProgressBar {
         .with_message(format!("simulating, {name}:"))
 }
 
-/// The settings of a campaign and what it is for, in words.
+/// Describes a campaign by its settings and its role.
 pub fn named(settings: &[Setting], role: Role) -> String {
     let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
     let role = match role {
@@ -155,7 +155,7 @@ pub fn named(settings: &[Setting], role: Role) -> String {
     format!("{}{role}", names.join(" and "))
 }
 
-/// What a campaign has done, for people.
+/// Describes the outcome of a campaign for readers.
 pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
@@ -190,10 +190,10 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
     text
 }
 
-/// So many runs without a steady state are named; `manifest.json` names all of them.
+/// The maximum number of runs without a steady state listed here; `manifest.json` lists all of them.
 const MAX_NAMED: usize = 10;
 
-/// The runs that began without a steady state: what such a run shows at first is no fault.
+/// Lists runs that began without a steady state. The transient at their start is no fault.
 fn on_the_move(runs: &[OnTheMove]) -> String {
     if runs.is_empty() {
         return String::new();

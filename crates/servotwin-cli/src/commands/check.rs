@@ -1,4 +1,4 @@
-//! `servotwin check`: whether a system or a study file is right.
+//! `servotwin check`: checks a system or a study file.
 
 use super::features::read_traces_study;
 use super::warn;
@@ -27,7 +27,7 @@ pub struct Options {
     file: PathBuf,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let checked = what(options)?.into_iter().map(|kind| match kind {
         FileType::System => {
@@ -54,14 +54,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// What is said of a file without mistakes.
+/// The output for a file without mistakes.
 struct Checked {
     text: String,
     json: Value,
 }
 
-/// What the file is: what has sections that only studies have is one. A built-in name may stand for a system and a
-/// study.
+/// The type of the file. A file with sections that only studies have is a study. A built-in name may stand for a system
+/// and for a study.
 fn what(options: &Options) -> Result<Vec<FileType>, SystemError> {
     let name = options.file.to_str().unwrap_or_default();
     let lists = [(FileType::System, &SYSTEMS[..]), (FileType::Study, &STUDIES[..])];
@@ -74,7 +74,7 @@ fn what(options: &Options) -> Result<Vec<FileType>, SystemError> {
     Ok(vec![FileType::of(&text).unwrap_or(FileType::System)])
 }
 
-/// Mistakes as JSON, too, where it is wanted.
+/// Makes a failure, and also prints its mistakes as JSON with `--json`.
 fn told(error: StudyError, global: Global) -> Failure {
     if global.json {
         let report = match &error {
@@ -160,7 +160,7 @@ fn warnings(study: &Study) -> Value {
     warnings.collect()
 }
 
-/// A study of traces names no system: its columns are those of a table.
+/// Checks a study of traces. It names columns of a table instead of a system.
 fn of_traces(options: &Options) -> Result<Checked, Failure> {
     let file = &options.file;
     let study = read_traces_study(file)?;

@@ -11,7 +11,7 @@ pub struct Options {
     shell: Shell,
 }
 
-/// The script.
+/// Returns the script.
 pub fn run(options: &Options) -> String {
     let mut script = Vec::new();
     generate(options.shell, &mut Cli::command(), "servotwin", &mut script);

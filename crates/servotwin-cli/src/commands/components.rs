@@ -1,4 +1,4 @@
-//! `servotwin components`: the catalogue.
+//! `servotwin components`: shows the catalogue.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -23,7 +23,7 @@ pub struct Options {
     markdown: bool,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let word = options.word.as_deref();
     let chosen = word.and_then(catalogue::find);
@@ -51,13 +51,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 fn unknown(word: &str) -> Failure {
     let kinds = || catalogue::all().map(|spec| spec.kind);
-    // A kind goes before a word of one.
+    // Suggest a whole kind before a word within one.
     let words = || kinds().flat_map(|kind| kind.split('_'));
     let hint = nearest(word, kinds()).or_else(|| nearest(word, words())).map(str::to_owned);
     Failure::NoComponent { word: word.into(), nearest: hint }
 }
 
-/// Several components, as JSON or Markdown.
+/// Writes several components as JSON or Markdown.
 fn whole(specs: impl Iterator<Item = &'static Spec>, global: Global) -> String {
     match global.json {
         true => json(&specs.map(as_json).collect()),
@@ -83,7 +83,7 @@ fn list() -> String {
     format!("{}\n{kinds}\n\n{}", grid.text(), fluids(""))
 }
 
-/// The fluids that have a word anywhere in what is said of them; empty without any.
+/// A table of the fluids whose description contains a word; empty if there are none.
 fn fluids(word: &str) -> String {
     let word = word.to_lowercase();
     let has = |row: &[String; 6]| row.iter().any(|cell| cell.to_lowercase().contains(&word));
@@ -96,7 +96,7 @@ fn fluids(word: &str) -> String {
     grid.text()
 }
 
-/// A kind of fluid with the keys that describe one, and in how many components else the word stands.
+/// Describes a kind of fluid with its keys, and counts the components that also contain the word.
 fn fluid(kind: &str, row: &str, hits: usize) -> String {
     let mut text = row.to_owned();
     for (title, keys) in catalogue::fluid_keys(kind) {

@@ -1,4 +1,4 @@
-//! `servotwin describe`: what a system consists of and how it behaves at rest.
+//! `servotwin describe`: the parts of a system and its behavior at rest.
 
 use super::{SystemOption, note};
 use crate::Global;
@@ -24,14 +24,14 @@ pub struct Options {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let read = Paths::default().read("SYSTEM", &self.system.path);
         read.write("--schematic", Format::Figure, &self.schematic)
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = options.system.read()?;
     if let Some(path) = &options.schematic {
@@ -75,7 +75,7 @@ fn components(network: &Network) -> String {
     text
 }
 
-/// Parts of its scale to which a state at rest is known.
+/// The accuracy of a state at rest, as a share of its scale.
 const KNOWN: f64 = 1e-12;
 
 fn states(system: &System, rest: &Rest) -> String {
@@ -86,7 +86,7 @@ fn states(system: &System, rest: &Rest) -> String {
         ("unit", Side::Left),
     ]);
     for (state, &value) in system.program.states().iter().zip(&rest.states) {
-        // Below what the search for rest knows of a state, a number is only its noise.
+        // A smaller value is only noise of the search for rest.
         let value = if value.abs() < KNOWN * state.scale { 0.0 } else { value };
         grid.push(vec![
             state.name.clone(),
@@ -133,7 +133,7 @@ fn eigenvalue_table(rest: &Rest) -> String {
         ("frequency Hz", Side::Right),
         ("damping ratio", Side::Right),
     ]);
-    // Of a conjugate pair one is enough; rounding noise is no oscillation.
+    // Show one value of each conjugate pair, and no oscillation from rounding noise.
     for value in rest.eigenvalues.iter().filter(|value| value.im >= 0.0) {
         let swings = value.im > 1e-9 * value.abs();
         let only = |number: String| if swings { number } else { String::new() };

@@ -1,4 +1,4 @@
-//! `servotwin fit --design`: which command shows the parameters best.
+//! `servotwin fit --design`: finds the command that determines the parameters best.
 
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number};
@@ -25,7 +25,7 @@ pub struct Limits {
     duration: String,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(
     limits: &Limits,
     mut problem: Fit,
@@ -36,7 +36,7 @@ pub fn run(
     let rate = match unit {
         Unit::Radian => Unit::RadianPerSecond,
         Unit::Metre => Unit::MetrePerSecond,
-        // A rate of anything else has no unit of its own: a plain number.
+        // Other rates have no unit here and are plain numbers.
         _ => Unit::None,
     };
     let limits = design::Limits {

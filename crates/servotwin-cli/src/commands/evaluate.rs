@@ -1,5 +1,5 @@
-//! `servotwin evaluate`: the hierarchies of a campaign under every protocol, or a trained
-//! classifier judged with another table.
+//! `servotwin evaluate`: evaluates the hierarchies of a campaign under every protocol, or a trained
+//! classifier on another table.
 
 use super::progress::Stages;
 use super::summary;
@@ -43,14 +43,14 @@ pub struct Judging {
     pub threads: Option<usize>,
 }
 
-/// A table and the model that has judged it.
+/// A table and the classifications of a model for it.
 pub struct OfTable {
     pub model: TableModel,
     pub prepared: Prepared,
     pub judged: Judged,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match (options.input.is_dir(), &options.judging.model) {
         (true, None) => folder(options, global),
@@ -60,7 +60,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
 }
 
-/// Why a folder takes no model.
+/// The error message for a folder with `--model`.
 pub const MODEL_OF_FOLDER: &str = "--model is for tables, not for folders";
 
 fn folder(options: &Options, global: Global) -> Result<String, Failure> {
@@ -75,16 +75,16 @@ fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// So many threads, which Ctrl-C stops.
+/// A number of threads that Ctrl-C can stop.
 pub fn workers(threads: Option<usize>) -> Workers<'static> {
     threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag())
 }
 
-/// A stage of the main job that ends in results.
+/// A stage of the main job that produces results.
 type Measuring =
     fn(&Folder, &Study, Workers, &(dyn Fn(&str, f64) + Sync)) -> Result<Results, JobError>;
 
-/// Runs such a stage for every data set of a folder, with the progress on a terminal.
+/// Runs such a stage for every data set of a folder, with its progress on a terminal.
 pub fn measure(
     stage: Measuring,
     folder: &Folder,
@@ -114,7 +114,7 @@ fn of_table(options: &Options, rule: &Path, global: Global) -> Result<String, Fa
     })
 }
 
-/// Lets a model judge a table; warnings go to standard error.
+/// Evaluates a model on a table; warnings go to standard error.
 pub fn judge(
     input: &Path,
     rule: &Path,

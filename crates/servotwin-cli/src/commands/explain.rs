@@ -1,4 +1,4 @@
-//! `servotwin explain`: why the trees say what they say about one variant, or a classifier about one
+//! `servotwin explain`: explains the trees' answer for one variant, or a classifier's answer for one
 //! row of a table.
 
 use super::{is_read, not_as_model, read_wanted};
@@ -36,7 +36,7 @@ pub struct Options {
     subject: Option<String>,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if let (Some(table), Some(model)) = (&options.table, &options.model) {
         return of_table(table, model, options.variant as usize, global);
@@ -94,9 +94,9 @@ fn people(explanation: &Explanation, words: &Vocabulary) -> String {
     text
 }
 
-/// What trees and committee say together.
+/// Describes the combined answer of trees and committee.
 fn verdict(verdict: &Verdict, words: &Vocabulary) -> String {
-    // One unit alone is not asked for.
+    // With one actuator there is no actuator stage.
     let unit = verdict.actuator.as_deref().filter(|_| words.has_several());
     let said: Vec<String> =
         unit.into_iter().chain(verdict.command.as_deref()).map(spoken).collect();

@@ -1,4 +1,4 @@
-//! `servotwin faults`: every fault that the components of a system can have.
+//! `servotwin faults`: lists every fault of a system's components.
 
 use super::SystemOption;
 use crate::Global;
@@ -19,7 +19,7 @@ pub struct Options {
     csv: bool,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let lines = options.system.read()?.fault_list();
     if global.json {

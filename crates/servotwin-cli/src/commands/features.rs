@@ -1,4 +1,4 @@
-//! `servotwin features`: the features of a campaign computed anew, or those of windows of any
+//! `servotwin features`: recomputes the features of a campaign, or computes those of windows of
 //! measured and nominal signals.
 
 use super::{not_as, read_table};
@@ -45,7 +45,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         Paths::default()
             .read("INPUT", &self.input)
@@ -55,7 +55,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let Some(input) = &options.input else {
         return list(options.study.as_ref(), global);
@@ -68,7 +68,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
 }
 
-/// Every feature of some sensors, as a text that is Markdown at the same time.
+/// Describes every feature of some sensors. The text is valid Markdown.
 fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
     let sensors = match study {
         Some(path) => {
@@ -98,7 +98,7 @@ fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
     Ok(if global.json { crate::render::json(&json!(entries)) } else { text })
 }
 
-/// What stands above the list.
+/// The introduction of the list.
 const LIST_HEAD: &str = "# Features\n\n\
     This reference lists every feature of the default study's sensors, by family.\n\
     `servotwin features --list` prints it, and `--study` lists the features of another study.\n\
@@ -106,7 +106,7 @@ const LIST_HEAD: &str = "# Features\n\n\
     r' is a residual: the measured value less the twin's value, over the sensor's scale.\n\
     The threshold of a tree is in the unit given here.\n";
 
-/// A study file of traces.
+/// Reads a study file of traces.
 pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
     let text = files::read_text(path).map_err(EvaluationError::File)?;
     TraceStudy::parse(&text).map_err(|error| Failure::Trace { path: path.clone(), error })

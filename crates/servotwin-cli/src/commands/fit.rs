@@ -1,4 +1,4 @@
-//! `servotwin fit`: the twin's parameters from records of a healthy actuator.
+//! `servotwin fit`: estimates the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
 use super::{SpanOptions, design, note, read_log};
@@ -70,13 +70,13 @@ pub struct Options {
     threads: Option<usize>,
 }
 
-/// The runs that a fit of so many unknowns with so many suspects usually takes.
+/// Estimates the number of runs in a fit with this many unknowns and suspects.
 fn usual_runs(unknowns: usize, suspects: usize) -> usize {
     3 * (unknowns + 1) + 20 + suspects
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         Paths::default()
             .read("LOG", self.log.iter().chain(&self.more))
@@ -87,7 +87,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
@@ -146,7 +146,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// The verdict, and what becomes of the parameters.
+/// The verdict, and what happens to the parameters.
 fn first_line(verdict: &FitVerdict, options: &Options) -> String {
     let written = match (verdict, &options.out) {
         (FitVerdict::Healthy, Some(path)) => format!("; parameters updated in {}", path.display()),
@@ -156,7 +156,7 @@ fn first_line(verdict: &FitVerdict, options: &Options) -> String {
     verdict.sentence() + &written
 }
 
-/// A study, with a system of its own where one is named.
+/// Reads a study, with another system if one is named.
 pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, Failure> {
     let Some(system) = system else {
         return match study {
@@ -170,11 +170,11 @@ pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, 
     }
 }
 
-/// The study where none is named.
+/// The default study.
 const USUAL: &str = "paper";
 
-/// That a system is none of the usual study, and which study may be its own: the built-in one of its name, or what
-/// `servotwin init` writes beside it.
+/// The failure for a system of another study. It suggests the built-in study of the system's name, or the study that
+/// `servotwin init` writes next to the file.
 fn other_system(path: &Path) -> Result<Failure, Failure> {
     let system = System::read(path)?.name;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -201,7 +201,7 @@ fn read_record(
     Ok(record)
 }
 
-/// Notes what a record lacks, and what was left out of it.
+/// Notes the sensors that a record lacks, and the parts that were left out of it.
 pub fn tell(name: &str, record: &Record, study: &Study, global: Global) {
     let lacking = record.lacking(&study.system);
     if !lacking.is_empty() {
@@ -212,7 +212,7 @@ pub fn tell(name: &str, record: &Record, study: &Study, global: Global) {
     }
 }
 
-/// The unknowns that names stand for.
+/// Finds the unknowns by their names.
 fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknown>, Failure> {
     let components = &study.system.network().components;
     let full = |(component, parameter): (usize, usize)| {
@@ -270,7 +270,7 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
     Ok(Unknown::tolerance(&study.system, &tolerance))
 }
 
-/// The faults that names stand for.
+/// Finds the faults by their names.
 pub fn chosen_faults(names: &[String], problem: &Fit) -> Result<Vec<(usize, usize)>, Failure> {
     let of = |id: &String| problem.system.find_fault(id);
     Ok(names.iter().map(of).collect::<Result<_, _>>()?)

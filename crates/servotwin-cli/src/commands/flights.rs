@@ -1,4 +1,4 @@
-//! `servotwin flights`: the diagnosis at work, learned and judged in many flights.
+//! `servotwin flights`: trains and evaluates the diagnosis in operation in many flights.
 
 use super::StudyOptions;
 use super::evaluate::workers;
@@ -33,7 +33,7 @@ pub struct Options {
     missing_sensors: bool,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let (study, is_full) = (options.study.read(global)?, options.study.full);
     let sizes = if is_full { study.full_flights()? } else { study.flights()? };
@@ -71,7 +71,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// Why a study has no flights of the sizes that were asked for.
+/// Why a study has no flights of the requested sizes.
 pub fn no_flights(study: &Study) -> Result<Failure, Failure> {
     Ok(Failure::Options(match study.flights()? {
         Some(_) => "the [flights] of the study have no full sizes, which --full asks for",
@@ -79,7 +79,7 @@ pub fn no_flights(study: &Study) -> Result<Failure, Failure> {
     }))
 }
 
-/// What flies and judges, with the progress on a terminal; Ctrl-C stops it.
+/// Runs work with threads and its progress on a terminal. Ctrl-C stops it.
 pub fn with_crew<T>(
     threads: Option<usize>,
     global: Global,
@@ -94,7 +94,7 @@ pub fn with_crew<T>(
     Ok(done?)
 }
 
-/// A line for a sensor.
+/// Describes the flights without one sensor in a line.
 fn of_missing(merit: &MissingSensorMetrics, words: &Vocabulary) -> String {
     let MissingSensorMetrics {
         setting,
@@ -121,7 +121,7 @@ fn of_missing(merit: &MissingSensorMetrics, words: &Vocabulary) -> String {
     )
 }
 
-/// What was measured, for people.
+/// Describes the results for readers.
 pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
     let mut out = String::new();
     for merit in &results.merits {
@@ -133,7 +133,7 @@ pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
     out
 }
 
-/// Only what was said at all, so that a line stays a line.
+/// Lists only answers that occurred, so that each fault fits on a line.
 fn foreign(out: &mut String, merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) {
     if merit.outcomes.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! `servotwin fly`: a plant with a fault that begins, its twin, the diagnosis, and a flight control
+//! `servotwin fly`: flies a plant with a fault and its twin, with the diagnosis and a flight control
 //! computer that reacts.
 
 use super::evaluate::workers;
@@ -55,7 +55,7 @@ pub struct Options {
     specimen: Option<usize>,
 }
 
-/// A time option in seconds.
+/// The value of a time option, s.
 fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
     let value =
         Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
@@ -67,21 +67,21 @@ fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
     }
 }
 
-/// The fault that is flown where none is named: one whose reaction shows what it is good for, if the study has it.
+/// The default fault: if the study has it, one whose reaction shows the benefit of the diagnosis.
 fn usual_fault(study: &Study) -> String {
     let shows = |fault: &&FaultCase| fault.id.ends_with("sensor_ram.bias_positive");
     let fault = study.faults.iter().find(shows).or(study.faults.first());
     fault.map_or_else(|| "none".into(), |fault| format!("{}=0.7", fault.id))
 }
 
-/// A fault that begins, as it was named.
+/// A fault with its onset, as the user named it.
 struct Begins {
     name: String,
     onset_s: f64,
     fault: FaultAt,
 }
 
-/// The faults of a flight, the one first that begins first.
+/// The faults of a flight in the order of their onsets.
 fn faults(options: &Options, study: &Study) -> Result<Vec<Begins>, Failure> {
     let named = match options.fault.as_slice() {
         [] => vec![usual_fault(study)],
@@ -101,7 +101,7 @@ fn faults(options: &Options, study: &Study) -> Result<Vec<Begins>, Failure> {
     Ok(faults)
 }
 
-/// The head of the figure: the faults, and when they begin.
+/// The title of the figure: the faults and their onsets.
 fn title(faults: &[Begins]) -> String {
     let words = |Begins { name, onset_s, .. }: &Begins| {
         let (name, intensity) = name.split_once('=').unwrap_or((name, "1"));
@@ -113,7 +113,7 @@ fn title(faults: &[Begins]) -> String {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
@@ -164,7 +164,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// The diagnoser of a setting, learned if there is none.
+/// The diagnoser of a setting, trained if it does not exist.
 fn diagnoser(
     options: &StudyOptions,
     folder: &Folder,
@@ -188,18 +188,18 @@ fn diagnoser(
     Ok(Arc::new(learned?.0))
 }
 
-/// What is kept of the plant beside its sensors, with names and units.
+/// Quantities of the plant to record apart from its sensors, with names and units.
 struct Kept {
     slots: Vec<Slot>,
     names: Vec<String>,
     units: Vec<Unit>,
-    /// Which of them follows the command.
+    /// The index of the quantity that follows the command.
     following: Option<usize>,
 }
 
 impl Kept {
-    /// What follows the command (the angle of a surface, or the place of a piston), the load on it, and what
-    /// the rods carry.
+    /// Selects the quantity that follows the command (a surface angle or a piston position), the load on it, and the
+    /// forces in the rods.
     fn of(study: &Study) -> Self {
         let follows = match study.system.network().inputs[study.command_input].unit {
             Unit::Radian => ".angle_rad",
@@ -230,19 +230,19 @@ struct Flown<'f> {
 }
 
 impl Flown<'_> {
-    /// The unit of the command and of what follows it.
+    /// The unit of the command and of the quantity that follows it.
     fn unit(&self) -> Unit {
         self.study.system.network().inputs[self.study.command_input].unit
     }
 
-    /// What follows the command less the command, SI.
+    /// The quantity that follows the command minus the command, SI.
     fn tracking_error(&self, record: &Record) -> Option<Vec<f64>> {
         let place = self.kept.following.filter(|&place| self.kept.units[place] == self.unit())?;
         let command = &record.inputs[self.study.command_input];
         Some(record.plant[place].iter().zip(command).map(|(is, wanted)| is - wanted).collect())
     }
 
-    /// What the rod of each unit carries, N; nothing where a unit has none.
+    /// The rod force of each actuator, N; `None` if one has no rod.
     fn rod_forces<'r>(&self, record: &'r Record) -> Option<Vec<&'r Vec<f64>>> {
         let of_unit = |unit: &String| {
             let own = format!("{unit}.");
@@ -252,8 +252,8 @@ impl Flown<'_> {
         self.study.units.iter().map(of_unit).collect()
     }
 
-    /// What the units push against each other, N: of two half the difference of what their rods carry, of more what
-    /// the one carries that is farthest from the mean of all, beyond it.
+    /// The force fight, N. For two actuators it is half the difference of their rod forces, for more the largest
+    /// deviation of a rod force from the mean.
     fn force_fight(&self, record: &Record) -> Option<Vec<f64>> {
         let forces = self.rod_forces(record)?;
         if let [first, second] = forces[..] {
@@ -347,7 +347,7 @@ impl Flown<'_> {
         TimeSeries { panels, marks: self.marks(), ..TimeSeries::new(title, "time / s") }
     }
 
-    /// The moments of a flight: every onset, the first detection after one, and every reaction.
+    /// The marks in the figure: every onset, the first detection after the first onset, and every reaction.
     fn marks(&self) -> Vec<Mark> {
         let mark = |at: f64, what: &str| Mark { at, name: format!("{what} {at:.2} s") };
         let mut marks: Vec<Mark> =
@@ -358,7 +358,7 @@ impl Flown<'_> {
         marks
     }
 
-    /// The largest residual of all sensors, in percent of scale.
+    /// The largest absolute residual of all sensors, in percent of scale.
     fn largest_residual(&self, record: &Record) -> Vec<f64> {
         let scales = self.diagnoser.scales();
         let of = |k: usize| {

@@ -1,4 +1,4 @@
-//! What the diagnosis said of a flight beside the truth: detected when, and whether actuator, action and component
+//! Compares the diagnosis of a flight with the truth: the time of detection, and whether actuator, action and component
 //! were right.
 
 use serde_json::{Value, json};
@@ -8,20 +8,20 @@ use servotwin_diagnosis::diagnoser::{Diagnoser, Finding};
 use servotwin_model::program::FaultAt;
 use servotwin_report::words::spoken;
 
-/// A fault that was flown, with what the study expects of a diagnosis.
+/// A simulated fault, with the answer that the study expects.
 pub struct Truth {
     /// The fault's full name.
     pub name: String,
-    /// When it begins, s.
+    /// The onset, s.
     pub onset_s: f64,
-    /// The actuator; empty where a study has one without a name.
+    /// The name of the actuator; empty if the study has one without a name.
     pub actuator: String,
     /// The action and the component; `None` for a fault that the study does not list.
     pub expected: Option<(String, String)>,
 }
 
 impl Truth {
-    /// The truth of a fault that begins.
+    /// The truth about a fault and its onset.
     pub fn of(study: &Study, fault: FaultAt, onset_s: f64) -> Self {
         let instance = &study.system.network().components[fault.component];
         let name =
@@ -62,7 +62,7 @@ impl Said {
     }
 }
 
-/// The first time, from a moment on, at which the diagnosis said that something is wrong, s.
+/// The first time from `since_s` on at which the diagnosis reported a fault, s.
 pub fn detected(record: &Record, since_s: f64) -> Option<f64> {
     let says_fault = |finding: Finding| {
         !matches!(
@@ -77,7 +77,7 @@ pub fn detected(record: &Record, since_s: f64) -> Option<f64> {
         .map(|(t, _)| t)
 }
 
-/// A fault beside the first action that was raised for it.
+/// A fault and the first action raised for it.
 pub struct Judged<'t> {
     truth: &'t Truth,
     detected_s: Option<f64>,
@@ -85,7 +85,7 @@ pub struct Judged<'t> {
 }
 
 impl<'t> Judged<'t> {
-    /// Of one fault: the first action from its onset on for its actuator, or for any where there is none.
+    /// Pairs a fault with the first action after its onset for its actuator, or for any actuator if there is none.
     fn of(truth: &'t Truth, record: &Record, diagnoser: &Diagnoser) -> Self {
         let later = || {
             let later = record.actions.iter().filter(|action| action.time_s >= truth.onset_s);
@@ -95,7 +95,7 @@ impl<'t> Judged<'t> {
         Judged { truth, detected_s: detected(record, truth.onset_s), said }
     }
 
-    /// Whether actuator, action and component were right; `None` where nothing was said, or nothing is expected.
+    /// Whether actuator, action and component were right; `None` if there was no answer or none is expected.
     fn right(&self) -> [Option<bool>; 3] {
         let Some(said) = &self.said else { return [None; 3] };
         let expected = self.truth.expected.as_ref();
@@ -160,17 +160,17 @@ impl<'t> Judged<'t> {
     }
 }
 
-/// All faults of a flight beside what was said.
+/// All faults of a flight with the answers to them.
 pub struct Verdict<'t> {
     judged: Vec<Judged<'t>>,
-    /// Actions before any fault began.
+    /// The number of actions before the first onset.
     false_alarms: usize,
-    /// Actuators that were switched off while others were not.
+    /// Actuators that were switched off; empty in a study of one actuator.
     dragged: Vec<String>,
 }
 
 impl<'t> Verdict<'t> {
-    /// Judges what was said of a flight with these faults.
+    /// Judges the answers in a flight with these faults.
     pub fn of(truths: &'t [Truth], record: &Record, diagnoser: &Diagnoser) -> Self {
         let first_s = truths.iter().map(|truth| truth.onset_s).fold(f64::INFINITY, f64::min);
         let before = record.actions.iter().filter(|action| action.time_s < first_s);
@@ -198,7 +198,7 @@ impl<'t> Verdict<'t> {
         text
     }
 
-    /// Why a reaction raises the force fight, where it does.
+    /// Explains why a reaction raises the force fight, if it does.
     pub fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> String {
         let is_raised = with.zip(without).is_some_and(|(with, without)| with > without);
         let [first, ..] = &self.dragged[..] else { return String::new() };
@@ -212,7 +212,7 @@ impl<'t> Verdict<'t> {
         )
     }
 
-    /// The same for programs.
+    /// The verdict as JSON.
     pub fn json(&self) -> Value {
         json!({
             "faults": self.judged.iter().map(Judged::json).collect::<Vec<_>>(),

@@ -1,4 +1,4 @@
-//! `servotwin history`: the flights of one tail number, and how wear goes on.
+//! `servotwin history`: follows wear over the flights of one tail number.
 
 use super::fit::{chosen_faults, read_study, tell};
 use super::log_folder::LogFolder;
@@ -79,7 +79,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         Paths::default()
             .read("the log", LogFolder::read(&self.folder).unwrap_or_default().paths)
@@ -93,7 +93,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if !(options.threshold > 0.0 && options.threshold <= 1.0) {
         let (option, given) = ("--threshold", options.threshold.to_string());
@@ -162,7 +162,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
 }
 
-/// What a diagnosis said of each flight; `None` of a log that is none. Without a diagnoser, nothing.
+/// The findings of a diagnosis, with `None` for an unusable log. Empty without a diagnoser.
 type AllTold = Vec<Option<ReplaySummary>>;
 
 fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Failure> {
@@ -178,7 +178,7 @@ fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Fa
     Ok(all)
 }
 
-/// A log as a record. A table that cannot be understood is none, as a table that shows nothing is none.
+/// Reads a log as a record. An unreadable table and one without a usable signal both count as unusable.
 fn record(
     path: &Path,
     name: &str,
@@ -187,7 +187,7 @@ fn record(
     study: &Study,
     global: Global,
 ) -> Result<Result<Record, RecordError>, Failure> {
-    // The log is named beside it.
+    // The caller names the log.
     let own = format!("{}: ", path.display());
     let other = |text: String| {
         let text = text.strip_prefix(&own).map_or(text.clone(), str::to_owned);
@@ -197,7 +197,7 @@ fn record(
         Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
         Err(Failure::Fit(FitError::Record { error, .. })) => Ok(Err(error)),
         Err(Failure::Table(TableError::Content { problem, .. })) => other(problem.to_string()),
-        // One file that cannot be read does not end the history of the others.
+        // An unreadable file does not end the history of the others.
         Err(Failure::Watch(WatchError::Source(error))) => other(error.to_string()),
         Err(Failure::Table(error)) => Ok(Err(RecordError::Column(error.to_string()))),
         Err(Failure::Map(lacking)) => {
@@ -207,17 +207,17 @@ fn record(
     }
 }
 
-/// What a track says of its threshold, where that is an alarm.
+/// The alarm sentence of a track, if it may reach its threshold.
 fn alarm(track: &Track, options: &Options) -> Option<String> {
     let Some(trend) = &track.trend else {
-        // Too few flights for a trend are enough to see that it is reached.
+        // Without a trend, the last level alone may prove that the threshold is reached.
         let last = track.points.last()?;
         let is_reached = last.level - 1.96 * last.error >= options.threshold;
         return is_reached.then(|| format!("{} has reached {}", track.name, options.threshold));
     };
     let reached = trend.reaches(options.threshold);
     let earliest = reached.earliest.filter(|flights| *flights <= f64::from(options.within))?;
-    // An interval that is merely wide is no alarm: the wear must be seen to go on.
+    // A wide interval alone is no alarm. The wear must be growing significantly.
     let is_growing = trend.significance() > 3.0 || reached.expected == Some(0.0);
     is_growing.then(|| match reached.expected {
         Some(0.0) => format!("{} has reached {}", track.name, options.threshold),
@@ -230,7 +230,7 @@ fn alarm(track: &Track, options: &Options) -> Option<String> {
     })
 }
 
-/// The intensity of a track in a flight, and its standard error.
+/// The intensity of a track in a flight, with its standard error.
 fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
     let point = track.points.iter().find(|point| point.at == flight as f64)?;
     Some((point.level, point.error))
@@ -238,7 +238,7 @@ fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
 
 fn verdict(flight: &Flight, problem: &Fit) -> String {
     match &flight.fitted {
-        // The log's name stands beside it.
+        // The caller names the log.
         Err(FitError::Record { error, .. }) => format!("{error}"),
         Err(error) => format!("{error}"),
         Ok(fitted) => match fitted.findings.first() {
@@ -248,7 +248,7 @@ fn verdict(flight: &Flight, problem: &Fit) -> String {
     }
 }
 
-/// When a trend reaches a threshold, as a clause.
+/// Describes in a clause when a trend reaches a threshold.
 fn when(trend: &Trend, threshold: f64) -> String {
     let reached = trend.reaches(threshold);
     let flights = |value: f64| number(value.round(), 4);
@@ -289,7 +289,7 @@ fn sentence(track: &Track, threshold: f64) -> String {
     )
 }
 
-/// A fall of an intensity, as a sentence.
+/// Describes a drop in intensity in a sentence.
 fn repaired(repair: &Repair, track: &Track, history: &History) -> String {
     let place = repair.at as usize;
     let log = history.flights.get(place).map_or("", |flight| &flight.name);
@@ -353,7 +353,7 @@ fn people(
     text
 }
 
-/// What was said most of a flight, and since when.
+/// The most severe finding of a flight, and when it began.
 fn words(told: &ReplaySummary) -> String {
     let said = told.finding.words();
     if told.finding.state == State::Healthy { said } else { format!("{said}, {:.1} s", told.at_s) }
@@ -471,7 +471,7 @@ fn as_table(
     Ok(Table::from_columns(columns)?)
 }
 
-/// Most parameters that are drawn.
+/// The maximum number of parameters drawn.
 const DRAWN: usize = 6;
 
 fn figure(
@@ -497,14 +497,14 @@ fn figure(
         let name = problem.unknowns[unknown].name.clone();
         parameters = parameters.with(Series::new(name, x, y).marked());
     }
-    // One flight is no course.
+    // A single flight shows no history of the parameters.
     match parameters.series.iter().all(|series| series.x.len() < 2) {
         true => figure,
         false => figure.with(parameters.with_band(Band::constant("tolerance", -3.0, 3.0))),
     }
 }
 
-/// What the diagnosis said of each flight, the graver the higher.
+/// The diagnosis of each flight as a height; a larger height is more severe.
 fn said(told: &[Option<ReplaySummary>]) -> Panel<'static> {
     let height = |told: &ReplaySummary| match (told.finding.phase, told.finding.state) {
         (Phase::Raised | Phase::Recovering, _) => Some(3.0),
@@ -527,7 +527,7 @@ fn said(told: &[Option<ReplaySummary>]) -> Panel<'static> {
     panel
 }
 
-/// The parameters that drift, or those that are known best.
+/// The parameters that drift, or else those that the first healthy flight determines.
 fn drawn(history: &History, problem: &Fit) -> Vec<usize> {
     let drifting: Vec<usize> = history.drifts.iter().map(|drift| drift.unknown).collect();
     if !drifting.is_empty() {
@@ -539,7 +539,7 @@ fn drawn(history: &History, problem: &Fit) -> Vec<usize> {
     (0..problem.unknowns.len()).filter(known).take(DRAWN).collect()
 }
 
-/// Intensities, the trend as it was known after each flight, and where it goes.
+/// Draws the intensities, the trend after each flight, and its extrapolation.
 fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
     let measured = |of: fn(&servotwin::fit::trend::Point) -> f64| -> Vec<f64> {
         track.points.iter().map(of).collect()
@@ -550,7 +550,7 @@ fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
     let mut end = last_flight;
     if let Some(trend) = &track.trend {
         let reached = trend.reaches(threshold);
-        // The crossing that is told is shown, however far it is.
+        // The reported crossing is always in view.
         let far = (3.0 * last_flight).max(1.1 * reached.expected.unwrap_or(0.0));
         let latest = reached.latest.or(reached.expected).unwrap_or(0.3 * last_flight);
         end = last_flight + latest.max(0.1 * last_flight).min(far);

@@ -1,4 +1,4 @@
-//! `servotwin init`: a system and a study to begin with.
+//! `servotwin init`: writes a system and a study to start from.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -29,14 +29,14 @@ fn likes() -> impl TypedValueParser<Value = Like> {
     })
 }
 
-/// How to get what was not written.
+/// Lists the options for the other templates.
 fn others(like: Like) -> String {
     let others = Like::ALL.into_iter().filter(|other| *other != like);
     let told = |other: Like| format!("; --like {} writes {} instead", other.name(), other.words());
     others.map(told).collect()
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let like = options.like.unwrap_or_else(|| Like::of_name(&options.name));
     let template = Template::new(&options.name, like)

@@ -1,4 +1,4 @@
-//! The logs of a folder: its regular files that are tables by their extension.
+//! Finds the logs in a folder: regular files with the extension of a table.
 
 use crate::failure::Failure;
 use servotwin::files::FileError;
@@ -6,17 +6,17 @@ use servotwin_watch::intake;
 use std::fs::FileType;
 use std::path::{Path, PathBuf};
 
-/// The logs of a folder by their names, and what has the name of one and is no regular file.
+/// The logs of a folder in the order of their names, and entries with such a name that are not regular files.
 #[derive(Default)]
 pub struct LogFolder {
-    /// The logs.
+    /// The paths of the logs.
     pub paths: Vec<PathBuf>,
-    /// The others: the name, and what stands there instead.
+    /// The skipped entries, each with its name and its kind.
     pub skipped: Vec<(String, &'static str)>,
 }
 
 impl LogFolder {
-    /// Looks at the entries of a folder; links are followed.
+    /// Lists the entries of a folder, following links.
     ///
     /// # Errors
     /// The folder cannot be listed, or has no log.

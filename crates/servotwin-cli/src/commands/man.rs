@@ -12,7 +12,7 @@ pub struct Options {
     command: Option<String>,
 }
 
-/// The page.
+/// Returns the page.
 pub fn run(options: &Options) -> Result<String, Failure> {
     let mut cli = Cli::command();
     cli.build();

@@ -1,4 +1,4 @@
-//! `servotwin merge`: the shards of a campaign's parts joined to data sets.
+//! `servotwin merge`: joins the shards from a campaign's parts into data sets.
 
 use super::campaign::{campaign, chosen, describe, named};
 use crate::failure::Failure;
@@ -29,7 +29,7 @@ pub struct Options {
     parts: Option<NonZeroUsize>,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let (study, _hold) = folder.open()?;
@@ -61,7 +61,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// The campaigns of the folder, in the order in which parts count their bundles.
+/// The campaigns of the folder, in the order in which parts number their bundles.
 fn campaigns<'s>(
     options: &Options,
     study: &'s Study,

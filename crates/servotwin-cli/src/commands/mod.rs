@@ -1,4 +1,4 @@
-//! One file per command, and what they share.
+//! One file for each command, and their shared code.
 
 pub mod band;
 pub mod cache;
@@ -123,7 +123,7 @@ impl StudyOptions {
         })
     }
 
-    /// Makes the folder ready for the study; what is removed there is told.
+    /// Prepares the folder for the study, and reports removed results.
     fn keep(&self, study: &Study, global: Global) -> Result<Hold, Failure> {
         let Kept { hold, dropped } = Folder::new(&self.out).keep_study(study, self.replace)?;
         if dropped > 0 {
@@ -188,13 +188,13 @@ pub struct TableOptions {
     test: Option<PathBuf>,
 }
 
-/// A number of threads from the command line.
+/// Parses a number of threads from the command line.
 fn threads(text: &str) -> Result<usize, String> {
     let threads = text.parse::<NonZeroUsize>();
     threads.map(NonZeroUsize::get).map_err(|_| "a number of threads is 1 or more".into())
 }
 
-/// Weights of classes from the command line.
+/// Parses class weights from the command line.
 fn class_weights(text: &str) -> Result<ClassWeights, String> {
     if text == "balanced" {
         return Ok(ClassWeights::Balanced);
@@ -230,7 +230,7 @@ impl TableOptions {
         }
     }
 
-    /// Whether anything is said of what to learn and to hold out, other than the group.
+    /// Whether any option for tables is given, other than `--group`, `--folds` and `--seed`.
     fn is_given(&self) -> bool {
         let lists = [&self.features, &self.ignore, &self.categorical];
         let texts = [&self.label, &self.split_column, &self.test_value];
@@ -242,7 +242,7 @@ impl TableOptions {
             || self.test.is_some()
     }
 
-    /// Whether anything can be held out as it is asked for.
+    /// Checks that the options can hold rows out.
     fn check(&self) -> Result<(), Failure> {
         let wrong = |option, given, range: &'static str| Failure::OutOfRange {
             option,
@@ -260,7 +260,7 @@ impl TableOptions {
         }
     }
 
-    /// How the rows of the classes weigh, in words.
+    /// Describes the class weights.
     fn weights_in_words(&self) -> String {
         match &self.class_weights {
             None | Some(ClassWeights::Equal) => "every row the same".into(),
@@ -272,7 +272,7 @@ impl TableOptions {
         }
     }
 
-    /// How rows are held out, in words.
+    /// Describes how rows are held out.
     fn held_out(&self) -> String {
         let together = match &self.group {
             Some(group) => format!(", rows of one {group} together"),
@@ -296,14 +296,14 @@ impl TableOptions {
         how + &together
     }
 
-    /// Reads the table and that to test with, and makes them ready; notes go to standard error.
+    /// Reads the table and the optional test table, and prepares them; notes go to standard error.
     fn prepare(&self, input: &Path, label: &str, global: Global) -> Result<Prepared, Failure> {
         self.check()?;
         let selection = self.selection(label);
         let others = [&self.group, &self.split_column];
         let mixed = others.into_iter().flatten().chain(&self.categorical);
         let mixed: Vec<&str> = std::iter::once(label).chain(mixed.map(String::as_str)).collect();
-        // Where the features are named, nothing else is looked at.
+        // With named features, no other column is needed.
         let named = &self.features;
         let is_wanted = |name: &str| {
             let is_other = || mixed.contains(&name) || self.ignore.iter().any(|i| i == name);
@@ -322,12 +322,12 @@ impl TableOptions {
     }
 }
 
-/// Reads a table; how it was read is noted where that is not plain.
+/// Reads a table, and notes an unusual dialect and left-out columns.
 fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Failure> {
     read_wanted(path, mixed, &|_| true, global)
 }
 
-/// As [`read_table`], with some columns; the others of a Parquet file are not decoded.
+/// Like [`read_table`], for some columns. Other columns of a Parquet file are not decoded.
 fn read_wanted(
     path: &Path,
     mixed: &[&str],
@@ -347,7 +347,7 @@ fn read_wanted(
 /// Whether a model reads a column, or an option names it.
 fn is_read<'o>(model: &'o TableModel, named: &'o [&str]) -> impl Fn(&str) -> bool + 'o {
     let read = model.columns_read();
-    // Without any column it would not be known how many rows there are.
+    // A table without any column would lose its number of rows.
     let all = read.is_empty();
     move |column| all || column == model.label || read.contains(column) || named.contains(&column)
 }
@@ -372,8 +372,8 @@ impl SpanOptions {
     }
 }
 
-/// Reads a part of a log as a table of times, inputs and sensors in SI, as a map says which column is which; without one,
-/// by their names. What was wrong with it is noted.
+/// Reads a part of a log as a table of times, inputs and sensors in SI. A map assigns the columns; without a map, their
+/// names do. Irregularities of the log are noted.
 fn read_log(
     path: &Path,
     map: Option<&Map>,
@@ -406,8 +406,8 @@ fn read_log(
     Ok(whole.table)
 }
 
-/// What is wrong with a table that is to be as a study file or a model says; a bad number of it says itself where it
-/// stands.
+/// The failure for a table that contradicts a study file or a model. An error about a non-finite number already names
+/// its place.
 fn not_as(path: &Path, rule: &Path, error: EvaluationError) -> Failure {
     match error {
         EvaluationError::Table(table::TableError::NotFinite { .. }) => error.into(),
@@ -415,8 +415,8 @@ fn not_as(path: &Path, rule: &Path, error: EvaluationError) -> Failure {
     }
 }
 
-/// The same of a table and a model, where a column is missing or of another kind; what else may be wrong is not the
-/// table's fault.
+/// The failure for a table that lacks a column of a model or has it with another kind. Other errors are not the table's
+/// fault.
 fn not_as_model(path: &Path, model: &Path, error: EvaluationError) -> Failure {
     use table::TableError::{UnknownColumn, WrongKind};
     match error {
@@ -427,15 +427,15 @@ fn not_as_model(path: &Path, model: &Path, error: EvaluationError) -> Failure {
     }
 }
 
-/// Writes a note to standard error, unless nothing but results is wanted.
+/// Writes a note to standard error, unless `--quiet` is set.
 fn note(global: Global, text: &str) {
     if !global.quiet {
-        // Nobody is left to tell where standard error is closed.
+        // If standard error is closed, there is no way to report that.
         let _ = writeln!(out::stderr(), "note: {text}");
     }
 }
 
-/// Writes warnings to standard error, unless nothing but results is wanted.
+/// Writes warnings to standard error, unless `--quiet` is set.
 fn warn(global: Global, warnings: &[String]) {
     if !global.quiet {
         for warning in warnings {

@@ -1,4 +1,4 @@
-//! `servotwin predict`: what a trained classifier says about rows without a class.
+//! `servotwin predict`: classifies rows without a known class.
 
 use super::{is_read, not_as_model, note, read_wanted, warn};
 use crate::Global;
@@ -33,14 +33,14 @@ pub struct Options {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let read = Paths::default().read("MODEL", [&self.model]).read("TABLE", [&self.table]);
         read.write("--out", Format::Table, &self.out)
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if let Some(limit) = options.abstain_below.filter(|limit| !(0.0..=1.0).contains(limit)) {
         let (option, range) = ("--abstain-below", "0 to 1");
@@ -85,7 +85,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// How often every class was predicted, and at the end how often none.
+/// Counts the predictions of every class, and finally the rows without an answer.
 fn counts<'a>(model: &'a TableModel, result: &Table) -> Result<Vec<(&'a str, usize)>, Failure> {
     let said = result.text("predicted")?;
     let count = |name: &str| said.iter().filter(|text| *text == name).count();

@@ -1,4 +1,4 @@
-//! What is being done, on a terminal; nothing in a pipe.
+//! Progress on a terminal; a pipe gets none.
 
 use crate::{Global, out};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -6,14 +6,14 @@ use servotwin::sanitize;
 use std::io::Write;
 use std::time::Duration;
 
-/// The length of the bar.
+/// The resolution of the progress bar.
 const PARTS: u64 = 1000;
 
-/// The stages of a long job, one line that changes.
+/// The progress of a long job in one line.
 pub struct Stages(ProgressBar);
 
 impl Stages {
-    /// Shows nothing if standard error is no terminal.
+    /// Starts the line, which stays hidden unless standard error is a terminal and `--quiet` is not set.
     pub fn new(global: Global) -> Self {
         if !is_shown(global) {
             return Stages(ProgressBar::hidden());
@@ -24,38 +24,38 @@ impl Stages {
         Stages(bar)
     }
 
-    /// What is being done now, and how much of all is done, from 0 to 1.
+    /// Shows the current task, and the share of all work that is done, from 0 to 1.
     pub fn show(&self, what: &str, share: f64) {
         self.0.set_message(sanitize::printable(what).into_owned());
         self.0.set_position((PARTS as f64 * share) as u64);
     }
 
-    /// Takes the line away.
+    /// Removes the line.
     pub fn end(&self) {
         self.0.finish_and_clear();
     }
 }
 
-/// Whether somebody looks at standard error and wants to know.
+/// Whether progress is shown: standard error is a terminal, and `--quiet` is not set.
 pub fn is_shown(global: Global) -> bool {
     !global.quiet && out::is_stderr_seen()
 }
 
-/// Remarks beside the result, on standard error.
+/// Remarks next to the result, on standard error.
 pub struct Notes {
     quiet: bool,
 }
 
 impl Notes {
-    /// Writes nothing if the user wants it quiet, or the result as JSON.
+    /// Writes remarks unless `--quiet` or `--json` is set.
     pub fn new(global: Global) -> Self {
         Notes { quiet: global.quiet || global.json }
     }
 
-    /// One remark.
+    /// Writes one remark.
     pub fn write(&self, text: &str) {
         if !self.quiet {
-            // Nobody is left to tell where standard error is closed.
+            // If standard error is closed, there is no way to report that.
             let _ = writeln!(out::stderr(), "{text}");
         }
     }

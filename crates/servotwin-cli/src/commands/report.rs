@@ -1,4 +1,4 @@
-//! `servotwin report`: what the other stages have found, or what a table holds, as one HTML file.
+//! `servotwin report`: writes the results of the other stages, or of a table, as one HTML file.
 
 use super::evaluate::{Judging, MODEL_OF_FOLDER, OfTable, judge, workers};
 use super::{TableOptions, warn};
@@ -36,7 +36,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         Paths::default()
             .read("INPUT", [&self.input])
@@ -46,7 +46,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let path = match options.input.is_dir() {
         true => folder(options)?,
@@ -97,12 +97,12 @@ fn of_table(options: &Options, global: Global) -> Result<PathBuf, Failure> {
     Ok(out.into())
 }
 
-/// The last part of a path, as reports call it.
+/// The last part of a path, which names the table or model in a report.
 fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// What a trained model makes of a table.
+/// The report of a trained model on a table.
 fn of_model(options: &Options, rule: &Path, global: Global) -> Result<String, Failure> {
     let OfTable { model, prepared, judged } =
         judge(&options.input, rule, options.table.group.as_deref(), global)?;
@@ -118,7 +118,7 @@ fn of_model(options: &Options, rule: &Path, global: Global) -> Result<String, Fa
     }))
 }
 
-/// All classifiers compared.
+/// The report that compares all classifiers on a table.
 fn of_classifiers(options: &Options, label: &str, global: Global) -> Result<String, Failure> {
     let prepared = options.table.prepare(&options.input, label, global)?;
     let hold_out = options.table.hold_out();

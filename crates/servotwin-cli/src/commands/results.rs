@@ -1,4 +1,4 @@
-//! `servotwin results`: the measured results of a study as one page.
+//! `servotwin results`: writes the measured results of a study on one page.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -19,7 +19,7 @@ pub struct Options {
     folder: PathBuf,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let study = folder.read_study()?;

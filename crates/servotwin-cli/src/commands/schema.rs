@@ -1,4 +1,4 @@
-//! `servotwin schema`: the JSON Schema of a file format, for editors.
+//! `servotwin schema`: writes the JSON Schema of a file format, for editors.
 
 use crate::render::json;
 use servotwin::schema;
@@ -19,7 +19,7 @@ enum Format {
     Study,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options) -> String {
     json(&match options.format {
         Format::System => schema::system(),

@@ -1,4 +1,4 @@
-//! `servotwin simulate`: one run of a system, healthy or with faults.
+//! `servotwin simulate`: simulates a system, healthy or with faults.
 
 use super::progress::is_shown;
 use super::{SystemOption, note};
@@ -106,7 +106,7 @@ fn levels() -> impl TypedValueParser<Value = Level> {
     })
 }
 
-/// Everything about a simulation before it starts.
+/// A simulation that is ready to start.
 struct Plan<'s> {
     system: &'s System,
     method: Method,
@@ -118,7 +118,7 @@ struct Plan<'s> {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let inputs = self.inputs.iter();
         let inputs = inputs.filter_map(|text| text.split_once('=')?.1.parse::<Signal>().ok());
@@ -132,7 +132,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = options.system.read()?;
     let plan = Plan::new(options, &system)?;
@@ -171,7 +171,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// Notes what a reader of the numbers must know.
+/// Notes caveats about the results.
 fn warn(global: Global, results: &SimulationResults) {
     if !results.runs.iter().all(RunResult::starts_at_steady_state) {
         let is_measured = results.runs.iter().any(RunResult::has_limit_cycle);
@@ -207,7 +207,7 @@ fn positive(
     Err(Failure::OutOfRange { option, given: text.into(), range: range.into() })
 }
 
-/// The simulation with the method and the steps that the options ask for.
+/// Applies the method and the step size from the options.
 fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulation<'s>, Failure> {
     let simulation = simulation.method(options.method);
     Ok(match (&options.step, &options.tolerance) {
@@ -228,13 +228,13 @@ fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulati
     })
 }
 
-/// The two sides of `name=value`.
+/// Splits `name=value`.
 fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), Failure> {
     let sides = text.split_once('=');
     sides.ok_or_else(|| Failure::NoEqualSign { option, given: text.into() })
 }
 
-/// The id and the number of `name=intensity`.
+/// Parses `name=intensity`.
 fn intensity(text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--fault", text)?;
     let intensity = Quantity::in_unit(value, Unit::None)
@@ -242,7 +242,7 @@ fn intensity(text: &str) -> Result<(String, f64), Failure> {
     Ok((id.to_owned(), intensity))
 }
 
-/// `name=intensity` of `name=intensity@time`, and the time, s.
+/// Splits `name=intensity@time` into `name=intensity` and the time, s.
 fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
     let Some((fault, at)) = text.rsplit_once('@') else { return Ok((text, None)) };
     let at_s = Quantity::in_unit(at, Unit::Second)
@@ -254,7 +254,7 @@ fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
     Ok((fault, Some(at_s)))
 }
 
-/// A fault from `name=intensity`.
+/// Parses a fault from `name=intensity`.
 pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     let (id, intensity) = intensity(text)?;
     let (component, fault) = system.find_fault(&id)?;
@@ -269,7 +269,7 @@ pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     Ok(FaultAt { component, fault, intensity })
 }
 
-/// The id and the SI value of `name=value` of a parameter.
+/// Parses `name=value` of a parameter into its id and SI value.
 fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--set", text)?;
     let (component, parameter) = system.find_parameter(id)?;
@@ -279,7 +279,7 @@ fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
     Ok((id.to_owned(), value))
 }
 
-/// A sweep from `name=a:b:n`.
+/// Parses a sweep from `name=from:to:count`.
 fn sweep(simulation: &Simulation, text: &str) -> Result<Sweep, Failure> {
     let (id, range) = split("--sweep", text)?;
     let unit = simulation.sweep(id, &[])?.unit;
@@ -322,7 +322,7 @@ fn signals(options: &Options) -> Result<Vec<(String, Signal)>, Failure> {
 }
 
 impl Options {
-    /// The option that gave a name: an input, a fault or a parameter.
+    /// The option that gave the name of an input, a fault or a parameter.
     fn option_of(&self, name: &str) -> String {
         let gives = |texts: &[String]| {
             texts.iter().any(|text| text.split_once('=').is_some_and(|(id, _)| id == name))
@@ -400,7 +400,7 @@ impl<'s> Plan<'s> {
         Ok(Plan { system, method: options.method, duration_s, period_s, signals, prepared })
     }
 
-    /// The inputs that were driven: (place, text of the signal, rms).
+    /// The driven inputs, as index, text of the signal, and rms.
     fn driven(&self) -> impl Iterator<Item = (usize, &str, f64)> {
         self.signals.iter().enumerate().filter_map(|(place, signal)| {
             let rms = self.prepared.base.curves[place].mean_square(0.0, self.duration_s).sqrt();
@@ -485,7 +485,7 @@ impl<'s> Plan<'s> {
     }
 }
 
-/// The recorded quantities of all runs with start, least, largest and last value.
+/// A table of the recorded quantities of all runs: initial, smallest, largest and final value.
 fn grid(results: &SimulationResults) -> String {
     let mut heads = vec![
         ("quantity", Side::Left),
@@ -539,7 +539,7 @@ fn add_run(to: &mut Value, recorded: &[Recorded], result: &RunResult) {
     to["outside_validity"] = outside.collect();
 }
 
-/// A recorded quantity in four numbers.
+/// The initial, smallest, largest and final value of a recorded quantity.
 struct Summary {
     start: f64,
     least: f64,
@@ -558,7 +558,7 @@ impl Summary {
     }
 }
 
-/// A bar on a terminal, nothing elsewhere.
+/// A progress bar on a terminal; hidden elsewhere.
 fn progress(samples: usize, global: Global) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();

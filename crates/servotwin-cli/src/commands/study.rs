@@ -1,4 +1,4 @@
-//! `servotwin study`: the main job, from nothing to a report.
+//! `servotwin study`: runs the main job, from the study file to the report.
 
 use super::campaign::{bar, describe, named};
 use super::progress::{Notes, Stages};
@@ -28,7 +28,7 @@ pub struct Options {
     fitted: bool,
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     let study = options.study.read(global)?;
@@ -65,7 +65,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 const MORE: &str = "This was the quick study; --full has longer records, more training commands, every protocol, and \
                     flights\n";
 
-/// What the user sees while a study runs.
+/// Shows the progress of a study to the user.
 struct Screen<'s> {
     global: Global,
     study: &'s Study,
@@ -74,10 +74,10 @@ struct Screen<'s> {
     state: Mutex<State>,
 }
 
-/// The stage that is shown.
+/// The current stage.
 struct State {
     begin: Instant,
-    /// Its number among all, in words.
+    /// The number of the stage among all, as text.
     number: String,
     rows: Option<ProgressBar>,
     stages: Option<Stages>,
@@ -96,12 +96,12 @@ impl<'s> Screen<'s> {
         }
     }
 
-    /// Writes the report of what is there so far, and shows its main figures.
+    /// Writes the report of the results so far, and shows their main figures.
     fn report(&self, results: &Results) {
         let path = self.folder.report();
         let note = match servotwin_report::write(&self.folder, self.study) {
             Ok(()) => format!("{}: {}", path.display(), summary::brief(results, self.study)),
-            // The last report ends the command with the same error, should it stay.
+            // A lasting error also fails the final report, which then ends the command.
             Err(error) => format!("no report yet: {error}"),
         };
         self.notes.write(&note);

@@ -1,4 +1,4 @@
-//! The end of the main job on a terminal: safety first, then what is right; settings side by side.
+//! The final summary of the main job on a terminal: safety first, then right answers; one column for each setting.
 
 use crate::render::{Grid, Side};
 use servotwin::evaluation::baseline::RandomThirds;
@@ -8,7 +8,7 @@ use servotwin_report::lines::{self, OF_PAPER, Who};
 use servotwin_report::vocabulary::{PAPER, Vocabulary};
 use servotwin_report::words::{of_count, percent};
 
-/// One table for trees and committee.
+/// A table with the rates of trees and committee.
 pub fn text(results: &Results, study: &Study) -> String {
     let settings = lines::settings(results);
     let mut heads = vec![("", Side::Left), ("by", Side::Left)];
@@ -27,7 +27,7 @@ pub fn text(results: &Results, study: &Study) -> String {
     held_out + &grid.text() + &seed_paper(results) + "Intervals and everything else: the report\n"
 }
 
-/// The main figures of the hardest scenario so far, in a line: two of safety, and what is right.
+/// The main figures of the hardest scenario so far in a line: up to two of safety, and one of right answers.
 pub fn brief(results: &Results, study: &Study) -> String {
     let settings = lines::settings(results);
     let Some(hardest) = settings.last() else { return String::new() };
@@ -43,7 +43,7 @@ pub fn brief(results: &Results, study: &Study) -> String {
 
 const BEST: &str = Who::Committee.title();
 
-/// The seed paper's own test, in a line apart.
+/// The result of the seed paper's own test, in a separate line.
 fn seed_paper(results: &Results) -> String {
     let ideal = results.of(Subject::Ideal).filter(|_| results.study == PAPER);
     let thirds = ideal.map_or(&[][..], |ideal| &ideal.evaluation.random_thirds);

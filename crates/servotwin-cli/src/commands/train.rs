@@ -1,4 +1,4 @@
-//! `servotwin train`: the hierarchies of a campaign, or a classifier from any table of features.
+//! `servotwin train`: trains the hierarchies of a campaign, or a classifier on any table of features.
 
 use super::evaluate::workers;
 use super::{TableOptions, warn};
@@ -47,7 +47,7 @@ pub struct Options {
     out: Option<PathBuf>,
 }
 
-/// A kind of classifier as a word of the command line.
+/// A kind of classifier, by its name on the command line.
 #[derive(Debug, Clone, Copy)]
 struct Choice(Kind);
 
@@ -71,7 +71,7 @@ impl ValueEnum for Choice {
 }
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let read = Paths::default().read("INPUT", [&self.input]).read("--test", &self.table.test);
         read.write("--out", Format::JSON, &self.out)
@@ -99,7 +99,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match (options.input.is_dir(), &options.table.label) {
         (true, None) => folder(&Folder::new(&options.input), global),
@@ -139,7 +139,7 @@ fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Fa
     let judged = prepared.validate(&settings, options.table.hold_out(), Workers::all())?;
     let kind = options.classifier.0;
     warn(global, &judged.warnings);
-    // A single tree is soon trained, so its warnings come without a model to write, too.
+    // A single tree trains quickly, so its warnings appear even if no model is written.
     if options.out.is_some() || kind == Kind::Cart {
         let model = prepared.train(&settings)?;
         warn(global, &prepared.hairline_warnings(&model));
@@ -167,10 +167,10 @@ pub fn join(result: &mut serde_json::Value, more: serde_json::Value) {
     }
 }
 
-/// At most so many groups are shown, the worst first.
+/// The maximum number of groups shown, the worst first.
 const GROUPS_SHOWN: usize = 20;
 
-/// A result for people.
+/// Describes a result for readers.
 pub fn people(judged: &Judged) -> String {
     let score = &judged.score;
     let percent =
@@ -202,7 +202,7 @@ pub fn people(judged: &Judged) -> String {
     ]);
     for (class, result) in judged.classes.iter().enumerate() {
         let others = score.confusion[class].iter().enumerate().filter(|(other, _)| *other != class);
-        // Of equally frequent ones the first.
+        // Among equally frequent classes, take the first.
         let worst = others.rev().max_by_key(|(_, count)| **count).filter(|(_, count)| **count > 0);
         let worst = worst.map(|(other, count)| format!("{} ({count})", score.classes[other]));
         grid.push(vec![

@@ -1,4 +1,4 @@
-//! `servotwin watch`: the twin and the diagnosis beside a log or a live stream.
+//! `servotwin watch`: runs the twin and the diagnosis on a log or a live stream.
 
 mod outputs;
 
@@ -101,7 +101,7 @@ pub struct Options {
 const CHECKPOINT_S: f64 = 60.0;
 
 impl Options {
-    /// The files that it reads and writes.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let log = match Address::parse(&self.source) {
             Ok(Address::File(path)) => Some(path),
@@ -123,7 +123,7 @@ impl Options {
     }
 }
 
-/// The text for standard output.
+/// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = match &options.study {
         Some(path) => Study::read(path)?,
@@ -164,7 +164,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     setup.conclude(watched, &needed, shortest_s)
 }
 
-/// The source, with the senders that it listens to.
+/// The source, restricted to the allowed senders.
 fn address(options: &Options) -> Result<Address, Failure> {
     let address = Address::parse(&options.source)?;
     if options.from.is_empty() || !address.is_live() {
@@ -178,7 +178,7 @@ fn address(options: &Options) -> Result<Address, Failure> {
     address.from_senders(allowed).ok_or(Failure::Options(none))
 }
 
-/// The part of a file that is read.
+/// The part of a file to read.
 fn span(options: &Options, address: &Address) -> Result<Span, Failure> {
     match (address.is_live(), options.from.len(), &options.to) {
         (true, _, None) => Ok(Span::default()),
@@ -193,7 +193,7 @@ fn span(options: &Options, address: &Address) -> Result<Span, Failure> {
     }
 }
 
-/// When a live source counts as silent, and how often the watch says that it lives.
+/// The time until a live source counts as silent, and the interval of heartbeats.
 fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> {
     let usual = WatchdogRules::default().no_data_after;
     let ten_periods = Duration::try_from_secs_f64(10.0 * period_s).unwrap_or(usual);
@@ -205,7 +205,7 @@ fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> 
     Ok(WatchdogRules { no_data_after, heartbeat: Some(heartbeat).filter(|every| !every.is_zero()) })
 }
 
-/// A time option in seconds, from a least one on.
+/// The value of a time option, s, with a minimum of `least_s`.
 fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failure> {
     let value =
         Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
@@ -218,7 +218,7 @@ fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failur
     }
 }
 
-/// All that a watch needs beside its source and its observer.
+/// The settings of a watch, apart from its source and its observer.
 struct Setup<'s> {
     options: &'s Options,
     study: &'s Study,
@@ -233,14 +233,14 @@ struct Watched {
     end: End,
     totals: Totals,
     doubts: Vec<String>,
-    /// The states that are no judgment, in the order they came.
+    /// The states without a judgment, in the order of their first appearance.
     unjudged: Vec<State>,
-    /// The lines for people.
+    /// The lines for readers.
     text: String,
 }
 
 impl Setup<'_> {
-    /// Watches until the source ends or Ctrl-C, and ends all outputs.
+    /// Watches until the source ends or Ctrl-C, and then ends all outputs.
     fn watch(
         &self,
         source: &mut dyn Source,
@@ -270,7 +270,7 @@ impl Setup<'_> {
         watch.sink(shown);
         watch.sink(threads);
         let end = thread::scope(|scope| {
-            // A log is mostly read before a compiler would be done.
+            // A log is usually read to its end before a compiler would finish.
             if address.is_live() {
                 scope.spawn(|| system.compiled.steps_for_live(&system.program));
             }
@@ -291,7 +291,7 @@ impl Setup<'_> {
         Ok(Watched { end, totals, doubts, unjudged, text })
     }
 
-    /// The text for standard output, or why the run counts as failed.
+    /// Returns the text for standard output, or the reason why the run failed.
     fn conclude(
         &self,
         watched: Watched,
@@ -300,7 +300,7 @@ impl Setup<'_> {
     ) -> Result<String, Failure> {
         let Setup { options, address, map, global, .. } = *self;
         let Watched { end, totals, doubts, unjudged, text } = watched;
-        // Ctrl-C is how a stream is left, but not how a file is done.
+        // Ctrl-C is the normal end of a stream, but leaves a file unfinished.
         if end == End::Stopped && !address.is_live() {
             return Err(Failure::Stopped);
         }
@@ -331,13 +331,13 @@ impl Setup<'_> {
     }
 }
 
-/// That a log has no column for sensors that the diagnoser reads.
+/// Reports sensors of the diagnoser that have no column in the log.
 fn unmeasured(map: &Map, needed: &[&str]) -> Option<String> {
     let without: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
     (!without.is_empty()).then(|| format!("the log has no {}", without.join(", ")))
 }
 
-/// Why nothing was judged of a log that has all columns, in its units and often enough.
+/// Explains why no sample was judged in a log that has all columns, the right units and a sufficient rate.
 fn gaps(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String {
     let samples = counts.samples;
     let missing = |channel: usize| counts.missing[channel];
@@ -353,7 +353,7 @@ fn gaps(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String 
     }
 }
 
-/// For each input of the system between which values the diagnoser believes it.
+/// The range of each input of the system that the diagnoser accepts.
 fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
     let known = |id: &str| diagnoser.environment.inputs.iter().find(|input| input.name == id);
     let inputs = system.network().inputs.iter().map(|input| known(&input.id));
@@ -361,7 +361,7 @@ fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
     inputs.map(|input| range(input).unwrap_or((f64::NEG_INFINITY, f64::INFINITY))).collect()
 }
 
-/// Why nothing came of a log that was read to its end.
+/// Explains why a log gave no sample to judge.
 fn nothing(address: &Address, counts: &Counts) -> Failure {
     let timeless = counts.of(Kind::NoTime);
     let reason = match counts.frames {
@@ -380,7 +380,7 @@ fn nothing(address: &Address, counts: &Counts) -> Failure {
     Failure::NoSample { log: address.to_string(), reason }
 }
 
-/// Twin and diagnosis, with the period of their samples, s.
+/// Builds the twin and the diagnosis, and returns them with their sample period, s.
 fn observer<'s>(
     options: &Options,
     study: &'s Study,
@@ -413,12 +413,12 @@ fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
     sensors.map(|sensor| sensor.id.as_str()).collect()
 }
 
-/// The diagnoser where none is named.
+/// The path of the default diagnoser.
 fn usual_diagnoser() -> PathBuf {
     Folder::new("out").diagnoser(Setting::Realistic)
 }
 
-/// The diagnoser of a file, or the one of the output folder, with a band of its own where one is named.
+/// Reads a diagnoser from a file or from the default output folder, and replaces its band if one is named.
 pub fn read_diagnoser(model: Option<&Path>, band: Option<&Path>) -> Result<Diagnoser, Failure> {
     let diagnoser = match model {
         Some(path) => model_file::read_diagnoser(path)?,
@@ -430,7 +430,7 @@ pub fn read_diagnoser(model: Option<&Path>, band: Option<&Path>) -> Result<Diagn
     Ok(band.put_into(diagnoser).map_err(corrupt)?)
 }
 
-/// The map that is given, or one by the names of the columns.
+/// Reads the given map, or makes one from the names of the columns.
 fn map(
     options: &Options,
     address: &Address,
@@ -461,8 +461,8 @@ fn map(
     Ok(map)
 }
 
-/// Whether the log, or the map, says what the study's command is. A twin that stands still beside an actuator that moves
-/// tells faults that are none.
+/// Checks that the log or the map provides the study's command. Without it, the twin would stand still next to a moving
+/// actuator, and the diagnosis would report false faults.
 fn commanded(map: &Map, address: &Address, study: &Study) -> Result<(), Failure> {
     let command = study.command_input;
     if !map.is_default(command) {
@@ -483,7 +483,7 @@ fn commanded(map: &Map, address: &Address, study: &Study) -> Result<(), Failure>
     Err(Failure::NoSample { log: address.to_string(), reason })
 }
 
-/// The columns of a file that a map does not read, as the part of a sentence.
+/// Names the columns of a file that the map does not read, as part of a sentence.
 fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
     let columns = address.columns()?;
     let names = columns.iter().map(|column| column.name.as_str());
@@ -495,7 +495,7 @@ fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
     })
 }
 
-/// That a log has no sensor of the study: nothing of it could be judged.
+/// The failure for a log without any sensor of the study.
 fn foreign(options: &Options, address: &Address, study: &Study, columns: &[LogColumn]) -> Failure {
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
     let names = sanitize::list(&names);
@@ -510,7 +510,7 @@ fn foreign(options: &Options, address: &Address, study: &Study, columns: &[LogCo
     Failure::NoSample { log: address.to_string(), reason }
 }
 
-/// Says what is uncertain in a map.
+/// Warns about uncertain entries of a map.
 fn told(guess: &Guess, global: Global) {
     let list = |names: &[String]| names.join(", ");
     let mut warnings = vec![];
@@ -560,7 +560,8 @@ fn make_map(
     let guess = guess(&columns, study, Trust::Likely);
     let found = system.sensors.len() - guess.sensors.len();
     if found == 0 {
-        // Of a study that was named the map may be filled in by hand; of another it would be of no use.
+        // With a named study, the user can fill the map in by hand. The default study may be the wrong one, so its
+        // map would be useless.
         if options.study.is_none() {
             return Err(foreign(options, address, study, &columns));
         }

@@ -1,4 +1,4 @@
-//! What carries the result: new commands with parts taken away.
+//! Ablation: the diagnosis on new commands with parts taken away.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::{NONE, share, spoken, stacked};
@@ -6,7 +6,7 @@ use crate::{Material, Section};
 use servotwin::campaign::data_features;
 use servotwin_diagnosis::features::{self, Family};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Ablation;
 
 impl Section for Ablation {
@@ -41,7 +41,7 @@ impl Section for Ablation {
             }
             let mut grid = Grid::new(heads);
             for row in &result.evaluation.ablation {
-                // Without a feature of one unit alone, only A can be asked.
+                // Without features of individual actuators, only stage A can be asked.
                 let asked = row.command.is_some_and(|rate| rate.count > 0);
                 let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
                 let mut cells = vec![words.adapted(&row.title), row.features.to_string()];

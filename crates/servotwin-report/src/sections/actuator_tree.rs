@@ -1,4 +1,4 @@
-//! The tree that finds the failed unit (figure 9 of the seed paper), and the others, of every setting.
+//! The tree that finds the failed actuator (figure 9 of the seed paper), and the other trees of every setting.
 
 use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
@@ -8,7 +8,7 @@ use servotwin::campaign::data_features;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct ActuatorTree;
 
 impl Section for ActuatorTree {

@@ -1,4 +1,4 @@
-//! Which faults are taken for which others.
+//! Faults that the diagnosis confuses with each other.
 
 use crate::lines;
 use crate::page::{Grid, Page, Side};
@@ -6,10 +6,10 @@ use crate::words::{percent, spoken};
 use crate::{Material, Section, hardest_first};
 use servotwin::job::results::SubjectResult;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Ambiguity;
 
-/// Pairs that are shown of each subject.
+/// The maximum number of pairs shown for each subject.
 const SHOWN: usize = 20;
 
 impl Section for Ambiguity {
@@ -63,7 +63,7 @@ impl Section for Ambiguity {
     }
 }
 
-/// Which of so many confusions are shown.
+/// Describes which of the confusions are shown.
 fn most_frequent(pairs: usize) -> String {
     match pairs {
         1 => "The only confusion".into(),

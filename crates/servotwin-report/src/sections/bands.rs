@@ -1,4 +1,4 @@
-//! The bands that healthy residuals stay in: learned sensor by sensor, beside a fixed one of 3 %.
+//! The bands of healthy residuals: learned for each sensor, compared with a fixed one of 3 %.
 
 use crate::lines::{self, Measure, Who};
 use crate::looks;
@@ -14,7 +14,7 @@ use servotwin_diagnosis::residual::BAND;
 use servotwin_plot::Figure;
 use servotwin_plot::bars::{Bar, Bars};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Bands;
 
 impl Section for Bands {
@@ -75,7 +75,7 @@ impl Section for Bands {
     }
 }
 
-/// That more healthy specimens leave the bands than was promised, where the interval shows it.
+/// Reports that more healthy specimens leave the bands than promised, if the interval proves it.
 pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
     lines::learned(result)?;
     let alarms = result.evaluation.false_alarms.as_ref()?.alarms;
@@ -93,7 +93,7 @@ pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
     })
 }
 
-/// The label of a sensor in the system file.
+/// The label of a sensor in the system file, or its name.
 pub(super) fn label(study: &Study, sensor: &str) -> String {
     let place = study.sensors.0.iter().position(|known| known.name == sensor);
     let known = place.and_then(|place| study.measured.get(place));
@@ -135,7 +135,7 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
     grid
 }
 
-/// Detection and false alarms with either band.
+/// Detection and false alarms with both bands.
 fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
     let mut grid = Grid::new([
         ("setting", Side::Left),
@@ -162,7 +162,7 @@ fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
     grid
 }
 
-/// The diagnosis on new commands with either band.
+/// The diagnosis on new commands with both bands.
 fn compared(results: &[(&SubjectResult, &[Band])], words: &Vocabulary, page: &mut Page) {
     let measures: Vec<Measure> =
         lines::safety(words).into_iter().chain(lines::right(words)).collect();

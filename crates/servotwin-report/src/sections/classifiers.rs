@@ -1,4 +1,4 @@
-//! All classifiers by the same protocol.
+//! All classifiers, compared under the same protocol.
 
 use crate::page::Page;
 use crate::{Material, Section, looks};
@@ -8,7 +8,7 @@ use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::bars::{Bar, Bars};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Classifiers;
 
 impl Section for Classifiers {
@@ -29,7 +29,7 @@ impl Section for Classifiers {
             let words = material.words();
             for (stage, question) in [("A", Question::Actuator), ("B", Question::Action)] {
                 let asks = words.question(question);
-                // One unit alone is not asked for.
+                // With one actuator there is no actuator stage.
                 if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {
                     continue;
                 }
@@ -68,7 +68,7 @@ fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
         figure = figure.with(title, vec![bar(Protocol::RandomThird), bar(Protocol::Grouped)]);
     }
     figure.digits = 2;
-    // Bars that all begin at zero would look alike.
+    // Bars from zero would all look the same.
     figure.range = Some(((least / 10.0).floor() * 10.0, 100.0));
     figure.draw()
 }

@@ -1,4 +1,4 @@
-//! The commands on which the diagnosis is judged (figure 7 of the seed paper).
+//! The commands on which the diagnosis is evaluated (figure 7 of the seed paper).
 
 use super::commands_curve::in_words;
 use crate::page::{Grid, Page, Side};
@@ -7,10 +7,10 @@ use servotwin::shown::Shown;
 use servotwin_plot::Meaning;
 use servotwin_plot::time_series::{Panel, Series, TimeSeries};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Commands;
 
-/// Seconds that a figure shows: the whole run would be a black band.
+/// The seconds that a figure shows. A whole run would look like a solid band.
 const SHOWN_S: f64 = 30.0;
 
 impl Section for Commands {
@@ -28,7 +28,7 @@ impl Section for Commands {
         let end = study.duration_s.min(SHOWN_S);
         let count = (end / study.sample_period_s) as usize;
         let time: Vec<f64> = (0..=count).map(|k| k as f64 * study.sample_period_s).collect();
-        // A degree alone is a mark that nobody reads.
+        // A degree sign alone is easy to overlook.
         let label = match read.symbol() {
             "" | "1" => "command".to_owned(),
             symbol => format!("command ({symbol})"),

@@ -1,4 +1,4 @@
-//! The commands from which the diagnosis learned, and what fewer of them would be worth.
+//! The training commands, and how the diagnosis performs with fewer of them.
 
 use crate::lines;
 use crate::looks;
@@ -15,7 +15,7 @@ use servotwin::study::{OperatingCase, Study, Training};
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct CommandsCurve;
 
 impl Section for CommandsCurve {
@@ -87,7 +87,7 @@ fn commands(training: &Training) -> Vec<&str> {
     names
 }
 
-/// Results by the number of training commands, those with all of them last.
+/// Results by the number of training commands. The result with all of them comes last.
 fn curve<'r>(result: &'r SubjectResult, training: &Training) -> Vec<(usize, &'r ProtocolResult)> {
     let evaluation = &result.evaluation;
     let fewer = evaluation.commands.iter().map(|(count, result)| (*count, result));
@@ -146,7 +146,7 @@ fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)], words: &Voc
     grid
 }
 
-/// The training commands with what they are; draws of one pattern share a row.
+/// Lists the training commands with a description. Draws of one pattern share a row.
 fn list(study: &Study, training: &Training) -> Grid {
     let mut grid =
         Grid::new([("command", Side::Left), ("what it is", Side::Left), ("load", Side::Right)]);
@@ -181,7 +181,7 @@ fn list(study: &Study, training: &Training) -> Grid {
     grid
 }
 
-/// The loads of cases, in the unit of the input that loads; nothing where a study has no load.
+/// The loads of cases, in the unit of the load input; empty if the study has no load.
 fn loads(study: &Study, load: Option<usize>, cases: &[&OperatingCase]) -> String {
     let Some(input) = load else { return String::new() };
     let read = Shown::of_input(study.system.network(), input);
@@ -198,7 +198,7 @@ fn loads(study: &Study, load: Option<usize>, cases: &[&OperatingCase]) -> String
     }
 }
 
-/// A signal as people read it: `noise:rms={1.8..6}deg,seed=1{n}` → `noise: rms 1.8 … 6 deg`.
+/// A signal in readable form: `noise:rms={1.8..6}deg,seed=1{n}` → `noise: rms 1.8 … 6 deg`.
 pub(super) fn in_words(signal: &toml::Value) -> String {
     let text = match signal.as_str() {
         Some(text) => text.to_owned(),
@@ -214,7 +214,7 @@ pub(super) fn in_words(signal: &toml::Value) -> String {
     text.split(" + ").map(term).collect::<Vec<_>>().join("; plus ")
 }
 
-/// A space between every number and its unit.
+/// Puts a space between every number and its unit.
 fn with_spaces(text: &str) -> String {
     let mut spaced = String::new();
     for character in text.chars() {

@@ -1,5 +1,5 @@
-//! The committee beside the trees: what it gets right, how far its confidence can be believed, and
-//! what its silence buys.
+//! The committee compared with the trees: its right answers, the calibration of its confidence, and
+//! the gain from its abstentions.
 
 use crate::lines::{self, Who};
 use crate::looks;
@@ -15,10 +15,10 @@ use servotwin_plot::Figure;
 use servotwin_plot::Meaning;
 use servotwin_plot::lines::{Curve, Lines};
 
-/// A share of a level with the ends of its interval.
+/// Reads a share of a level with the ends of its interval.
 type Reading<'r> = &'r dyn Fn(&Level) -> Option<(f64, f64, f64)>;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Committee;
 
 impl Section for Committee {
@@ -61,7 +61,7 @@ impl Section for Committee {
 fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
     let heads = [("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
     let right = lines::right(words);
-    // One unit alone is not asked for.
+    // With one actuator there is no actuator stage.
     let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
     let stages = letters.iter().map(|letter| ((*letter).to_owned(), Side::Right));
     let measures = right.iter().map(|measure| (measure.title.clone(), Side::Right));
@@ -87,7 +87,7 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
     grid
 }
 
-/// How far the confidence can be believed.
+/// Writes how well the confidence is calibrated.
 fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut lines = Lines::new("", "confidence", "share of right answers");
     lines.y_range = Some((0.0, 1.0));
@@ -137,7 +137,7 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     );
 }
 
-/// What silence buys.
+/// Writes what the diagnosis gains when the committee abstains.
 fn silence(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut begun = false;
     for result in results {
@@ -199,7 +199,7 @@ fn trade(abstention: &Abstention, words: &Vocabulary) -> Figure {
         let right = level.right_action;
         Some((1.0 - right.share?, 1.0 - right.high, 1.0 - right.low))
     };
-    // Whiskers of three curves at the same places would hide each other.
+    // The intervals of three curves at the same places would hide each other.
     let (worst, ends) = curve(&format!("{} wrong", words.action_wrong()), &wrong);
     lines = lines.with(worst.with_intervals(ends).looking(Meaning::Plain(0).look()));
     if words.has_off() {
@@ -230,7 +230,7 @@ fn levels(abstention: &Abstention, words: &Vocabulary) -> Grid {
     }
     let mut grid = Grid::new(heads);
     let mut push = |title: String, level: &Level| {
-        // What is not withheld at all is no estimate.
+        // Without any abstention there is no rate to estimate.
         let withheld = match level.abstained.count {
             0 => "none".into(),
             _ => stacked(Some(level.abstained)),

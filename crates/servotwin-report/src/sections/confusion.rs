@@ -7,7 +7,7 @@ use crate::{Material, Section};
 use servotwin::evaluation::protocol::StageScore;
 use servotwin_plot::heatmap::ConfusionMatrix;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Confusion;
 
 impl Section for Confusion {
@@ -26,7 +26,7 @@ impl Section for Confusion {
                 continue;
             };
             page.heading(&format!("Setting: {}", result.title));
-            // Stages over all actuators; those of one class cannot be wrong.
+            // Shared stages only; a stage with one class cannot be wrong.
             let shown = |stage: &&StageScore| {
                 stage.actuator.is_none() && stage.score.classes.len() > 1 && decides(stage)
             };

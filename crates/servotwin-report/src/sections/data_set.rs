@@ -1,4 +1,4 @@
-//! What the data set looks like that trees learn from and are judged with (figure 8 of the seed paper).
+//! The layout of the data set for training and evaluation (figure 8 of the seed paper).
 
 use crate::excerpt::{Excerpt, Row};
 use crate::page::Page;
@@ -7,7 +7,7 @@ use crate::words::{chosen, number, spoken};
 use crate::{Material, Section};
 use servotwin_plot::sheet::{Group, LEFT_OUT, Sheet};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct DataSet;
 
 impl Section for DataSet {
@@ -73,7 +73,7 @@ fn sheet(excerpt: &Excerpt, words: &Vocabulary) -> Sheet {
     Sheet { groups, rows }
 }
 
-/// With dots before the last, where some of so many are left out.
+/// Puts dots before the last text if some of the `of` texts are left out.
 fn dotted(mut texts: Vec<String>, of: usize) -> Vec<String> {
     if texts.len() < of {
         texts.insert(texts.len().saturating_sub(1), LEFT_OUT.into());

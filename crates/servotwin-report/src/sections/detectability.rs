@@ -1,4 +1,4 @@
-//! What is detected at all, and from which intensity on.
+//! The faults that are detected, and the intensity from which each is detected.
 
 use crate::lines;
 use crate::page::Page;
@@ -12,10 +12,10 @@ use servotwin_plot::lines::{Curve, Lines};
 use servotwin_plot::value_map::{ValueMap, digits};
 use std::collections::BTreeMap;
 
-/// Counts for a fault that is never detected, beside intensities of at most one.
+/// The stand-in intensity of a fault that is never detected; real intensities are at most one.
 const NEVER: f64 = 10.0;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Detectability;
 
 impl Section for Detectability {
@@ -86,13 +86,13 @@ impl Section for Detectability {
     }
 }
 
-/// Detection against intensity, the kinds of one failure together.
+/// Detection against intensity, with all kinds of one failure combined.
 fn curves(material: &Material, detection: &Detection) -> Figure {
     let looks = material.looks();
     let mut lines = Lines::new("", "intensity", "share detected");
     lines.y_range = Some((0.0, 1.0));
     for class in &material.study.classes {
-        // Intensities as bits: positive numbers sort by them.
+        // Keyed by the bits of the intensity, which sort like positive numbers.
         let mut counts: BTreeMap<u64, (u64, u64)> = BTreeMap::new();
         for curve in detection.curves.iter().filter(|curve| curve.detail == class.detail) {
             for (intensity, rate) in &curve.points {
@@ -115,7 +115,7 @@ fn curves(material: &Material, detection: &Detection) -> Figure {
     lines.draw()
 }
 
-/// Kinds against operating cases.
+/// A map of the smallest detectable intensity: kinds of fault against operating cases.
 fn least(detection: &Detection) -> Figure {
     let kinds: Vec<&str> = detection.curves.iter().map(|curve| curve.kind.as_str()).collect();
     let mut cases: Vec<&str> = vec![];
@@ -129,13 +129,13 @@ fn least(detection: &Detection) -> Figure {
             least.case == case
                 && (least.fault == kind || least.fault.ends_with(&format!(".{kind}")))
         });
-        // Never detected is worse than any intensity.
+        // A fault that is never detected makes the cell `None`, which is worse than any intensity.
         own.map(|least| least.intensity).try_fold(0.0, |worst: f64, own| own.map(|i| worst.max(i)))
     };
     let of_kind = |kind: &&str| cases.iter().map(|case| worst(kind, case)).collect();
     let mut rows: Vec<(&str, Vec<Option<f64>>)> =
         kinds.iter().map(|kind| (*kind, of_kind(kind))).collect();
-    // Never is worse than the greatest intensity.
+    // A fault that is never detected counts as worse than the greatest intensity.
     let hard = |row: &[Option<f64>]| row.iter().map(|cell| cell.unwrap_or(NEVER)).sum::<f64>();
     rows.sort_by(|a, b| hard(&b.1).total_cmp(&hard(&a.1)));
     let all: Vec<f64> = rows.iter().flat_map(|row| row.1.iter().flatten().copied()).collect();

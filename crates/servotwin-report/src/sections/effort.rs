@@ -1,11 +1,11 @@
-//! How simulations went: which rang, which began without a steady state, and the solver's steps by fault.
+//! The course of the simulations: which ones ring, which began without a steady state, and the solver's steps by fault.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::{number, spoken};
 use crate::{Material, Section};
 use servotwin::job::manifest::{DataSetEntry, KindEffort, MovingVariant};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Effort;
 
 impl Section for Effort {
@@ -44,7 +44,7 @@ impl Section for Effort {
     }
 }
 
-/// So many variants without a steady state are named.
+/// The maximum number of variants without a steady state that are listed by name.
 const MAX_NAMED: usize = 50;
 
 const RINGS: &str = "Variants that ring take more than five times the steps of their twin, because a part of them \
@@ -54,7 +54,7 @@ const RINGS: &str = "Variants that ring take more than five times the steps of t
 const NAMED: &str = "Variants that began on the move, because no steady state was found for them or for their twin. \
                      They teach no band.";
 
-/// The columns of the table for a data set.
+/// The caption of a data set's table.
 fn caption(set: &DataSetEntry) -> String {
     let sum = |count: fn(&KindEffort) -> usize| set.efforts.iter().map(count).sum::<usize>();
     let moving = sum(|effort| effort.began_on_the_move);

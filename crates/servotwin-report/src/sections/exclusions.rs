@@ -1,13 +1,13 @@
-//! What was left out, with counts.
+//! Variants that were left out, with counts.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::number;
 use crate::{Material, Section};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Exclusions;
 
-/// Failed variants that are listed one by one.
+/// The maximum number of failed variants listed one by one.
 const SHOWN: usize = 50;
 
 impl Section for Exclusions {

@@ -1,4 +1,4 @@
-//! Table 1, and what each fault is physically.
+//! Table 1 of the seed paper, and the physical meaning of each fault.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::{number, spoken};
@@ -6,7 +6,7 @@ use crate::{Material, Section, table};
 use servotwin::study::Study;
 use servotwin_model::program::FaultAt;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Faults;
 
 impl Section for Faults {

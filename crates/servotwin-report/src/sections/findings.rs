@@ -1,6 +1,6 @@
-//! What to act on, in one sentence each, from what was measured in the hardest setting: which faults are
-//! not seen, what would show more, what is dangerous, what is taken for what, what the additional sensor buys, and which limit
-//! is missed. Of what was not counted nothing is said.
+//! The findings to act on, one sentence each, measured in the hardest setting. They cover undetected faults, ways to
+//! detect more, dangerous errors, confused faults, the gain from the additional sensor, and missed limits. A quantity
+//! that was not counted produces no finding.
 
 use super::{bands, flights, settings};
 use crate::Material;
@@ -14,13 +14,13 @@ use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Setting;
 
-/// What a finding is about, and the finding.
+/// A topic and its finding.
 type Finding = (String, String);
 
-/// A kind of fault that is detected less often than this is named.
+/// A kind of fault with a lower detection rate is named.
 const LATE: f64 = 0.9;
 
-/// So many faults, components or pairs are named.
+/// The maximum number of faults, components or pairs named.
 const NAMED: usize = 4;
 
 /// The findings of the hardest setting.
@@ -41,19 +41,19 @@ pub(super) fn all(
     list
 }
 
-/// A kind of fault with how often it is seen, and where it is not.
+/// A kind of fault with its detection rate, and the cases in which it is not detected.
 pub(crate) struct Seen<'r> {
-    /// The kind.
+    /// The kind of fault.
     pub kind: &'r str,
-    /// The action that it calls for; empty for none.
+    /// The action that it calls for, or an empty string.
     pub command: String,
-    /// How often it is detected, over all intensities and cases.
+    /// The detection rate over all intensities and cases.
     pub rate: Rate,
-    /// The cases in which it is never detected, of how many.
+    /// The cases in which it is never detected.
     pub never: Vec<&'r str>,
-    /// In so many cases it was tested.
+    /// The number of cases in which it was tested.
     pub cases: usize,
-    /// The intensity from which on it is detected in the worst of the other cases.
+    /// The intensity from which it is detected in the worst of the other cases.
     pub from: f64,
 }
 
@@ -80,7 +80,7 @@ impl Seen<'_> {
     }
 }
 
-/// Every kind of fault, the worst seen first.
+/// Lists every kind of fault, the least detected first.
 pub(crate) fn seen<'r>(material: &Material, result: &'r SubjectResult) -> Vec<Seen<'r>> {
     let detection = &result.evaluation.detection;
     let of_curve = |curve: &'r Curve| {
@@ -118,7 +118,7 @@ pub(crate) fn seen<'r>(material: &Material, result: &'r SubjectResult) -> Vec<Se
     all
 }
 
-/// The first few of a list, and how many more there are.
+/// Joins the first few items, and counts the rest.
 fn named(mut items: Vec<String>, more: &str) -> String {
     let rest = items.len().saturating_sub(NAMED);
     items.truncate(NAMED);
@@ -148,11 +148,11 @@ fn unseen(material: &Material, result: &SubjectResult) -> Finding {
     ("Not or late detected".into(), text)
 }
 
-/// A band as wide as this part of a scale hides whatever its sensor shows.
+/// A band wider than this share of the scale makes its sensor useless.
 const BLIND: f64 = 0.3;
 
-/// What would show more: twins that know their specimens where tolerances hide faults, another command or a sensor
-/// where they hide from perfect specimens too.
+/// Ways to detect more: fitted twins if tolerances hide faults, and other commands or sensors if faults stay hidden on
+/// perfect specimens too.
 fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
     let of = |subject| material.results.of(subject);
     let detected = |result: &SubjectResult| result.evaluation.detection.detected;
@@ -193,7 +193,7 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
     (!acts.is_empty()).then(|| ("To do".to_owned(), format!("{}.", begun(&acts.join("; ")))))
 }
 
-/// The sensors whose learned bands are too wide to tell anything.
+/// The sensors whose learned bands are too wide to detect anything.
 fn blind(material: &Material, result: &SubjectResult) -> Option<String> {
     let bands = result.evaluation.bands.iter().flatten();
     let wide: Vec<String> = bands
@@ -214,7 +214,7 @@ fn blind(material: &Material, result: &SubjectResult) -> Option<String> {
     })
 }
 
-/// How often the kind is seen that is seen least, where not all are seen always: the end of a sentence.
+/// Ends the sentence with the detection rate of the least detected kind, if any fault was missed.
 fn of_every_kind(all: &[Seen]) -> String {
     let least = all.first().filter(|least| least.rate.count < least.rate.of);
     least.map_or_else(
@@ -226,7 +226,7 @@ fn of_every_kind(all: &[Seen]) -> String {
     )
 }
 
-/// What errors cost: units switched off wrongly, and faults that are not answered.
+/// The cost of errors: actuators switched off wrongly, and faults without an answer.
 fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Vec<Finding> {
     if !words.has_off() {
         let text = "The study says of no command that it switches its unit off ([reactions], \
@@ -277,7 +277,7 @@ fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
     list
 }
 
-/// The components whose faults switch a healthy unit off, the worst first.
+/// The components whose faults switch a healthy actuator off, the worst first.
 fn wrong_components(result: &ProtocolResult) -> Option<String> {
     let mut guilty: Vec<_> =
         result.components.iter().filter(|one| one.wrong_actuator_shutdown.count > 0).collect();
@@ -293,7 +293,7 @@ fn wrong_components(result: &ProtocolResult) -> Option<String> {
     (!guilty.is_empty()).then(|| named(guilty, "components"))
 }
 
-/// A rate of the trees and of the committee; `None` where nothing was counted.
+/// A rate of the trees and of the committee; `None` if nothing was counted.
 fn both(of: &dyn Fn(Who) -> Option<Rate>) -> Option<String> {
     let counted = |who| of(who).filter(|rate| rate.of > 0);
     match (counted(Who::Trees), counted(Who::Committee)) {
@@ -319,7 +319,7 @@ fn right(result: &SubjectResult, words: &Vocabulary) -> Option<Finding> {
 
 fn confused(result: &SubjectResult, words: &Vocabulary) -> Option<Finding> {
     let pairs = result.evaluation.ambiguity.pairs.iter().take(NAMED - 1).map(|pair| {
-        // All tests of the kind, which the share is of.
+        // All tests of the kind; the share refers to them.
         let of = (pair.count as f64 / pair.share).round() as u64;
         format!(
             "{} for {} in {} of its tests ({} is then wrong)",
@@ -344,7 +344,7 @@ fn additional_sensor(material: &Material) -> Option<Finding> {
     Some(("An additional sensor".into(), text))
 }
 
-/// The limits that are missed, and the promise of the bands where it is not kept.
+/// The limits that are missed, and the promise of the bands if it is broken.
 fn limits(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Vec<Finding> {
     let mut list = vec![];
     if let Some(results) = material.flights {

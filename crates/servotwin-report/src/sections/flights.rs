@@ -1,5 +1,5 @@
-//! The diagnosis at work: how fast, how sure and how often wrong it is beside a running system, and
-//! against which limits.
+//! The diagnosis in operation: its latency, certainty and error rates beside a running system, compared
+//! with the limits.
 
 use crate::looks;
 use crate::looks::Looks;
@@ -16,10 +16,10 @@ use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Flights;
 
-/// The share of faults that a limit on latency is about.
+/// The share of faults that a latency limit applies to.
 const SHARE: f64 = 0.95;
 
 impl Section for Flights {
@@ -112,35 +112,35 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
     )
 }
 
-/// The limits that a study file sets itself.
+/// The names of the limits that a study file sets.
 fn own_limits(study: &Study) -> Vec<String> {
     section(study, "limits").map_or_else(Vec::new, |limits| limits.keys().cloned().collect())
 }
 
-/// A section below `[flights]` as the study file has it.
+/// Returns a section below `[flights]` as written in the study file.
 fn section(study: &Study, name: &str) -> Option<toml::Table> {
     let text: toml::Table = study.text.parse().ok()?;
     text.get("flights")?.get(name)?.as_table().cloned()
 }
 
-/// Something that is asked, and what was measured.
+/// A limit with the measured value.
 pub(super) struct Limit {
     title: String,
     setting: String,
-    /// What is asked for; empty for a row that only explains another.
+    /// The limit; empty for a row that only explains another.
     limit: String,
-    /// One line, and what stands below it in small type.
+    /// The measured value in one line, with details in small type below.
     measured: String,
     verdict: &'static str,
 }
 
 impl Limit {
-    /// Whether what was measured is on the wrong side.
+    /// Whether the measured value violates the limit.
     pub(super) fn is_missed(&self) -> bool {
         [MISSED, PROBABLY_MISSED].contains(&self.verdict)
     }
 
-    /// In one sentence.
+    /// Returns the limit and the measured value in one sentence.
     pub(super) fn in_words(&self) -> String {
         let measured = self.measured.replacen('\n', " [", 1).replace('\n', ", ");
         let end = if self.measured.contains('\n') { "]" } else { "" };
@@ -152,7 +152,7 @@ impl Limit {
     }
 }
 
-/// The limits of each setting; those without a count are left out.
+/// Lists the limits setting by setting. A limit on something that was not counted is left out.
 pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
     let own = own_limits(study);
     let of_setting = |merit| {
@@ -334,8 +334,7 @@ const PROBABLY_MISSED: &str = "missed, within the interval";
 const NOT_SHOWN: &str = "not shown: too few";
 const NONE_SEEN: &str = "none seen";
 
-/// The upper end of the one-sided 95 % interval of a count of events of which none was seen (Poisson):
-/// -ln 0.05.
+/// The upper end of the one-sided 95 % interval of a count of zero events (Poisson): -ln 0.05.
 const MOST_OF_NONE: f64 = 2.995_732_273_553_991;
 
 fn none_allowed(count: u64, limit: f64) -> &'static str {
@@ -346,7 +345,7 @@ fn none_allowed(count: u64, limit: f64) -> &'static str {
     }
 }
 
-/// The upper end of a share's interval, in words.
+/// The upper end of a share's interval as text.
 pub(super) fn at_most(count: u64, of: u64) -> String {
     let rate = Rate::new(count, of);
     format!("at most {:.2} % (95 %)", 100.0 * rate.high)
@@ -396,7 +395,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     }
 }
 
-/// The classes of all intensities, or the strong ones: they stand one after the other.
+/// The classes with strong faults only. They follow the classes with all intensities.
 fn strong(merit: &FlightMetrics) -> impl Iterator<Item = &ClassMetrics> {
     let half = merit.classes.len() / 2;
     merit.classes[half..].iter()
@@ -417,7 +416,7 @@ fn latencies(merit: &FlightMetrics, looks: &Looks) -> Figure {
     lines.draw()
 }
 
-/// The median of a latency, and below it what is longer.
+/// The median, 95 % quantile and maximum of a latency, one in each line.
 fn times(latency: &Option<Latency>) -> String {
     latency.as_ref().map_or(NONE.into(), |latency| {
         let Latency { median_s, p95_s, longest_s, .. } = latency;
@@ -478,7 +477,7 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> Grid {
     grid
 }
 
-/// The same flights with other rates asked for.
+/// Writes the same flights with other target rates of false alarms.
 fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
     page.text(&format!(
         "The sequential test is told how many false alarms are allowed, and takes the time that this \
@@ -553,7 +552,7 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
     }
 }
 
-/// The finding for the first screen: one sentence for the hardest setting.
+/// The finding for the first screen: one sentence about the hardest setting.
 pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<String> {
     let merit = results.merits.last()?;
     let (unit, run) = (words.unit(), words.run());

@@ -1,4 +1,4 @@
-//! Faults that the diagnosis was never trained on: what it says of them.
+//! Answers of the diagnosis to faults that it was never trained on.
 
 use super::flights::at_most;
 use crate::page::{Grid, Page, Side};
@@ -7,7 +7,7 @@ use crate::words::NONE;
 use crate::{Material, Section};
 use servotwin::flight::unseen_faults::{Sensible, UnseenFaultMetrics, UnseenFaultOutcome, Words};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Foreign;
 
 impl Section for Foreign {
@@ -75,7 +75,7 @@ impl Section for Foreign {
     }
 }
 
-/// How often a healthy unit was switched off because a pressure that its twin reads was wrong, as a sentence.
+/// How often a healthy actuator was switched off because its twin reads a wrong pressure; one sentence.
 fn behind_wrong_sensor(merit: &UnseenFaultMetrics, words: &Vocabulary) -> String {
     match merit.shutdowns_behind_wrong_sensor() {
         (_, 0) => String::new(),

@@ -1,4 +1,4 @@
-//! The least pure leaves, and what is in them.
+//! The least pure leaves, and the classes in them.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::{of_unit, percent, spoken};
@@ -7,7 +7,7 @@ use servotwin::campaign::data_features;
 use servotwin::evaluation::leaves::{Condition, Content};
 use servotwin_diagnosis::hierarchy::{Place, Question};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Leaves;
 
 impl Section for Leaves {

@@ -1,4 +1,4 @@
-//! How the trees hang together (figure 10 of the seed paper).
+//! The structure of the hierarchy of trees (figure 10 of the seed paper).
 
 use crate::looks::Looks;
 use crate::page::Page;
@@ -9,7 +9,7 @@ use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question, Stage};
 use servotwin_plot::Meaning;
 use servotwin_plot::diagram::{Block, Diagram, Wire};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Macrostructure;
 
 impl Section for Macrostructure {
@@ -52,7 +52,7 @@ impl Section for Macrostructure {
 
 fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks) -> Diagram {
     let names = &hierarchy.names;
-    // What a command asks for has its colour.
+    // Blocks of an action have the color of that action.
     let commands =
         names.actions.iter().map(|name| (spoken(name), looks.class(Question::Action, name)));
     let plain = [("decision", 0), ("residuals", 1), ("tree", 0)];

@@ -1,10 +1,10 @@
-//! How the report was made, so that it can be made again.
+//! The commands and versions that reproduce the report.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::NONE;
 use crate::{Material, Section};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Making;
 
 impl Section for Making {

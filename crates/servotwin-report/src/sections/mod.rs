@@ -1,4 +1,4 @@
-//! The sections of the report, one file each; [`super::ALL`] is their order.
+//! The sections of the report, one file each; [`super::CHAPTERS`] sets their order.
 
 pub mod ablation;
 pub mod actuator_tree;

@@ -1,4 +1,4 @@
-//! The protocols: how variants were held out, and what came out under each.
+//! The protocols: how each holds variants out, and the results under it.
 
 use crate::lines;
 use crate::page::{Grid, Page, Side};
@@ -7,7 +7,7 @@ use crate::words::{by_kind, percent, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::protocol::ProtocolResult;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Protocols;
 
 impl Section for Protocols {
@@ -62,7 +62,7 @@ impl Section for Protocols {
     }
 }
 
-/// Protocols in rows, measures in columns.
+/// A table with protocols in rows and measures in columns.
 fn grid(results: &[ProtocolResult], words: &Vocabulary) -> Grid {
     let stages = lines::stages(words, &results.iter().collect::<Vec<_>>());
     let mut heads = vec![("held out", Side::Left), ("splits", Side::Right)];

@@ -1,4 +1,4 @@
-//! How residuals are distributed (figures 5 and 6 of the seed paper), and how a fault looks in time.
+//! The distribution of residuals (figures 5 and 6 of the seed paper), and example faults over time.
 
 use crate::examples::Example;
 use crate::looks;
@@ -11,10 +11,10 @@ use servotwin_plot::Meaning;
 use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Residuals;
 
-/// Seconds of the time series that are shown.
+/// The seconds of the time series that a figure shows.
 const SHOWN_S: f64 = 10.0;
 
 impl Section for Residuals {
@@ -90,7 +90,7 @@ fn histogram(study: &Study, example: &Example) -> servotwin_plot::Figure {
     grid.draw()
 }
 
-/// The sensors of the faulty unit whose residuals are largest, and these residuals.
+/// The two sensors with the largest residuals, and these residuals over time.
 fn in_time(study: &Study, example: &Example) -> servotwin_plot::Figure {
     let last = example.runs.len() - 1;
     let count = ((SHOWN_S / study.sample_period_s) as usize + 1).min(example.twin[0].len());

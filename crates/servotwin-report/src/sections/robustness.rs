@@ -1,4 +1,4 @@
-//! Trained on one setting, tested on another.
+//! Training on one setting, testing on another.
 
 use crate::lines::Who;
 use crate::page::{Grid, Page, Side};
@@ -11,7 +11,7 @@ use servotwin::evaluation::robustness::Cross;
 use servotwin_plot::Figure;
 use servotwin_plot::value_map::ValueMap;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Robustness;
 
 impl Section for Robustness {
@@ -57,10 +57,10 @@ impl Section for Robustness {
     }
 }
 
-/// An error as the share of what is tested.
+/// Returns an error as a share of the tests.
 type Error = fn(&ProtocolResult) -> Option<f64>;
 
-/// The errors shown: name of the figure's file, in words, and the share.
+/// The errors shown: file name of the figure, title, and share.
 fn errors(words: &Vocabulary) -> Vec<(&'static str, String, Error)> {
     let wrong: Error = |result| Some(1.0 - result.end_to_end?.share?);
     let mut errors = vec![("wrong", "wrong end to end".to_owned(), wrong)];
@@ -94,7 +94,7 @@ fn map(crosses: &[Cross], who: Who, error: Error) -> Figure {
         Some(100.0 * error(of(own, who))?)
     };
     let row = |trained: &&str| names.iter().map(|tested| value(trained, tested)).collect();
-    // One scale for trees and committee.
+    // Trees and committee share one color scale.
     let all = crosses.iter().flat_map(|cross| Who::ALL.map(|who| error(of(cross, who))));
     let largest = all.flatten().fold(0.0, f64::max);
     ValueMap {

@@ -1,4 +1,4 @@
-//! What errors would do, by name.
+//! The consequences of errors, by name.
 
 use crate::lines::{self, Who};
 use crate::page::{Grid, Page, Side};
@@ -9,7 +9,7 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{ALL, ProtocolResult};
 use servotwin::job::results::SubjectResult;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Safety;
 
 impl Section for Safety {
@@ -71,10 +71,10 @@ fn about(words: &Vocabulary, page: &mut Page) {
     ));
 }
 
-/// Protocols in rows, trees and committee below each other; measures in columns.
+/// A table with one row for each protocol and classifier, and one column for each measure.
 fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
     let mut safety = lines::safety(words);
-    // What is counted under no protocol has no column.
+    // A measure without a count under any protocol has no column.
     let protocols = &result.evaluation.protocols;
     let judged = || protocols.iter().chain(&result.evaluation.committee);
     safety.retain(|measure| judged().any(|judged| (measure.rate)(judged).is_some()));
@@ -97,7 +97,7 @@ fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
     grid
 }
 
-/// What is done with healthy specimens, settings in rows.
+/// Writes the answers for healthy specimens, one row for each setting.
 fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
     let mut heads = vec![
         ("setting".to_owned(), Side::Left),
@@ -133,7 +133,7 @@ fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
     }
 }
 
-/// The components whose faults are given to the wrong actuator, or not isolated.
+/// Writes the components whose faults are attributed to the wrong actuator, or not isolated.
 fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Page) {
     let unit = words.unit();
     let mut heads = vec![("component".to_owned(), Side::Left), ("tests".to_owned(), Side::Right)];

@@ -1,4 +1,4 @@
-//! What the settings are, and what an additional sensor changes.
+//! The settings, and the effect of an additional sensor.
 
 use crate::lines::{self, Who};
 use crate::page::{Grid, Page, Side};
@@ -11,7 +11,7 @@ use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Role;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Settings;
 
 impl Section for Settings {
@@ -96,8 +96,8 @@ fn third_sensor(
         need not hold for other specimens.");
 }
 
-/// The features of the additional sensor that the trees ask for, with the share of the impurity that
-/// they remove in their tree.
+/// The features of the additional sensor that the trees use, with the share of the impurity that each removes in its
+/// tree.
 fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
     let extra: Vec<String> = data_features(material.study)
         .into_iter()
@@ -114,7 +114,7 @@ fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
     used
 }
 
-/// What the sensor brings, in words.
+/// Describes the gain from the sensor.
 pub(super) fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
     let (first, second) = (before.end_to_end, after.end_to_end);
     let overlap = match first.zip(second) {
@@ -133,7 +133,7 @@ pub(super) fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
     )
 }
 
-/// The same, and what the trees make of the sensor.
+/// Describes the gain from the sensor, and the trees' use of its features.
 fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> String {
     let asked = match used {
         [] => "They ask for none of its features.".to_owned(),

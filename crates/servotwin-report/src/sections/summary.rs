@@ -1,5 +1,5 @@
-//! What came out, on one screen: what to act on in one sentence each, the settings side by side, and apart
-//! from them the comparison with the seed paper.
+//! The results on one screen: the findings in one sentence each, the settings side by side, and
+//! separately the comparison with the seed paper.
 
 use crate::lines::{self, OF_PAPER};
 use crate::page::{Grid, Page, Side};
@@ -15,10 +15,10 @@ use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Summary;
 
-/// The share of answers withheld that the findings speak of.
+/// The share of withheld answers that the findings report on.
 const SILENT: f64 = 0.03;
 
 impl Section for Summary {
@@ -73,7 +73,7 @@ impl Section for Summary {
     }
 }
 
-/// Whether the only unit is asked whether anything is wrong with it.
+/// Whether the actuator stage decides between classes.
 fn is_asked(result: &SubjectResult) -> bool {
     let mut protocols = result.evaluation.protocols.iter();
     protocols.any(|judged| {
@@ -81,7 +81,7 @@ fn is_asked(result: &SubjectResult) -> bool {
     })
 }
 
-/// How the rows of the headline were kept apart.
+/// How the headline holds rows out.
 fn held_out(evaluation: &Evaluation) -> &'static str {
     match evaluation.headline().map(|result| result.protocol) {
         Some(Protocol::NewCommand) => {
@@ -92,11 +92,11 @@ fn held_out(evaluation: &Evaluation) -> &'static str {
     }
 }
 
-/// What can be had by being silent, and what no training can mend.
+/// The gain from abstaining, and the errors that no training removes.
 fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
     let mut list = vec![];
     let mut push = |about: &str, text: String| list.push((about.to_owned(), text));
-    // Of few answers so small a share is none, and nothing can be said of silence.
+    // Such a small share of few answers rounds to none, and then there is nothing to report.
     let is_silent = |level: &&Level| level.abstained.count > 0 && level.right_action.of > 0;
     if let Some(level) = silent(evaluation).filter(is_silent) {
         let mut text = format!(
@@ -141,7 +141,7 @@ fn silent(evaluation: &Evaluation) -> Option<&Level> {
     evaluation.abstention.as_ref()?.levels.get(place)
 }
 
-/// Measures in rows, settings in columns.
+/// A table with measures in rows and settings in columns.
 fn side_by_side(settings: &[&SubjectResult], words: &Vocabulary) -> Grid {
     let heads = [("".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
     let titles = settings.iter().map(|result| (result.title.clone(), Side::Right));
@@ -160,7 +160,7 @@ fn side_by_side(settings: &[&SubjectResult], words: &Vocabulary) -> Grid {
     grid
 }
 
-/// Which band decides what is detected in each setting.
+/// Describes the band that each setting uses for detection.
 fn bands_in_use(settings: &[&SubjectResult], words: &Vocabulary) -> String {
     let band = |result: &&SubjectResult| match lines::learned(result) {
         Some(bands) => {
@@ -178,7 +178,7 @@ fn bands_in_use(settings: &[&SubjectResult], words: &Vocabulary) -> String {
     format!("Bands in use. {}.", settings.iter().map(band).collect::<Vec<_>>().join("; "))
 }
 
-/// That tolerances trip the fixed band.
+/// Reports how often tolerances alone leave the fixed band.
 fn tripping(material: &Material) -> Option<String> {
     let ideal = material.results.of(Subject::Ideal)?;
     let realistic = material.results.of(Subject::Realistic)?;
@@ -193,7 +193,7 @@ fn tripping(material: &Material) -> Option<String> {
     ))
 }
 
-/// The seed paper's own test, apart from everything else.
+/// Writes the seed paper's own test, separate from the other results.
 fn seed_paper(material: &Material, page: &mut Page) {
     let Some(ideal) = material.results.of(Subject::Ideal) else {
         return;
@@ -204,7 +204,7 @@ fn seed_paper(material: &Material, page: &mut Page) {
     let Some((baseline, trees)) = baseline.zip(evaluation.protocol(third)) else {
         return;
     };
-    // Other studies have nothing to be compared with.
+    // Only the paper's study has published values to compare with.
     if material.study.name != PAPER {
         return;
     }

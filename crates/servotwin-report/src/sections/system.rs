@@ -4,7 +4,7 @@ use crate::page::{Grid, Page, Side};
 use crate::words::number;
 use crate::{Material, Section, schematic};
 
-/// See the module.
+/// The section. The module describes it.
 pub struct System;
 
 impl Section for System {

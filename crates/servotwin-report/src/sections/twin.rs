@@ -1,4 +1,4 @@
-//! Twins that are fitted to their actuators, and the confidence band of a twin as a field.
+//! Twins fitted to their actuators, and the twin's conditional confidence band.
 
 use crate::page::{Grid, Page, Side};
 use crate::words::{chosen, number, rate};
@@ -8,10 +8,10 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::band::BandMerit;
 use servotwin::study::Study;
 
-/// 95 % of a normal distribution lie within so many deviations.
+/// The number of standard deviations on either side that enclose 95 % of a normal distribution.
 const NORMAL_95: f64 = 1.96;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Twin;
 
 impl Section for Twin {
@@ -44,7 +44,7 @@ impl Section for Twin {
     }
 }
 
-/// A row for each kind of parameter, whatever its actuator.
+/// A table with one row for each kind of parameter, over all actuators.
 fn parameters(all: &[Comparison]) -> Grid {
     let kind = |one: &Comparison| match one.parameter.split_once('.') {
         Some((_, rest)) if rest.contains('.') => rest.to_owned(),

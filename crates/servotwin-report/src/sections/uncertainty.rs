@@ -1,4 +1,4 @@
-//! Answers that hang on less than a sensor shows.
+//! Answers that depend on differences below the sensors' uncertainty.
 
 use crate::lines::{self, Who};
 use crate::page::{Grid, Page, Side};
@@ -9,10 +9,10 @@ use servotwin::campaign::{DataFeature, data_features};
 use servotwin::evaluation::flips::{Flips, Share, SplitFlips};
 use servotwin::job::results::SubjectResult;
 
-/// See the module.
+/// The section. The module describes it.
 pub struct Uncertainty;
 
-/// Questions that are shown of each setting.
+/// The maximum number of questions shown for each setting.
 const SHOWN: usize = 15;
 
 impl Section for Uncertainty {
@@ -97,7 +97,7 @@ fn changed(share: &Share) -> String {
     percent((share.of > 0).then(|| share.share()))
 }
 
-/// The questions whose answers change most often.
+/// Writes the questions whose answers change most often.
 fn worst(result: &SubjectResult, trees: &Flips, features: &[DataFeature], page: &mut Page) {
     let asked = trees.splits.iter().filter(|split| split.flips.of > 0);
     let (all, flipping): (usize, usize) = asked

@@ -1,4 +1,4 @@
-//! Why a stage of the main job stops.
+//! Reasons why a stage of the main job stops.
 
 use crate::campaign::CampaignError;
 use crate::document::counted;
@@ -9,94 +9,94 @@ use crate::study::StudyError;
 use crate::table::TableError;
 use std::path::{Path, PathBuf};
 
-/// Why a stage of the main job stops.
+/// The reason why a stage of the main job stops.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum JobError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The study beside the results has mistakes.
+    /// The study stored in the folder has mistakes.
     #[error(transparent)]
     Study(Box<StudyError>),
-    /// A campaign, or the examples of a report, could not be simulated.
+    /// A campaign, or an example of the report, cannot be simulated.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
     /// There is no data set in the folder.
     #[error("{folder}: there is no data set here")]
     NoDataSet {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
     },
-    /// Another program works in the folder.
+    /// Another servotwin process holds the folder.
     #[error(
         "{folder}: another servotwin is working in this folder: wait until it has ended, or choose another folder"
     )]
     Busy {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
     },
-    /// A folder in which a part of a campaign shall work holds another study.
+    /// The folder for a part of a campaign belongs to another study.
     #[error(
         "{folder}: another study lies here; a part of a campaign removes nothing: choose another folder"
     )]
     OtherStudy {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
     },
-    /// A folder holds what is of another study.
+    /// The folder contains results of another study.
     #[error(
         "{folder}: {there} is here, with {}, which stay as they are: choose another folder",
         counted(*.count, "result file")
     )]
     OtherResults {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
-        /// Of what, in words.
+        /// A description of the other study.
         there: String,
-        /// How many results.
+        /// The number of result files.
         count: usize,
     },
-    /// What an earlier stage should have written is not there.
+    /// A file that an earlier stage should have written is missing.
     #[error("{path}: no such file; 'servotwin {stage}' writes it")]
     Missing {
-        /// The file.
+        /// The missing file.
         path: PathBuf,
         /// The command that writes it.
         stage: &'static str,
     },
-    /// A file that a stage adds to cannot be read. Written over, it would lose what it holds.
+    /// A stage adds to this file, but cannot read it. Overwriting the file would lose its contents.
     #[error(
         "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
     )]
     Unreadable {
-        /// What is wrong, with its path.
+        /// The read error, with the file's path.
         error: EvaluationError,
         /// The command that adds to it.
         stage: &'static str,
     },
-    /// A data set is not as the study says.
+    /// A data set contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
     DataSet {
-        /// The file.
+        /// The file of the data set.
         path: PathBuf,
-        /// What is wrong.
+        /// The contradiction.
         error: EvaluationError,
     },
-    /// A data set has other rows than the shards that it was made of.
+    /// A data set and the shards that it was computed from have different numbers of rows.
     #[error(
         "{path}: with its training commands {rows} rows, but the shards beside it hold {windows}; 'servotwin \
          features' makes it anew"
     )]
     OtherRows {
-        /// The data set.
+        /// The file of the data set.
         path: PathBuf,
-        /// How many rows it has.
+        /// The number of rows in the data set.
         rows: usize,
-        /// How many the shards have.
+        /// The number of rows in the shards.
         windows: usize,
     },
-    /// Training or evaluation refused the data.
+    /// Training or evaluation rejected the data.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
 }
@@ -105,7 +105,7 @@ fn in_data_set(path: &Path, error: &EvaluationError) -> String {
     if names_its_file(error) { error.to_string() } else { format!("{}: {error}", path.display()) }
 }
 
-/// Whether an error says by itself in which file it is.
+/// Whether the error's message already names the file.
 fn names_its_file(error: &EvaluationError) -> bool {
     let in_table =
         |error: &TableError| matches!(error, TableError::File(_) | TableError::Content { .. });

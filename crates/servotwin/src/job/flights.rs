@@ -1,4 +1,4 @@
-//! The stage of flights: a diagnoser for each setting, and what it is worth.
+//! The flight stage: trains a diagnoser for each setting and measures its performance.
 
 use super::{Folder, JobError, pools};
 use crate::campaign::CampaignError;
@@ -18,39 +18,39 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
 
-/// The settings in which flights are flown: a specimen that is the twin (or to which the twin is
-/// fitted perfectly), and one that is not.
+/// The settings with flights. In the first, each specimen equals its twin, as after a perfect fit; in the second,
+/// specimens differ from it.
 pub const SETTINGS: [Setting; 2] = [Setting::Noise, Setting::Realistic];
 
-/// What was measured in flights, of the settings in the order of [`SETTINGS`].
+/// The results of the flights, with the settings in the order of [`SETTINGS`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightResults {
-    /// Whether these are the full sizes of the study.
+    /// Whether the flights have the study's full sizes.
     pub is_full: bool,
-    /// How many flights taught.
+    /// The numbers of training flights.
     pub learn: Size,
-    /// How many were judged.
+    /// The numbers of evaluation flights.
     pub judge: Size,
-    /// Lengths of the windows, s.
+    /// Lengths of the sliding windows, s.
     pub windows_s: Vec<f64>,
-    /// What was asked for.
+    /// The targets of the study.
     pub limits: Limits,
-    /// For each setting what was measured.
+    /// Figures of merit, one entry for each setting.
     pub merits: Vec<FlightMetrics>,
-    /// For each setting what was said of faults that were never trained on.
+    /// Answers to faults without training, one entry for each setting.
     pub foreign: Vec<UnseenFaultMetrics>,
 }
 
 impl FlightResults {
-    /// Whether these are the full sizes, measured in every setting of the study.
+    /// Whether the results have the full sizes and cover every setting of the study.
     pub fn is_full_of(&self, study: &Study) -> bool {
         let has =
             |setting: Setting| self.merits.iter().any(|merit| merit.setting == setting.name());
         self.is_full && settings(study).into_iter().all(has)
     }
 
-    /// Adds the settings that only the other ones have, if those were measured in the same flights and by the same
-    /// rule of what is visible.
+    /// Adds settings that only `other` has. They must come from flights of the same sizes and from the current rule of
+    /// visibility.
     fn join(&mut self, other: FlightResults) {
         let sizes = |of: &Self| (of.is_full, of.learn, of.judge, of.limits, of.windows_s.clone());
         if sizes(self) != sizes(&other) {
@@ -69,11 +69,11 @@ impl FlightResults {
     }
 }
 
-/// Who works, and who is told.
+/// The resources of a stage: threads, and a receiver of progress.
 pub struct Crew<'c> {
-    /// Threads, and what stops them.
+    /// The threads, and their cancellation.
     pub workers: Workers<'c>,
-    /// Is told what is being done, and how much of all is done, from 0 to 1.
+    /// Receives the task at hand, and the share of all work that is done, from 0 to 1.
     pub progress: &'c (dyn Fn(&str, f64) + Sync),
 }
 
@@ -86,16 +86,16 @@ impl Crew<'_> {
     }
 }
 
-/// The settings in which a study's flights can be flown.
+/// The settings in which a study can fly.
 pub fn settings(study: &Study) -> Vec<Setting> {
     let possible = |setting: &Setting| !setting.has_noise() || study.realism.is_some();
     SETTINGS.into_iter().filter(possible).collect()
 }
 
-/// Learns in flights and writes the diagnoser of a setting. Also returns the flights that teach nothing.
+/// Trains the diagnoser of a setting in flights and writes it. Also returns the counts of unusable training flights.
 ///
 /// # Errors
-/// A twin cannot be simulated; what training says; the file cannot be written.
+/// A twin cannot be simulated; training fails; the file cannot be written.
 pub fn learn(
     folder: &Folder,
     study: &Study,
@@ -111,11 +111,11 @@ pub fn learn(
     learn_from(folder, study, flights, setting, lessons, crew)
 }
 
-/// Learns from what was cut out of flights, be they flown elsewhere, and of the further flights, and writes the diagnoser
-/// of a setting.
+/// Trains the diagnoser of a setting and writes it. `lessons` come from flights that may have been flown on other
+/// machines; hard negatives are added here.
 ///
 /// # Errors
-/// What training says; the file cannot be written.
+/// Training fails; the file cannot be written.
 pub fn learn_from(
     folder: &Folder,
     study: &Study,
@@ -132,7 +132,7 @@ pub fn learn_from(
     Ok((diagnoser, left_out))
 }
 
-/// What a diagnoser is worth in a setting, from what is remembered of all flights to be judged in.
+/// Computes the figures of merit of a diagnoser from the records of all evaluation flights.
 pub fn merit(
     study: &Study,
     flights: &Flights,
@@ -146,10 +146,10 @@ pub fn merit(
     FlightMetrics { failed_to_learn: failed, on_the_move_to_learn: on_the_move, ..merit }
 }
 
-/// Learns and judges in flights of some of [`settings`], and writes what was measured.
+/// Trains and evaluates in the flights of some of [`settings`], and writes the results after each setting.
 ///
 /// # Errors
-/// As [`results`], before anything is flown; as [`learn`].
+/// As [`results`], before the first flight; as [`learn`].
 pub fn fly_all(
     folder: &Folder,
     study: &Study,
@@ -158,7 +158,7 @@ pub fn fly_all(
     is_full: bool,
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
-    // What is written in the end keeps what was measured before; hours later would be too late to say that it cannot.
+    // The final write keeps earlier results. Detect an unreadable file now, not after hours of simulation.
     results(folder)?;
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
@@ -182,8 +182,8 @@ pub fn fly_all(
     results(folder)?.ok_or_else(|| JobError::Missing { path: folder.flights(), stage: "flights" })
 }
 
-/// Flies the judged flights of some settings once more for each sensor that is missing, beside the diagnosers that lie
-/// in the folder, and writes what was measured.
+/// Repeats the evaluation flights of some settings without each sensor in turn, using the stored diagnosers, and writes
+/// the results.
 ///
 /// # Errors
 /// A diagnoser is missing; a twin cannot be simulated; the file cannot be written.
@@ -212,7 +212,7 @@ pub fn without_sensors(
     Ok(merits)
 }
 
-/// How soon shutdown faults are to be isolated in a setting, s.
+/// The latency limit for shutdown faults in a setting, s.
 fn limit_s(flights: &Flights, setting: Setting) -> f64 {
     match setting.has_tolerances() {
         true => flights.limits.latency_unfitted_s,
@@ -220,7 +220,7 @@ fn limit_s(flights: &Flights, setting: Setting) -> f64 {
     }
 }
 
-/// Writes what was measured in some settings. What lies there of others stays if it was measured in flights of the same
+/// Writes the results of some settings. Stored results of other settings stay if they come from flights of the same
 /// sizes.
 ///
 /// # Errors
@@ -248,17 +248,17 @@ pub fn write(
     Ok(all)
 }
 
-/// Reads what was measured in flights; `None` if there were none.
+/// Reads the results of the flights; `None` if no flights were flown.
 ///
 /// # Errors
-/// [`JobError::Unreadable`]; the file is not what the manifest says.
+/// [`JobError::Unreadable`]; the file contradicts the manifest.
 pub fn results(folder: &Folder) -> Result<Option<FlightResults>, JobError> {
     if !folder.flights().exists() {
         return Ok(None);
     }
     match model_file::read(folder.flights()) {
         Ok(results) => Ok(Some(results)),
-        // It says by itself what is to be done.
+        // The message of this error already contains the remedy.
         Err(error @ EvaluationError::File(FileError::Altered { .. })) => Err(error.into()),
         Err(error) => Err(JobError::Unreadable { error, stage: "flights" }),
     }
@@ -267,7 +267,7 @@ pub fn results(folder: &Folder) -> Result<Option<FlightResults>, JobError> {
 /// Reads the diagnoser of a setting.
 ///
 /// # Errors
-/// [`JobError::Missing`], or it is none.
+/// [`JobError::Missing`], or the file is no diagnoser.
 pub fn diagnoser(folder: &Folder, setting: Setting) -> Result<Diagnoser, JobError> {
     let path = folder.diagnoser(setting);
     match path.exists() {

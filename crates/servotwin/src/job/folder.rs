@@ -1,22 +1,22 @@
-//! The output folder: which file is where.
+//! The output folder and the location of each file in it.
 //!
 //! | file | written by |
 //! |---|---|
-//! | `study.toml`, `system.toml` | campaign: the texts that everything comes from |
-//! | `dataset-<setting>.parquet`, `shards/` | campaign: the cases that are judged |
+//! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
+//! | `dataset-<setting>.parquet`, `shards/` | campaign: the operating cases of the evaluation |
 //! | `dataset-<setting>-training.parquet` | campaign: the training commands |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
 //! | `hierarchy-<subject>.json` | train: the nine trees |
 //! | `panel-<subject>.json` | train: trees, committee and bands |
-//! | `diagnoser-<setting>.json` | flights: all that it takes to diagnose beside an actuator |
-//! | `flights.json` | flights: what that is worth |
-//! | `band-<setting>.json` | band: the confidence band as a field, and what it is worth |
+//! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
+//! | `flights.json` | flights: figures of merit of the diagnosers |
+//! | `band-<setting>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `manifest.json` | every stage |
-//! | `.servotwin.lock` | every stage, and nothing into it: [`super::hold`] |
+//! | `.servotwin.lock` | every stage; always empty, see [`super::hold`] |
 //!
-//! Who writes holds the folder ([`Hold`]); who only reads does not.
+//! Writers hold the folder ([`Hold`]); readers do not.
 
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
@@ -28,7 +28,7 @@ use crate::manifest;
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 
-/// What the names of the report's figures begin with.
+/// The prefix of the figures' names in the manifest.
 const FIGURES: &str = "figures/";
 
 /// An output folder.
@@ -36,67 +36,67 @@ const FIGURES: &str = "figures/";
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// The folder at a path, which need not exist.
+    /// The folder at a path. It need not exist yet.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Folder(path.into())
     }
 
-    /// Its path.
+    /// The path of the folder.
     pub fn path(&self) -> &Path {
         &self.0
     }
 
-    /// The text of the study.
+    /// The file with the text of the study.
     pub fn study(&self) -> PathBuf {
         self.0.join("study.toml")
     }
 
-    /// The text of the system.
+    /// The file with the text of the system.
     pub fn system(&self) -> PathBuf {
         self.0.join("system.toml")
     }
 
-    /// The data set of a setting.
+    /// The file of a setting's data set.
     pub fn data_set(&self, setting: Setting, role: Role) -> PathBuf {
         self.0.join(format!("dataset-{}{}.parquet", setting.name(), role.suffix()))
     }
 
-    /// The hierarchy trained for a subject.
+    /// The file of the hierarchy trained for a subject.
     pub fn hierarchy(&self, subject: Subject) -> PathBuf {
         self.0.join(format!("hierarchy-{}.json", subject.name()))
     }
 
-    /// Trees, committee and bands of a subject.
+    /// The file with trees, committee and bands of a subject.
     pub fn panel(&self, subject: Subject) -> PathBuf {
         self.0.join(format!("panel-{}.json", subject.name()))
     }
 
-    /// The diagnoser of a setting.
+    /// The file of a setting's diagnoser.
     pub fn diagnoser(&self, setting: Setting) -> PathBuf {
         self.0.join(format!("diagnoser-{}.json", setting.name()))
     }
 
-    /// The confidence band that was learned in a setting.
+    /// The file of the conditional band learned in a setting.
     pub fn band(&self, setting: Setting) -> PathBuf {
         self.0.join(format!("band-{}.json", setting.name()))
     }
 
-    /// What was measured in flights.
+    /// The file with the results of the flights.
     pub fn flights(&self) -> PathBuf {
         self.0.join("flights.json")
     }
 
-    /// What the diagnosis at work is worth without a sensor.
+    /// The file with the figures of merit of flights with a missing sensor.
     pub fn missing_sensors(&self) -> PathBuf {
         self.0.join("missing_sensors.json")
     }
 
-    /// What was measured of all subjects.
+    /// The file with the evaluation of all subjects.
     pub fn results(&self) -> PathBuf {
         self.0.join("evaluation.json")
     }
 
-    /// The report.
+    /// The file of the report.
     pub fn report(&self) -> PathBuf {
         self.0.join("report.html")
     }
@@ -106,12 +106,12 @@ impl Folder {
         self.0.join(FIGURES)
     }
 
-    /// Where everything comes from.
+    /// The file of the manifest.
     pub fn manifest(&self) -> PathBuf {
         self.0.join(manifest::NAME)
     }
 
-    /// Every result file that is there, the same order on every system.
+    /// Lists the existing result files, in the same order on every system.
     ///
     /// # Errors
     /// The folder of the figures cannot be read.
@@ -129,7 +129,7 @@ impl Folder {
         Ok(files)
     }
 
-    /// The report's figures, as the manifest knows them: what else lies beside them is not ours.
+    /// The report's figures according to the manifest. Other files in their folder belong to the user.
     fn figure_files(&self) -> Result<Vec<PathBuf>, JobError> {
         let known = Manifest::read(&self.0)?.map(|manifest| manifest.outputs).unwrap_or_default();
         let figures = known.iter().filter_map(|known| known.file.strip_prefix(FIGURES));
@@ -139,7 +139,7 @@ impl Folder {
     /// Removes the report and its figures.
     ///
     /// # Errors
-    /// They cannot be removed.
+    /// A file cannot be removed.
     pub fn remove_report(&self) -> Result<(), JobError> {
         let mut files = self.figure_files()?;
         files.push(self.report());
@@ -147,18 +147,18 @@ impl Folder {
         files.iter().try_for_each(|file| remove(file))
     }
 
-    /// Makes the folder, so that somebody may write into it.
+    /// Creates the folder and takes the right to write into it.
     ///
     /// # Errors
-    /// [`JobError::Busy`]; the folder cannot be made.
+    /// [`JobError::Busy`]; the folder cannot be created.
     pub fn hold(&self, among: Among) -> Result<Hold, JobError> {
         create_folder(&self.0)?;
         hold::take(&self.0, among)
     }
 
-    /// Holds the folder and writes the texts of the study and its system into it. Results of the study as it was before
-    /// are removed: they would be taken for those of the study as it is. Those of another study only where `replace`
-    /// allows it.
+    /// Holds the folder and writes the texts of the study and its system into it. Results of an earlier version of the
+    /// study are removed, because they would look like results of this version. Results of another study are removed
+    /// only if `replace` is set.
     ///
     /// # Errors
     /// [`Study::complete`]; [`JobError::Busy`]; [`JobError::OtherResults`]; the folder or a file cannot be written.
@@ -180,7 +180,7 @@ impl Folder {
         Ok(Kept { hold, dropped: dropped.len() })
     }
 
-    /// What is in the folder, in words, where it is not of a study of the same name: a study that was edited is the same.
+    /// Describes the folder's study if it has another name. An edited study keeps its name and counts as the same.
     fn other_study(&self, study: &Study, results: &[PathBuf]) -> Result<Option<String>, JobError> {
         let texts = [self.study(), self.system()];
         if results.is_empty() && texts.iter().all(|text| !text.exists()) {
@@ -197,15 +197,15 @@ impl Folder {
         })
     }
 
-    /// As [`Folder::keep_study`], where other parts may be working in the folder at the same time: nothing is
-    /// removed.
+    /// Like [`Folder::keep_study`], for a folder in which other parts of the campaign may be working. Removes no
+    /// results.
     ///
     /// # Errors
     /// The folder holds another study; [`JobError::Busy`]; a file cannot be written.
     pub fn join_study(&self, study: &Study) -> Result<Hold, JobError> {
         study.complete()?;
         let hold = self.hold(Among::Parts)?;
-        // Parts may be writing on other machines: only what is known to be abandoned is removed.
+        // Other machines may be writing their parts, so remove only files that are known to be abandoned.
         self.written_folders().iter().for_each(|folder| remove_abandoned_files(folder));
         if self.holds(study) {
             return Ok(hold);
@@ -220,8 +220,8 @@ impl Folder {
         Ok(hold)
     }
 
-    /// Whether the results in the folder come from a study. That is what the manifest says: a text may have been damaged
-    /// or changed since. Where it says nothing, the texts in the folder do.
+    /// Whether the folder's results come from this study. The manifest decides, because a text may have been damaged or
+    /// edited since. Without an entry there, the texts in the folder decide.
     fn is_made_of(&self, study: &Study) -> Result<bool, JobError> {
         let known = Manifest::read(&self.0)?;
         let is_from = |path: PathBuf, text: &str| {
@@ -234,17 +234,17 @@ impl Folder {
         Ok(is_from(self.study(), &study.text) && is_from(self.system(), &study.system.text))
     }
 
-    /// Whether the folder belongs to the full size of a study.
+    /// Whether the folder contains the full-size version of the study.
     pub fn holds_full(&self, study: &Study) -> bool {
         is_text(self.study(), &study.full_text()) && is_text(self.system(), &study.system.text)
     }
 
-    /// Whether the texts in the folder are those of a study.
+    /// Whether the folder contains the texts of this study.
     fn holds(&self, study: &Study) -> bool {
         is_text(self.study(), &study.text) && is_text(self.system(), &study.system.text)
     }
 
-    /// Holds the folder and reads the study back.
+    /// Holds the folder and reads its study.
     ///
     /// # Errors
     /// [`JobError::Busy`]; as [`Folder::read_study`].
@@ -255,7 +255,7 @@ impl Folder {
         Ok((self.read_study()?, hold))
     }
 
-    /// Removes what killed writers have left; the folder must be held for this program alone.
+    /// Removes files that killed writers left behind. The caller must hold the folder exclusively.
     fn remove_leftovers(&self) -> Result<(), JobError> {
         Ok(self.written_folders().iter().try_for_each(files::remove_leftovers)?)
     }
@@ -265,10 +265,10 @@ impl Folder {
         [self.0.clone(), self.0.join("shards"), self.figures()]
     }
 
-    /// Reads the study back, for who writes nothing.
+    /// Reads the folder's study for a program that writes nothing.
     ///
     /// # Errors
-    /// It is missing, is not what the manifest says, or has mistakes.
+    /// It is missing, contradicts the manifest, or has mistakes.
     pub fn read_study(&self) -> Result<Study, JobError> {
         self.has_study()?;
         manifest::check(&self.study())?;
@@ -285,17 +285,17 @@ impl Folder {
     }
 }
 
-/// The right to write into an output folder that was made ready for a study.
+/// The right to write into an output folder that is prepared for a study.
 #[derive(Debug)]
 #[must_use = "the folder is free again when this is dropped"]
 pub struct Kept {
-    /// The right.
+    /// The right to write.
     pub hold: Hold,
-    /// How many results were removed, being of the study as it was before.
+    /// The number of removed results; they came from an earlier version of the study, or from a replaced one.
     pub dropped: usize,
 }
 
-/// The name that a study's text says.
+/// The name in a study's text.
 fn name_in(study: &Path) -> Option<String> {
     let text: toml::Table = toml::from_str(&files::read_text(study).ok()?).ok()?;
     Some(text.get("name")?.as_str()?.to_owned())
@@ -309,7 +309,7 @@ fn is_text(path: impl AsRef<Path>, text: &str) -> bool {
     files::read_text(path).is_ok_and(|there| there == text)
 }
 
-/// Writes a text, unless it is there already: then the manifest goes on to vouch for it.
+/// Writes a text unless the file already contains it. In that case the manifest's hash stays valid.
 fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     if is_text(path, text) && manifest::check(path).is_ok() {
         return Ok(());
@@ -369,7 +369,7 @@ mod tests {
         assert_eq!(dropped(&press, true), 2);
         folder.remove_report().unwrap();
         assert!(others.iter().all(|file| file.exists()), "what others wrote is theirs");
-        // A study of the user's own under that name, beside which nothing was measured.
+        // A study of the user's own with the same file name, without any results.
         std::fs::remove_file(folder.manifest()).unwrap();
         std::fs::write(folder.study(), "name = \"mine\"\n").unwrap();
         assert!(matches!(folder.keep_study(&press, false), Err(JobError::OtherResults { .. })));

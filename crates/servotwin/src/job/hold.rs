@@ -1,33 +1,33 @@
-//! Who works in an output folder: a lock on a file there, so that no two programs change its manifest at the same time.
+//! Locks an output folder with a lock file, so that no two programs change its manifest at the same time.
 //!
-//! The operating system takes the lock back when the program ends, however it ends. The file stays, empty: were it
-//! removed, a third program could lock a new one while a second still has the old one.
+//! The operating system releases the lock when the program ends for any reason. The empty file stays: if it were
+//! removed, a third program could lock a new file while a second still holds the old one.
 
 use super::JobError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::Path;
 
-/// The name of the file.
+/// The name of the lock file.
 pub const NAME: &str = ".servotwin.lock";
 
-/// Who else may work in the folder.
+/// Which other processes may work in the folder at the same time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Among {
-    /// Nobody.
+    /// None.
     Nobody,
-    /// Other parts of the same campaign: none of them removes anything or writes the manifest.
+    /// Other parts of the same campaign. They remove no results and do not write the manifest.
     Parts,
 }
 
-/// The right to write into an output folder, until it is dropped.
+/// The right to write into an output folder, released on drop.
 #[derive(Debug)]
 #[must_use = "the folder is free again when this is dropped"]
 pub struct Hold {
     _file: Option<File>,
 }
 
-/// Takes the right to write into a folder. Where no such file can be made, or the file system has no locks, it is given
-/// without asking: whether results can be written is told by who writes them.
+/// Takes the right to write into a folder. If the lock file cannot be created or the file system has no locks, the
+/// right is granted without a lock; the later write reports the real error.
 ///
 /// # Errors
 /// [`JobError::Busy`].

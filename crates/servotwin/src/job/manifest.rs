@@ -1,5 +1,5 @@
-//! Where results come from: `manifest.json`, with versions, seeds, and hashes of what went in and
-//! what came out. It holds no time of day: the same study gives the same bytes.
+//! `manifest.json`, the origin of results: versions, seeds, and hashes of inputs and outputs. It contains no time of
+//! day, so the same study gives the same bytes.
 
 use super::{Folder, JobError, Subject};
 use crate::evaluation::EvaluationError;
@@ -14,48 +14,48 @@ use std::path::{Path, PathBuf};
 
 pub use crate::manifest::{FORMAT, FileHash};
 
-/// Where the results in a folder come from.
+/// The origin of the results in a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// [`FORMAT`].
     pub format: String,
-    /// The version of the program that wrote it.
+    /// The version of the program that wrote the results.
     pub version: String,
     /// The name of the study.
     pub study: String,
-    /// The texts that everything comes from.
+    /// Hashes of the texts of the study and its system.
     pub inputs: Vec<FileHash>,
-    /// The seed of noise and specimens, where the study has a realistic setting.
+    /// The seed of noise and specimens, if the study has a realistic setting.
     pub specimen_seed: Option<u64>,
     /// The seed of splits into training and test.
     pub split_seed: u64,
-    /// The solver's settings.
+    /// A description of the solver's settings.
     pub solver: String,
     /// [`Network::identity`](servotwin_model::network::Network::identity) of the equations, which compiled steps carry.
     #[serde(default)]
     pub equations: String,
-    /// The data sets.
+    /// The data sets in the folder.
     pub data_sets: Vec<DataSetEntry>,
-    /// Every result file.
+    /// Hashes of all result files.
     pub outputs: Vec<FileHash>,
 }
 
-/// What is in a data set.
+/// The contents of a data set, as counts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DataSetEntry {
-    /// The setting.
+    /// The name of the setting.
     pub setting: String,
-    /// Whether a diagnosis learns from it; otherwise it is judged on it.
+    /// Whether the data set is for training; otherwise it is for evaluation.
     pub is_training: bool,
     /// Number of variants.
     pub variants: usize,
-    /// Variants that were not simulated, being mirror images of others.
+    /// Variants that were not simulated, because they are symmetric copies of others.
     pub reflected: usize,
     /// Variants without a fault.
     pub healthy: usize,
     /// Faulty variants that never leave the band of healthy residuals.
     pub undetectable: usize,
-    /// What simulations took, by kind of fault.
+    /// Counts and solver effort, by kind of fault.
     pub efforts: Vec<KindEffort>,
     /// Variants that began without a steady state.
     #[serde(default)]
@@ -64,58 +64,58 @@ pub struct DataSetEntry {
     pub failed: Vec<FailedVariant>,
 }
 
-/// What the simulations of a kind of fault took, those that did not end left out.
+/// The solver's effort for a kind of fault. Simulations that stopped early are left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct KindEffort {
-    /// The kind; `healthy` without a fault.
+    /// The kind of fault, or `healthy`.
     pub kind: String,
     /// Number of variants.
     pub variants: usize,
     /// The solver's steps for each simulated second, on average.
     pub mean_steps_per_s: f64,
-    /// The most that a variant took.
+    /// The maximum of a variant.
     pub most_steps_per_s: f64,
     /// Variants that ring ([`Effort::rings`](crate::campaign::Effort::rings)).
     pub rings: usize,
-    /// Variants that began on the move: no rest was found.
+    /// Variants that began in motion, because no steady state was found.
     pub began_on_the_move: usize,
-    /// Those of them that were measured to swing for ever.
+    /// Those of them with a measured limit cycle.
     #[serde(default)]
     pub limit_cycles: usize,
 }
 
-/// A variant that began without a steady state: none was found for it or for its twin.
+/// A variant that began in motion, because no steady state was found for it or for its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MovingVariant {
-    /// Its number.
+    /// The number of the variant.
     pub variant: u32,
-    /// Its fault.
+    /// The name of its fault.
     pub fault: String,
-    /// Its intensity.
+    /// The intensity of the fault.
     pub intensity: f64,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
-    /// Whether it was measured to swing for ever.
+    /// Whether a limit cycle was measured.
     pub limit_cycle: bool,
 }
 
-/// A variant that was not simulated to the end.
+/// A variant whose simulation stopped early.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FailedVariant {
-    /// Its number.
+    /// The number of the variant.
     pub variant: u32,
-    /// Its fault.
+    /// The name of its fault.
     pub fault: String,
-    /// Its intensity.
+    /// The intensity of the fault.
     pub intensity: f64,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
-    /// Why.
+    /// Why the simulation stopped.
     pub reason: String,
 }
 
 impl Manifest {
-    /// Reads the manifest of a folder; `None` if there is none of ours.
+    /// Reads the manifest of a folder; `None` if the folder has no servotwin manifest.
     ///
     /// # Errors
     /// It cannot be read, or is damaged.
@@ -123,12 +123,12 @@ impl Manifest {
         manifest::read(folder)
     }
 
-    /// What was in a file when it was written, if that is known.
+    /// The stored hash of a file, if known.
     pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
         self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
     }
 
-    /// Writes it into its folder; the same manifest gives the same bytes.
+    /// Writes the manifest into its folder. Equal manifests give equal bytes.
     ///
     /// # Errors
     /// It cannot be written.
@@ -137,8 +137,8 @@ impl Manifest {
     }
 }
 
-/// The manifest of what is in a folder now. What the one that lies there knows of a file is kept: a stage vouches only for
-/// what was written since ([`manifest::forget`]), and not for what was damaged before it began.
+/// Makes the manifest of the folder's current files. Known hashes are kept: a stage vouches only for files written
+/// since ([`manifest::forget`]), not for files damaged before it began.
 ///
 /// # Errors
 /// A file cannot be read.
@@ -146,7 +146,7 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
     with(folder, study, &[])
 }
 
-/// The same with figures that have just been drawn.
+/// Like [`of`], with newly drawn figures.
 fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest, JobError> {
     let known = Manifest::read(folder.path())?;
     let mut results = folder.results_there()?;
@@ -172,7 +172,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
     })
 }
 
-/// The solver's settings as people say them.
+/// Describes the solver's settings.
 fn in_words(settings: &solver::Settings) -> String {
     let steps = match settings.control {
         Control::Fixed { step_s } => format!("steps of {step_s} s"),
@@ -185,7 +185,7 @@ fn in_words(settings: &solver::Settings) -> String {
     format!("{:?}, {steps}, {end}", settings.method)
 }
 
-/// Writes the manifest of what is in a folder now.
+/// Writes the manifest of the folder's current files.
 ///
 /// # Errors
 /// A file cannot be read or written.
@@ -193,7 +193,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
     write_with(folder, study, &[])
 }
 
-/// The same with figures that have just been drawn.
+/// Like [`write()`], with newly drawn figures.
 ///
 /// # Errors
 /// A file cannot be read or written.
@@ -223,7 +223,7 @@ fn hash(folder: &Folder, known: Option<&Manifest>, path: &Path) -> Result<FileHa
     }
 }
 
-/// A file seen from the folder, the same on every system.
+/// The path of a file relative to the folder, with `/` on every system.
 fn name(folder: &Folder, path: &Path) -> String {
     let inside = path.strip_prefix(folder.path()).unwrap_or(path);
     let parts = inside.iter().map(|part| part.to_string_lossy());
@@ -264,14 +264,14 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
         on_the_move: vec![],
         failed: vec![],
     };
-    // Part by part: there may be millions of rows.
+    // Read in parts: there may be millions of rows.
     for part in ParquetReader::open_columns(path, &COLUMNS)? {
         entry.add(&part?)?;
     }
     Ok(entry)
 }
 
-/// The columns of a data set that a manifest looks at.
+/// The columns of a data set that the manifest summarizes.
 const COLUMNS: [&str; 12] = [
     "variant",
     "intensity",
@@ -326,7 +326,7 @@ impl DataSetEntry {
         Ok(())
     }
 
-    /// That of a kind; kinds stand in the order of their names.
+    /// The entry of a kind of fault, inserted if missing. Entries are sorted by kind.
     fn effort(&mut self, kind: &str) -> &mut KindEffort {
         let place = self.efforts.binary_search_by(|effort| effort.kind.as_str().cmp(kind));
         let place = place.unwrap_or_else(|place| {

@@ -1,8 +1,8 @@
-//! The main job, stage by stage: campaign, training, evaluation. The crate `servotwin-report` shows what they left.
+//! The main job, stage by stage: campaign, training, evaluation. The crate `servotwin-report` presents the results.
 //!
-//! Every stage reads what the former has left in the output folder ([`folder`]), so that a user can
-//! change one thing and repeat the rest. What is diagnosed is a [`Subject`]: a data set, with or
-//! without the sensor that the system could have.
+//! Every stage reads the files of the previous stages from the output folder ([`folder`]), so that a user can
+//! change one thing and repeat the rest. A [`Subject`] of the diagnosis is a data set, with or
+//! without the extra sensor.
 
 mod error;
 pub mod flights;
@@ -38,7 +38,7 @@ use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
 use std::sync::{Mutex, PoisonError};
 
-/// How windows are moved within their uncertainty.
+/// How windows are perturbed within their uncertainty.
 #[derive(Clone, Copy)]
 struct Moves {
     draws: usize,
@@ -46,25 +46,25 @@ struct Moves {
     reaches: &'static [f64],
 }
 
-/// Those of the training windows. The later ones go farther than windows are uncertain, so that
-/// questions keep their distance from what is learned; farthest where no noise makes them do so.
+/// The perturbation of training windows. The larger reach exceeds the windows' uncertainty, so that splits keep a
+/// distance from the training data. It is largest without noise, where the uncertainty alone is small.
 fn learned(subject: Subject) -> Moves {
     let reaches: &[f64] = if subject.setting().has_noise() { &[1.0, 2.0] } else { &[1.0, 8.0] };
     Moves { draws: 9, seed: 1, reaches }
 }
 
-/// Those of the judged windows.
+/// The perturbation of evaluation windows.
 const JUDGED: Moves = Moves { draws: 4, seed: 2, reaches: &[1.0] };
 
-/// What windows are moved by for the solver's error, in parts of scale. The largest error of 37 of the aileron's 41 kinds
-/// of fault is smaller (6e-5); four that ring or cavitate have moments with a larger one (up to 2.9e-3, `docs/limits.md`),
-/// so that of these some answers may hang on the solver that are counted as firm.
+/// The perturbation that covers the solver's error, as a share of scale. For 37 of the aileron's 41 kinds of fault the
+/// largest error is smaller (6e-5). Four kinds that ring or cavitate exceed it at times (up to 2.9e-3,
+/// `docs/limits.md`), so some of their answers may depend on the solver and still count as firm.
 const SOLVER_ERROR: f64 = 1e-4;
 
-/// The subjects whose data sets lie in a folder.
+/// The subjects whose data sets are in the folder.
 ///
 /// # Errors
-/// [`JobError::NoDataSet`] if there is none.
+/// [`JobError::NoDataSet`] if the folder has none.
 pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError> {
     let there = |subject: &Subject| {
         let possible = !subject.extra_sensor() || study.extra_sensor.is_some();
@@ -80,7 +80,7 @@ pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError
 /// Reads the data sets of a subject.
 ///
 /// # Errors
-/// A file cannot be read, or is not as the study says.
+/// A file cannot be read, or contradicts the study.
 pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<DataSet, JobError> {
     let path = |role| folder.data_set(subject.setting(), role);
     let wrong = |error| JobError::DataSet { path: path(Role::Judged), error };
@@ -93,7 +93,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
     DataSet::new(&tables, features, &study.units, &study.commands()).map_err(wrong)
 }
 
-/// For each sensor with a band a number that is the same for like sensors of all units.
+/// A pool number for each sensor with a band. Corresponding sensors of all actuators share a number.
 pub fn pools(study: &Study) -> Vec<usize> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let like = |sensor: usize| sensors.iter().position(|s| s.quantity == sensors[sensor].quantity);
@@ -102,15 +102,16 @@ pub fn pools(study: &Study) -> Vec<usize> {
     (0..sensors.len()).map(pool).collect()
 }
 
-/// What training and evaluation of a subject begin with: reading it and moving its windows takes longer than
-/// training its trees.
+/// The input of a subject's training and evaluation. Reading the data and perturbing its windows takes longer than
+/// training the trees.
 struct Prepared {
     subject: Subject,
-    /// With every feature, also those that teach nothing.
+    /// The data set with every feature, including those without value for training.
     all_features: DataSet,
-    /// The windows of all rows.
+    /// The windows of all rows; empty without training commands.
     windows: Vec<Window>,
-    /// What is learned from and judged: bands, features that teach, moved rows where there are windows.
+    /// The data set for training and evaluation: banded, and with training features only. It has perturbed rows if
+    /// there are windows.
     data: DataSet,
 }
 
@@ -131,7 +132,7 @@ impl Prepared {
         Ok(Self { subject, all_features, windows, data })
     }
 
-    /// Trains trees and committee with everything there is to learn from, and writes them.
+    /// Trains trees and committee with all training data, and writes them.
     fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Trained, JobError> {
         let trained =
             evaluation::train(&self.data, &self.subject.settings(study), &pools(study), workers)?;
@@ -157,7 +158,7 @@ impl Prepared {
     }
 }
 
-/// The pieces of a subject's evaluation.
+/// Lists the pieces of a subject's evaluation.
 pub fn pieces(study: &Study, subject: Subject) -> Vec<Piece> {
     piece::all(&subject.settings(study))
 }
@@ -169,7 +170,7 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// Reads the data sets of a subject, and what was trained for it.
+    /// Reads the data sets and the trained models of a subject.
     ///
     /// # Errors
     /// A file is missing or cannot be read.
@@ -187,7 +188,7 @@ impl Desk {
     /// Evaluates some pieces.
     ///
     /// # Errors
-    /// What evaluation says.
+    /// The evaluation fails.
     pub fn evaluate(
         &self,
         study: &Study,
@@ -212,11 +213,11 @@ impl Desk {
     }
 }
 
-/// Trains every subject in a folder, and writes what was trained. Subjects are worked on at the same time:
-/// much of one of them is work for one thread.
+/// Trains every subject in a folder and writes the models. Subjects are processed in parallel, because much of
+/// the work on one of them uses a single thread.
 ///
 /// # Errors
-/// A file cannot be read or written; what training says.
+/// A file cannot be read or written; training fails.
 pub fn train_all(
     folder: &Folder,
     study: &Study,
@@ -230,15 +231,15 @@ pub fn train_all(
     trained?.into_iter().collect()
 }
 
-/// The results of a subject, and what the other subjects are tested on.
+/// The results of a subject, and its part in the robustness tests.
 pub struct Evaluated {
     result: SubjectResult,
-    /// Data set and model of a scenario; none of the extra sensor, whose features the others lack.
+    /// Data set and model for tests across settings. `None` with the extra sensor, whose features the others lack.
     tested: Option<Tested>,
 }
 
 impl Evaluated {
-    /// Joins the pieces of a subject's evaluation.
+    /// Joins the evaluated pieces of a subject.
     pub fn new(study: &Study, desk: Desk, found: Vec<Found>) -> Self {
         let Desk { prepared: Prepared { subject, data, .. }, trained } = desk;
         let settings = subject.settings(study);
@@ -251,11 +252,11 @@ impl Evaluated {
     }
 }
 
-/// Evaluates every subject in a folder with its trained model and writes the results. `progress` receives the task at
+/// Evaluates the trained model of every subject in a folder and writes the results. `progress` receives the task at
 /// hand and the share that is done, from 0 to 1.
 ///
 /// # Errors
-/// A file is missing or cannot be read or written; what evaluation says.
+/// A file is missing or cannot be read or written; the evaluation fails.
 pub fn evaluate_all(
     folder: &Folder,
     study: &Study,
@@ -268,11 +269,11 @@ pub fn evaluate_all(
     write_results(folder, study, &evaluated)
 }
 
-/// Trains and evaluates some subjects, to the same bytes as [`train_all`] and [`evaluate_all`]: the preparation that
-/// both need is done once.
+/// Trains and evaluates some subjects, to the same bytes as [`train_all`] and [`evaluate_all`]. The shared preparation
+/// runs once.
 ///
 /// # Errors
-/// As theirs.
+/// As [`train_all`] and [`evaluate_all`].
 pub fn train_and_evaluate(
     folder: &Folder,
     study: &Study,
@@ -311,10 +312,10 @@ fn evaluate_with(
     evaluated?.into_iter().collect()
 }
 
-/// Writes the results of some subjects, with every model tested in the scenarios of the others.
+/// Tests every model in the settings of the others, and writes the results of some subjects.
 ///
 /// # Errors
-/// The file cannot be written; what evaluation says.
+/// The file cannot be written; the evaluation fails.
 pub fn write_results(
     folder: &Folder,
     study: &Study,
@@ -328,8 +329,8 @@ pub fn write_results(
     Ok(results)
 }
 
-/// The windows of all rows of a data set, in their order; none where the study has no training
-/// commands, because then nothing is moved.
+/// Reads the windows of all rows of a data set, in their order. Without training commands there is no perturbation and
+/// the list is empty.
 fn windows(
     folder: &Folder,
     study: &Study,
@@ -343,7 +344,7 @@ fn windows(
     for role in study.roles() {
         let stored = Campaign::stored(folder.path(), study, subject.setting(), role);
         for rows in stored.windows()? {
-            // Variants that failed are no rows.
+            // A data set has no rows for failed variants.
             let ran = rows.into_iter().filter(|row| row.failure.is_empty());
             windows.extend(ran.map(|row| row.window));
         }
@@ -379,7 +380,7 @@ fn moving<'w>(
     })
 }
 
-/// Reads what was trained for a subject.
+/// Reads the models trained for a subject.
 fn trained(folder: &Folder, subject: Subject) -> Result<Trained, JobError> {
     let panel = panel(folder, subject)?;
     let committee =
@@ -387,10 +388,10 @@ fn trained(folder: &Folder, subject: Subject) -> Result<Trained, JobError> {
     Ok(Trained { bands: None, trees: panel.trees, committee })
 }
 
-/// Reads trees, committee and bands that were trained for a subject.
+/// Reads the trees, committee and bands trained for a subject.
 ///
 /// # Errors
-/// [`JobError::Missing`], or it is no panel.
+/// [`JobError::Missing`], or the file is not a panel.
 pub fn panel(folder: &Folder, subject: Subject) -> Result<Panel, JobError> {
     let path = folder.panel(subject);
     match path.exists() {
@@ -399,10 +400,10 @@ pub fn panel(folder: &Folder, subject: Subject) -> Result<Panel, JobError> {
     }
 }
 
-/// Reads the hierarchy that was trained for a subject.
+/// Reads the hierarchy trained for a subject.
 ///
 /// # Errors
-/// [`JobError::Missing`], or it is not a hierarchy.
+/// [`JobError::Missing`], or the file is not a hierarchy.
 pub fn hierarchy(folder: &Folder, subject: Subject) -> Result<Hierarchy, JobError> {
     let path = folder.hierarchy(subject);
     match path.exists() {

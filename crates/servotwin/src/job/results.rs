@@ -1,4 +1,4 @@
-//! What was measured of all subjects: `evaluation.json`.
+//! The evaluation of all subjects: `evaluation.json`.
 
 use super::{Folder, JobError, Subject};
 use crate::evaluation::robustness::Cross;
@@ -6,10 +6,10 @@ use crate::evaluation::{Evaluation, Settings, model_file};
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
 
-/// The word that a stored evaluation begins with.
+/// Identifies the file format of a stored evaluation.
 pub const FORMAT: &str = "servotwin evaluation 2";
 
-/// What was measured of all subjects.
+/// The evaluation of all subjects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     /// [`FORMAT`].
@@ -18,33 +18,33 @@ pub struct Results {
     pub study: String,
     /// One entry for each subject.
     pub subjects: Vec<SubjectResult>,
-    /// Trained on one setting, tested on another.
+    /// Results of models trained on one setting and tested on another.
     pub robustness: Vec<Cross>,
 }
 
-/// What was measured of one subject.
+/// The evaluation of one subject.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SubjectResult {
-    /// Which.
+    /// The evaluated subject.
     pub subject: Subject,
-    /// What it is, for people.
+    /// The subject's title for readers.
     pub title: String,
-    /// How it was evaluated.
+    /// The settings of training and evaluation.
     pub settings: Settings,
-    /// The result.
+    /// The results under all protocols.
     pub evaluation: Evaluation,
 }
 
 impl Results {
-    /// The results of a study.
+    /// Assembles the results of a study.
     pub fn new(study: &Study, subjects: Vec<SubjectResult>, robustness: Vec<Cross>) -> Self {
         Results { format: FORMAT.into(), study: study.name.clone(), subjects, robustness }
     }
 
-    /// Reads the results that a folder holds.
+    /// Reads the results in a folder.
     ///
     /// # Errors
-    /// [`JobError::Missing`], or the file holds no evaluation.
+    /// [`JobError::Missing`], or the file is not an evaluation.
     pub fn read(folder: &Folder) -> Result<Self, JobError> {
         let path = folder.results();
         match path.exists() {
@@ -60,7 +60,7 @@ impl Results {
 }
 
 impl SubjectResult {
-    /// The result of a subject of a study.
+    /// Assembles the result of a subject.
     pub fn new(subject: Subject, study: &Study, settings: Settings, result: Evaluation) -> Self {
         SubjectResult { subject, title: subject.title(study), settings, evaluation: result }
     }

@@ -26,23 +26,23 @@ use std::path::Path;
 pub enum StudyEvent<'e> {
     /// Results of an earlier version of the study were removed from the folder.
     Removed {
-        /// How many files.
+        /// The number of removed files.
         files: usize,
     },
     /// A campaign has simulated some of its rows.
     Rows {
-        /// The campaign.
+        /// The running campaign.
         campaign: &'e Campaign<'e>,
-        /// How many rows are done.
+        /// The number of simulated rows.
         done: usize,
-        /// How many rows there are.
+        /// The number of all rows.
         all: usize,
     },
     /// A campaign has ended.
     Simulated {
-        /// The campaign.
+        /// The finished campaign.
         campaign: &'e Campaign<'e>,
-        /// The outcome of the campaign.
+        /// What the campaign counted.
         outcome: &'e Outcome,
     },
     /// A stage begins.
@@ -52,25 +52,25 @@ pub enum StudyEvent<'e> {
         /// The number of stages.
         of: usize,
     },
-    /// Full flights were measured before, and stay.
+    /// Full flights were already measured; their results stay.
     FlightsKept,
-    /// Flights are flown.
+    /// Flights are being simulated.
     Flying {
         /// The task at hand.
         what: &'e str,
-        /// How much of all is done, from 0 to 1.
+        /// The share of all work that is done, from 0 to 1.
         share: f64,
     },
-    /// The flights are flown and judged.
+    /// The flights are simulated and evaluated.
     FlightCampaign(&'e FlightResults),
-    /// Trees and boosted trees are trained and evaluated.
+    /// Trees and boosted trees are being trained and evaluated.
     Evaluating {
         /// The task at hand.
         what: &'e str,
-        /// How much of all is done, from 0 to 1.
+        /// The share of all work that is done, from 0 to 1.
         share: f64,
     },
-    /// The scenarios simulated so far are evaluated, and the results written.
+    /// The scenarios simulated so far are evaluated, and their results written.
     Evaluated {
         /// The results so far.
         results: &'e Results,
@@ -79,19 +79,19 @@ pub enum StudyEvent<'e> {
     },
 }
 
-/// How a study is run; see [`Study::run`] for the usual way.
+/// Options of a study's run; see [`Study::run`] for the usual way.
 pub struct StudyRun<'r> {
     /// The study.
     pub study: &'r Study,
     /// The output folder.
     pub folder: Folder,
-    /// Whether to remove what the folder holds of another study.
+    /// Whether to remove another study's results from the folder.
     pub replace: bool,
     /// Whether to simulate the fitted scenario, too.
     pub fitted: bool,
-    /// The threads, and what cancels them.
+    /// The threads, and their cancellation.
     pub workers: Workers<'r>,
-    /// Is called at every event, from several threads.
+    /// Called at every event, from several threads.
     pub observer: &'r (dyn Fn(&StudyEvent) + Sync),
 }
 
@@ -99,18 +99,19 @@ pub struct StudyRun<'r> {
 #[derive(Debug)]
 pub struct StudyResults {
     folder: Folder,
-    /// The measured results, by scenario and protocol.
+    /// The results of the evaluation, by scenario and protocol.
     pub evaluation: Results,
     /// The results of the flights; `None` for a study without flights.
     pub flights: Option<FlightResults>,
-    /// No other process writes into the folder while the caller of [`Study::run`] holds the results.
+    /// The lock that keeps other processes from writing into the folder while the caller of [`Study::run`] holds the
+    /// results.
     _hold: Option<Hold>,
 }
 
 impl Study {
-    /// Runs the whole study on all processors: simulates, trains and evaluates; all results go into a folder.
-    /// `servotwin_report::write` shows them as one HTML file.
-    /// An interrupted study resumes where it stopped, with the same bytes.
+    /// Runs the whole study on all processors: simulates, trains and evaluates, and writes all results into a folder.
+    /// `servotwin_report::write` turns them into one HTML file.
+    /// An interrupted study resumes where it stopped and gives the same bytes.
     ///
     /// # Errors
     /// The folder belongs to another study or cannot be written; a stage fails.
@@ -120,7 +121,7 @@ impl Study {
 }
 
 impl<'r> StudyRun<'r> {
-    /// All processors, the usual scenarios, no observer.
+    /// Runs with all processors, the usual scenarios and no observer.
     pub fn new(study: &'r Study, out: impl AsRef<Path>) -> Self {
         StudyRun {
             study,
@@ -132,14 +133,14 @@ impl<'r> StudyRun<'r> {
         }
     }
 
-    /// Runs every stage: each group of scenarios is simulated and evaluated before the next, so that results appear
-    /// as they come; flights are last.
+    /// Runs every stage. Each group of scenarios is simulated and evaluated before the next, so that results appear
+    /// early. Flights come last.
     ///
     /// # Errors
     /// As [`Study::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
-        // A mistake in the flights is reported now, not after the campaigns.
+        // Report a mistake in the flights now, not after the campaigns.
         let sizes = study.flights()?.filter(|_| study.is_full);
         if self.fitted && !Setting::Fitted.is_possible(study) {
             return Err(CampaignError::no_section(Setting::Fitted, study).into());
@@ -167,8 +168,8 @@ impl<'r> StudyRun<'r> {
         Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: Some(hold) })
     }
 
-    /// Simulates and evaluates all scenarios, the kindest first. Returns the results and the number of stages,
-    /// with those that follow.
+    /// Simulates and evaluates all scenarios, the easiest first. Returns the results and the number of stages including
+    /// the `following` ones.
     fn scenarios(&self, following: usize) -> Result<(Results, usize), JobError> {
         let study = self.study;
         let is_wanted = |setting: Setting| {
@@ -246,10 +247,10 @@ impl<'r> StudyRun<'r> {
 }
 
 impl StudyResults {
-    /// Reads the results that a study has left in its output folder. Other processes may write there meanwhile.
+    /// Reads the results of a study from its output folder. Other processes may write there meanwhile.
     ///
     /// # Errors
-    /// The folder has no evaluated study, or a file of it is damaged.
+    /// The folder has no evaluated study, or one of its files is damaged.
     pub fn read(out: impl AsRef<Path>) -> Result<Self, JobError> {
         let folder = Folder::new(out.as_ref());
         folder.read_study()?;
@@ -271,7 +272,7 @@ impl StudyResults {
         table::read(&path).map_err(|error| JobError::DataSet { path, error: error.into() })
     }
 
-    /// The nine trees that were trained in a scenario.
+    /// The nine trees trained in a scenario.
     ///
     /// # Errors
     /// The scenario was not simulated.
@@ -279,7 +280,7 @@ impl StudyResults {
         super::hierarchy(&self.folder, Subject::of(setting))
     }
 
-    /// The diagnoser that was trained in the flights of a scenario.
+    /// The diagnoser trained in the flights of a scenario.
     ///
     /// # Errors
     /// No flights were flown in this scenario.

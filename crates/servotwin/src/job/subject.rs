@@ -1,4 +1,4 @@
-//! What is diagnosed: a data set, with or without the extra sensor.
+//! The subject of a diagnosis: a data set, with or without the extra sensor.
 
 use crate::evaluation::comparison::quick_classifiers;
 use crate::evaluation::data_set::TrainingFilter;
@@ -15,15 +15,15 @@ use servotwin_learning::tree::Criterion;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Subject {
-    /// Perfect sensors, a plant that is the twin with a fault: the paper's.
+    /// Perfect sensors, and a plant that equals the twin apart from its fault; the seed paper's setting.
     Ideal,
-    /// With noise and quantisation of the sensors.
+    /// Sensors with noise and quantization.
     Noise,
-    /// With noise, quantisation and tolerances, beside twins that are fitted to their specimens.
+    /// Noise, quantization and tolerances; twins are fitted to their specimens.
     Fitted,
-    /// With noise, quantisation and tolerances.
+    /// Noise, quantization and tolerances.
     Realistic,
-    /// As realistic, with a sensor more.
+    /// Like `Realistic`, with the extra sensor.
     ExtraSensor,
 }
 
@@ -32,7 +32,7 @@ impl Subject {
     pub const ALL: [Subject; 5] =
         [Subject::Ideal, Subject::Noise, Subject::Fitted, Subject::Realistic, Subject::ExtraSensor];
 
-    /// The data set of a scenario without the extra sensor.
+    /// The subject of a setting without the extra sensor.
     pub fn of(setting: Setting) -> Self {
         match setting {
             Setting::Ideal => Subject::Ideal,
@@ -42,15 +42,15 @@ impl Subject {
         }
     }
 
-    /// The one that is shown where none is named: realistic if it is there, else the last in the order of reports. The
-    /// extra sensor, which the system does not have, comes after all others.
+    /// The subject shown by default: realistic if available, else the last in the order of reports. The extra sensor is
+    /// chosen only if nothing else is available, because the system does not have it.
     pub fn default_among(subjects: &[Subject]) -> Option<Subject> {
         let place = |subject: &Subject| Subject::ALL.iter().position(|known| known == subject);
         let own = subjects.iter().filter(|subject| !subject.extra_sensor());
         own.max_by_key(|subject| place(subject)).or(subjects.last()).copied()
     }
 
-    /// The word in file names.
+    /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
             Subject::ExtraSensor => "extra_sensor",
@@ -58,7 +58,7 @@ impl Subject {
         }
     }
 
-    /// What it is, for people.
+    /// The title for readers.
     pub fn title(self, study: &Study) -> String {
         let extra = || study.extra_sensor.as_deref().unwrap_or("an extra sensor");
         match self {
@@ -67,7 +67,7 @@ impl Subject {
         }
     }
 
-    /// The data set that it reads.
+    /// The setting of its data set.
     pub fn setting(self) -> Setting {
         match self {
             Subject::Ideal => Setting::Ideal,
@@ -82,15 +82,15 @@ impl Subject {
         self == Subject::ExtraSensor
     }
 
-    /// How it is trained and judged: as the study's section `[evaluation]` says, and else as is usual. A quick study
-    /// has fewer protocols.
+    /// The settings of training and evaluation: those in the study's section `[evaluation]`, and the usual ones for the
+    /// rest. A quick study has fewer protocols.
     pub fn settings(self, study: &Study) -> Settings {
         let settings = self.as_asked(self.usual(), &study.evaluating);
         let settings = if study.is_full { settings } else { settings.quick() };
         Settings { shutdowns: study.shutdowns(), ..settings }
     }
 
-    /// What a study says goes before what is usual.
+    /// Replaces usual settings by those of the study.
     fn as_asked(self, mut settings: Settings, asked: &Evaluating) -> Settings {
         let is_asked = |list: &Option<Vec<Setting>>| {
             list.as_ref().map(|settings| settings.contains(&self.setting()))
@@ -104,7 +104,7 @@ impl Subject {
             set(&mut holding.folds, folds);
         }
         set(&mut settings.learned_bands, is_asked(&asked.learned_bands));
-        // With one sensor more as little is measured as is needed to compare it.
+        // With the extra sensor, evaluate only what the comparison needs.
         if !self.extra_sensor() {
             set(&mut settings.ablation, is_asked(&asked.ablation));
             let compared = |is_asked| if is_asked { quick_classifiers() } else { vec![] };
@@ -121,15 +121,20 @@ impl Subject {
         settings
     }
 
-    /// How it is usually evaluated. Classifiers are compared where the paper compared them, parts are taken
-    /// away where it is hardest to do without. The paper's band of 3 % judges perfect specimens, with
-    /// and without noise; where specimens differ it would alarm one healthy one in eight, and learned
-    /// bands do. Trees are as deep as the paper's; where specimens differ from their twins they need two
-    /// questions more, and three where bands are as narrow as noise allows, so that weaker faults are
-    /// diagnosed. There every healthy specimen nearly leaves them, and only those that do teach. Depth,
-    /// criterion and lessons were chosen on training commands left out of training (`job::tests`). Judged
-    /// records are longer than those that teach and so show weaker faults: beside perfect specimens, where
-    /// these are still like themselves, copies of a fault teach down to a quarter of the band.
+    /// The usual settings of training and evaluation.
+    ///
+    /// Classifiers are compared on the ideal setting, like in the seed paper. The ablation uses the realistic
+    /// setting, where each part matters most. Perfect specimens are judged with the paper's band of 3 %. On specimens
+    /// with tolerances that band would alarm for one healthy specimen in eight, so bands are learned there.
+    ///
+    /// Trees are as deep as the paper's for specimens that equal their twin. With tolerances they need two more
+    /// questions. Beside fitted twins they need three more, because the bands are as narrow as noise permits and
+    /// reveal weaker faults. There nearly every healthy specimen comes close to the bands, so only those that leave
+    /// them are used for training. Depth, criterion and training filter were chosen on training commands held out of
+    /// training (`job::tests`).
+    ///
+    /// Evaluation records are longer than training records and so reveal weaker faults. For specimens that equal
+    /// their twin, weakened copies of a fault are therefore used down to a quarter of the band.
     fn usual(self) -> Settings {
         let defaults = Settings::default();
         let usually = defaults.holding.lessons;
@@ -168,7 +173,7 @@ fn set<T>(value: &mut T, asked: Option<T>) {
     }
 }
 
-/// The classifiers of all stages.
+/// The classifier settings of all stages.
 fn stages(training: &mut Training) -> [&mut classifiers::Settings; 3] {
     [&mut training.actuator, &mut training.action, &mut training.detail]
 }

@@ -1,4 +1,4 @@
-//! Measurements by which settings of subjects were chosen.
+//! Measurements behind the settings of subjects.
 
 use super::*;
 use crate::evaluation::data_set::TrainingFilter;
@@ -6,8 +6,9 @@ use crate::evaluation::run::{self, Scope};
 use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
 
-/// The share of answers that are right end to end in four folds of the training commands, for trees of each
-/// criterion and depth, learned with healthy specimens that nearly leave a band and with those that do: `FOLDER=out SUBJECT=fitted cargo test --release measure_trees -- --ignored`.
+/// Measures the share of right answers end to end, in four folds of the training commands, for trees of each criterion
+/// and depth. Training uses healthy specimens that nearly leave a band, or only those that do:
+/// `FOLDER=out SUBJECT=fitted cargo test --release measure_trees -- --ignored`.
 #[test]
 #[ignore = "a measurement: minutes"]
 fn measure_trees() {

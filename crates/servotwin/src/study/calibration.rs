@@ -1,18 +1,18 @@
-//! The setting *fitted*: every specimen flies a healthy calibration flight, its twin is fitted to that, and
-//! faults are judged beside the fitted twin.
+//! The setting *fitted*: every specimen flies a healthy calibration flight, its twin is fitted to that record, and
+//! faults are diagnosed with the fitted twin.
 //!
 //! ```toml
 //! [fitted]
 //! command = "noise:rms=4deg,bandwidth=1Hz,seed=901"
 //! duration_s = 60
-//! judge = 72                         # specimens, dealt over the variants that are judged
-//! learn = 48                         # others, which fly training commands
-//! in_each_case = 12                  # how many of them fly the same command at the same load
+//! judge = 72                         # specimens for the evaluation variants
+//! learn = 48                         # other specimens, for the training commands
+//! in_each_case = 12                  # specimens that fly the same command at the same load
 //! ```
 //!
-//! Specimens come from a pool, because a fit costs as much as several variants. A variant's specimen is drawn
-//! among those of its case: were faults dealt in turn, one would always meet the same specimen, and trees
-//! would learn to know it.
+//! Specimens come from a pool, because a fit costs as much as several variants. A variant draws its specimen at random
+//! from those of its case. With faults dealt in turn, each fault would always get the same specimen, and trees
+//! would learn to recognize it.
 
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
@@ -39,7 +39,7 @@ section! {
 pub struct Calibration {
     /// One signal for each input of the system.
     pub inputs: Vec<Piecewise>,
-    /// Length of the flight, s.
+    /// Length of the calibration flight, s.
     pub duration_s: f64,
     judge: usize,
     learn: usize,
@@ -72,7 +72,7 @@ impl Calibration {
         }
     }
 
-    /// The specimen of a variant.
+    /// The index of a variant's specimen in its pool.
     pub(crate) fn specimen(
         &self,
         realism: &Realism,
@@ -84,7 +84,7 @@ impl Calibration {
         (first + realism.dealt(variant, self.in_each_case)) % self.specimens(role)
     }
 
-    /// A text that two equal calibrations have in common.
+    /// A text that is the same for equal calibrations.
     pub(crate) fn canonical(&self) -> String {
         format!("{self:?}")
     }

@@ -1,5 +1,5 @@
-//! What every stage of the main job needs of a study. A file without it is readable, and serves commands that
-//! simulate nothing, such as `watch`. `check` and the stages refuse it before anything is simulated.
+//! Completeness of a study for the main job. An incomplete file is readable and serves commands that
+//! simulate nothing, such as `watch`. `check` and the stages reject it before any simulation.
 
 use super::mistake::Mistake;
 use super::{Study, StudyError};

@@ -1,15 +1,14 @@
-//! How the diagnosis is trained and judged, as far as a study says so. What it does not say is as
-//! `job::Subject` has it.
+//! The study's settings of training and evaluation. Missing ones take the usual values in `job::Subject`.
 //!
 //! ```toml
 //! [evaluation]
-//! seed = 1                              # of splits into training and test
-//! random_thirds = 3                     # how often a random third is held out
-//! folds = 5                             # in how many parts kinds and intensities are held out
-//! learned_bands = ["realistic"]         # settings whose bands healthy specimens teach; elsewhere 3 %
+//! seed = 1                              # of the splits into training and test
+//! random_thirds = 3                     # repeats with a random third held out
+//! folds = 5                             # parts for holding out kinds and intensities
+//! learned_bands = ["realistic"]         # settings with bands from healthy specimens; others use 3 %
 //! classifiers = ["ideal"]               # settings in which classifiers are compared
 //! comparison = { random_thirds = 1, folds = 3 }
-//! ablation = ["realistic"]              # settings in which parts are taken away
+//! ablation = ["realistic"]              # settings of the ablation
 //! committee = { trees = 60, depth = 4 }
 //! trees.realistic = { criterion = "gini", depth = 9 }
 //! ```
@@ -23,7 +22,7 @@ use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
 
-/// The words for [`Criterion`].
+/// The words for [`Criterion`] in a study file.
 const CRITERIA: [(&str, Criterion); 2] =
     [("gini", Criterion::Gini), ("entropy", Criterion::Entropy)];
 
@@ -59,24 +58,24 @@ section! {
 const ROUNDS: Value = Value::Whole(1.0, 1000.0);
 const FOLDS: Value = Value::Whole(2.0, 1000.0);
 
-/// What a study says of training and judging; `None` is what is usual.
+/// A study's settings of training and evaluation; `None` means the usual value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluating {
-    /// The seed of splits into training and test.
+    /// The seed of the splits into training and test.
     pub seed: Option<u64>,
-    /// How often rows are held out.
+    /// How often each protocol holds rows out.
     pub rounds: Rounds,
-    /// The settings whose bands are learned from healthy specimens; in the others the paper's counts.
+    /// The settings with bands learned from healthy specimens. The others use the seed paper's band.
     pub learned_bands: Option<Vec<Setting>>,
     /// The settings in which classifiers are compared.
     pub classifiers: Option<Vec<Setting>>,
-    /// How often rows are held out there.
+    /// How often the comparison of classifiers holds rows out.
     pub comparison: Rounds,
-    /// The settings in which parts are taken away.
+    /// The settings of the ablation.
     pub ablation: Option<Vec<Setting>>,
-    /// The committee.
+    /// How the committee's boosted trees are grown.
     pub committee: Boosting,
-    /// The nine trees of a setting.
+    /// How the nine trees of a setting are grown.
     pub trees: BTreeMap<Setting, Growing>,
 }
 
@@ -111,18 +110,18 @@ section! {
 pub struct Growing {
     /// The measure of impurity.
     pub criterion: Option<Criterion>,
-    /// Questions on the longest way.
+    /// The maximum number of questions on a path.
     pub depth: Option<usize>,
-    /// Rows on both sides of every question, at least.
+    /// The minimum number of rows on each side of a question.
     pub leaf_rows: Option<usize>,
 }
 
-/// The words for criteria.
+/// Lists the words for criteria.
 pub(super) fn criteria() -> Vec<&'static str> {
     CRITERIA.iter().map(|(word, _)| *word).collect()
 }
 
-/// The words for settings.
+/// Lists the words for settings.
 pub(super) fn settings() -> Vec<&'static str> {
     Setting::ALL.iter().map(|setting| setting.name()).collect()
 }
@@ -171,7 +170,7 @@ impl TreesText {
     }
 }
 
-/// A setting of the study.
+/// Finds a setting by name among those that the study can have.
 fn setting(reader: &Reader, at: &Place, name: &str) -> Result<Setting, Noted> {
     let text = reader.text;
     let is_there = |setting: &Setting| match setting {
@@ -185,7 +184,7 @@ fn setting(reader: &Reader, at: &Place, name: &str) -> Result<Setting, Noted> {
     found.ok_or_else(|| reader.unknown(at, "setting in this study", name, names))
 }
 
-/// Bands are learned from healthy specimens that fly training commands.
+/// Reports learned bands without healthy specimens in training, from which they are learned.
 fn needs_healthy(reader: &Reader) -> Result<(), Noted> {
     match reader.text.training.as_ref().is_some_and(|training| training.has_healthy()) {
         true => Ok(()),
@@ -195,7 +194,7 @@ fn needs_healthy(reader: &Reader) -> Result<(), Noted> {
     }
 }
 
-/// All results, each of them looked at.
+/// Evaluates all results, so that every mistake is noted, and then collects them.
 fn all<T>(results: impl Iterator<Item = Result<T, Noted>>) -> Result<Vec<T>, Noted> {
     results.collect::<Vec<_>>().into_iter().collect()
 }

@@ -1,4 +1,4 @@
-//! The fault list: every fault of every class, in every unit, with every
+//! The fault list: every fault of every class, in every actuator, at every
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
 use super::mistake::Mistake;
@@ -9,16 +9,16 @@ use servotwin_model::program::FaultAt;
 /// A row of Table 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Class {
-    /// The failure information, e.g. `external_leakage`.
+    /// The fault class, e.g. `external_leakage`.
     pub detail: String,
-    /// What the flight control computer must do, e.g. `shut_down`.
+    /// The action of the flight control computer, e.g. `shut_down`.
     pub command: String,
-    /// Fault names without the unit, e.g. `leakage_a.leakage`.
+    /// Fault names without the actuator, e.g. `leakage_a.leakage`.
     pub kinds: Vec<String>,
 }
 
 impl Class {
-    /// Number of different components of one unit in the class.
+    /// The number of different components of one actuator in the class.
     pub fn components(&self) -> usize {
         let component = |kind: &String| kind.split('.').next().unwrap_or_default().to_string();
         let mut components: Vec<String> = self.kinds.iter().map(component).collect();
@@ -28,18 +28,18 @@ impl Class {
     }
 }
 
-/// One fault with one intensity: one row of a data set per operating case.
+/// One fault at one intensity, i.e. one row of a data set for each operating case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaultCase {
     /// The fault's full name, e.g. `actuator_1.leakage_a.leakage`.
     pub id: String,
-    /// The name without the unit.
+    /// The name without the actuator.
     pub kind: String,
-    /// The unit, by position in the study's list.
+    /// The index of the actuator in the study's list.
     pub unit: usize,
-    /// The class, by position in the study's list.
+    /// The index of the class in the study's list.
     pub class: usize,
-    /// The fault in the program, with its intensity.
+    /// The fault's place in the program, with its intensity.
     pub at: FaultAt,
 }
 
@@ -61,7 +61,7 @@ impl Reader<'_> {
         self.text.classes.iter().map(class).collect()
     }
 
-    /// Where a class names a fault.
+    /// The place in the file where a class lists a fault.
     pub(super) fn place_of_fault(&self, FaultCase { class, kind, .. }: &FaultCase) -> Span {
         let of_class = &self.text.classes[*class].faults;
         let own = of_class.iter().position(|name| name == kind);
@@ -113,7 +113,7 @@ fn listed_fault(class: usize, position: usize) -> Place<'static> {
     Place::of(&["classes"]).element(class).key("faults").element(position)
 }
 
-/// A unit without a name stands for the whole system.
+/// Prefixes a name with its unit. An empty unit name stands for the whole system.
 pub(crate) fn full_name(unit: &str, rest: &str) -> String {
     if unit.is_empty() { rest.into() } else { format!("{unit}.{rest}") }
 }

@@ -1,13 +1,13 @@
-//! Flights as an aircraft flies them: where the diagnosis at work learns, and where it is judged.
+//! Flights in varying environments, for training and evaluating the diagnosis in operation.
 //!
 //! ```toml
 //! [flights]
 //! seed = 1                           # of environments, specimens and noise
 //! duration_s = 20
-//! onset_s = [5, 9]                   # a fault begins between
-//! windows_s = [0.5, 2]               # what is looked at
+//! onset_s = [5, 9]                   # range of a fault's onset
+//! windows_s = [0.5, 2]               # lengths of the sliding windows
 //! commands = ["noise:rms={1..5}deg,bandwidth={0.3..2}Hz,seed=3{n}", "step:size={2..9}deg,at=2s"]
-//! inputs.load_factor = [0, 1]        # each flight has a value of its own
+//! inputs.load_factor = [0, 1]        # drawn for each environment
 //! unit_inputs.supply_pressure = [19.6e6, 21.4e6]
 //! unit_parameters."supply.temperature_k" = [253, 343]
 //! learn = { environments = 40, repeats = 4, healthy = 4, further = 200, further_duration_s = 60 }
@@ -17,8 +17,8 @@
 //! ```
 //!
 //! An *environment* is a command with values for everything else that varies. Faults and specimens are
-//! flown in it beside one virtual twin, which knows the environment (its boundary values are
-//! measured), and does not know the specimen.
+//! flown in it beside one virtual twin. The twin knows the environment, because its boundary values are
+//! measured, but not the specimen.
 
 use super::faults::full_name;
 use super::keys::{FLIGHT_S, some};
@@ -119,12 +119,12 @@ impl Default for Limits {
     }
 }
 
-/// A command with values for everything else that varies.
+/// A command, with values for everything else that varies.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// `L007` or `J007`: learned from or judged in.
+    /// The name, `L007` for training (learn) or `J007` for evaluation (judge).
     pub name: String,
-    /// The command's text.
+    /// The command as text.
     pub command: String,
     /// One signal for each input of the system.
     pub inputs: Vec<Piecewise>,
@@ -135,23 +135,23 @@ pub struct Environment {
 /// The flights of a study.
 #[derive(Clone, Debug)]
 pub struct Flights {
-    /// Another seed is other environments, specimens and noise.
+    /// The seed of environments, specimens and noise.
     pub seed: u64,
     /// Length of a flight with a fault, s.
     pub duration_s: f64,
-    /// Between which times a fault begins, s.
+    /// The range of a fault's onset, s.
     pub onset_s: [f64; 2],
     /// Lengths of the windows, s, ascending.
     pub windows_s: Vec<f64>,
-    /// Where the diagnosis learns.
+    /// The number of training flights.
     pub learn: Size,
-    /// Where it is judged.
+    /// The number of evaluation flights.
     pub judge: Size,
-    /// What is asked of it.
+    /// The targets of the diagnosis.
     pub limits: Limits,
-    /// The environments in which it learns.
+    /// The training environments.
     pub learned: Vec<Environment>,
-    /// Those in which it is judged.
+    /// The evaluation environments.
     pub judged: Vec<Environment>,
 }
 
@@ -181,17 +181,17 @@ impl Text {
         self.least_on
     }
 
-    /// The patterns of all commands, with their places.
+    /// The patterns of all commands with their places in the file.
     pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
         self.commands.iter().enumerate().map(|(n, text)| (command_at(n), text.as_str()))
     }
 
-    /// The parameters of every unit that differ from environment to environment.
+    /// The parameters of every actuator that vary between environments.
     pub(super) fn varied_parameters(&self) -> impl Iterator<Item = &String> {
         self.unit_parameters.keys()
     }
 
-    /// The places of sizes with which no fault would be flown to learn from.
+    /// The places of sizes without any training flight with a fault.
     pub(super) fn without_faults_to_learn(&self) -> Vec<Place<'static>> {
         let own = (Place::of(&["flights", "learn", "repeats"]), self.learn);
         let full =
@@ -200,14 +200,14 @@ impl Text {
         all.filter(|(_, size)| size.repeats == 0).map(|(at, _)| at).collect()
     }
 
-    /// The same section with its full sizes.
+    /// The same section with the full sizes.
     pub(super) fn full(&self) -> Option<Text> {
         let Full { learn, judge } = self.full?;
         Some(Text { learn, judge, full: None, ..self.clone() })
     }
 
-    /// Checks this section and its full sizes, and draws one environment of each pattern: so names and
-    /// patterns that are wrong are told before anything is flown.
+    /// Checks this section and its full sizes, and draws one environment from each pattern. This reports wrong names
+    /// and patterns before any flight.
     pub(super) fn check_all(&self, reader: &Reader) -> Result<(), Noted> {
         let ranges = self.check_ranges(reader);
         self.check(reader)?;
@@ -249,7 +249,7 @@ impl Text {
         Ok(())
     }
 
-    /// That both ends of every range are possible.
+    /// Checks that both ends of every range are possible.
     fn check_ranges(&self, reader: &Reader) -> Result<(), Noted> {
         let units = || reader.text.units.iter();
         let own = self.inputs.iter().map(|(name, range)| ("inputs", String::new(), name, range));
@@ -297,7 +297,7 @@ impl Text {
         let name = format!("{letter}{number:03}");
         let position = number % self.commands.len();
         let pattern = &self.commands[position];
-        // Judged environments are other draws than those learned from.
+        // Evaluation environments use other draws than training environments.
         let first = if letter == 'L' { 1 } else { 1 + MAX_ENVIRONMENTS }
             + MAX_ENVIRONMENTS / 100 * self.seed as usize;
         let command = filled(pattern, first + number / self.commands.len());
@@ -305,7 +305,7 @@ impl Text {
         let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);
         let mut inputs = reader.default_inputs();
         let driven = reader.command_input()?;
-        // The twin knows the command as it comes over a bus, and nobody else knows more.
+        // The twin reads the command as sent over the bus; no other part has more information.
         let signal = command.parse();
         let built = reader.signal(&command_at(position), pattern, signal, driven, longest_s)?;
         let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);

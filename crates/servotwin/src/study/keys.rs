@@ -1,4 +1,4 @@
-//! Ranges and lists of words that several sections of a study file share.
+//! Ranges and word lists shared by several sections of a study file.
 
 use super::evaluating;
 use crate::format::{Described, Value};
@@ -8,22 +8,22 @@ use servotwin_diagnosis::features::Quantity;
 pub(super) const MAX_SPECIMENS: f64 = 10_000.0;
 /// Longest run, s: a campaign has thousands of runs.
 pub(super) const LONGEST_S: f64 = 1e4;
-/// Whole numbers are read as f64, exact up to 2⁵³.
+/// A seed: a whole number that is exact as f64, which holds up to 2⁵³.
 pub(super) const SEED: Value = Value::Whole(0.0, 9_007_199_254_740_992.0);
-/// A number of specimens.
+/// A count of specimens.
 pub(super) const SPECIMENS: Value = Value::Whole(0.0, MAX_SPECIMENS);
-/// A number of specimens, at least one.
+/// A count of specimens, at least one.
 pub(super) const SOME_SPECIMENS: Value = Value::Whole(1.0, MAX_SPECIMENS);
-/// The length of a run that may be very short, s.
+/// The length of a run, s; it may be very short.
 pub(super) const RUN_S: Value = Value::Number(0.1, LONGEST_S, "s");
 /// The length of a flight, s.
 pub(super) const FLIGHT_S: Value = Value::Number(1.0, 1e4, "s");
 /// A list of scenarios.
 pub(super) const SETTINGS: Value = Value::List(0, &Value::Word(evaluating::settings));
-/// One of the quantities of sensors.
+/// The quantity of a sensor.
 pub(super) const QUANTITY: Value = Value::Word(quantities);
 
-/// At least one of something.
+/// The same list with at least one element.
 pub(super) const fn some<T: Described>() -> Value {
     match T::VALUE {
         Value::List(_, of) => Value::List(1, of),

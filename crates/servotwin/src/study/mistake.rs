@@ -1,19 +1,19 @@
-//! Everything that can be wrong with a study file beside its form, in words.
+//! Mistakes of a study file beyond its form, with their messages.
 
 use super::realism::REALISTIC;
 use crate::document::{self, Explained, Quantity, suggest};
 
-/// What is wrong with a study file.
+/// A mistake in a study file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Mistake {
-    /// With any TOML file.
+    /// A mistake of form that any TOML file can have.
     #[error(transparent)]
     Document(#[from] document::Mistake),
-    /// A name that the system does not have. `known` are all right ones, where they are few.
+    /// A name that the system does not have. `known` lists the valid names, unless there are too many.
     #[error("there is no {what} '{name}'")]
     Unknown { what: &'static str, name: String, nearest: Option<String>, known: Vec<String> },
-    /// A fault or a parameter of a component that all units share, where one of each unit is meant.
-    /// `unit` is the first of them.
+    /// A fault or a parameter of a component that all actuators share, where each actuator needs its own.
+    /// `unit` is the name of the first actuator.
     #[error(
         "the {what} '{name}' is of a component that units share: a name here stands for one of every unit, '{unit}.{name}' and so on"
     )]
@@ -24,19 +24,19 @@ pub(crate) enum Mistake {
     /// A signal that cannot be built.
     #[error("signal '{name}': {error}")]
     Signal { name: String, error: String },
-    /// Something that must not be empty.
+    /// An entry that must not be empty.
     #[error("'{field}' is empty")]
     Empty { field: &'static str },
-    /// Something that stands twice.
+    /// An entry that occurs twice.
     #[error("the {what} '{name}' stands twice")]
     Repeated { what: &'static str, name: String },
-    /// The whole system is a unit beside others.
+    /// An actuator with the empty name, which stands for the whole system, next to other actuators.
     #[error("the unit '' is the whole system, which has no other units")]
     WholeBesideUnits,
-    /// No class has a fault.
+    /// A study whose classes have no faults.
     #[error("the study has no faults")]
     NoFaults,
-    /// Flights need noise and specimens.
+    /// Flights without the noise and specimens of `[realistic]`.
     #[error("flights need the section 'realistic'")]
     NoRealism,
 }

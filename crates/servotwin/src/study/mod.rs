@@ -1,9 +1,9 @@
-//! A study: which faults, under which operating cases, seen by which sensors.
+//! A study: the faults, the operating cases, and the sensors that see them.
 //!
 //! A study file names a system, the commands and loads, the classes of Table 1
-//! of the paper with their faults, and how reality differs from the twin. From
-//! it come the fault list ([`faults`]), the campaign ([`campaign`]) and the data
-//! set.
+//! of the seed paper with their faults, and how reality differs from the twin. The
+//! fault list ([`faults`]), the campaign ([`crate::campaign`]) and the data set follow from
+//! it.
 
 mod calibration;
 mod complete;
@@ -54,7 +54,7 @@ use toml::de::DeTable;
 /// The format of study files that this version reads.
 pub const FORMAT: u32 = 1;
 
-/// The study that is used where none is named: the paper's.
+/// The default study: the seed paper's.
 const DEFAULT: (&str, &str) = built_in::STUDIES[0];
 
 section! {
@@ -139,62 +139,61 @@ pub struct OperatingCase {
     pub name: String,
     /// The command alone, e.g. `S2`.
     pub command: String,
-    /// One signal per input of the system.
+    /// One signal for each input of the system.
     pub inputs: Vec<Piecewise>,
 }
 
-/// A study that can be run.
+/// A study that is ready to run.
 pub struct Study {
-    /// The name in files.
+    /// The name of the study in files.
     pub name: String,
-    /// One line for people.
+    /// A one-line title for readers.
     pub title: String,
-    /// The file's text, to be kept beside results.
+    /// The text of the file, stored beside results.
     pub text: String,
-    /// The system.
+    /// The system that the study is about.
     pub system: System,
     /// Length of every run, s.
     pub duration_s: f64,
     /// Time between samples, s.
     pub sample_period_s: f64,
-    /// The units that can fail.
+    /// The names of the actuators that can fail.
     pub units: Vec<String>,
-    /// The intensities of every fault.
+    /// The intensities of every fault, above 0 and at most 1.
     pub intensities: Vec<f64>,
-    /// Every fault with every intensity, in the order of the classes.
+    /// Every fault at every intensity, in the order of the classes.
     pub faults: Vec<FaultCase>,
-    /// The classes, in the order of the file.
+    /// The classes in the order of the file.
     pub classes: Vec<Class>,
-    /// Commands × loads.
+    /// Operating cases: each command at each load.
     pub cases: Vec<OperatingCase>,
-    /// The input that the commands drive.
+    /// The index of the input that the commands drive.
     pub command_input: usize,
-    /// The sensors that residuals are made of, as positions in the system's
-    /// list; the extra one, where there is one, is the last.
+    /// The sensors with residuals, as indices into the system's list. An extra sensor
+    /// comes last.
     pub measured: Vec<usize>,
-    /// The same sensors as features see them.
+    /// The same sensors as seen by features.
     pub sensors: Sensors,
-    /// What the extra sensor is, in words.
+    /// A description of the extra sensor, if there is one.
     pub extra_sensor: Option<String>,
     /// How reality differs from the twin.
     pub realism: Option<Realism>,
-    /// The calibration flight of the fitted setting, and its specimens.
+    /// The calibration flight and the specimens of the fitted setting.
     pub calibration: Option<Calibration>,
-    /// The flights from which the diagnosis learns, where they are others than those it is judged
-    /// on.
+    /// The training flights, if they differ from those of the evaluation.
     pub training: Option<Training>,
-    /// How the diagnosis is trained and judged, as far as the file says so.
+    /// The settings of training and evaluation in the file.
     pub evaluating: Evaluating,
-    /// What the flight control computer does when a command is raised.
+    /// The reactions of the flight control computer to raised actions.
     pub reactions: Reactions,
-    /// Whether the study has its full sizes; else those of its section `[quick]`.
+    /// Whether the study has its full sizes, rather than those of its section `[quick]`.
     pub is_full: bool,
-    /// Where it was read.
+    /// The path that the study was read from.
     path: String,
     parsed: Box<Text>,
 }
 
-/// Why there is no study.
+/// The reason why a study cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The file cannot be read.
@@ -206,19 +205,19 @@ pub enum StudyError {
     /// The file has mistakes.
     #[error(fmt = write_mistakes)]
     Mistakes {
-        /// The file, as it was named.
+        /// The path of the file as the caller gave it.
         path: String,
-        /// All that were found, in the order of the file.
+        /// All mistakes, in the order of the file.
         mistakes: Vec<Diagnostic>,
     },
 }
 
 impl Study {
-    /// Reads a study from a text; `path` is shown in errors, and a system that
-    /// is named as a file is looked for beside it.
+    /// Parses a study. `path` appears in errors, and the file of its system is resolved relative to
+    /// it.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// All mistakes in the text.
     pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
         let understood = read_text(text, path)?;
         let system = find_system(&understood.parsed.system, path);
@@ -232,28 +231,28 @@ impl Study {
         Self::build(text, understood, path, system)
     }
 
-    /// Reads a study from a text, with the system in a file of its own: as results are stored.
+    /// Parses a study and reads its system from a separate file, as stored beside results.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// All mistakes in the text.
     pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
         let system = System::read(system).map_err(StudyError::System)?;
         Self::parse_for(text, &path.display().to_string(), system)
     }
 
-    /// Reads a study file, or a built-in study by its name, with the system in a file of its own.
+    /// Reads a study file or a built-in study by name, with the system from a separate file.
     ///
     /// # Errors
-    /// A file cannot be read, or every mistake that was found.
+    /// A file cannot be read, or all mistakes in it.
     pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, StudyError> {
         let (text, _) = FileType::Study.read(path).map_err(StudyError::File)?;
         Self::parse_with_system(&text, path, system)
     }
 
-    /// Reads a study from a text, for a system that is there already.
+    /// Parses a study for an existing system.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// All mistakes in the text.
     pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, StudyError> {
         Self::build(text, read_text(text, path)?, path, system)
     }
@@ -320,16 +319,16 @@ impl Study {
         }
     }
 
-    /// The flights in which the diagnosis at work learns and is judged, drawn anew: their commands
-    /// take a second to make, and most commands need none.
+    /// Draws the flights for training and evaluation of the diagnosis in operation. Drawing them takes a
+    /// second, and most programs need none, so the study does not keep them.
     ///
     /// # Errors
-    /// A command that cannot be flown.
+    /// A command cannot be flown.
     pub fn flights(&self) -> Result<Option<Flights>, StudyError> {
         self.drawn(self.parsed.flights.as_ref())
     }
 
-    /// The same flights in full number, where the study says how many that is.
+    /// Draws the flights in their full sizes; `None` if the study declares none.
     ///
     /// # Errors
     /// As [`Study::flights`].
@@ -343,23 +342,23 @@ impl Study {
         reader.finish(drawn)
     }
 
-    /// The file of the system that a study file names; `None` where it is built in, or nothing can be read.
+    /// The path of the system file that a study names. `None` if the system is built in or the study is unreadable.
     pub fn system_file(path: &Path) -> Option<PathBuf> {
         let (text, _) = FileType::Study.read(path).ok()?;
         let name = named_system(&text).filter(|name| name.ends_with(".toml"))?;
         Some(beside(&name, path))
     }
 
-    /// Reads a study file, or a built-in study by its name.
+    /// Reads a study file or a built-in study by name.
     ///
     /// # Errors
-    /// The file cannot be read, or every mistake that was found.
+    /// The file cannot be read, or all mistakes in it.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, StudyError> {
         let (text, name) = FileType::Study.read(path.as_ref()).map_err(StudyError::File)?;
         Self::parse(&text, &name)
     }
 
-    /// The operating cases of a role; none for training where the study has none of its own.
+    /// The operating cases of a role. Empty for training if the study has no training commands.
     pub fn cases_of(&self, role: Role) -> &[OperatingCase] {
         match role {
             Role::Judged => &self.cases,
@@ -367,24 +366,24 @@ impl Study {
         }
     }
 
-    /// The roles for which there is a data set.
+    /// The roles that have a data set.
     pub fn roles(&self) -> Vec<Role> {
         let there = |role: &Role| !self.cases_of(*role).is_empty();
         Role::ALL.into_iter().filter(there).collect()
     }
 
-    /// The sensors as features see them in a setting.
+    /// The sensors as seen by features in a setting.
     pub fn sensors_in(&self, setting: Setting) -> Sensors {
         let is_noisy = setting.has_noise();
         Sensors(self.sensors.0.iter().map(|s| Sensor { is_noisy, ..s.clone() }).collect())
     }
 
-    /// Number of sensors without the extra one.
+    /// The number of sensors without the extra one.
     pub fn base_sensors(&self) -> usize {
         self.measured.len() - usize::from(self.extra_sensor.is_some())
     }
 
-    /// The commands, the most urgent first: those that switch a unit off, then the others, each in the
+    /// The actions, the most urgent first: those that switch an actuator off, then the others. Each group has the
     /// order of the classes.
     pub fn commands(&self) -> Vec<String> {
         let mut commands: Vec<String> = vec![];
@@ -397,44 +396,44 @@ impl Study {
         commands
     }
 
-    /// Whether the sensors of all units correspond, so that everything can be seen from each of them.
+    /// Whether the sensors of all actuators correspond, so that features can take each actuator's view.
     pub fn has_like_units(&self) -> bool {
         self.sensors.rotations(self.units.len()).is_some()
     }
 
-    /// How many units must stay on at work, whatever is found: what the study says, or one of several.
+    /// The number of actuators that must stay on in operation: the study's value, or by default one of several.
     pub fn least_on(&self) -> u32 {
         let said = self.parsed.flights.as_ref().and_then(flights::Text::least_on);
         said.unwrap_or_else(|| usual_least_on(self.units.len()))
     }
 
-    /// The commands that switch their unit off.
+    /// The actions that switch an actuator off.
     pub fn shutdowns(&self) -> Vec<String> {
         let mut commands = self.commands();
         commands.retain(|command| self.reactions.switches_off(command));
         commands
     }
 
-    /// The scales that residuals are divided by.
+    /// The scales of residuals, one for each measured sensor, in SI units.
     pub fn scales(&self) -> Vec<f64> {
         self.measured.iter().map(|&s| self.system.sensors[s].scale).collect()
     }
 }
 
 impl Default for Study {
-    /// The paper's study of the aileron.
+    /// The seed paper's study of the aileron.
     fn default() -> Self {
         Self::parse(DEFAULT.1, &format!("studies/{}.toml", DEFAULT.0))
             .unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
-/// What a study file may say.
+/// The keys of a study file.
 pub fn keys() -> &'static [format::Key] {
     Text::KEYS
 }
 
-/// What a file says, with what is wrong with its form. Where no more can be said, all of that is the
+/// Reads a text and collects its mistakes of form. If nothing else can be checked, those mistakes are the
 /// error.
 fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
     if let Some(mistakes) = FileType::Study.wanted(text) {
@@ -461,7 +460,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         let note = &mut |at: &Span, mistake| mistakes.note(at, mistake);
         format::check_table(Text::KEYS, &(0..0), "the file", &all, note);
         repetitions(&all, &mut mistakes);
-        // What is wrong was told and must not hide the rest.
+        // The mistakes are already noted, and must not prevent further checks.
         match Text::deserialize(format::mended(Text::KEYS, plain_table(root.get_ref()))) {
             Ok(text) => parsed = Some(text.in_its_size()),
             Err(error) if mistakes.is_empty() => {
@@ -475,27 +474,27 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
     if !mistakes.all(|mistake| is_form(mistake) || matches!(mistake, Mistake::Repeated { .. })) {
         doubtful.push("units");
     }
-    // Without the name of a system there is nothing in which others could be looked up.
+    // Without the name of a system, no other name can be looked up.
     match parsed.filter(|_| !doubtful.contains(&"system")) {
         Some(parsed) => Ok(Understood { parsed, doubtful, mistakes }),
         None => Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }),
     }
 }
 
-/// Whether a mistake is one of a file's form.
+/// Whether a mistake concerns the form of the file.
 fn is_form(mistake: &Mistake) -> bool {
     matches!(mistake, Mistake::Document(_))
 }
 
-/// What a file says, with stand-ins where it says nothing that can be read.
+/// A parsed file, with substitutes for unreadable entries.
 struct Understood {
     parsed: Text,
-    /// The keys in which something stands in.
+    /// The keys that have a substitute.
     doubtful: Vec<&'static str>,
     mistakes: Collector<Mistake>,
 }
 
-/// What stands twice in a list where each is one thing.
+/// Notes duplicates in lists whose elements must be unique.
 fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
     let mut told = |what: &'static str, elements: Vec<Entry>| {
         let mut seen: Vec<String> = vec![];
@@ -537,20 +536,20 @@ fn listed<'a>(table: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
     list.iter().map(|value| Entry::element(key, value)).collect()
 }
 
-/// The elements of a list in each of some tables.
+/// The elements of the same list in each of several tables.
 fn listed_in<'a>(tables: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
     let tables = tables.iter().filter_map(|entry| entry.table().ok());
     tables.flat_map(|table| listed(&entries(table), key)).collect()
 }
 
-/// Where the file names its system.
+/// The place in the text where it names its system.
 fn system_at(text: &str) -> Span {
     let (root, _) = DeTable::parse_recoverable(text);
     let all = entries(root.get_ref());
     all.iter().find(|entry| entry.key == "system").map_or(0..0, Entry::value_at)
 }
 
-/// The system of a study; a name that is none is told by the study.
+/// Finds the system of a study. An unknown name is returned as a mistake of the study.
 fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, Mistake>> {
     let system = |error| Ok(StudyError::System(error));
     if let Some(text) = built_in::find(&built_in::SYSTEMS, name) {
@@ -568,12 +567,12 @@ fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, Mis
     System::read(beside(name, Path::new(study))).map_err(system)
 }
 
-/// Where a study looks for the file of its system.
+/// The path where a study looks for its system file.
 fn beside(name: &str, study: &Path) -> PathBuf {
     study.parent().unwrap_or(Path::new("")).join(name)
 }
 
-/// What a study is made of, once its text is understood.
+/// The parts of a study, built from its parsed text.
 struct Parts {
     measured: Vec<usize>,
     sensors: Sensors,
@@ -589,7 +588,7 @@ struct Parts {
 }
 
 impl Parts {
-    /// All parts are looked at, whatever is wrong with the others.
+    /// Builds all parts, so that the mistakes of each are noted.
     fn new(reader: &Reader) -> Result<Self, Noted> {
         let text = reader.text;
         let sensors = reader.sensors();
@@ -621,11 +620,11 @@ impl Parts {
     }
 }
 
-/// The input that is the load, and its value; nothing where a study has none.
+/// The index of the load input and its value; `None` if the study has no load.
 type Load = Option<(usize, Piecewise)>;
 
 impl Reader<'_> {
-    /// Positions of the measured sensors, in the system's order, the extra one
+    /// The indices of the measured sensors in the system's order, with the extra one
     /// last.
     fn sensors(&self) -> Result<(Vec<usize>, Sensors), Noted> {
         let list = &self.system.sensors;
@@ -670,7 +669,7 @@ impl Reader<'_> {
         Ok((measured, Sensors(seen)))
     }
 
-    /// Notes a sensor whose label another one has: features are named by it.
+    /// Notes a sensor with the same label as another, because features are named after labels.
     fn named_apart(&self, at: &Place, sensor: &Sensor, others: &[Sensor]) {
         if others.iter().any(|other| other.name == sensor.name) {
             let mistake = Mistake::Repeated { what: "sensor", name: sensor.name.clone() };
@@ -694,7 +693,7 @@ impl Reader<'_> {
             known,
             format!("0 … {units}, as there are units"),
         )?;
-        // A surface is moved by all units, whatever the file says.
+        // All actuators move the surface together, so its sensor belongs to none of them.
         let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
         let (name, noise) = (label.clone(), self.noise(position));
         Ok(Sensor {
@@ -708,7 +707,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Which others each sensor follows; `measured` are the positions of all. Mistakes are noted.
+    /// Adds the sensors that each sensor follows. `measured` has the indices of all sensors. Mistakes are noted.
     fn add_laws(&self, measured: &[usize], seen: &mut [Sensor]) {
         for (place, sensor) in seen.iter_mut().enumerate() {
             let id = &self.system.sensors[measured[place]].id;
@@ -723,7 +722,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The place of a sensor that another one follows, and how far for it, in parts of scale.
+    /// The place of a followed sensor, and its weight in shares of scale.
     fn follow(
         &self,
         at: &Place,
@@ -741,7 +740,7 @@ impl Reader<'_> {
         Ok((other, weight * (sensor(other).scale / sensor(place).scale)))
     }
 
-    /// What a sample of a sensor carries of noise and quantisation, in parts of its scale.
+    /// The standard deviation of a sample from noise and quantization, as a share of the sensor's scale.
     fn noise(&self, position: usize) -> f64 {
         let scale = self.system.sensors[position].scale;
         Imperfection::of(self.system, position).deviation() / scale
@@ -782,7 +781,7 @@ impl Reader<'_> {
         Ok(cases)
     }
 
-    /// What the loads add to the names of cases, and what they do.
+    /// The suffix that each load adds to the names of cases, with the load itself.
     fn loads(&self) -> Result<Vec<(String, Load)>, Noted> {
         let Some(load) = &self.text.load else { return Ok(vec![(String::new(), None)]) };
         let input = self.input(&Place::of(&["load", "input"]), &load.input)?;
@@ -799,7 +798,7 @@ impl Reader<'_> {
     }
 }
 
-/// `50` before `100`, although it is not so in the alphabet.
+/// Sorts by value: `50` comes before `100`, unlike in alphabetical order.
 fn sorted_by_value(values: &BTreeMap<String, f64>) -> Vec<(String, f64)> {
     let mut sorted: Vec<(String, f64)> = values.iter().map(|(n, v)| (n.clone(), *v)).collect();
     sorted.sort_by(|a, b| a.1.total_cmp(&b.1));

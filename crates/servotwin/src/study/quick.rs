@@ -31,7 +31,7 @@ impl super::Text {
         self.full || self.quick.is_none()
     }
 
-    /// The same with the sizes that apply.
+    /// Returns the text with the sizes that apply.
     pub(super) fn in_its_size(mut self) -> Self {
         let Some(quick) = self.quick.filter(|_| !self.full) else { return self };
         at_most(&mut self.duration_s, quick.duration_s);
@@ -54,16 +54,16 @@ fn at_most<T: PartialOrd>(value: &mut T, limit: Option<T>) {
 }
 
 impl Study {
-    /// The same study in its full size.
+    /// Returns the study in its full size.
     ///
     /// # Errors
-    /// The mistakes that only show in the full size.
+    /// Mistakes that show only in the full size.
     pub fn full(&self) -> Result<Self, StudyError> {
         let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
         Self::parse_for(&self.full_text(), &self.path, system)
     }
 
-    /// Whether the file declares a smaller size, too.
+    /// Whether the file also declares a smaller size.
     pub fn has_quick_size(&self) -> bool {
         self.parsed.quick.is_some()
     }
@@ -74,7 +74,7 @@ impl Study {
     }
 }
 
-/// The text of a study file with `full = true`.
+/// The text of a study file with `full = true` added or set.
 fn with_full(text: &str) -> String {
     let (root, _) = DeTable::parse_recoverable(text);
     match root.get_ref().get("full") {
@@ -99,7 +99,7 @@ mod tests {
         let full = quick.full().unwrap();
         assert!(full.is_full && full.duration_s > quick_sizes.0 && draws(&full) > quick_sizes.1);
         assert!(full.text.ends_with(&quick_sizes.2));
-        // The text that a folder keeps gives the same study.
+        // The stored text gives the same study again.
         let again = Study::parse(&full.text, "study.toml").unwrap();
         assert_eq!((again.duration_s, draws(&again)), (full.duration_s, draws(&full)));
         assert_eq!(again.full().unwrap().text, full.text);

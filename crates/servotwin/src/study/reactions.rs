@@ -1,4 +1,4 @@
-//! What the flight control computer does when a command is raised.
+//! The reactions of the flight control computer to raised actions.
 //!
 //! ```toml
 //! [reactions]
@@ -6,8 +6,8 @@
 //! "change_mode/displacement_sensor" = { unit_parameters = { "position_selector.select" = 1 }, takes_out = ["ram"] }
 //! ```
 //!
-//! A reaction belongs to a command, or to a command for one detail, which goes first. Inputs and
-//! parameters with `unit_` are those of the faulty unit.
+//! A reaction belongs to an action, or to an action for one fault class, which takes precedence. Keys with `unit_`
+//! refer to the faulty actuator.
 
 use super::faults::full_name;
 use super::keys::QUANTITY;
@@ -31,23 +31,23 @@ section! {
     }
 }
 
-/// What is done about a fault of one unit.
+/// The reaction to a fault of one actuator.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
-    /// Whether the unit is off then.
+    /// Whether it switches the actuator off.
     pub switches_off: bool,
-    /// Inputs of the system with their new values.
+    /// Indices of inputs with their new values, SI.
     pub inputs: Vec<(usize, f64)>,
-    /// Parameters (component, parameter) with their new values.
+    /// New values of parameters: (component, parameter, value in SI).
     pub parameters: Vec<(usize, usize, f64)>,
-    /// Sensors that nobody listens to any more, as places in the study's list.
+    /// Sensors to ignore afterwards, as indices into the study's list.
     pub takes_out: Vec<usize>,
 }
 
 /// The reactions of a study.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reactions {
-    /// By command, or `command/detail`: one reaction for each unit.
+    /// Reactions by `action` or `action/fault class`, with one entry for each actuator.
     list: Vec<(String, Vec<Reaction>)>,
 }
 
@@ -72,7 +72,7 @@ impl Reactions {
         Ok(Reactions { list })
     }
 
-    /// What is done about a unit; nothing where the study does not say.
+    /// The reaction for an actuator, or no changes if the study defines none.
     pub fn of(&self, unit: usize, command: &str, detail: Option<&str>) -> Reaction {
         let find = |name: &str| self.list.iter().find(|(known, _)| known == name);
         let special = detail.and_then(|detail| find(&format!("{command}/{detail}")));
@@ -80,14 +80,14 @@ impl Reactions {
         found.and_then(|(_, units)| units.get(unit)).cloned().unwrap_or_default()
     }
 
-    /// Whether any of them gives a parameter (component, parameter) another value.
+    /// Whether any reaction changes a parameter (component, parameter).
     pub(super) fn change(&self, at: (usize, usize)) -> bool {
         let all = self.list.iter().flat_map(|(_, units)| units);
         let mut changed = all.flat_map(|reaction| &reaction.parameters);
         changed.any(|&(component, parameter, _)| (component, parameter) == at)
     }
 
-    /// Whether a command switches its unit off.
+    /// Whether an action switches the actuator off.
     pub fn switches_off(&self, command: &str) -> bool {
         self.of(0, command, None).switches_off
     }

@@ -1,5 +1,5 @@
-//! What a parser knows while it reads one study: names are looked up in the system, and what is wrong is
-//! noted at its place.
+//! The state of a parser that reads one study. It looks names up in the system and collects mistakes
+//! with their places.
 
 use super::mistake::Mistake;
 use super::{StudyError, Text};
@@ -12,36 +12,36 @@ use std::cell::{OnceCell, RefCell};
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// Something is wrong, and it was noted.
+/// Marks a mistake that has already been noted.
 #[derive(Debug)]
 pub(super) struct Noted;
 
-/// See the module.
+/// The state of a parser that reads one study.
 pub(super) struct Reader<'a> {
     pub path: &'a str,
-    /// The file.
+    /// The text of the file.
     pub source: &'a str,
     pub text: &'a Text,
     pub system: &'a System,
     pub mistakes: RefCell<Collector<Mistake>>,
-    /// The file as a document, once somebody asks for a place in it.
+    /// The file as a document, parsed when a place in it is first needed.
     pub document: OnceCell<Spanned<DeTable<'a>>>,
-    /// The keys of the file in which something stands in for what cannot be read.
+    /// The keys whose unreadable value was replaced by a substitute.
     pub doubtful: Vec<&'static str>,
 }
 
-/// What a reaction is for.
+/// Describes valid names of a reaction.
 pub(super) const OF_A_CLASS: &str = "command, or command/detail, of a class";
-/// What a sensor may follow.
+/// Describes sensors that a sensor may follow.
 pub(super) const OTHER_SENSOR: &str = "other sensor";
 
-/// Beyond so many mistakes none comes with advice; fewer are told.
+/// Stop computing suggestions after this many mistakes.
 const TOLD: usize = 100;
-/// More names than these are not listed in a message.
+/// Longer lists of valid names are left out of messages.
 const LISTED: usize = 30;
 
 impl<'a> Reader<'a> {
-    /// Notes a mistake; of every place one is told, and none that comes of what stands in for another.
+    /// Notes a mistake, at most one for each place. Mistakes that may come from a substitute are dropped.
     pub fn note(&self, at: &Span, mistake: Mistake) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
         if !mistakes.knows(at) && self.is_certain(&mistake) {
@@ -50,13 +50,13 @@ impl<'a> Reader<'a> {
         Noted
     }
 
-    /// Whether a mistake would be one whatever else the file should say.
+    /// Whether the mistake stands regardless of the unreadable keys.
     fn is_certain(&self, mistake: &Mistake) -> bool {
         match mistake {
             _ if self.doubtful.is_empty() => true,
             Mistake::Document(_) | Mistake::Signal { .. } => true,
             Mistake::Shared { .. } => self.is_sound(&["units"]),
-            // Of what is looked up in the system, nothing but the units stands in the study.
+            // Apart from the actuators' names, lookups in the system do not depend on the study.
             Mistake::Unknown { name, .. } if name.is_empty() => false,
             Mistake::Unknown { what: OF_A_CLASS, .. } => self.is_sound(&["classes"]),
             Mistake::Unknown { what: OTHER_SENSOR, .. } => self.is_sound(&["sensors"]),
@@ -65,12 +65,12 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Whether all of some keys of the file could be read.
+    /// Whether all of the keys could be read.
     fn is_sound(&self, keys: &[&str]) -> bool {
         keys.iter().all(|key| !self.doubtful.contains(key))
     }
 
-    /// A name at a place that is none of those known.
+    /// Notes an unknown name at a place.
     pub fn unknown<'n>(
         &self,
         at: &Place,
@@ -79,7 +79,7 @@ impl<'a> Reader<'a> {
         known: impl IntoIterator<Item = &'n str>,
     ) -> Noted {
         let known: Vec<&str> = known.into_iter().collect();
-        // What is not told needs no advice.
+        // Mistakes beyond the limit are not shown, so they need no suggestion.
         let is_told = self.mistakes.borrow().len() < TOLD;
         let nearest = is_told.then(|| nearest(name, known.iter().copied())).flatten();
         let nearest = nearest.map(Into::into);
@@ -89,13 +89,13 @@ impl<'a> Reader<'a> {
         self.note(&self.span(at), mistake)
     }
 
-    /// The name of something that all units share, where one of each unit is meant.
+    /// Notes a name of something that all actuators share, where each actuator needs its own.
     pub fn shared(&self, at: &Place, what: &'static str, unit: &str, name: &str) -> Noted {
         let mistake = Mistake::Shared { what, name: name.into(), unit: unit.into() };
         self.note(&self.span(at), mistake)
     }
 
-    /// What is wrong with a text.
+    /// Notes a mistake in a text.
     pub fn in_text(&self, at: &Place, mistake: document::Mistake) -> Noted {
         self.note(&self.span(at), mistake.into())
     }
@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
         Err(self.note(&self.span(at), mistake))
     }
 
-    /// Checks the value of a component's parameter.
+    /// Checks that a component's parameter allows a value.
     pub fn parameter(
         &self,
         at: &Place,
@@ -126,12 +126,12 @@ impl<'a> Reader<'a> {
         self.range(at, value, allowed.is_ok(), allowed.err().unwrap_or_default())
     }
 
-    /// Reports an empty value at its place.
+    /// Notes an empty value at its place.
     pub fn empty(&self, at: &Place, field: &'static str) -> Noted {
         self.note(&self.span(at), Mistake::Empty { field })
     }
 
-    /// The position of an input that is named at a place.
+    /// The index of the input that is named at a place.
     pub fn input(&self, at: &Place, id: &str) -> Result<usize, Noted> {
         let inputs = &self.system.network().inputs;
         let position = inputs.iter().position(|i| i.id == id);
@@ -139,12 +139,12 @@ impl<'a> Reader<'a> {
         position.ok_or_else(|| self.unknown(at, "input of the system", id, known))
     }
 
-    /// The position of the input that the commands drive.
+    /// The index of the input that the commands drive.
     pub fn command_input(&self) -> Result<usize, Noted> {
         self.input(&Place::of(&["command", "input"]), &self.text.command.input)
     }
 
-    /// An input's value for a whole run.
+    /// A constant signal for an input, checked against its range.
     pub fn constant(&self, at: &Place, input: usize, value: f64) -> Result<Piecewise, Noted> {
         let (min, max) = self.system.network().input_range(input);
         let unit = self.system.network().inputs[input].unit.symbol();
@@ -153,7 +153,7 @@ impl<'a> Reader<'a> {
         Ok(Piecewise::constant(value).expect("a finite value"))
     }
 
-    /// What a signal does to an input in so many seconds.
+    /// Builds the signal of an input for a duration.
     pub fn signal(
         &self,
         at: &Place,
@@ -164,7 +164,7 @@ impl<'a> Reader<'a> {
     ) -> Result<Piecewise, Noted> {
         let built = signal.and_then(|signal| self.system.driven(input, &signal, duration_s));
         built.map_err(|error| {
-            // What is wrong with a unit is so in runs of any length.
+            // A wrong unit is wrong for any duration.
             let is_certain = matches!(error, SignalError::WrongUnit { .. });
             if !is_certain && !self.is_sound(&["duration_s", "sample_hz", at.section()]) {
                 return Noted;
@@ -174,12 +174,12 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// What of some results is there; the others were noted.
+    /// Keeps the successful results. The mistakes of the others are already noted.
     pub fn sound<T>(&self, all: impl IntoIterator<Item = Result<T, Noted>>) -> Vec<T> {
         all.into_iter().filter_map(Result::ok).collect()
     }
 
-    /// The result, if nothing is wrong at all.
+    /// Returns the result if no mistake was noted.
     pub fn finish<T>(self, result: Result<T, Noted>) -> Result<T, StudyError> {
         let mistakes = self.mistakes.into_inner();
         match result {
@@ -191,7 +191,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The range of bytes of a place in the file.
+    /// The byte range of a place in the file.
     pub fn span(&self, at: &Place) -> Span {
         let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
         at.find(root.get_ref())

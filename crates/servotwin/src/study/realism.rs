@@ -1,4 +1,4 @@
-//! How reality differs from the twin: noise and quantisation of the sensors, and
+//! Differences between reality and the twin: noise and quantization of the sensors, and
 //! specimens that differ by their tolerances.
 
 use super::Study;
@@ -35,58 +35,58 @@ impl Text {
     }
 }
 
-/// Parameters that vary together from specimen to specimen.
+/// Parameters that share one random deviation in each specimen.
 #[derive(Clone, Debug)]
 pub struct Tolerance {
-    /// (component, parameter).
+    /// Indices (component, parameter).
     pub parameters: Vec<(usize, usize)>,
     /// One standard deviation.
     pub sigma: f64,
-    /// Whether it is in the parameters' unit; otherwise a part of their values.
+    /// Whether `sigma` is in the parameters' unit, rather than a share of their values.
     pub absolute: bool,
 }
 
-/// What the realistic setting adds to the ideal one.
+/// The differences that the realistic setting adds to the ideal one.
 #[derive(Clone, Debug)]
 pub struct Realism {
     /// The seed of noise and specimens.
     pub seed: u64,
-    /// Fault-free specimens per operating case.
+    /// The number of fault-free specimens in each operating case.
     pub healthy: usize,
     tolerances: Vec<Tolerance>,
 }
 
-/// Under which conditions a data set is made.
+/// The scenario of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Setting {
-    /// The plant is the twin with a fault; sensors are perfect. The paper's.
+    /// The plant equals the twin apart from its fault, and sensors are perfect; the seed paper's setting.
     Ideal,
-    /// The plant is the twin with a fault; sensors have noise and quantisation.
+    /// The plant equals the twin apart from its fault; sensors have noise and quantization.
     Noise,
-    /// Noise, quantisation and tolerances; every specimen has flown a calibration flight, and its twin
-    /// is fitted to it.
+    /// Noise, quantization and tolerances. Every specimen has flown a calibration flight, and its twin
+    /// is fitted to that record.
     Fitted,
-    /// Noise and quantisation, and specimens that differ by their tolerances.
+    /// Noise, quantization and tolerances; the twin has nominal parameters.
     Realistic,
 }
 
-/// Which plants are flown, beside which twin.
+/// The plants in a setting, and their twins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plants {
-    /// The twin itself.
+    /// The plant equals the twin.
     Twin,
-    /// Another specimen for every variant, beside the nominal twin.
+    /// A new specimen for every variant, with the nominal twin.
     Specimens,
-    /// Specimens of a pool, each beside the twin that was fitted to it.
+    /// Specimens from a pool, each with the twin that was fitted to it.
     Pool,
 }
 
-/// A section of a study that a setting needs.
+/// A section of a study file that a setting needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// Its name.
+    /// The name of the section.
     pub name: &'static str,
-    /// How it may be written, in one line.
+    /// An example of the section in one line.
     pub example: &'static str,
 }
 
@@ -101,11 +101,11 @@ const FITTED: Section = Section {
 };
 
 impl Setting {
-    /// Every setting, from the kindest to the hardest.
+    /// Every setting, from the easiest to the hardest.
     pub const ALL: [Setting; 4] =
         [Setting::Ideal, Setting::Noise, Setting::Fitted, Setting::Realistic];
 
-    /// The word in file names.
+    /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
             Setting::Ideal => "ideal",
@@ -115,12 +115,12 @@ impl Setting {
         }
     }
 
-    /// Whether sensors have noise and quantisation.
+    /// Whether sensors have noise and quantization.
     pub fn has_noise(self) -> bool {
         self != Setting::Ideal
     }
 
-    /// What is flown beside what.
+    /// The setting's plants and twins.
     pub fn plants(self) -> Plants {
         match self {
             Setting::Ideal | Setting::Noise => Plants::Twin,
@@ -134,17 +134,17 @@ impl Setting {
         self.plants() != Plants::Twin
     }
 
-    /// Whether it is made without being asked for.
+    /// Whether the setting is made by default.
     pub fn is_usual(self) -> bool {
         self != Setting::Fitted
     }
 
-    /// Whether a study says all that it needs.
+    /// Whether a study has everything that the setting needs.
     pub fn is_possible(self, study: &Study) -> bool {
         self.lacks(study).is_empty()
     }
 
-    /// The sections that it needs and a study does not have.
+    /// The sections that the setting needs and the study lacks.
     pub fn lacks(self, study: &Study) -> Vec<Section> {
         let needed = [
             (REALISTIC, self.has_noise() && study.realism.is_none()),
@@ -153,7 +153,7 @@ impl Setting {
         needed.into_iter().filter(|(_, lacks)| *lacks).map(|(section, _)| section).collect()
     }
 
-    /// The settings of a study that a choice allows, in groups whose variants are the same
+    /// The settings of a study that `choice` accepts. Settings in a group share their
     /// simulations.
     pub fn groups(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<Vec<Setting>> {
         let wanted = |setting: &Setting| setting.is_possible(study) && choice(*setting);
@@ -163,20 +163,20 @@ impl Setting {
     }
 }
 
-/// What a data set is for.
+/// The purpose of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
-    /// The operating cases on which a diagnosis is judged.
+    /// Evaluation, on the study's operating cases.
     Judged,
-    /// Other commands, from which it learns.
+    /// Training, on other commands.
     Training,
 }
 
 impl Role {
-    /// Both.
+    /// Both roles.
     pub const ALL: [Role; 2] = [Role::Judged, Role::Training];
 
-    /// What it adds to file names.
+    /// The suffix in file names.
     pub fn suffix(self) -> &'static str {
         match self {
             Role::Judged => "",
@@ -185,28 +185,28 @@ impl Role {
     }
 }
 
-/// What specimens are made for: each lot has its own.
+/// A set of specimens. Each purpose has its own set, with its own random numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lot {
-    /// Records of the cases that are judged.
+    /// Specimens of the evaluation cases.
     Judged,
-    /// Records of training commands.
+    /// Specimens of the training commands.
     Training,
-    /// Flights to learn from.
+    /// Specimens of training flights.
     FlightsLearned,
-    /// Flights to be judged in.
+    /// Specimens of evaluation flights.
     FlightsJudged,
-    /// The pool of the fitted setting whose records are judged.
+    /// The pool of the fitted setting for evaluation.
     PoolJudged,
-    /// The pool that flies training commands.
+    /// The pool of the fitted setting for training commands.
     PoolTraining,
-    /// Calibration flights of the actuators whose flights are flown in the fitted setting; the last lot that random
-    /// numbers have room for.
+    /// Actuators of calibration flights for flights in the fitted setting. No further lot fits into the seeds (see
+    /// `mix`).
     FlightsCalibrated,
 }
 
 impl Lot {
-    /// The pool of the fitted setting.
+    /// The pool of the fitted setting for a role.
     pub fn pool(role: Role) -> Self {
         match role {
             Role::Judged => Lot::PoolJudged,
@@ -243,14 +243,14 @@ impl Realism {
         Ok(Self { seed: text.seed, healthy: text.healthy, tolerances })
     }
 
-    /// The parameters of one specimen: (component, parameter, value), inside
-    /// the ranges that are allowed for them.
+    /// The parameters of one specimen, as (component, parameter, value) within the allowed
+    /// ranges.
     pub fn specimen(&self, study: &Study, lot: Lot, variant: usize) -> Vec<(usize, usize, f64)> {
         let mut random = Random::new(mix(self.seed, variant, 1 + 2 * lot as u64));
         let components = &study.system.network().components;
         let mut values = Vec::new();
         for tolerance in &self.tolerances {
-            // A specimen outside its tolerance is not delivered.
+            // A specimen beyond three standard deviations would not be delivered.
             let deviation = random.normal().clamp(-3.0, 3.0) * tolerance.sigma;
             for &(component, parameter) in &tolerance.parameters {
                 let instance = &components[component];
@@ -266,37 +266,37 @@ impl Realism {
         values
     }
 
-    /// Every tolerance of every unit, in the order of the file.
+    /// Every tolerance of every actuator, in the order of the file.
     pub fn tolerances(&self) -> &[Tolerance] {
         &self.tolerances
     }
 
-    /// The random numbers of one variant's sensors.
+    /// The random numbers for the sensors of one variant.
     pub(crate) fn noise(&self, lot: Lot, variant: usize) -> Random {
         Random::new(mix(self.seed, variant, 2 + 2 * lot as u64))
     }
 
-    /// One of several things for a variant, drawn evenly.
+    /// A uniformly drawn index below `count` for a variant.
     pub(super) fn dealt(&self, variant: usize, count: usize) -> usize {
         let draw = Random::new(mix(self.seed, variant, DEALING)).unit();
         ((draw * count as f64) as usize).min(count - 1)
     }
 
-    /// A text that two equal ways to differ from the twin have in common.
+    /// A text that is the same for equal settings.
     pub(crate) fn canonical(&self) -> String {
         format!("{self:?}")
     }
 }
 
-/// The purpose of random numbers that deal; those of lots are below.
+/// The purpose number of [`Realism::dealt`]. Smaller numbers belong to the lots.
 const DEALING: u64 = 15;
 
-/// A seed for each variant and purpose.
+/// A seed for a variant and a purpose from 0 to 15.
 fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
     seed ^ (variant as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (purpose << 60)
 }
 
-/// The component and the parameter of a name at a place.
+/// Finds the component and parameter indices of a name at a place.
 pub(super) fn find(
     reader: &Reader,
     at: &Place,

@@ -1,4 +1,4 @@
-//! The commands from which a diagnosis learns, none of which it is judged on.
+//! The training commands. None of them is used in the evaluation.
 //!
 //! A study file draws some of them from a pattern and names others:
 //!
@@ -12,12 +12,12 @@
 //! signals.sweep = "sweep:amplitude=4deg,from=0.1Hz,to=3Hz"
 //! ```
 //!
-//! Every `{a..b}` of a pattern becomes a number between a and b, `{n}` the number of the draw from
-//! one. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960), which fill
-//! the box of all ranges evenly however many are drawn; a range whose ends differ more than
-//! threefold is filled evenly on a logarithmic scale. The load of every command is drawn alike, and so
-//! is the intensity of every fault, around each of the study's intensities: what changes abruptly
-//! between two of them is then seen.
+//! Every `{a..b}` of a pattern becomes a number between a and b, and `{n}` the number of the draw,
+//! starting at one. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960). They fill
+//! the box of all ranges evenly for any number of draws. A range whose ends differ by more than a factor
+//! of three is filled evenly on a logarithmic scale. Halton's sequence also draws the load of every command, and
+//! the intensity of every fault around each of the study's intensities. The spread reveals abrupt changes
+//! between two of these intensities.
 
 use super::OperatingCase;
 use super::keys::{RUN_S, SPECIMENS};
@@ -58,29 +58,29 @@ impl Text {
         self.healthy > 0
     }
 
-    /// The patterns of all commands that are drawn, with their places.
+    /// The patterns of all drawn commands with their places in the file.
     pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
         self.draws.iter().enumerate().map(|(n, draws)| (pattern_at(n), draws.signal.as_str()))
     }
 }
 
-/// The flights from which a diagnosis learns.
+/// The training flights of a study.
 #[derive(Clone, Debug)]
 pub struct Training {
-    /// One command at one load each.
+    /// Operating cases, each one command at one load.
     pub cases: Vec<OperatingCase>,
-    /// Length of the records of faults, s. Healthy specimens fly as long as those judged.
+    /// Length of the records with faults, s. Records of healthy specimens are as long as those of the evaluation.
     pub duration_s: f64,
-    /// Fault-free specimens of each case.
+    /// The number of fault-free specimens in each case.
     pub healthy: usize,
-    /// By how much the intensity of a fault may differ from the study's.
+    /// The maximum difference between a training intensity and the study's.
     intensity_spread: f64,
 }
 
-/// The bases of Halton's sequence: one for each range of a pattern, the first for the load.
+/// The bases of Halton's sequence: the first for the load, the others for the ranges of a pattern.
 const BASES: [u64; 6] = [7, 2, 3, 5, 11, 13];
 
-/// A range wider than this is drawn on a logarithmic scale.
+/// A range with a larger ratio of its ends is drawn on a logarithmic scale.
 const WIDE: f64 = 3.0;
 
 impl Training {
@@ -123,28 +123,28 @@ impl Training {
         Ok(Training { cases, duration_s: d, healthy: text.healthy, intensity_spread })
     }
 
-    /// The intensity of the n-th variant of a fault of this intensity.
+    /// The intensity of the n-th variant of a fault whose intensity in the study is `of_study`.
     pub fn intensity(&self, of_study: f64, n: usize) -> f64 {
         let offset = self.intensity_spread * (2.0 * halton(n as u64 + 1, 2) - 1.0);
         rounded((of_study + offset).clamp(LEAST_INTENSITY, 1.0))
     }
 }
 
-/// No fault is weaker than this in training.
+/// The minimum intensity of a fault in training.
 const LEAST_INTENSITY: f64 = 0.01;
 
-/// A command to learn from.
+/// A training command.
 struct Command<'t> {
-    /// Where it stands.
+    /// The place in the file.
     at: Place<'t>,
     name: String,
-    /// Its pattern, or its name.
+    /// The pattern or the name.
     said: &'t str,
     signal: Result<Signal, SignalError>,
 }
 
 impl Text {
-    /// The commands: those drawn, then those named.
+    /// Lists the commands, first the drawn ones, then the named ones.
     fn commands(&self) -> Vec<Command<'_>> {
         let mut commands = vec![];
         for (n, DrawsText { count, signal: said }) in self.draws.iter().enumerate() {
@@ -165,7 +165,7 @@ impl Text {
         commands
     }
 
-    /// The input that is the load, and its value in a case.
+    /// The index of the load input and its value in a case.
     fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, Noted> {
         let Some([low, high]) = self.load else { return Ok(None) };
         let Some(load) = &reader.text.load else {
@@ -181,8 +181,8 @@ fn pattern_at(position: usize) -> Place<'static> {
     Place::of(&["training", "draws"]).element(position).key("signal")
 }
 
-/// That the ranges of a pattern are in order, and possible for an input at either end, the others being in their middle:
-/// a few draws may not come near an end that more of them would reach.
+/// Checks that the ranges of a pattern are in order, and that the input allows both ends of each range while the others
+/// are at their middle. A few draws might miss an end that more of them would reach.
 pub(super) fn check_pattern(
     reader: &Reader,
     at: &Place,
@@ -203,18 +203,18 @@ pub(super) fn check_pattern(
     })
 }
 
-/// The ranges of a pattern.
+/// The ranges in a pattern.
 fn ranges(pattern: &str) -> Vec<(f64, f64)> {
     let behind = pattern.split('{').skip(1);
     behind.filter_map(|text| range(text.split_once('}')?.0)).collect()
 }
 
-/// A pattern with its ranges replaced by the numbers of a draw.
+/// Replaces the ranges of a pattern by the numbers of a draw.
 pub(super) fn filled(pattern: &str, draw: usize) -> String {
     filled_at(pattern, draw, |place| halton(draw as u64, BASES[1 + place % (BASES.len() - 1)]))
 }
 
-/// The same with where each range is met, from 0 to 1.
+/// Replaces each range by its value at `at(index)`, from 0 for the low end to 1 for the high end.
 pub(super) fn filled_at(pattern: &str, draw: usize, at: impl Fn(usize) -> f64) -> String {
     let mut text = String::new();
     let mut rest = pattern;
@@ -222,7 +222,7 @@ pub(super) fn filled_at(pattern: &str, draw: usize, at: impl Fn(usize) -> f64) -
     while let Some((before, after)) = rest.split_once('{') {
         text += before;
         let Some((inside, behind)) = after.split_once('}') else {
-            // What is no range stays as it is, and the signal's parser names it.
+            // Other text stays as it is, and the signal's parser reports it.
             return text + "{" + after;
         };
         match range(inside) {
@@ -251,7 +251,7 @@ fn between(low: f64, high: f64, at: f64) -> f64 {
     }
 }
 
-/// Three decimals are enough, and the same text on every machine.
+/// Rounds to three decimals, so that the text is the same on every machine.
 fn rounded(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0
 }
@@ -280,7 +280,7 @@ mod tests {
             let inside = linear.iter().filter(|v| (low..low + 0.5).contains(*v)).count();
             assert_eq!(inside, 4, "{linear:?}");
         }
-        // On a logarithmic scale half of the draws lie below the geometric mean.
+        // On a logarithmic scale, half of the draws lie below the geometric mean.
         let wide = (1..=16).filter(|&n| parse(&filled("{0.01..1}", n)) < 0.1).count();
         assert_eq!(wide, 8);
     }

@@ -1,4 +1,4 @@
-//! What is no mistake in a study, but hardly what was meant.
+//! Warnings about valid but probably unintended entries of a study.
 
 use super::faults::full_name;
 use super::reader::Reader;
@@ -9,36 +9,36 @@ use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// What is hardly meant.
+/// A valid but probably unintended entry.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
-    /// A fault that changes nothing: its law leaves the parameter as it is, such as a factor one of zero.
+    /// A fault that changes nothing, because its law leaves the parameter as it is, e.g. a factor of one.
     InertFault {
         /// The fault's full name.
         fault: String,
         /// The component on which it acts.
         component: String,
-        /// The parameter that it shall change.
+        /// The parameter that it should change.
         parameter: &'static str,
-        /// Its value, healthy and at every intensity.
+        /// The parameter's value, healthy and at every intensity, SI.
         value: f64,
-        /// The unit.
+        /// The parameter's unit.
         unit: Unit,
     },
-    /// A range of draws that goes beyond all that an input may become: only how short the flights are, or how few are
-    /// drawn, keeps it inside.
+    /// A range of draws that exceeds the range of its input. Short flights or few draws may still keep the input
+    /// within its range.
     BeyondInput {
         /// The parameter of the signal.
         parameter: &'static str,
-        /// What the range reaches.
+        /// The value in the range of draws that exceeds the input's range.
         value: f64,
-        /// The input.
+        /// The name of the input.
         input: String,
-        /// The least that it may become.
+        /// The input's minimum.
         min: f64,
-        /// The most.
+        /// The input's maximum.
         max: f64,
-        /// The unit of all three.
+        /// The unit of all three values.
         unit: Unit,
     },
 }
@@ -68,7 +68,7 @@ impl fmt::Display for Warning {
 impl Explained for Warning {}
 
 impl Study {
-    /// What is hardly meant, with its places in the file.
+    /// Lists valid but probably unintended entries with their places in the file.
     pub fn warnings(&self) -> Vec<Diagnostic> {
         let reader = self.reader();
         let mut found = Collector::new();
@@ -84,7 +84,7 @@ impl Study {
         found.locate(&self.text)
     }
 
-    /// Draws that would leave their input, were they flown for long enough.
+    /// Notes draws that would leave the range of their input in a long enough flight.
     fn beyond_input(&self, reader: &Reader, found: &mut Collector<Warning>) {
         let (training, flights) = (self.parsed.training.iter(), self.parsed.flights.iter());
         let draws = training.flat_map(|text| text.patterns());
@@ -98,7 +98,7 @@ impl Study {
         }
     }
 
-    /// The values of a signal that are larger than all that the driven input may become.
+    /// The values of a signal whose magnitude exceeds the range of the driven input.
     fn larger_than_input(&self, signal: &Signal) -> Vec<Warning> {
         let input = &self.system.network().inputs[self.command_input];
         let (min, max) = self.system.network().input_range(self.command_input);
@@ -120,7 +120,7 @@ impl Study {
         larger.collect()
     }
 
-    /// The same, one line for each: path, line, column and what it is.
+    /// The warnings as lines with path, line, column and message.
     pub fn warnings_in_words(&self) -> Vec<String> {
         let line = |Diagnostic { line, column, message, .. }| {
             format!("{}:{line}:{column}: {message}", self.path)
@@ -144,11 +144,11 @@ impl Study {
         })
     }
 
-    /// Whether something in the study gives a parameter another value, on which a fault may act.
+    /// Whether the study varies the parameter elsewhere, so that the fault may have an effect.
     fn varies(&self, component: usize, parameter: usize) -> bool {
         let at = (component, parameter);
         let tolerances = self.realism.iter().flat_map(|realism| realism.tolerances());
-        // A part of zero is zero.
+        // A relative deviation of zero is zero.
         let mut absolute = tolerances.filter(|tolerance| tolerance.absolute);
         let flown = self.parsed.flights.iter().flat_map(|text| text.varied_parameters());
         let mut flown = flown.flat_map(|name| self.units.iter().map(|unit| full_name(unit, name)));

@@ -1,4 +1,4 @@
-//! Where a watch writes: what is kept in memory for the end, and outputs on threads of their own.
+//! The outputs of a watch: those kept in memory until the end, and those written on threads of their own.
 
 use super::super::progress::is_shown;
 use super::super::{note, warn};
@@ -29,13 +29,13 @@ use std::path::Path;
 pub struct Outputs {
     /// The outputs that stay in memory.
     pub shown: Shown,
-    /// The outputs that are written as samples come.
+    /// The outputs that are written while samples arrive.
     pub threads: SinkThreads,
     bar: ProgressBar,
 }
 
 impl Outputs {
-    /// Opens everything that the options name.
+    /// Opens all outputs that the options name.
     pub fn new(
         options: &Options,
         address: &Address,
@@ -46,7 +46,8 @@ impl Outputs {
         let is_live = address.is_live();
         let bar = bar(global, is_live);
         let mut threads = SinkThreads::new(is_live);
-        // The writer of standard input waits for us, as a file does; a listener at a socket must not make it wait.
+        // A file or the writer of standard input can wait for slow outputs. A live source must not wait for a
+        // listener at a socket.
         let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
         let socket_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
         let rules = |name: &str, delivery, only_changes, kind| SinkRules {
@@ -80,7 +81,7 @@ impl Outputs {
         Ok(Outputs { shown, threads, bar })
     }
 
-    /// The progress bar of a log. The terminal's thread shows the progress of a live source.
+    /// Returns a function that shows the progress of a log. For a live source, the terminal's thread does that instead.
     pub fn shows_progress(&self, is_live: bool) -> impl Fn(f64, Option<f64>) + use<> {
         let bar = self.bar.clone();
         move |time_s, share| {
@@ -93,7 +94,7 @@ impl Outputs {
     /// Ends all outputs.
     ///
     /// # Errors
-    /// One of a log cannot be written.
+    /// An output of a log cannot be written.
     pub fn end(
         mut self,
         options: &Options,
@@ -127,10 +128,10 @@ fn is_socket(target: &Path) -> bool {
 
 /// The outputs that stay in memory until the end.
 pub struct Shown {
-    /// The strip of states and what changed.
+    /// The strip of states, and the changes.
     pub strip: Strip,
     timeline: Option<Timeline>,
-    /// The states that are no judgment, in the order they came.
+    /// The states without a judgment, in the order of their first appearance.
     pub unjudged: Vec<State>,
 }
 
@@ -151,7 +152,7 @@ impl Sink for Shown {
     }
 }
 
-/// On a terminal every change is a line as it comes, and what holds now stands below.
+/// Prints every change on a line as it arrives. A live source also shows its current state below.
 struct Terminal {
     bar: ProgressBar,
     is_live: bool,
@@ -203,8 +204,8 @@ impl Sink for Terminal {
     }
 }
 
-/// The file of events: it grows line by line, so that others can follow it. Where a watch goes on, it
-/// keeps what it has up to there.
+/// Opens the file of events, which grows line by line so that other programs can follow it. A resumed watch keeps the
+/// lines up to the checkpoint.
 fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<File, Failure> {
     let failed = |cause| SinkError::File(files::FileError::from_io(path, cause));
     let kept = match resumed {
@@ -213,7 +214,7 @@ fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<File, Failur
         }
         _ => 0,
     };
-    // Kept lines are not written again: a full disk would lose them.
+    // Kept lines are not rewritten, because a full disk would lose them.
     let mut file =
         OpenOptions::new().write(true).create(true).truncate(false).open(path).map_err(failed)?;
     if file.metadata().is_ok_and(|data| data.is_file()) {
@@ -223,7 +224,7 @@ fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<File, Failur
     Ok(file)
 }
 
-/// The length of the whole lines up to so many changes, bytes.
+/// The length in bytes of the complete lines up to the given number of changes.
 fn kept_lines(text: &str, changes: u64) -> u64 {
     let (mut kept, mut found) = (0, 0);
     for line in text.split_inclusive('\n').filter(|line| line.ends_with('\n')) {
@@ -240,7 +241,7 @@ fn bar(global: Global, is_live: bool) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
-    // A stream has no share.
+    // A stream has no known end.
     let template = if is_live { "{msg}" } else { "{msg} {wide_bar} {percent} %" };
     let style = ProgressStyle::with_template(template);
     ProgressBar::new(1000).with_style(style.expect("a correct template"))
@@ -262,14 +263,14 @@ pub struct Totals {
 }
 
 impl Totals {
-    /// Files that are not complete, each with the reason.
+    /// The incomplete files, each with the reason.
     pub fn lost_files(&self) -> Vec<String> {
         let lost = self.losses.iter().filter(|loss| loss.is_file);
-        // The reason of a file begins with its name.
+        // The reason already begins with the name of the file.
         lost.filter_map(|loss| loss.failure.clone()).collect()
     }
 
-    /// For programs: the last line behind the events.
+    /// The totals as JSON, printed after the events.
     pub fn json(&self, signals: &[&str]) -> Value {
         let Totals { counts, silences, .. } = self;
         let met = counts.met().map(|(kind, tally)| {
@@ -295,7 +296,7 @@ impl Totals {
         }})
     }
 
-    /// For people.
+    /// The totals as text.
     pub fn text(&self, signals: &[&str]) -> String {
         let Totals { counts, silences, .. } = self;
         let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
@@ -348,7 +349,7 @@ mod tests {
         assert_eq!(up_to(1), [change, notice, notice].concat());
         assert_eq!(up_to(2), [change, notice, notice, change, notice].concat());
         assert_eq!(up_to(9), text);
-        // A line that was cut off goes.
+        // A truncated line is dropped.
         assert_eq!(kept_lines(&(change.to_owned() + "{\"time"), 9), change.len() as u64);
     }
 }
