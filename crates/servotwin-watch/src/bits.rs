@@ -1,4 +1,4 @@
-//! Numbers in JSON by their bits: NaN and infinities, which JSON has not, come back as they were.
+//! Serializes numbers as their bits, so that NaN and infinities survive JSON, which cannot represent them.
 
 /// One number.
 pub mod one {

@@ -1,16 +1,16 @@
-//! How strong a fault is: its intensity as one more unknown beside the tolerances, with an interval;
-//! and which of several candidates it is, by their likelihood.
+//! Estimates the intensity of a fault as one more unknown beside the tolerances, with an interval, and compares several
+//! candidates by their likelihood.
 //!
 //! (FN1)  ln p(record | fault) ≈ −F − ½ ln det A + const
 //!
-//! F and A of the fit with this fault: how well it explains the record, and how much it had to be tuned
-//! for it. The candidates' shares sum to one; that none of them is right is not among them.
+//! F and A belong to the fit with this fault: how well it explains the record, and how much it had to be tuned. The
+//! candidates' probabilities sum to one; the case that none of them is right is not included.
 //!
 //! (FN2)  F(x) ≤ F + ½ χ²₁(95 %)
 //!
-//! (½ χ² times the mean square of the residuals where these are larger than noise) holds for the intensities x that
-//! explain the record as well, the other unknowns at their best beside each. The interval is that of the standard
-//! error, and wider where (FN2) says so: where a sensor is at the end of its range, every larger gain shows the same.
+//! (FN2) holds for all intensities x that explain the record equally well, with the other unknowns optimal for each x.
+//! If residuals exceed the noise, ½ χ² is multiplied by their mean square. The interval follows from the standard
+//! error, and is widened by (FN2): at the end of a sensor's range, all larger gains look the same.
 
 use super::linear::dot;
 use super::onset::Onset;
@@ -18,22 +18,22 @@ use super::solve::Minimum;
 use super::unknown::Unknown;
 use super::{Fit, FitError, FitResults};
 
-/// 95 % of a normal distribution lie within so many deviations.
+/// 95 % of a normal distribution lie within this many deviations.
 const NORMAL_95: f64 = 1.96;
-/// Half of what χ² with one degree of freedom stays below with 95 %.
+/// Half of the 95 % quantile of χ² with one degree of freedom.
 pub(super) const HALF_CHI_SQUARE_95: f64 = 1.92;
-/// No intensity is better known than this: the solver's error.
+/// Lower limit of an intensity's standard error: the solver's error.
 const LEAST_ERROR: f64 = 1e-4;
-/// Evenly spaced intensities, the last one 1, at which (FN2) is asked.
+/// Number of evenly spaced intensities, up to 1, at which (FN2) is evaluated.
 const PROFILE: usize = 24;
-/// A fit begins anew where another intensity lowers F by more than this ...
+/// A fit restarts where another intensity reduces F by more than this ...
 const HOLLOW: f64 = 1.0;
-/// ... at most so many times.
+/// ... at most this many times.
 const MOST_ANEW: usize = 2;
-/// The intensities from which a fit may begin: the likeliest of them is the first guess.
+/// Candidate start values of a fit; the likeliest becomes the first guess.
 const FIRST_GUESSES: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9];
 
-/// A fault as a record shows it.
+/// The estimate of a fault from a record.
 #[derive(Clone, Debug)]
 pub struct Diagnosed {
     /// The fault: (component, fault).
