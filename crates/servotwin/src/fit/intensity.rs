@@ -42,35 +42,35 @@ pub struct Diagnosed {
     pub name: String,
     /// Its intensity.
     pub intensity: f64,
-    /// Its standard error; where another intensity explains the record as well, as large as if that were an end of
-    /// the interval.
+    /// Its standard error. If another intensity explains the record equally well, the error is as large as if that
+    /// intensity were an end of the interval.
     pub error: f64,
-    /// The interval that holds it with 95 %.
+    /// The 95 % interval.
     pub interval: (f64, f64),
-    /// (FN1).
+    /// Log-likelihood of the record (FN1).
     pub log_likelihood: f64,
-    /// Its share among the candidates.
+    /// Its probability among the candidates.
     pub probability: f64,
-    /// When it began, where that was within the record.
+    /// When it began, if within the record.
     pub onset: Option<Onset>,
-    /// The whole fit, the fault's intensity last.
+    /// The whole fit; the fault's intensity is the last unknown.
     pub fitted: FitResults,
 }
 
-/// Estimates the intensity of every candidate that is there from the first sample on, the likeliest first.
+/// Estimates the intensity of every candidate, assumed present from the first sample on; the likeliest comes first.
 ///
 /// # Errors
-/// As [`Fit::solve`]; a candidate with which the twin cannot be simulated.
+/// See [`Fit::solve`]; or the twin cannot be simulated with a candidate.
 pub fn intensity(problem: &Fit, candidates: &[(usize, usize)]) -> Result<Vec<Diagnosed>, FitError> {
     let each = candidates.iter().map(|&fault| of_candidate(problem, fault));
     Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
 }
 
-/// The same, and when each of them began, where that was within the record ([`super::onset`]): its intensity is then that
-/// from this moment on.
+/// Like [`intensity`], but also estimates when each fault began, if within the record ([`super::onset`]). Its intensity
+/// then applies from this moment on.
 ///
 /// # Errors
-/// As [`intensity`].
+/// See [`intensity`].
 pub fn intensity_and_onset(
     problem: &Fit,
     candidates: &[(usize, usize)],
@@ -90,7 +90,7 @@ pub fn intensity_and_onset(
     Ok(compared(all))
 }
 
-/// With the share of each, the likeliest first.
+/// Adds the probability of each; the likeliest comes first.
 fn compared(mut all: Vec<Diagnosed>) -> Vec<Diagnosed> {
     let most = all.iter().map(|one| one.log_likelihood).fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = all.iter().map(|one| (one.log_likelihood - most).exp()).sum();
@@ -107,7 +107,7 @@ fn of_candidate(problem: &Fit, fault: (usize, usize)) -> Result<Diagnosed, FitEr
     diagnosed(&own, fault, minimum, &alike, None)
 }
 
-/// The estimate of a fault that is the last unknown of a fit.
+/// Evaluates a fit whose last unknown is the intensity of a fault.
 fn diagnosed(
     own: &Fit,
     fault: (usize, usize),
@@ -148,7 +148,7 @@ impl<'s> Fit<'s> {
 
 /// A fit whose last unknown is the intensity of a fault.
 impl Fit<'_> {
-    /// The minimum with the fault from the first sample on; and the intensities of (FN2).
+    /// The minimum with the fault present from the first sample on, and the intensities of (FN2).
     pub(super) fn constant(&self) -> Result<(Minimum, Vec<f64>), FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
         let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&nominal, x)).collect();
@@ -163,7 +163,7 @@ impl Fit<'_> {
         self.least_of_all(&first.1)
     }
 
-    /// The minimum from a first guess, which is no hollow beside a deeper one; and the intensities of (FN2).
+    /// The minimum from a first guess, restarted if another intensity gives a deeper one, and the intensities of (FN2).
     pub(super) fn least_of_all(&self, start: &[f64]) -> Result<(Minimum, Vec<f64>), FitError> {
         let mut minimum = self.minimum(start)?;
         let mut profile = self.profile(&minimum)?;
@@ -185,7 +185,7 @@ impl Fit<'_> {
         Ok((minimum, profile.into_iter().map(|(intensity, _)| intensity).collect()))
     }
 
-    /// Some intensities, each with the least F beside it: the other unknowns move as J at the minimum says.
+    /// Evenly spaced intensities, each with the lowest F: J at the minimum predicts how the other unknowns move.
     fn profile(&self, minimum: &Minimum) -> Result<Vec<(f64, f64)>, FitError> {
         let intensities: Vec<f64> = (1..=PROFILE).map(|k| k as f64 / PROFILE as f64).collect();
         let points: Vec<Vec<f64>> = intensities.iter().map(|&x| at(&minimum.z, x)).collect();
@@ -207,14 +207,14 @@ impl Fit<'_> {
     }
 }
 
-/// The mean square of what a fit has left, in parts of the noise, and at least 1: what the fault does not explain
-/// makes its intensity less sure.
+/// The mean square of a fit's residuals relative to the noise, at least 1. Residuals that the fault does not explain
+/// make its intensity less certain.
 pub(super) fn mean_square(minimum: &Minimum) -> f64 {
     let residuals = &minimum.residuals;
     (dot(residuals, residuals) / residuals.len().max(1) as f64).max(1.0)
 }
 
-/// A point with another intensity.
+/// The same point with another intensity.
 pub(super) fn at(z: &[f64], intensity: f64) -> Vec<f64> {
     let others = &z[..z.len() - 1];
     others.iter().copied().chain([intensity]).collect()

@@ -1,5 +1,5 @@
-//! Units as people write them: the words of a system file, and other suffixes
-//! that are taken for a slip and translated.
+//! Units as people write them: the words of a system file, and suffixes of other units, which are recognized as slips
+//! and converted.
 
 use servotwin_model::spec::{Parameter, Unit};
 
@@ -8,12 +8,12 @@ pub fn word(unit: Unit) -> &'static str {
     if unit == Unit::None { "1" } else { unit.symbol() }
 }
 
-/// The unit of a word; `m2` is as good as `m²`.
+/// The unit of a word; `m2` equals `m²`.
 pub fn find(text: &str) -> Option<Unit> {
     Unit::ALL.into_iter().find(|&unit| word(unit) == text || plain(word(unit)) == text)
 }
 
-/// The unit that a word of another system of units is meant for.
+/// The SI unit that a word from another unit system stands for.
 pub fn meant(text: &str) -> Option<Unit> {
     let shown =
         Unit::ALL.into_iter().find(|unit| unit.shown() == text || plain(unit.shown()) == text);
@@ -21,8 +21,7 @@ pub fn meant(text: &str) -> Option<Unit> {
     shown.or_else(|| FOREIGN.iter().find(|f| f.suffix == suffix).map(|f| f.unit))
 }
 
-/// What a unit as people write it measures, and how a number in it becomes SI: times the first number,
-/// plus the second.
+/// The unit of a written word in SI, with factor and offset for converting a number to it.
 pub fn convert(text: &str) -> Option<(Unit, f64, f64)> {
     let text = text.trim();
     if let Some(unit) = find(text) {
@@ -38,7 +37,7 @@ pub fn convert(text: &str) -> Option<(Unit, f64, f64)> {
     Unit::ALL.into_iter().find(si).map(|unit| (unit, 1.0, 0.0))
 }
 
-/// Units that logs are often in instead of SI, the most usual first, and how many of each are one of SI.
+/// Units that are common in logs instead of SI, the most common first, each with the number of units per SI unit.
 fn of_logs(unit: Unit) -> &'static [(f64, &'static str)] {
     match unit {
         Unit::Pascal => &[(1e-5, "bar"), (1e-6, "MPa"), (1e-3, "kPa"), (1.450_377e-4, "psi")],
@@ -50,32 +49,31 @@ fn of_logs(unit: Unit) -> &'static [(f64, &'static str)] {
     }
 }
 
-/// The unit that a column seems to be in whose values are so many times what they should be.
+/// The likely unit of a column whose values are `ratio` times the expected ones.
 pub fn other(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
     let near = |factor: f64| (ratio / factor).ln().abs();
     let best = of_logs(unit).iter().min_by(|a, b| near(a.0).total_cmp(&near(b.0)))?;
     (near(best.0) < 0.35).then_some(*best)
 }
 
-/// The unit that a value seems to be in which is outside of its range and would be inside in that unit; of several the
-/// most usual one.
+/// The likely unit of a value outside its range: the most common unit in which it would be inside.
 pub fn within(unit: Unit, value: f64, range: (f64, f64)) -> Option<(f64, &'static str)> {
     let is_inside = |factor: f64| (range.0..=range.1).contains(&(value / factor));
     of_logs(unit).iter().find(|(factor, _)| is_inside(*factor)).copied()
 }
 
-/// How numbers for a unit may be written, for messages.
+/// The accepted spellings of a unit, for messages.
 pub fn spellings(unit: Unit) -> Vec<String> {
     let foreign = FOREIGN.iter().filter(|f| f.unit == unit).map(|f| f.suffix.to_owned());
     std::iter::once(word(unit).to_owned()).chain(foreign).collect()
 }
 
-/// Without superscripts.
+/// Replaces superscripts by digits.
 pub(crate) fn plain(text: &str) -> String {
     text.replace('²', "2").replace('³', "3")
 }
 
-/// A suffix that is not the toolkit's.
+/// A suffix outside the toolkit's SI suffixes.
 struct Foreign {
     suffix: &'static str,
     unit: Unit,
@@ -137,24 +135,24 @@ static FOREIGN: &[Foreign] = &[
     foreign("percent", Unit::None, 1e-2),
 ];
 
-/// A parameter that was named with the suffix of another unit.
+/// A parameter named with the suffix of another unit.
 pub struct Slip {
-    /// What was meant.
+    /// The parameter that was meant.
     pub parameter: &'static Parameter,
-    /// The value in SI, where the unit of the slip is known.
+    /// The value in SI, if the unit of the slip is known.
     pub si: Option<f64>,
 }
 
-/// Whether a key is a parameter's name but for the unit at its end.
+/// Finds the parameter whose name equals a key except for the unit at its end.
 pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> Option<Slip> {
     let stem = |p: &Parameter| p.name.strip_suffix(p.unit.suffix()).unwrap_or(p.name);
     let candidates = parameters.iter().filter_map(|parameter| {
         let rest = key.strip_prefix(stem(parameter))?;
-        // Without any suffix, the number is taken as meant in SI.
+        // A number without any suffix is taken as SI.
         if rest.is_empty() {
             return Some((parameter, value));
         }
-        // As people write it: temperature_degC.
+        // Accepts common spellings: temperature_degC.
         let suffix = &*rest.strip_prefix('_')?.to_lowercase().replace("degc", "deg_c");
         let known = FOREIGN.iter().find(|f| f.suffix == suffix && f.unit == parameter.unit);
         let si = known.zip(value).map(|(f, v)| v * f.si_per_unit + f.offset);
