@@ -9,26 +9,26 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::hierarchy::Settings;
 use std::collections::BTreeMap;
 
-/// A leaf that does not hold one class only.
+/// A leaf with more than one class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorstLeaf {
-    /// The stage.
+    /// The stage's id.
     pub stage: String,
-    /// The node.
+    /// The index of the node.
     pub node: usize,
     /// The class decided there.
     pub class: String,
     /// Share of that class.
     pub purity: f64,
-    /// Training rows in the leaf, mirror images included.
+    /// Number of training rows in the leaf, including symmetric copies.
     pub rows: u32,
-    /// The questions that lead there: feature, whether above the threshold, threshold.
+    /// The questions on the path to it.
     pub conditions: Vec<Condition>,
     /// Kinds of fault in the leaf, with their class, the most frequent first.
     pub contents: Vec<Content>,
 }
 
-/// A question on the way to a leaf, and its answer.
+/// A question on the path to a leaf, with its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Condition {
     /// The feature.
@@ -100,7 +100,7 @@ fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) ->
         else {
             break;
         };
-        // Preorder: everything below the right child comes behind it.
+        // Nodes are in preorder: everything below the right child comes after it.
         let above = node >= right;
         let feature = feature_name(hierarchy, stage, feature);
         conditions.push(Condition { feature, above, threshold });
