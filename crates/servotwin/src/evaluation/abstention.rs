@@ -33,7 +33,7 @@ pub struct Abstention {
     pub fixed: Option<(f64, Level)>,
     /// The result if trees and committee must agree.
     pub agreement: Level,
-    /// Where it needs both.
+    /// The result if both conditions must hold.
     pub both: Option<Level>,
 }
 

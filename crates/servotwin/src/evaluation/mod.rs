@@ -301,9 +301,9 @@ pub struct Context<'c> {
     pub pools: &'c [usize],
     /// The same data with every feature, including unused ones, for the paper's trees.
     pub all_features: &'c DataSet,
-    /// The windows, to be moved within their uncertainty.
+    /// The windows for perturbation.
     pub moving: Option<&'c Moving<'c>>,
-    /// Who works.
+    /// The worker threads.
     pub workers: Workers<'c>,
     /// Receives a description of the current step, and the approximate progress from 0 to 1.
     pub progress: &'c dyn Fn(&str, f64),

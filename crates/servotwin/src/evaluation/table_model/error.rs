@@ -56,9 +56,9 @@ pub enum TableModelError {
     TooManyCategories {
         /// The column.
         column: String,
-        /// How many.
+        /// The number of distinct texts.
         different: usize,
-        /// How many there may be.
+        /// The largest allowed number.
         largest: usize,
     },
     /// The split column has no value for test, or none for training.
@@ -69,9 +69,9 @@ pub enum TableModelError {
     Split {
         /// The column.
         column: String,
-        /// The values it has, the first few.
+        /// Its first values.
         values: Vec<String>,
-        /// The value that means test, where one was given.
+        /// The value that marks test rows, if given.
         test_value: Option<String>,
     },
     /// A group is on both sides of a fixed split.

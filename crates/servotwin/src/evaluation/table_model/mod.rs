@@ -134,7 +134,7 @@ impl TableModel {
     /// Checks that the parts are consistent, for models from outside.
     ///
     /// # Errors
-    /// What [`Classifier::check`] says, or that a length is wrong.
+    /// The error of [`Classifier::check`], or a wrong length.
     pub fn check(&self) -> Result<(), Error> {
         let same = |what, expected, found| match expected == found {
             true => Ok(()),
@@ -170,7 +170,7 @@ pub struct Groups {
     pub coded: Coded,
 }
 
-/// A table made ready to learn from.
+/// A table prepared for training.
 #[derive(Debug)]
 pub struct Prepared {
     samples: Samples,
@@ -178,20 +178,19 @@ pub struct Prepared {
     selection: Selection,
     groups: Option<Groups>,
     sides: Option<Vec<Side>>,
-    /// The origin of each table with its first row.
+    /// The first row of each table, with its origin.
     origins: Vec<(usize, Origin)>,
-    /// The columns that are not used, and why.
+    /// The unused columns, with reasons.
     pub unused: Vec<Unused>,
-    /// What makes results worth less than they look.
+    /// Reasons why results may be less good than they look.
     pub warnings: Vec<String>,
 }
 
-/// Makes a table ready to learn from: its features, classes and groups. A second table, of rows to
-/// test with only, must have the same columns, and no class that the first has not.
+/// Prepares a table for training: features, classes and groups. A second table, with test rows only, must have the same
+/// columns and no additional classes.
 ///
 /// # Errors
-/// A column is missing or holds something else than it must, a row has no class or group, there is
-/// only one class, or no feature.
+/// A column is missing or invalid, a row has no class or group, there is only one class, or there is no feature.
 pub fn prepare(
     table: Table,
     test: Option<Table>,
@@ -254,16 +253,15 @@ impl Prepared {
         self.groups.as_ref()
     }
 
-    /// Where the features come from.
+    /// The sources of the features.
     pub fn inputs(&self) -> &[Input] {
         &self.inputs
     }
 
-    /// Trains a classifier: with all rows, or where the split is fixed with those that are not held
-    /// out.
+    /// Trains a classifier on all rows, or on the training rows of a fixed split.
     ///
     /// # Errors
-    /// What training says.
+    /// Training fails.
     pub fn train(&self, settings: &classifiers::Settings) -> Result<TableModel, EvaluationError> {
         let rows: Vec<usize> = match &self.sides {
             Some(sides) => (0..sides.len()).filter(|&row| sides[row] == Side::Train).collect(),
@@ -283,15 +281,14 @@ impl Prepared {
         })
     }
 
-    /// How much a row of each class weighs where some rows train.
+    /// The weight of each class when training on the given rows.
     fn weights_of_classes(&self, rows: &[usize]) -> Result<Vec<f64>, EvaluationError> {
         let codes = rows.iter().map(|&row| self.samples.labels()[row]);
         let names = self.samples.class_names();
         Ok(labels::weights(&self.selection.class_weights, names, codes)?)
     }
 
-    /// Trains with some of the rows. Trees leave out rows without weight, so that for them the table
-    /// is not copied.
+    /// Trains on some of the rows. Trees skip rows without weight, so the table is not copied for them.
     fn fit(
         &self,
         settings: &classifiers::Settings,
@@ -321,7 +318,7 @@ impl Prepared {
         Ok(settings.fit(&weighted)?)
     }
 
-    /// A missing value at its place in the file.
+    /// Adds the place in the file to a missing value.
     fn in_words(&self, error: Error, rows: &[usize]) -> EvaluationError {
         match error {
             Error::Missing { column, row } => {
