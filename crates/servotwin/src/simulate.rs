@@ -551,7 +551,7 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// Samples with the curve between them that a bus makes of them.
+/// The samples, with the curve between them that a bus reconstructs.
 fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
     let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
     let mut bus = Bus::default();
@@ -560,7 +560,7 @@ fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
     Piecewise::hermite(&times_s, values, &slopes)
 }
 
-/// A run with its names resolved.
+/// A run with resolved names.
 #[derive(Clone, Debug)]
 pub struct PreparedRun {
     /// The faults.
@@ -630,7 +630,7 @@ impl PreparedRun {
     }
 }
 
-/// A simulation whose names and numbers are checked.
+/// A simulation with checked names and numbers.
 pub struct Prepared<'s> {
     simulation: Simulation<'s>,
     /// The variant that all runs share.
@@ -748,7 +748,7 @@ pub struct RunResult {
 }
 
 impl RunResult {
-    /// Whether no steady state was found because the system was measured to swing for ever.
+    /// Whether no steady state was found because the system is in a limit cycle.
     pub fn has_limit_cycle(&self) -> bool {
         self.statistics.limit_cycles > 0
     }
@@ -773,10 +773,10 @@ pub struct SimulationResults<'s> {
 }
 
 impl SimulationResults<'_> {
-    /// All runs below each other; the swept value, if any, is the first column.
+    /// All runs, one below the other; the swept value, if any, is the first column.
     ///
     /// # Errors
-    /// Two recorded quantities have one name.
+    /// Two recorded quantities have the same name.
     pub fn table(&self) -> Result<Table, TableError> {
         let below = |place: usize| {
             let runs = self.runs.iter().flat_map(|run| run.values[place].iter().copied());
@@ -799,7 +799,7 @@ impl SimulationResults<'_> {
     /// The table of one run.
     ///
     /// # Errors
-    /// Two recorded quantities have one name.
+    /// Two recorded quantities have the same name.
     pub fn table_of_run(&self, run: usize) -> Result<Table, TableError> {
         let values = self.runs[run].values.clone();
         recording::table(self.system, &self.recorded, self.times_s.clone(), values)

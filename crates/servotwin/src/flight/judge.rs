@@ -188,7 +188,7 @@ struct RaisedLog {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WatchedFlights {
     ended: Vec<Remembered>,
-    /// Flights that could not be finished.
+    /// Number of flights that failed.
     failed: u64,
 }
 

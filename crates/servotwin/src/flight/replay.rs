@@ -11,9 +11,9 @@ use std::sync::Arc;
 /// The most severe finding in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplaySummary {
-    /// The finding.
+    /// The last finding with the highest severity.
     pub finding: Finding,
-    /// Time of its first occurrence, s.
+    /// When this severity was first reached, s.
     pub at_s: f64,
     /// The share of samples outside the range from which the conditional band was learned.
     pub outside: f64,

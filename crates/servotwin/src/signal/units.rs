@@ -1,15 +1,15 @@
-//! The units that a signal's text may use.
+//! Units in the text of a signal.
 
 use servotwin_model::spec::Unit;
 
-/// A unit as it is written behind a number.
+/// A unit as written after a number.
 #[derive(Debug, PartialEq)]
 pub struct TextUnit {
-    /// How it is written.
+    /// The written form.
     pub symbol: &'static str,
-    /// The SI unit it measures.
+    /// The corresponding SI unit.
     pub unit: Unit,
-    /// One of it in SI.
+    /// The factor to SI.
     pub si: f64,
 }
 
@@ -17,7 +17,7 @@ const fn unit(symbol: &'static str, unit: Unit, si: f64) -> TextUnit {
     TextUnit { symbol, unit, si }
 }
 
-/// Every unit that text may use.
+/// Every unit allowed in text.
 pub static UNITS: [TextUnit; 24] = [
     unit("rad", Unit::Radian, 1.0),
     unit("deg", Unit::Radian, std::f64::consts::PI / 180.0),
@@ -45,7 +45,7 @@ pub static UNITS: [TextUnit; 24] = [
     unit("%", Unit::None, 1e-2),
 ];
 
-/// What a parameter measures: a unit, or that unit per second.
+/// The dimension of a parameter: a unit, or that unit per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measure {
     /// The unit.
@@ -55,7 +55,7 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// A unit itself; speeds are lengths or angles per second.
+    /// The measure of a unit; speeds become lengths or angles per second.
     pub fn of(unit: Unit) -> Self {
         match unit {
             Unit::MetrePerSecond => Self { unit: Unit::Metre, per_second: true },
@@ -64,8 +64,8 @@ impl Measure {
         }
     }
 
-    /// How its units are written, in the order of [`UNITS`]. Empty where only
-    /// plain SI numbers are possible (a rate of a rate has no text).
+    /// The written forms of its units, in the order of [`UNITS`]. Empty if only plain SI numbers are possible (a rate
+    /// of a rate has no written form).
     pub fn allowed(self) -> Vec<String> {
         let end = if self.per_second { "/s" } else { "" };
         let units = UNITS.iter().filter(|u| u.unit == self.unit);
@@ -73,7 +73,7 @@ impl Measure {
     }
 }
 
-/// A unit by its text, with or without `/s`.
+/// Finds a unit by its text, with or without `/s`.
 pub(super) fn find(text: &str) -> Option<(&'static TextUnit, bool)> {
     let (symbol, per_second) = match text.strip_suffix("/s") {
         Some(symbol) => (symbol, true),

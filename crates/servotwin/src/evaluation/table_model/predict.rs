@@ -166,7 +166,7 @@ impl<'m> Gaps<'m> {
 pub struct Predicted {
     /// One row for each row of the input.
     pub table: Table,
-    /// Where little speaks for what is said, in words.
+    /// Warnings about predictions with little evidence.
     pub doubts: Vec<String>,
 }
 

@@ -148,7 +148,7 @@ pub enum TraceError {
     TooFar {
         /// The column.
         column: String,
-        /// Where it stands.
+        /// Its place in the file.
         place: String,
         /// The number.
         value: f64,

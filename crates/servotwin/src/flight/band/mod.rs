@@ -14,7 +14,7 @@
 //! [`ConditionalBand::outside`] returns how far a point lies outside the range from which s was learned. Outside, there
 //! is no guarantee.
 //!
-//! A diagnoser with a conditional band ([`Diagnoser::field`]) uses it instead of its fixed bands.
+//! A diagnoser with a conditional band ([`Diagnoser::conditional_band`]) uses it instead of its fixed bands.
 
 mod learn;
 mod picture;

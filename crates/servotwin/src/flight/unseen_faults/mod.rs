@@ -150,7 +150,7 @@ impl Plan {
                     let effects = (fault.effects)(strength);
                     let Some(changes) = Changes::new(study, unit, &effects) else { continue };
                     for repeat in 0..flights.judge.foreign {
-                        // Eleven and seven have no divisor in common with the usual numbers.
+                        // Eleven and seven have no common divisor with the usual numbers.
                         let base = (11 * repeat + 7 * foreign + 5 * place + 3 * unit) % count;
                         let case = Case {
                             foreign,
