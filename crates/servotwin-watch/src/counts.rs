@@ -119,7 +119,7 @@ pub struct Tally {
     pub count: u64,
     /// The first line, row, datagram or message with it, counted from 1.
     pub first: u64,
-    /// Details of the first occurrence; empty where the kind says it all.
+    /// Details of the first occurrence; empty if the kind is enough.
     pub detail: String,
 }
 

@@ -56,7 +56,7 @@ pub enum InputSignal {
     Text(String),
     /// A signal that has been parsed.
     Parsed(Signal),
-    /// The same value always, SI.
+    /// A constant value, SI.
     Constant(f64),
     /// One value per sample, SI; a cubic runs between samples as a bus delivers them.
     Samples(Vec<f64>),
@@ -120,7 +120,7 @@ pub enum SimulationError {
     Signal {
         /// The input.
         input: String,
-        /// What is wrong.
+        /// The error.
         error: SignalError,
     },
     /// The samples of an input make no curve.
@@ -128,7 +128,7 @@ pub enum SimulationError {
     Samples {
         /// The input.
         input: String,
-        /// What is wrong.
+        /// The error.
         error: CurveError,
     },
     /// A number lies outside its range.
@@ -327,7 +327,7 @@ impl<'s> Simulation<'s> {
         self.prepare(None)?.run(&|_| {}, None)
     }
 
-    /// Simulates several variants side by side. Each adds to what the simulation itself says.
+    /// Simulates several variants side by side. Each adds to the simulation's own variant.
     ///
     /// # Errors
     /// See [`SimulationError`].

@@ -37,7 +37,7 @@ pub struct Map {
     places: Vec<Span>,
 }
 
-/// Where times come from.
+/// The source of times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Time {
     /// A column of the log; `unit_s` is its unit in seconds.
@@ -46,7 +46,7 @@ enum Time {
     Rate { rate_hz: f64 },
 }
 
-/// Where the values of an input or a sensor come from.
+/// An input or a sensor, with the source of its values.
 #[derive(Debug, Clone, PartialEq)]
 struct Channel {
     id: String,

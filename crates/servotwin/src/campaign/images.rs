@@ -1,10 +1,10 @@
 //! Variants that need no separate simulation, because of symmetry or because they share a simulation.
 //!
-//! If units are alike and only the fault distinguishes them, a fault of a later unit gives the signals of the same
-//! fault in the first unit, with the units exchanged. Such a variant is a symmetric copy: its sensors show the other
-//! one's values in another order. The symmetry is tested, not assumed. In the first operating case, the strongest fault
-//! of every kind and every unit but the first is simulated nevertheless, as a symmetry check (*probe*). Healthy
-//! specimens without tolerances differ only by the noise of their sensors, so one simulation serves all of a case.
+//! If units are alike, a fault of a later unit gives the signals of the same fault in the first unit, with the units
+//! exchanged. Such a variant is a symmetric copy: its sensors show the other one's values in another order. The
+//! symmetry is tested, not assumed. In the first operating case, the strongest fault of every kind and every unit but
+//! the first is simulated nevertheless, as a symmetry check (*probe*). Healthy specimens without tolerances differ only
+//! by the noise of their sensors, so one simulation serves all of a case.
 
 use super::{Planned, Study};
 use servotwin_diagnosis::residual::Window;

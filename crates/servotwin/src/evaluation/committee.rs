@@ -1,8 +1,8 @@
 //! The committee: boosted trees at every stage of the hierarchy, with calibrated probabilities and a confidence
 //! threshold below which they should abstain.
 //!
-//! Both come from rows that were left out of training, whole commands at a time: the temperature of every stage
-//! ([`calibration`]), and the threshold that the least certain answers do not reach.
+//! Both come from rows that were left out of training, whole commands at a time. They give the temperature of every
+//! stage ([`calibration`]), and the threshold that the least certain answers do not reach.
 
 use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;

@@ -664,7 +664,7 @@ mod records {
             let values = good.f64(name).unwrap();
             (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
         };
-        // The bias of the spool sensor equals a factor of inches in its rms.
+        // The bias of the spool sensor makes its rms look like inches.
         let bias = 39.0 * rms("x_v_m");
         assert!(bias < study.system.readable(3).1, "{bias}");
         assert_eq!(refusal(&study, &changed(&good, "x_v_m", |_, v| v + bias)), None);

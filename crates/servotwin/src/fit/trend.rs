@@ -11,7 +11,7 @@
 
 /// 95 % of a normal distribution lie within this many deviations.
 const NORMAL_95: f64 = 1.96;
-/// Prior variance of the first level and rate, in parts of their range: no prior knowledge.
+/// Prior variance of the first level and rate, relative to their squared range: no prior knowledge.
 const VAGUE: f64 = 1e6;
 /// The grid of q per flight, in units of (range of the levels over their span)²; zero first.
 const WALKS: [f64; 8] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];

@@ -25,7 +25,7 @@ const SHARES: [f64; 2] = [0.6, 1.0];
 const OTHERS: usize = 12;
 /// Every n-th flight with a fault also gives the window before it.
 const BEFORE: usize = 4;
-/// A window is not used if the fault has less than this share of its intensity at the window's end.
+/// A window is not used if the fault is below this share of its intensity both at the window's middle and at its end.
 const LEAST_SHARE: f64 = 0.5;
 
 /// A window to be cut out of a flight.

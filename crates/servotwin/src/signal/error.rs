@@ -104,9 +104,9 @@ pub enum SignalError {
         kind: &'static str,
         /// The parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
-        /// The range, SI.
+        /// The allowed range, SI.
         range: Range,
         /// The unit of the range, or nothing.
         units: &'static str,

@@ -12,14 +12,10 @@
 //!
 //! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
 //!
-//! with cubics through the samples and slopes. (Straight lines would have a
-//! corner at every sample; each corner excites the valve and costs the solver
-//! steps, twice as many in 90 s of the aileron, for frequencies that are not in
-//! the signal.) The factor c
-//! makes the rms of s over the first `window` seconds, after the limit and the
-//! fade-in, the one that was asked for. The values do not depend on the duration
-//! of the run.
-//! Without a limit the tanh is left out.
+//! with cubics through the samples and slopes. Straight lines would have a corner at every sample, and each corner
+//! excites the valve. In 90 s of the aileron they double the solver's steps, for frequencies that are not in the
+//! signal. The factor c gives s the requested rms over the first `window` seconds, after the limit and the fade-in. The
+//! values do not depend on the duration of the run. Without a limit, the tanh is left out.
 
 use super::error::SignalError;
 use super::random::Random;

@@ -1,7 +1,8 @@
 //! Signals in study files.
 //!
-//! A signal is a text (`"step:size=10deg"`), a plain number (a constant, SI), a table (`{ kind = "step", size =
-//! "10deg", at = 0.1 }`) or a list of these, which are added. It is serialized as a table or a list of tables.
+//! A signal is a text (`"step:size=10deg"`), a plain number (a constant, SI) or a table
+//! (`{ kind = "step", size = "10deg", at = 0.1 }`). A list of these is their sum. A signal is serialized as a table or
+//! a list of tables.
 
 use super::text::Builder;
 use super::{Argument, Signal, SignalError, Term};

@@ -89,7 +89,7 @@ pub enum QuantityError {
     /// It does not begin with a finite number.
     #[error("'{given}' is not a number")]
     NotANumber {
-        /// What was written.
+        /// The text as written.
         given: String,
     },
     /// Its unit is unknown.

@@ -1,9 +1,9 @@
 //! Reads MDF 4 files (`.mf4`) of measurement systems, whose channel groups have separate rates.
 //!
-//! The reader supports groups whose master channel is a time, with channels of fixed length: integers and floats,
-//! linear, rational and tabulated conversions, invalidation bits, data in lists and zipped blocks. The column `time` is
-//! the master of every group, in seconds. Everything else is rejected by name or skipped. The reader follows the
-//! published layout of ASAM MDF 4.1; every address and length is checked against the file.
+//! The reader supports groups whose master channel is a time, with channels of fixed length. It reads integers and
+//! floats, linear, rational and tabulated conversions, invalidation bits, data in lists and zipped blocks. The column
+//! `time` is the master of every group, in seconds. Everything else is rejected by name or skipped. The reader follows
+//! the published layout of ASAM MDF 4.1; every address and length is checked against the file.
 
 mod blocks;
 mod values;

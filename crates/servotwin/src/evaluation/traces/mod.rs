@@ -15,9 +15,9 @@
 //! [[sensors]]                          # or measured and nominal apart
 //! name = "p_A1"
 //! measured = "pressure_a_pa"
-//! nominal = "twin_pressure_a_pa"       # a column; or, to be learnt from the healthy rows,
+//! nominal = "twin_pressure_a_pa"       # a column; or, to be learned from the healthy rows,
 //! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
-//! scale = 206.84e5                     # where learnt, 100 deviations of healthy rows if not given
+//! scale = 206.84e5                     # where learned, 100 deviations of healthy rows if not given
 //! quantity = "pressure_a"              # `other` where not given
 //! unit = 1                             # 1 where not given
 //! ```

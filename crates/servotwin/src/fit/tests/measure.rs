@@ -102,8 +102,7 @@ fn measure_calibration_with_a_fault() {
     let first = rig.simulated(&[(0, None)]).remove(0).expect("a healthy specimen flies");
     let problem = Fit::of_study(&study, vec![rig.record(rig.shown(0, first))]);
     let fleet = fleet::Fleet::new(&problem).unwrap();
-    // For each class of effect: variants with a fault that was rejected or reported, and those with the right suspect
-    // first.
+    // For each class of effect: variants with a fault, and those rejected or reported.
     let mut counts = [[0_usize; 2]; EFFECTS.len()];
     let (mut unstable, mut agree, mut solved) = (0, 0, 0);
     let mut missed = Vec::new();

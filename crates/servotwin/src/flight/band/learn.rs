@@ -59,9 +59,9 @@ fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
     factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
 }
 
-/// The share of healthy flights that leaves a band with this target and number of calibration flights: its mean over
-/// calibrations, and its 95 % quantile. q is the k-th of n scores, so the share has the distribution Beta(n + 1 − k,
-/// k), whatever distribution the scores have.
+/// The share of healthy flights that leaves a band with this target and number of calibration flights. Returns its mean
+/// over calibrations and its 95 % quantile. q is the k-th of n scores, so the share has the distribution Beta(n + 1 −
+/// k, k), whatever distribution the scores have.
 pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let place = (place_of(target, flights)).min(flights);
     let above = flights + 1 - place;
