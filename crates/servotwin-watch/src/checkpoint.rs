@@ -22,7 +22,7 @@ const FORMAT: u32 = 3;
 /// The largest checkpoint that is read, bytes: a thousand times that of the aileron study.
 const LARGEST: u64 = 64 << 20;
 
-/// The first line.
+/// The first line of the file.
 #[derive(Debug, Serialize, Deserialize)]
 struct Head {
     format: u32,
@@ -62,9 +62,9 @@ pub enum CheckpointError {
     /// The file is not a checkpoint, or it is damaged.
     #[error("{path}: no checkpoint that can be used: {cause}")]
     Content {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem, in words.
         cause: String,
     },
     /// It was written with another map or period.
@@ -76,7 +76,7 @@ pub enum CheckpointError {
     /// A number has a value that no watch writes.
     #[error("the checkpoint cannot be used: {what} cannot be what a watch has written")]
     Damaged {
-        /// Which.
+        /// Name of the offending number.
         what: &'static str,
     },
     /// The log is shorter than it was.

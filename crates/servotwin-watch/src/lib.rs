@@ -45,7 +45,7 @@ use watchdog::{
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub enum WatchError {
-    /// The source failed.
+    /// The source could not be opened or read.
     Source(#[from] SourceError),
     /// A result cannot be written.
     Sink(#[from] SinkError),
@@ -81,13 +81,13 @@ struct Progress {
 /// Where and how often checkpoints are written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoints {
-    /// The file.
+    /// The path of the checkpoint file.
     pub path: std::path::PathBuf,
     /// Interval in periods; another checkpoint is written at the end.
     pub every: u64,
 }
 
-/// Watches a source.
+/// Runs the pipeline from a source through the observer to the sinks.
 pub struct Watch<'w> {
     source: &'w mut dyn Source,
     map: &'w Map,
@@ -105,7 +105,7 @@ pub struct Watch<'w> {
     plausibility: Plausibility,
 }
 
-/// How watching ended.
+/// How a watch ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
     /// The source has ended.
@@ -457,7 +457,7 @@ impl Progress {
             .or_else(|| self.sequencer.wrong(expected.period_s, width, expected.map.rules))
     }
 
-    /// Counts a row.
+    /// Counts a row, and its frame if that is new.
     fn begin(&mut self, place: u64) {
         self.counts.frames += u64::from(place != self.place);
         self.place = place;

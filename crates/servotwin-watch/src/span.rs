@@ -39,7 +39,7 @@ pub enum CutError {
         "{log} begins at {first}: its part needs a time of the same kind, or seconds behind the first sample"
     )]
     OtherKind {
-        /// The log.
+        /// The name of the log.
         log: String,
         /// The time of its first sample, formatted.
         first: String,
@@ -50,7 +50,7 @@ pub enum CutError {
         .reach.0, .reach.1
     )]
     Empty {
-        /// The log.
+        /// The name of the log.
         log: String,
         /// The times of its first and last sample, formatted.
         reach: (String, String),

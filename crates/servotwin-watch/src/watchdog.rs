@@ -48,7 +48,7 @@ impl Default for WatchdogRules {
 /// A notice of the watch besides the diagnosis, timed by the wall clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Notice {
-    /// What happened.
+    /// The event, flattened into the notice.
     #[serde(flatten)]
     pub event: WatchEvent,
     /// The wall clock, UTC: `2026-11-25T17:05:37.123Z`.

@@ -140,7 +140,7 @@ pub enum SimulationError {
         value: f64,
         /// The least and the largest value allowed, SI.
         range: (f64, f64),
-        /// Its unit.
+        /// The unit of `value` and `range`.
         unit: Unit,
         /// The range in words, with the reason where there is one.
         allowed: String,
@@ -563,7 +563,7 @@ fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
 /// A run with resolved names.
 #[derive(Clone, Debug)]
 pub struct PreparedRun {
-    /// The faults.
+    /// The faults with their intensities.
     pub faults: Vec<FaultAt>,
     /// When each of them begins, s; at zero the run starts with it.
     pub onsets_s: Vec<f64>,

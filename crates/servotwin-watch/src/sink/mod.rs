@@ -96,16 +96,16 @@ pub struct Lost {
 /// Why a result cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum SinkError {
-    /// A file.
+    /// A file cannot be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Standard output.
+    /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(std::io::Error),
     /// No listener accepts the stream.
     #[error("tcp://{address}: nobody takes the stream: {cause}")]
     Connection {
-        /// `HOST:PORT`.
+        /// The address as `HOST:PORT`.
         address: String,
         /// The error of the operating system.
         cause: std::io::Error,
@@ -151,15 +151,15 @@ pub struct Scene {
     pub title: String,
     /// The inputs of the system.
     pub inputs: Vec<Trace>,
-    /// Its sensors.
+    /// The sensors of the system.
     pub sensors: Vec<Trace>,
     /// The names of the observer's features.
     pub features: Vec<String>,
-    /// The period, s.
+    /// The sampling period, s.
     pub period_s: f64,
 }
 
-/// A signal.
+/// A signal to display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
     /// The id in files.

@@ -33,7 +33,7 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// Joins groups.
+    /// Prepares groups for reading in time order.
     ///
     /// # Errors
     /// More than one group has values although no column has the time.

@@ -17,7 +17,7 @@ const PREAMBLE: usize = 100;
 /// This many first lines are examined for units, dates and first numbers.
 const BEGINNING: usize = 400;
 
-/// A text file.
+/// An open text file with its parser.
 pub struct Lines {
     path: PathBuf,
     reader: Box<dyn BufRead>,

@@ -126,7 +126,7 @@ impl Row {
 /// The result of reading the next item.
 #[derive(Debug, PartialEq)]
 pub enum Read {
-    /// A row.
+    /// A row was read; its values are in `row`.
     Row,
     /// Input that is not a row.
     Flawed(Flaw),
@@ -379,9 +379,9 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
 pub struct MixedTopics {
     /// The broker's address.
     pub broker: String,
-    /// The column.
+    /// The name of the column.
     pub column: String,
-    /// The topics.
+    /// The two topics that send it.
     pub topics: [String; 2],
     /// The last levels of the first topic, which distinguish it from the second.
     pub ending: String,
@@ -424,7 +424,7 @@ pub enum SourceError {
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature {
-        /// The source.
+        /// The address of the source.
         what: String,
         /// The feature of the packages `servotwin` and `servotwin-cli`.
         feature: &'static str,
@@ -435,18 +435,18 @@ pub enum SourceError {
     /// A file is damaged or has an unsupported format.
     #[error("{address}: {cause}")]
     Unreadable {
-        /// The file.
+        /// The path of the file.
         address: String,
         /// The problem.
         cause: String,
     },
-    /// A file.
+    /// A file cannot be opened or read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A table.
+    /// A Parquet table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// A connection.
+    /// A connection cannot be made, or has ended.
     #[error("{address}: {cause}")]
     Connection {
         /// The remote address.
@@ -457,13 +457,13 @@ pub enum SourceError {
     /// The file contains no data.
     #[error("{address}: the file is empty")]
     Empty {
-        /// The file.
+        /// Counts a row, and its frame if that is new.
         address: String,
     },
     /// No line names columns.
     #[error("{address}: no line with the names of columns, and no JSON object")]
     NoHeader {
-        /// The source.
+        /// The address of the source.
         address: String,
     },
     /// An unordered file has more numbers than can be sorted in memory.
@@ -472,9 +472,9 @@ pub enum SourceError {
          first"
     )]
     Unsorted {
-        /// The file.
+        /// The path of the file.
         address: String,
-        /// The limit.
+        /// The most numbers that are sorted.
         most: usize,
     },
     /// No row of the log lies in the requested time span.
@@ -486,7 +486,7 @@ pub enum SourceError {
         .columns.join("', '"), advice(&.columns[0], .known)
     )]
     Lacking {
-        /// The log.
+        /// The address of the log.
         address: String,
         /// The missing columns.
         columns: Vec<String>,

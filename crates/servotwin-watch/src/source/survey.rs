@@ -53,7 +53,7 @@ pub(super) fn may_be_time(name: &str) -> bool {
 /// A column as found in the log.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LogColumn {
-    /// The name.
+    /// The column's name in the log.
     pub name: String,
     /// The unit from a row of units or the schema; `date` for dates as text; empty if unknown.
     pub unit: String,

@@ -35,9 +35,9 @@ fn calibration_name(role: Role) -> String {
 pub struct Comparison {
     /// The parameter's full name.
     pub parameter: String,
-    /// The true value.
+    /// The true value, in standard deviations.
     pub true_sigma: f64,
-    /// The fitted value.
+    /// The fitted value, in standard deviations.
     pub fitted_sigma: f64,
     /// The standard error of the fit.
     pub error_sigma: f64,
@@ -67,7 +67,7 @@ pub fn calibrations(folder: &Path, role: Role) -> Result<Vec<Comparison>, Campai
 
 /// Fits twins to specimens in the calibration flight of a study.
 pub struct Calibrating<'s> {
-    /// The study.
+    /// The study with the calibration flight.
     pub study: &'s Study,
     /// Solver settings of the runs.
     pub solver: Settings,

@@ -13,7 +13,7 @@ use std::ops::Range;
 /// A feature of the data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataFeature {
-    /// The feature.
+    /// The feature with its name and unit.
     pub feature: Feature,
     /// The family that computes it.
     pub family: &'static str,

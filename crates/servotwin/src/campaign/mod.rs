@@ -59,7 +59,7 @@ const ROUND_TWINS: usize = 256;
 
 /// The settings of a campaign.
 pub struct Campaign<'s> {
-    /// The study.
+    /// The study to simulate.
     pub study: &'s Study,
     /// Whether the diagnosis is judged on it or trained on it.
     pub role: Role,
@@ -67,7 +67,7 @@ pub struct Campaign<'s> {
     pub settings: Vec<Setting>,
     /// The solver's settings.
     pub solver: Settings,
-    /// Number of threads.
+    /// The number of worker threads.
     pub threads: usize,
     /// The output folder.
     pub folder: PathBuf,
@@ -122,7 +122,7 @@ pub struct OnTheMove {
     pub variant: usize,
     /// Its fault, or `healthy`.
     pub fault: String,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
     /// Whether a limit cycle was detected.
     pub limit_cycle: bool,
@@ -181,7 +181,7 @@ pub enum CampaignError {
     /// The healthy system could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin {
-        /// The operating case.
+        /// The name of the operating case.
         case: String,
         /// The reason.
         reason: String,

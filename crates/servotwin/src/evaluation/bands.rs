@@ -29,7 +29,7 @@ pub const MAX_OVER_LARGEST: f64 = 2.0;
 /// The band of a sensor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Band {
-    /// The sensor.
+    /// The sensor's name.
     pub sensor: String,
     /// Half width, as a fraction of the sensor's scale.
     pub half_width: f64,

@@ -25,9 +25,9 @@ pub struct Compared {
     pub title: String,
     /// The stage: `A` or `B`.
     pub stage: String,
-    /// The protocol.
+    /// The protocol of the test.
     pub protocol: Protocol,
-    /// The score.
+    /// The score on the held-out rows.
     pub score: Score,
 }
 

@@ -30,7 +30,7 @@ pub struct FeatureInfo {
     pub family: String,
     /// The actuators whose sensors it uses, from 0.
     pub units: Vec<usize>,
-    /// Its unit.
+    /// The unit of its values.
     pub unit: String,
     /// Which diagnoses should learn from it.
     pub teaches: Teaches,
@@ -138,7 +138,7 @@ impl TrainingFilter {
 /// Data sets prepared for training and evaluation.
 #[derive(Debug, Clone)]
 pub struct DataSet {
-    /// The features.
+    /// The features, in column order.
     pub features: Vec<FeatureInfo>,
     /// The features and labels of all rows. They are large, so data sets that differ only in bands share them.
     pub examples: Arc<Examples>,
@@ -154,7 +154,7 @@ pub struct DataSet {
     pub faults: Vec<String>,
     /// Faults without the actuator, sorted by name.
     pub kinds: Vec<String>,
-    /// Intensities, ascending.
+    /// The study's intensities, ascending.
     pub intensities: Vec<f64>,
     /// Number of rows that were not simulated to the end.
     pub failed: usize,

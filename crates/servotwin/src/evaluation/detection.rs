@@ -36,7 +36,7 @@ pub struct Curve {
 pub struct Least {
     /// The fault, with the actuator.
     pub fault: String,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
     /// The least intensity that is detected together with all greater ones; `None` if the greatest is not detected.
     pub intensity: Option<f64>,

@@ -41,7 +41,7 @@ pub enum EvaluationError {
     OneClass {
         /// The column of the labels.
         column: String,
-        /// The class.
+        /// The only class.
         class: String,
     },
     /// No column is left to learn from.
@@ -52,15 +52,15 @@ pub enum EvaluationError {
     TooFewGroups {
         /// The column of the groups.
         column: String,
-        /// Number of groups.
+        /// Number of groups found.
         found: usize,
-        /// Number needed.
+        /// Number of groups needed.
         needed: usize,
     },
     /// A stored model cannot be parsed.
     #[error("{path}: no model of servotwin: {source}")]
     Model {
-        /// The file.
+        /// The path of the model file.
         path: PathBuf,
         /// The JSON parser's message.
         source: serde_json::Error,
@@ -68,7 +68,7 @@ pub enum EvaluationError {
     /// The parts of a stored model are inconsistent.
     #[error("{path}: {source}")]
     CorruptModel {
-        /// The file.
+        /// The path of the model file.
         path: PathBuf,
         /// The inconsistency.
         source: servotwin_diagnosis::Error,
@@ -89,9 +89,9 @@ pub enum EvaluationError {
     sanitize::list(known)
 )]
 pub struct UnknownClass {
-    /// The column.
+    /// The column with the labels.
     pub column: String,
-    /// The class found.
+    /// The unknown class.
     pub class: String,
     /// Its line or row.
     pub place: String,

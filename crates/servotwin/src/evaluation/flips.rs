@@ -50,7 +50,7 @@ pub struct Moving<'w> {
 
 /// A perturbed window.
 pub struct Moved {
-    /// The window.
+    /// The window after the perturbation.
     pub window: Window,
     /// The factor by which its fault was scaled.
     pub factor: f64,
@@ -74,7 +74,7 @@ pub struct SplitFlips {
     pub node: usize,
     /// The feature in the question.
     pub feature: String,
-    /// The threshold.
+    /// The threshold of the question.
     pub threshold: f64,
     /// Median standard deviation of the feature over the rows that reach the node.
     pub uncertainty: f64,

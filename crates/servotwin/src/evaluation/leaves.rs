@@ -31,11 +31,11 @@ pub struct WorstLeaf {
 /// A question on the path to a leaf, with its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Condition {
-    /// The feature.
+    /// The feature in the question.
     pub feature: String,
     /// Whether its value is above the threshold.
     pub above: bool,
-    /// The threshold.
+    /// The threshold of the question.
     pub threshold: f64,
 }
 
@@ -44,7 +44,7 @@ pub struct Condition {
 pub struct Content {
     /// The kind of fault.
     pub kind: String,
-    /// Its class.
+    /// The class of these rows.
     pub class: String,
     /// Number of rows.
     pub rows: u32,

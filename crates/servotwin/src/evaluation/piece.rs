@@ -27,7 +27,7 @@ pub enum Piece {
     PaperBand,
     /// The seed paper's trees.
     Baseline,
-    /// All classifiers.
+    /// The comparison of all classifiers.
     Classifiers,
     /// The ablation.
     Ablation,

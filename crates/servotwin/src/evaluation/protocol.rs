@@ -87,7 +87,7 @@ pub struct Holding {
     pub repeats: usize,
     /// Number of folds of groups.
     pub folds: usize,
-    /// The seed.
+    /// The seed of the random splits.
     pub seed: u64,
     /// Which training rows are used.
     pub lessons: TrainingFilter,
@@ -331,7 +331,7 @@ pub struct StageScore {
     pub actuator: Option<String>,
     /// The command whose details the stage distinguishes.
     pub command: Option<String>,
-    /// The score.
+    /// The score with its confusion matrix.
     pub score: Score,
 }
 

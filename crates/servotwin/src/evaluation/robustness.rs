@@ -21,7 +21,7 @@ pub struct Cross {
 
 /// A scenario with its model.
 pub struct Tested {
-    /// The scenario.
+    /// The scenario's name.
     pub name: String,
     /// Its data set, with the band in use.
     pub data: DataSet,

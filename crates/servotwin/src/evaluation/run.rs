@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 /// Which stages are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
-    /// Every stage.
+    /// All stages.
     All,
     /// Only the stage that finds the actuator.
     Actuator,
@@ -28,7 +28,7 @@ pub enum Scope {
 /// The answers for a test row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// The row.
+    /// The index of the row.
     pub row: usize,
     /// The hierarchy's answer; each stage relies on the one above.
     pub said: Diagnosis,

@@ -47,7 +47,7 @@ pub struct SensorFit {
 /// A constant offset of a reading from a moment on: a sensor that was zeroed anew, or slipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shift {
-    /// The moment, s.
+    /// Time of the shift, s.
     pub at_s: f64,
     /// Increase of the mean from then on, SI.
     pub by: f64,

@@ -39,9 +39,9 @@ pub struct Fleet<'p, 's> {
 /// The effect of a suspect on the residuals.
 struct Shown {
     fault: (usize, usize),
-    /// d of (FF1).
+    /// The change d of (FF1).
     change: Vec<f64>,
-    /// dᵀd, and s.
+    /// dᵀd; the next field is s of (FF1).
     square: f64,
     rest: f64,
 }
@@ -64,7 +64,7 @@ pub struct Specimen {
 /// A fitted specimen and the findings of its calibration flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// The specimen.
+    /// The fitted specimen.
     pub specimen: Specimen,
     /// Deviations that no tolerance explains.
     pub findings: Vec<FitFinding>,

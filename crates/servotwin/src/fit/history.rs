@@ -42,7 +42,7 @@ impl Flight {
 /// A fault tracked over the flights.
 #[derive(Clone, Debug)]
 pub struct Track {
-    /// Its full name.
+    /// The fault's full name.
     pub name: String,
     /// Its probability among the compared faults; 1 if the user requested it.
     pub probability: f64,
@@ -83,7 +83,7 @@ impl Track {
 pub struct Drift {
     /// The index of the unknown.
     pub unknown: usize,
-    /// Its trend.
+    /// Its trend over the flights.
     pub trend: Trend,
 }
 

@@ -38,9 +38,9 @@ const FIRST_GUESSES: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9];
 pub struct Diagnosed {
     /// The fault: (component, fault).
     pub fault: (usize, usize),
-    /// Its full name.
+    /// The fault's full name.
     pub name: String,
-    /// Its intensity.
+    /// The estimated intensity, 0 to 1.
     pub intensity: f64,
     /// Its standard error. If another intensity explains the record equally well, the error is as large as if that
     /// intensity were an end of the interval.

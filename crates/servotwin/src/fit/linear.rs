@@ -152,7 +152,7 @@ impl Symmetric {
     }
 }
 
-/// The scalar product.
+/// The scalar product of two vectors.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }

@@ -73,7 +73,7 @@ pub struct Fit<'s> {
     pub onset_s: Option<f64>,
     /// Solver settings of the runs.
     pub solver: Settings,
-    /// Number of threads.
+    /// The number of worker threads.
     pub threads: usize,
     /// Set by another thread to stop the fit.
     pub cancel: Option<&'s AtomicBool>,
@@ -90,7 +90,7 @@ pub enum FitError {
     NoRecord,
     /// A record cannot belong to this system.
     Record {
-        /// Its name.
+        /// The name of the record.
         name: String,
         /// The reason.
         error: RecordError,

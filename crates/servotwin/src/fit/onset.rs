@@ -51,11 +51,11 @@ pub struct Onset {
 /// A first guess of a fault with an onset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guess {
-    /// F by (FO1).
+    /// The cost F by (FO1).
     pub cost: f64,
-    /// The intensity.
+    /// The intensity at the lowest cost.
     pub intensity: f64,
-    /// The moment, s.
+    /// Time of the onset, s.
     pub at_s: f64,
 }
 
@@ -90,7 +90,7 @@ impl Begun {
 pub(super) struct Moments<'l> {
     linear: &'l Linear,
     curvature: Symmetric,
-    /// The moments, s.
+    /// The candidate onset times, s.
     times_s: Vec<f64>,
     /// The index of the first residual at each moment.
     places: Vec<usize>,

@@ -29,7 +29,7 @@ pub const TIME_UNIT: &str = "time_unit_s";
 const TIMES: [&str; 3] = ["time_s", "time", "t"];
 /// The shortest duration of a record, s.
 const LEAST_DURATION_S: f64 = 5.0;
-/// The fewest samples.
+/// The fewest samples of a record.
 const LEAST_SAMPLES: usize = 200;
 /// The sampling period of most records, s.
 const USUAL_PERIOD_S: f64 = 0.01;
@@ -62,7 +62,7 @@ pub struct Record {
 /// Values of a column that its sensor cannot produce; they are treated as missing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// The column.
+    /// The name of the column.
     pub column: String,
     /// The number of values.
     pub count: usize,
@@ -72,7 +72,7 @@ pub struct LeftOut {
     pub value: f64,
     /// The range of the sensor, SI.
     pub range: (f64, f64),
-    /// The unit.
+    /// The unit of `value` and `range`.
     pub unit: Unit,
 }
 

@@ -33,7 +33,7 @@ pub type Residuals = Vec<f64>;
 pub struct Linear {
     /// The unknowns at the point.
     pub z: Vec<f64>,
-    /// The residuals there.
+    /// The residuals at `z`.
     pub residuals: Residuals,
     /// For each unknown, the derivative of the twin's sensors, in their deviations (FR2).
     pub columns: Vec<Vec<f64>>,

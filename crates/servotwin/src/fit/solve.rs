@@ -35,7 +35,7 @@ const LEAST_PROGRESS: f64 = 0.05;
 pub struct Minimum {
     /// The linearization used last.
     pub linear: Linear,
-    /// The unknowns.
+    /// The unknowns at the minimum.
     pub z: Vec<f64>,
     /// The residuals at `z`.
     pub residuals: Residuals,

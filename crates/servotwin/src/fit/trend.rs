@@ -29,7 +29,7 @@ pub struct Point {
     pub at: f64,
     /// The measured level.
     pub level: f64,
-    /// Its standard error.
+    /// The standard error of the level.
     pub error: f64,
 }
 
@@ -38,7 +38,7 @@ pub struct Point {
 pub struct State {
     /// The flight number.
     pub at: f64,
-    /// The level.
+    /// The estimated level.
     pub level: f64,
     /// The rate per flight.
     pub rate: f64,

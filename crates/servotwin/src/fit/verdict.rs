@@ -17,7 +17,7 @@ pub enum FitVerdict {
     Fault(Box<Diagnosed>),
     /// The clock or the sensors' times are wrong.
     Times(Suspect),
-    /// Nothing explains them.
+    /// No fault and no time error explains them.
     Unexplained {
         /// The fault that comes nearest, if any.
         nearest: Option<Box<Diagnosed>>,

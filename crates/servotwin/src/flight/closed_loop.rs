@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// The flight to simulate.
 pub struct Scenario<'s> {
-    /// The study.
+    /// The study of the plant and its twin.
     pub study: &'s Study,
     /// One signal per input of the system.
     pub inputs: Vec<Piecewise>,

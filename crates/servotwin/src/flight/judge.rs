@@ -38,7 +38,7 @@ pub struct Latency {
 /// Results of the flights with faults of one command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassMetrics {
-    /// The command.
+    /// The command for these faults.
     pub command: String,
     /// The smallest and the largest intensity.
     pub intensities: [f64; 2],

@@ -59,7 +59,7 @@ impl Purpose {
     }
 }
 
-/// One flight.
+/// A planned flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
     /// Its number, from which specimen and noise are derived.

@@ -18,9 +18,9 @@ pub enum RuntimeError {
     /// The diagnoser reads a sensor that the study does not have.
     #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
     Sensor {
-        /// The sensor.
+        /// The label of the sensor.
         name: String,
-        /// The study.
+        /// The name of the study.
         study: String,
     },
     /// The sampling period differs from the diagnoser's.
@@ -39,7 +39,7 @@ pub enum RuntimeError {
     Twin {
         /// The state to blame.
         state: String,
-        /// What happened.
+        /// The failure of the solver, with its time.
         failure: Failure,
     },
 }
@@ -207,7 +207,7 @@ impl<'s> Runtime<'s> {
         self.twin.value(slot)
     }
 
-    /// The diagnosis.
+    /// The session of the diagnosis.
     pub fn session(&self) -> &Session {
         &self.session
     }

@@ -27,7 +27,7 @@ pub enum SignalError {
     /// An unknown parameter.
     #[error("{kind} has no parameter '{given}'; it has: {}", .known.join(", "))]
     UnknownParameter {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
         /// The parameter as written.
         given: String,
@@ -37,7 +37,7 @@ pub enum SignalError {
     /// An argument that is not of the form `name=value`.
     #[error("{kind}: '{given}' is not of the form name=value")]
     NoEqualSign {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
         /// The argument as written.
         given: String,
@@ -45,17 +45,17 @@ pub enum SignalError {
     /// A parameter was given twice.
     #[error("{kind}: '{parameter}' is given twice")]
     Repeated {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
     },
     /// A required parameter is missing.
     #[error("{kind}: '{parameter}' is missing, e.g. {example}")]
     Missing {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
         /// An example with the parameter.
         example: &'static str,
@@ -63,9 +63,9 @@ pub enum SignalError {
     /// A value that does not begin with a number.
     #[error("{kind}: '{parameter}' needs a number, not '{given}'")]
     NotANumber {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
         /// The value as written.
         given: String,
@@ -76,9 +76,9 @@ pub enum SignalError {
         .allowed.iter().map(|unit| format!("{unit}, ")).collect::<String>()
     )]
     WrongUnit {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
         /// The value as written.
         given: String,
@@ -88,9 +88,9 @@ pub enum SignalError {
     /// An unknown word.
     #[error("{kind}: '{parameter}' cannot be '{given}'; it is {}", .known.join(" or "))]
     UnknownWord {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
         /// The word as written.
         given: String,
@@ -100,9 +100,9 @@ pub enum SignalError {
     /// A value outside the allowed range.
     #[error("{kind}: '{parameter}={given}' is out of range: {range}{}", in_brackets(.units))]
     OutOfRange {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
         /// The value as written.
         given: String,
@@ -114,7 +114,7 @@ pub enum SignalError {
     /// Arguments that are incompatible.
     #[error("{kind}: {reason}")]
     Impossible {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
         /// The reason.
         reason: Cow<'static, str>,
@@ -122,7 +122,7 @@ pub enum SignalError {
     /// A run's duration that is not positive and finite.
     #[error("a run of {duration_s} s is impossible: greater than 0 is needed")]
     Duration {
-        /// The duration.
+        /// The duration of the run, s.
         duration_s: f64,
     },
     /// The numbers do not define a function of time.
@@ -137,7 +137,7 @@ pub enum SignalError {
         .found.symbol(), symbol_or_none(*.wanted)
     )]
     ColumnUnit {
-        /// The column.
+        /// The name of the column.
         column: String,
         /// The unit in its name.
         found: Unit,
@@ -147,15 +147,15 @@ pub enum SignalError {
     /// The signal leaves the range of its input.
     #[error("'{input}' becomes {}", beyond(*.value, *.min, *.max, *.unit))]
     Leaves {
-        /// The input.
+        /// The name of the input.
         input: String,
         /// The value farthest outside, SI.
         value: f64,
-        /// The least allowed.
+        /// The lower limit, SI.
         min: f64,
-        /// The largest allowed.
+        /// The upper limit, SI.
         max: f64,
-        /// The unit.
+        /// The SI unit of these values.
         unit: Unit,
     },
     /// The rows of a file do not define a function of time.

@@ -77,7 +77,7 @@ impl fmt::Display for Quantity {
 pub enum Argument {
     /// A number with or without a unit.
     Quantity(Quantity),
-    /// A word.
+    /// A word, e.g. a file name.
     Word(String),
 }
 
@@ -90,7 +90,7 @@ pub struct Term {
 }
 
 impl Term {
-    /// The kind.
+    /// The kind of signal.
     pub fn kind(&self) -> &'static dyn Kind {
         self.kind
     }

@@ -17,15 +17,15 @@ pub enum Sort {
     Value,
     /// A rate in that unit per second.
     Rate,
-    /// An angle.
+    /// An angle, rad.
     Angle,
-    /// A time.
+    /// A time, s.
     Time,
-    /// A frequency.
+    /// A frequency, Hz.
     Frequency,
     /// A nonnegative integer.
     Whole,
-    /// A name.
+    /// A free text, e.g. a file name.
     Text,
     /// One of the given words.
     Choice(&'static [&'static str]),
@@ -82,11 +82,11 @@ pub enum Fallback {
 /// A parameter of a kind of signal.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Its name.
+    /// Its name in text and files.
     pub name: &'static str,
     /// Its type.
     pub sort: Sort,
-    /// The values allowed.
+    /// The allowed values.
     pub range: Range,
     /// Its default.
     pub fallback: Fallback,
@@ -131,7 +131,7 @@ pub struct Spec {
     pub example: &'static str,
     /// Whether its value never jumps.
     pub continuous: bool,
-    /// Its parameters.
+    /// The parameters that it accepts.
     pub parameters: &'static [Parameter],
 }
 

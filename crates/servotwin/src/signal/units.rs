@@ -48,7 +48,7 @@ pub static UNITS: [TextUnit; 24] = [
 /// The dimension of a parameter: a unit, or that unit per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measure {
-    /// The unit.
+    /// The base unit.
     pub unit: Unit,
     /// Whether it is per second.
     pub per_second: bool,

@@ -11,7 +11,7 @@ use servotwin_model::spec::Unit;
 pub struct ListedFault {
     /// The id, e.g. `actuator_1.servo_valve.clogging_pa`.
     pub id: String,
-    /// The component.
+    /// The id of the component.
     pub component: String,
     /// The component's kind.
     pub kind: &'static str,
@@ -19,7 +19,7 @@ pub struct ListedFault {
     pub category: &'static str,
     /// The parameter that it changes.
     pub parameter: &'static str,
-    /// The parameter's unit.
+    /// The unit of `healthy` and `full`.
     pub unit: Unit,
     /// The parameter's value without the fault.
     pub healthy: f64,

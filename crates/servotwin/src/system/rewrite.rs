@@ -31,7 +31,7 @@ pub struct NewValue {
 pub struct RewriteError {
     /// The component's id.
     pub component: String,
-    /// The parameter.
+    /// The name of the parameter.
     pub parameter: &'static str,
 }
 

@@ -7,7 +7,7 @@ use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
 use servotwin_model::spec::{Port, Spec, Unit};
 use std::collections::BTreeMap;
 
-/// A component.
+/// A component as read from the file.
 #[derive(Clone)]
 pub(super) struct Part {
     pub id: String,

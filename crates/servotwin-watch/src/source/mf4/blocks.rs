@@ -48,7 +48,7 @@ pub(super) struct ChannelGroup {
     pub master: Option<usize>,
 }
 
-/// A channel.
+/// A channel, as stored in its CN block.
 #[derive(Debug, Clone)]
 pub(super) struct Channel {
     pub name: String,

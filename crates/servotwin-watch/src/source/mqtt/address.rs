@@ -12,9 +12,9 @@ const KEEP_ALIVE: Duration = Duration::from_secs(10);
 pub struct Subscription {
     /// The host; an IPv6 address is in brackets.
     pub host: String,
-    /// The port.
+    /// The TCP port.
     pub port: u16,
-    /// User and password.
+    /// User name and password, if given.
     pub user: Option<(String, String)>,
     /// The topic filters; `+` and `#` are wildcards.
     pub filters: Vec<String>,

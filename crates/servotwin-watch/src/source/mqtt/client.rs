@@ -35,7 +35,7 @@ pub(super) enum News {
     Subscribed,
     /// The connection is lost or could not be made, with the reason.
     Lost(String),
-    /// A message.
+    /// A message of a subscribed topic.
     Message(Publish),
 }
 

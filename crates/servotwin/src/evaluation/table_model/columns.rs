@@ -69,7 +69,7 @@ impl Input {
 pub struct Unused {
     /// The column.
     pub column: String,
-    /// Why, in words.
+    /// The reason, as part of a sentence.
     pub reason: String,
 }
 

@@ -13,7 +13,7 @@ pub enum HoldOut {
     Folds {
         /// Number of folds.
         folds: usize,
-        /// The seed.
+        /// The seed of the random folds.
         seed: u64,
     },
     /// The last share of each class in the order of the table, for time series. With groups, the last groups of each

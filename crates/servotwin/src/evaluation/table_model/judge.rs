@@ -31,7 +31,7 @@ pub struct Baseline {
 /// The rows of one class.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClassResult {
-    /// The class.
+    /// The name of the class.
     pub class: String,
     /// Share of its rows that were recognized.
     pub recall: Rate,
@@ -42,7 +42,7 @@ pub struct ClassResult {
 /// The rows of one group.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GroupResult {
-    /// The group.
+    /// The name of the group.
     pub group: String,
     /// The classes in it.
     pub classes: Vec<String>,

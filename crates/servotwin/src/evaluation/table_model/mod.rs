@@ -99,7 +99,7 @@ pub struct TableModel {
     /// The training weight of each class; empty if all were equal.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub class_weights: Vec<f64>,
-    /// The classifier.
+    /// The trained classifier.
     pub model: Model,
 }
 
@@ -164,9 +164,9 @@ impl TableModel {
 /// The groups of the rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Groups {
-    /// The column.
+    /// The name of the group column.
     pub column: String,
-    /// The groups.
+    /// The group of every row.
     pub coded: Coded,
 }
 

@@ -327,7 +327,7 @@ pub struct Step {
     pub is: Option<String>,
     /// The value of the row; `None` if missing.
     pub value: Option<f64>,
-    /// The threshold.
+    /// The threshold of the question.
     pub threshold: f64,
     /// Whether the row went right: the value is above the threshold, or it is missing and missing values go right.
     pub right: bool,

@@ -98,7 +98,7 @@ pub enum TraceError {
     Unknown {
         /// What the word should name.
         what: &'static str,
-        /// The word.
+        /// The unknown word.
         word: String,
         /// The most similar known word.
         nearest: Option<String>,
@@ -150,7 +150,7 @@ pub enum TraceError {
         column: String,
         /// Its place in the file.
         place: String,
-        /// The number.
+        /// The measured value.
         value: f64,
         /// Its nominal value.
         nominal: f64,
