@@ -8,7 +8,7 @@
 //! - If two samples share a period, the nearer one counts and the other fills its missing values. A sample with nothing
 //!   to fill is *doubled* if it has the same time, else *surplus*.
 //! - A period without a sample is a *gap*: all its values are missing (NaN).
-//! - A time that jumps ahead (by more than `wait_s` plus two of the last steps), or lies before the periods passed on,
+//! - A time that jumps ahead (by more than `wait_s` plus twice the last step), or lies before the periods passed on,
 //!   is not trusted at first. Samples that continue from it vote for it; all others vote against it. With no vote left,
 //!   the samples were late or *outliers* and are dropped. With `witnesses` votes they are accepted. Up to
 //!   `longest_gap_s` ahead, this is a gap. Beyond that, the clock was set: the waiting periods are passed on,
