@@ -1,6 +1,6 @@
-//! Numbers in JSON by their bits: NaN and infinities, which JSON has not, come back as they were.
+//! Serializes numbers as their bits, so that NaN and infinities survive JSON, which cannot represent them.
 
-/// One number.
+/// Serializes one number, for `#[serde(with)]`.
 pub mod one {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -15,7 +15,7 @@ pub mod one {
     }
 }
 
-/// A list of numbers.
+/// Serializes a list of numbers, for `#[serde(with)]`.
 pub mod many {
     use serde::{Deserialize, Deserializer, Serializer};
 

@@ -1,11 +1,10 @@
-//! Where a watch can go on after it was stopped: the place in the log, what the sequencer holds, what
-//! was counted, and everything the observer knows.
+//! State from which a stopped watch resumes: position in the log, sequencer, counts and observer state.
 //!
-//! Numbers are kept by their bits: what comes after is the same as without the stop.
+//! Numbers are stored as their bits, so that a resumed watch gives the same results as an uninterrupted one.
 //!
-//! The file has two lines of JSON. The first has the format and the SHA-256 of the second, the second the content. A
-//! checkpoint is input like any other: its checksum, its widths and every number are checked before a watch goes on from
-//! it, so that a file that was damaged or written by hand gives a message.
+//! The file has two lines of JSON. The first holds the format and the SHA-256 of the second; the second holds the
+//! content. A checkpoint is validated like any other input before a watch resumes from it: checksum, widths and every
+//! number. A damaged or hand-written file is rejected with a message.
 
 use super::Progress;
 use super::map::Map;
@@ -20,10 +19,10 @@ use std::path::{Path, PathBuf};
 /// The format of checkpoints that this version writes and reads.
 const FORMAT: u32 = 3;
 
-/// The largest checkpoint that is read, bytes: a thousand times the aileron's.
+/// The largest checkpoint that is read, bytes: a thousand times that of the aileron study.
 const LARGEST: u64 = 64 << 20;
 
-/// The first line.
+/// The first line of the file.
 #[derive(Debug, Serialize, Deserialize)]
 struct Head {
     format: u32,
@@ -40,11 +39,11 @@ pub(super) struct Expected<'e> {
     pub counted: &'e str,
 }
 
-/// A watch between two rows.
+/// The state of a watch between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Checkpoint {
-    /// The map file, as a number.
+    /// Fingerprint of the map file.
     map: String,
     #[serde(with = "super::bits::one")]
     period_s: f64,
@@ -57,42 +56,42 @@ pub struct Checkpoint {
 /// Why a checkpoint cannot be written or used.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
-    /// The file.
+    /// The file cannot be read or written.
     #[error(transparent)]
     File(FileError),
-    /// It is no checkpoint, or damaged.
+    /// The file is not a checkpoint, or it is damaged.
     #[error("{path}: no checkpoint that can be used: {cause}")]
     Content {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem, in words.
         cause: String,
     },
     /// It was written with another map or period.
     #[error("the checkpoint was written with another {what}")]
     Other {
-        /// Which of them.
+        /// Either "map" or "period".
         what: &'static str,
     },
-    /// A number in it is none that a watch can have.
+    /// A number has a value that no watch writes.
     #[error("the checkpoint cannot be used: {what} cannot be what a watch has written")]
     Damaged {
-        /// Which.
+        /// Name of the offending number.
         what: &'static str,
     },
     /// The log is shorter than it was.
     #[error("the log ends before row {needed}, where the checkpoint was written")]
     ShortLog {
-        /// The line or row at which it went on.
+        /// The line or row at which the watch resumes.
         needed: u64,
     },
-    /// The observer cannot go on from it.
+    /// The observer rejects its stored state.
     #[error("the diagnosis cannot go on from the checkpoint: {0}")]
     Observer(String),
 }
 
 impl Checkpoint {
-    /// What is known now.
+    /// Captures the current state.
     pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: Vec<u8>) -> Self {
         let map = fingerprint(map);
         Checkpoint { map, period_s, progress: progress.clone(), observer }
@@ -143,7 +142,7 @@ impl Checkpoint {
         files::write_atomically(path, fill).map_err(CheckpointError::File)
     }
 
-    /// How many changes the observer had told.
+    /// How many changes the observer had reported.
     pub fn events(&self) -> u64 {
         self.progress.changes
     }
@@ -162,7 +161,7 @@ impl Checkpoint {
     }
 }
 
-/// At most one byte more than the largest checkpoint of a regular file.
+/// Reads at most one byte more than [`LARGEST`]; rejects anything but a regular file.
 fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file"));

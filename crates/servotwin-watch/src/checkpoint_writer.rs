@@ -1,4 +1,4 @@
-//! Writes checkpoints of a live source on a thread of its own: a slow or full disk delays no diagnosis.
+//! Writes checkpoints of a live source on a separate thread, so that a slow or full disk never delays the diagnosis.
 
 use super::checkpoint::Checkpoint;
 use super::watchdog::SinkLoss;
@@ -7,14 +7,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// A thread that writes one checkpoint after the other to the same file. The first that cannot be written is the last.
+/// A thread that writes successive checkpoints to the same file. It stops after the first failed write.
 pub(super) struct CheckpointWriter {
     path: PathBuf,
-    /// `None` once the last one was given.
+    /// `None` after the last checkpoint was queued.
     queue: Option<SyncSender<Box<Checkpoint>>>,
     failure: Arc<Mutex<Option<String>>>,
     is_failure_told: bool,
-    /// Checkpoints that were left out because the one before was still being written.
+    /// Checkpoints skipped because the previous one was still being written.
     skipped: u64,
     thread: Option<JoinHandle<()>>,
 }
@@ -36,7 +36,7 @@ impl CheckpointWriter {
         }
     }
 
-    /// Gives a checkpoint to the thread, unless one waits already.
+    /// Queues a checkpoint, unless one is already waiting.
     pub fn offer(&mut self, checkpoint: Checkpoint) {
         let is_taken = match &self.queue {
             Some(queue) => queue.try_send(Box::new(checkpoint)).is_ok(),
@@ -48,7 +48,7 @@ impl CheckpointWriter {
     /// Writes the last checkpoint, and waits until it is written.
     pub fn finish(&mut self, checkpoint: Checkpoint) {
         if let Some(queue) = self.queue.take() {
-            // A thread that is gone has said why.
+            // If the thread has ended, it has already recorded the reason.
             let _ = queue.send(Box::new(checkpoint));
         }
         if let Some(thread) = self.thread.take() {
@@ -56,14 +56,14 @@ impl CheckpointWriter {
         }
     }
 
-    /// Why no checkpoint is written any more, once.
+    /// Why checkpoints are no longer written; returned once.
     pub fn failure(&mut self) -> Option<(String, String)> {
         let reason = self.reason().filter(|_| !self.is_failure_told)?;
         self.is_failure_told = true;
         Some((self.path.display().to_string(), reason))
     }
 
-    /// The checkpoints that were not written, with the reason.
+    /// The number of skipped checkpoints, with the reason of a failure.
     pub fn loss(&self) -> SinkLoss {
         let sink = self.path.display().to_string();
         SinkLoss { sink, lost: self.skipped, failure: self.reason(), is_file: true }

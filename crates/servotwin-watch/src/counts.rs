@@ -1,55 +1,55 @@
-//! What was wrong with a stream, counted by kind, with the first place of each kind.
+//! Irregularities of a stream, counted by kind, with the first place of each kind.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What can be wrong with what comes in, and what was done about it.
+/// A kind of irregularity in the incoming data, and how it was handled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// Bytes that are in no text.
+    /// Bytes that are not text.
     Noise,
-    /// A line longer than any that is read.
+    /// A line longer than the limit.
     TooLong,
     /// The stream ended within a line.
     CutShort,
-    /// Another number of cells than the header has.
+    /// A number of cells that differs from the header.
     WrongColumns,
-    /// A line before the names of the columns are known.
+    /// A line before the column names are known.
     NoHeader,
-    /// An object that is no JSON, or none that can be read.
+    /// Not a JSON object, or an unreadable one.
     BadObject,
-    /// No time, or one that is no number.
+    /// No time, or a time that is not a number.
     NoTime,
-    /// A value that is no finite number.
+    /// A value that is not a finite number.
     BadValue,
-    /// A number that its sensor cannot show.
+    /// A number that its sensor cannot produce.
     Impossible,
-    /// An older sample behind a newer one, put in its place.
+    /// An older sample that arrived after a newer one and was sorted in.
     Reordered,
-    /// A sample whose values are all there already.
+    /// A sample whose values are all known already.
     Doubled,
-    /// A sample that came when its turn was over.
+    /// A sample that arrived after its period was passed on.
     Late,
-    /// A sample with a time that no other sample confirms.
+    /// A sample whose time no other sample confirms.
     Outlier,
     /// A sample between two periods: the log is faster than the diagnosis.
     Surplus,
     /// A period without any sample.
     Gap,
-    /// The clock went back, and stayed there: a new beginning.
+    /// The clock jumped back and stayed there; the diagnosis restarts.
     ClockBack,
-    /// The clock went forward further than a gap may be, and stayed there: a new beginning.
+    /// The clock jumped forward beyond the longest gap and stayed there; the diagnosis restarts.
     ClockForward,
     /// The connection was lost.
     Disconnected,
-    /// A connection that was lost was made again.
+    /// A lost connection was restored.
     Reconnected,
-    /// A message that a broker had kept from before.
+    /// A retained message, which the broker had stored earlier.
     Retained,
-    /// A datagram of another sender than the one that is listened to.
+    /// A datagram from a sender other than the accepted one.
     ForeignSender,
-    /// A datagram for which there was no place: the diagnosis did not keep up.
+    /// A datagram dropped because the buffer was full: the diagnosis did not keep up.
     Overflow,
 }
 
@@ -80,7 +80,7 @@ impl Kind {
         Kind::Overflow,
     ];
 
-    /// The name in JSON, and in words what was found and done.
+    /// The name in JSON, and a description of what was found and done.
     pub fn words(self) -> (&'static str, &'static str) {
         match self {
             Kind::Noise => ("noise", "bytes that are no text: dropped"),
@@ -109,40 +109,40 @@ impl Kind {
     }
 }
 
-/// The most bytes of a detail in a checkpoint.
+/// The longest detail in a checkpoint, bytes.
 const LONGEST_DETAIL: usize = 10_000;
 
-/// How often a kind was met, and where first.
+/// How often a kind occurred, and where first.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
-    /// The first line, row, datagram or message with it, from 1.
+    /// The first line, row, datagram or message with it, counted from 1.
     pub first: u64,
-    /// What was there, in words, where there is more to say than the kind.
+    /// Details of the first occurrence; empty if the kind is enough.
     pub detail: String,
 }
 
-/// All that was counted.
+/// All counts of a watch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
-    /// What is counted: lines, rows, datagrams or messages.
+    /// The unit of counting: lines, rows, datagrams or messages.
     pub counted: String,
-    /// How many came.
+    /// How many of these arrived.
     pub frames: u64,
-    /// How many periods were given on, those without a sample included.
+    /// How many periods were passed on, including those without a sample.
     pub samples: u64,
-    /// In how many of them anything was said of the actuator.
+    /// In how many of these periods the diagnosis judged the actuators.
     #[serde(default)]
     pub judged: u64,
-    /// For each kind of [`Kind::ALL`] how often it was met.
+    /// How often each kind of [`Kind::ALL`] occurred.
     tallies: Vec<Tally>,
-    /// For each input and sensor in how many periods it had no value.
+    /// For each input and sensor, the number of periods without a value.
     pub missing: Vec<u64>,
 }
 
 impl Counts {
-    /// Nothing counted so far of so many inputs and sensors.
+    /// Empty counts for a number of inputs and sensors.
     pub fn new(counted: &str, channels: usize) -> Self {
         let tallies = vec![Tally::default(); Kind::ALL.len()];
         Counts {
@@ -155,7 +155,7 @@ impl Counts {
         }
     }
 
-    /// The reason why these counts do not fit so many inputs and sensors, if there is one.
+    /// Why these counts do not fit a number of inputs and sensors; `None` if they fit.
     pub(super) fn wrong(&self, channels: usize, counted: &str) -> Option<&'static str> {
         let of_kinds = self.tallies.iter().flat_map(|tally| [tally.count, tally.first]);
         let counters = [self.frames, self.samples, self.judged].into_iter().chain(of_kinds);
@@ -174,12 +174,12 @@ impl Counts {
         checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
-    /// Counts one of a kind.
+    /// Counts one occurrence of a kind.
     pub fn note(&mut self, kind: Kind, place: u64) {
         self.note_with(kind, place, &"");
     }
 
-    /// Counts one of a kind; the first is kept in words.
+    /// Counts one occurrence of a kind; the detail of the first is kept.
     pub fn note_with(&mut self, kind: Kind, place: u64, detail: &dyn fmt::Display) {
         let tally = &mut self.tallies[kind as usize];
         if tally.count == 0 {
@@ -189,7 +189,7 @@ impl Counts {
         tally.count += 1;
     }
 
-    /// Counts several of a kind.
+    /// Counts several occurrences of a kind.
     pub fn note_many(&mut self, kind: Kind, place: u64, count: u64, detail: &dyn fmt::Display) {
         if count > 0 {
             self.note_with(kind, place, detail);
@@ -197,17 +197,17 @@ impl Counts {
         }
     }
 
-    /// How often a kind was met, and where first.
+    /// How often a kind occurred, and where first.
     pub fn of(&self, kind: Kind) -> &Tally {
         &self.tallies[kind as usize]
     }
 
-    /// What was met at all, in the order of [`Kind::ALL`].
+    /// All kinds that occurred, in the order of [`Kind::ALL`].
     pub fn met(&self) -> impl Iterator<Item = (Kind, &Tally)> {
         Kind::ALL.into_iter().map(|kind| (kind, self.of(kind))).filter(|(_, t)| t.count > 0)
     }
 
-    /// Where a kind was met first: `line 17: 5 cells, 12 are needed`.
+    /// Where a kind occurred first: `line 17: 5 cells, 12 are needed`.
     pub fn place(&self, tally: &Tally) -> String {
         let place = format!("{} {}", self.counted, tally.first);
         if tally.detail.is_empty() { place } else { format!("{place}: {}", tally.detail) }

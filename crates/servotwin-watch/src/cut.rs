@@ -5,13 +5,13 @@ use crate::map::Map;
 use crate::span::{CutError, Span};
 use servotwin_io::moment;
 
-/// A part of a source.
+/// A source restricted to a time span.
 pub struct Cut {
     source: Box<dyn Source>,
     log: String,
     map: Map,
     span: Span,
-    /// The first and the last time that came, s.
+    /// The first and the last time seen, s.
     reach: Option<(f64, f64)>,
     rows: u64,
     cut: u64,
@@ -19,13 +19,13 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// The part of a log whose times a map knows.
+    /// Restricts a source to a span; the map supplies the times of its rows.
     pub fn new(source: Box<dyn Source>, log: String, map: &Map, span: Span) -> Self {
         let map = map.clone();
         Cut { source, log, map, span, reach: None, rows: 0, cut: 0, is_empty: true }
     }
 
-    /// Whether a row is in the part.
+    /// Whether a row lies in the span. Rows without a time are kept.
     fn keeps(&mut self, row: &Row) -> Result<bool, SourceError> {
         let time_s = self.map.time_s(row, self.rows);
         self.rows += 1;

@@ -1,8 +1,8 @@
-//! A whole log at once, as `servotwin fit` and `servotwin history` read it: the same sources, the same map and the same
-//! rules as `servotwin watch`, up to where a watch puts samples onto its period.
+//! Reads a whole log for `servotwin fit` and `servotwin history`, with the sources, map and rules of `servotwin watch`.
+//! Samples are not put onto the period.
 //!
-//! Rows of one time are one sample; a sample that comes a little late is put in its place; a few samples whose time no others
-//! confirm are left out. All of it is counted. What remains is a [`Table`] in SI units.
+//! Rows with the same time form one sample. A sample that arrives slightly late is sorted in. A few samples whose time
+//! no others confirm are dropped. All of this is counted. The result is a [`Table`] in SI units.
 
 use super::counts::{Counts, Kind};
 use super::cut::Cut;
@@ -20,17 +20,17 @@ use std::path::Path;
 /// The column with the times.
 const TIME: &str = "time_s";
 
-/// The rounding that equal times may differ by, relative to the time between them.
+/// Equal times may differ by this rounding error, relative to the time between them.
 const ROUNDING: f64 = 1e-4;
 
 /// A log, read to its end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Whole {
-    /// `time_s`, and the inputs and sensors that the log has or the map gives, by their names with units; NaN is missing.
+    /// `time_s`, then the inputs and sensors that the log or the map supplies, named with units; NaN means missing.
     pub table: Table,
     /// The counts of rows and irregularities.
     pub counts: Counts,
-    /// Columns whose unit nobody names; they are taken for SI.
+    /// Columns without a known unit; they are read as SI.
     pub assumed: Vec<String>,
 }
 
@@ -38,27 +38,27 @@ pub struct Whole {
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub enum IntakeError {
-    /// It cannot be read, or the requested part of it is empty.
+    /// It cannot be read, or the requested span is empty.
     Source(#[from] SourceError),
     /// The map does not fit it.
     Map(MapError),
     /// An input and a sensor of the system have the same name.
     Table(#[from] TableError),
-    /// Without a map: it has no time, or no sensor of the system.
+    /// Without a map: the log has no time, or no sensor of the system.
     Record(RecordError),
 }
 
-/// Whether a file may be a log, as its extension says.
+/// Whether a file may be a log, judged by its extension.
 pub fn is_log(path: &Path) -> bool {
     let known = ["csv", "tsv", "parquet", "mcap", "jsonl", "ndjson", "mf4", "mdf", "mat"];
     let extension = path.extension().and_then(|extension| extension.to_str());
     extension.is_some_and(|own| known.iter().any(|known| own.eq_ignore_ascii_case(known)))
 }
 
-/// Reads a part of a log as a map says; without one, columns are found by their names.
+/// Reads a span of a log with a map. Without a map, columns are found by their names.
 ///
 /// # Errors
-/// The log cannot be read, the map does not fit it, or nothing lies in the part.
+/// The log cannot be read, the map does not fit it, or no row lies in the span.
 pub fn read(
     path: &Path,
     map: Option<&Map>,
@@ -94,7 +94,7 @@ fn read_mapped(
     Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed })
 }
 
-/// The map that the names of the columns make, and the columns without a unit.
+/// A map guessed from the column names, and the columns without a unit.
 fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), IntakeError> {
     let guess = guess(&address.columns()?, study, Trust::Certain);
     if guess.sensors.len() == study.system.sensors.len() {
@@ -107,7 +107,7 @@ fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), Intak
     Ok((map.map_err(IntakeError::Map)?, guess.assumed))
 }
 
-/// All samples in the order of their times.
+/// Reads all samples, ordered by time.
 fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Counts), SourceError> {
     let mut counts = Counts::new(source.counted(), map.width());
     let (mut samples, mut row, mut rows) = (vec![], Row::default(), 0);
@@ -136,7 +136,7 @@ fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Coun
     Ok((samples, counts))
 }
 
-/// Puts a sample behind the others, or, where it comes a little late, in its place.
+/// Appends a sample; a slightly late one is sorted in.
 fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Counts) {
     let newest_s = samples.last().map_or(f64::NEG_INFINITY, |last: &Stamped| last.time_s);
     let is_late = sample.time_s < newest_s && newest_s - sample.time_s <= map.rules.wait_s;
@@ -166,7 +166,7 @@ fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Coun
     }
 }
 
-/// Leaves out samples with times that too few others confirm, as a watch does: behind a leap and before the next one.
+/// Drops groups of samples between two leaps in time that are too small to confirm their times, as a watch does.
 fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamped> {
     let is_leap = |pair: [&Stamped; 2]| {
         let step_s = pair[1].time_s - pair[0].time_s;
@@ -183,7 +183,7 @@ fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamp
     groups.into_iter().filter(is_confirmed).flatten().cloned().collect()
 }
 
-/// The samples as a table: columns of the log, with what stands for missing values, and values that are the same always.
+/// The samples as a table of the log's columns, including held values and constants.
 fn table(
     samples: &[Stamped],
     counts: &Counts,
@@ -218,7 +218,7 @@ fn table(
     Ok(table.with_places(counted, samples.iter().map(|sample| sample.place)))
 }
 
-/// Puts the last value in the place of those that are missing behind it, for so long.
+/// Replaces missing values by the last value, for at most `hold_s` seconds.
 fn hold(values: &mut [f64], times_s: &[f64], hold_s: f64) {
     let mut last: Option<(f64, f64)> = None;
     for (value, &time_s) in values.iter_mut().zip(times_s) {

@@ -1,13 +1,13 @@
-//! Logs and live streams in, decisions out: the two sides of `servotwin watch`.
+//! Logs and live streams in, decisions out: the inputs and outputs of `servotwin watch`.
 //!
 //! ```text
 //! Source ── rows ──> Map ── samples, SI ──> Sequencer ── periods ──> Observer ──> Sinks
 //! ```
 //!
-//! A [`source::Source`] gives the numbers of a file or a stream, a [`map::Map`] makes inputs and sensor
-//! values of them, a [`sequencer::Sequencer`] puts these onto the fixed period, an [`Observer`] is fed with
-//! one period after the other, and [`sink::Sink`]s show or keep what it says. What was wrong with the stream
-//! is in [`counts::Counts`]. The formats and rules are described in `docs/watch.md`.
+//! A [`source::Source`] returns the numbers of a file or a stream. A [`map::Map`] turns them into inputs and sensor
+//! values, and a [`sequencer::Sequencer`] puts these onto the fixed period. An [`Observer`] receives one period after
+//! the other, and [`sink::Sink`]s show or store its findings. Irregularities of the stream are in [`counts::Counts`].
+//! `docs/watch.md` describes the formats and rules.
 
 mod bits;
 pub mod checkpoint;
@@ -45,7 +45,7 @@ use watchdog::{
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub enum WatchError {
-    /// The source failed.
+    /// The source could not be opened or read.
     Source(#[from] SourceError),
     /// A result cannot be written.
     Sink(#[from] SinkError),
@@ -53,24 +53,24 @@ pub enum WatchError {
     Checkpoint(#[from] CheckpointError),
 }
 
-/// No counter of a checkpoint is larger: every number up to it has its own place in JSON, and a year at 1 MHz is far
-/// below.
+/// The largest counter in a checkpoint. JSON represents every integer up to it exactly, and a year at 1 MHz is far
+/// below it.
 const LARGEST_COUNT: u64 = 1 << 53;
 
-/// What is known between two rows.
+/// The state between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// The place of the last row read.
     place: u64,
-    /// How many rows were read, those with flaws included.
+    /// How many rows were read, including flawed ones.
     rows: u64,
     sequencer: Sequencer,
     counts: Counts,
-    /// For each channel the last value and how many periods ago it was there.
+    /// For each channel, the last value and its age in periods.
     #[serde(with = "bits::many")]
     held: Vec<f64>,
     ages: Vec<u64>,
-    /// What was said last, and how often it changed.
+    /// The last finding, and how often it changed.
     finding: Finding,
     changes: u64,
     /// The time of the last period, s.
@@ -78,44 +78,44 @@ struct Progress {
     time_s: f64,
 }
 
-/// Where checkpoints go, and when.
+/// Where and how often checkpoints are written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoints {
-    /// The file.
+    /// The path of the checkpoint file.
     pub path: std::path::PathBuf,
-    /// Every so many periods, besides at the end.
+    /// Interval in periods; another checkpoint is written at the end.
     pub every: u64,
 }
 
-/// Watches a source.
+/// Runs the pipeline from a source through the observer to the sinks.
 pub struct Watch<'w> {
     source: &'w mut dyn Source,
     map: &'w Map,
     observer: &'w mut dyn Observer,
     sinks: Vec<&'w mut dyn Sink>,
     checkpoints: Option<Checkpoints>,
-    /// Writes checkpoints beside a live source.
+    /// Writes checkpoints of a live source.
     checkpoint_writer: Option<CheckpointWriter>,
-    /// Of a live source.
+    /// `Some` for a live source whose silence is reported.
     watchdog: Option<Watchdog>,
     alerts: Vec<WatchdogAlert>,
     period_s: f64,
     progress: Progress,
-    /// Of what was read since this watch began.
+    /// Evidence from the rows read since this watch began.
     plausibility: Plausibility,
 }
 
-/// How watching ended.
+/// How a watch ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
-    /// The source has no more.
+    /// The source has ended.
     Complete,
-    /// The caller wanted to stop.
+    /// The caller requested the stop.
     Stopped,
 }
 
 impl<'w> Watch<'w> {
-    /// Everything joined, before the first row.
+    /// Connects source, map and observer before the first row.
     pub fn new(
         source: &'w mut dyn Source,
         map: &'w Map,
@@ -150,25 +150,25 @@ impl<'w> Watch<'w> {
         }
     }
 
-    /// Adds somebody who is told everything.
+    /// Adds a sink that receives every period and event.
     pub fn sink(&mut self, sink: &'w mut dyn Sink) {
         self.sinks.push(sink);
     }
 
-    /// Says in which ranges the observer believes the inputs.
+    /// Sets the ranges in which the observer accepts the inputs.
     pub fn accept_ranges(&mut self, ranges: &[(f64, f64)]) {
         self.plausibility.narrow(ranges);
     }
 
-    /// Writes checkpoints. Beside a live source a thread of its own writes them, and a file that cannot be written ends
-    /// nothing.
+    /// Enables checkpoints. For a live source, a separate thread writes them, and a failed write does not end the
+    /// watch.
     pub fn checkpoints(&mut self, checkpoints: Checkpoints) {
         self.checkpoint_writer =
             self.source.is_live().then(|| CheckpointWriter::new(&checkpoints.path));
         self.checkpoints = Some(checkpoints);
     }
 
-    /// Reports by the wall clock when no data come, and that the watch lives.
+    /// Enables the watchdog: wall-clock reports of silence, and heartbeats.
     pub fn watchdog(&mut self, rules: WatchdogRules) {
         let allowance = |channel: usize| {
             let has_column = self.map.is_known(channel) && self.map.constant(channel).is_none();
@@ -184,21 +184,20 @@ impl<'w> Watch<'w> {
         self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
     }
 
-    /// The losses of all sinks so far, including the checkpoint.
+    /// The losses of all sinks so far, including those of the checkpoint writer.
     pub fn losses(&self) -> Vec<SinkLoss> {
         self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
     }
 
-    /// The checkpoints that a live watch has not written.
+    /// The checkpoints of a live watch that were not written.
     pub fn checkpoint_loss(&self) -> Option<SinkLoss> {
         self.checkpoint_writer.as_ref().map(CheckpointWriter::loss)
     }
 
-    /// Goes on where a checkpoint was written. A file is read up to there, a stream goes on as it
-    /// comes.
+    /// Resumes from a checkpoint. A file is read up to its row; a stream continues with the next data.
     ///
     /// # Errors
-    /// The checkpoint is of another map or cannot be used, or the file is shorter.
+    /// The checkpoint belongs to another map or cannot be used, or the file is shorter.
     pub fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), WatchError> {
         let (map, period_s, counted) = (self.map, self.period_s, self.source.counted());
         self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
@@ -211,13 +210,13 @@ impl<'w> Watch<'w> {
             }
         }
         if self.source.is_live() {
-            // Its lines are counted anew.
+            // Lines of a live source are counted anew.
             self.progress.place = 0;
         }
         Ok(())
     }
 
-    /// Watches until the source ends or `stop` is set. `show` is told the time and how much is read.
+    /// Watches until the source ends or `stop` is set. `show` receives the time and the share read so far.
     ///
     /// # Errors
     /// The source fails, or a result cannot be written.
@@ -248,7 +247,7 @@ impl<'w> Watch<'w> {
                 show(self.progress.time_s, self.source.share());
             }
         };
-        // Where it stopped is where it goes on: what waits is not given on before.
+        // The checkpoint precedes draining, so that a resumed watch still holds the waiting samples.
         self.save(true)?;
         if end == End::Complete || self.checkpoints.is_none() {
             self.progress.sequencer.end(&mut self.progress.counts);
@@ -258,17 +257,17 @@ impl<'w> Watch<'w> {
         Ok(end)
     }
 
-    /// What was counted.
+    /// The counts so far.
     pub fn counts(&self) -> &Counts {
         &self.progress.counts
     }
 
-    /// What in the log speaks against its map.
+    /// Evidence in the log against its map.
     pub fn plausibility(&self) -> &Plausibility {
         &self.plausibility
     }
 
-    /// Reads on; `false` at the end.
+    /// Reads the next row; `false` at the end.
     fn row(&mut self, row: &mut Row) -> Result<bool, WatchError> {
         let read = self.source.read(row)?;
         let progress = &mut self.progress;
@@ -325,7 +324,7 @@ impl<'w> Watch<'w> {
         Ok(true)
     }
 
-    /// Gives on all that may be given on.
+    /// Passes on all periods that are complete.
     fn drain(&mut self) -> Result<(), WatchError> {
         let Progress { sequencer, counts, held, ages, finding, changes, time_s, .. } =
             &mut self.progress;
@@ -363,7 +362,7 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// Looks at the wall clock and at the sinks, and reports what there is to report.
+    /// Checks the wall clock and the sinks, and reports alerts and failures.
     fn check_clock_and_sinks(&mut self) -> Result<(), WatchError> {
         if let Some(watchdog) = &mut self.watchdog {
             watchdog.check(Instant::now(), &mut self.alerts);
@@ -382,7 +381,7 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// The event of a watchdog's finding, and how long it has lasted.
+    /// The event for a watchdog alert, and its duration.
     fn event(&self, alert: WatchdogAlert) -> (WatchEvent, Option<Duration>) {
         let channel = |channel: usize| self.map.id(channel).to_owned();
         match alert {
@@ -401,7 +400,7 @@ impl<'w> Watch<'w> {
         }
     }
 
-    /// Gives a notice to all sinks.
+    /// Sends a notice to all sinks.
     fn report(&mut self, event: WatchEvent, lasts: Option<Duration>) -> Result<(), WatchError> {
         let watchdog = self.watchdog.as_ref();
         let Progress { finding, time_s, .. } = &self.progress;
@@ -421,7 +420,7 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// Writes a checkpoint; the last one is waited for.
+    /// Writes a checkpoint; waits for the last one.
     fn save(&mut self, is_last: bool) -> Result<(), WatchError> {
         let Some(checkpoints) = &self.checkpoints else { return Ok(()) };
         for sink in &mut self.sinks {
@@ -439,7 +438,7 @@ impl<'w> Watch<'w> {
 }
 
 impl Progress {
-    /// The reason why this progress does not fit the map and the period, if there is one.
+    /// Why this progress does not fit the map and the period; `None` if it fits.
     fn wrong(&self, expected: &Expected) -> Option<&'static str> {
         let width = expected.map.width();
         let counters = [self.place, self.rows, self.changes].into_iter();
@@ -458,7 +457,7 @@ impl Progress {
             .or_else(|| self.sequencer.wrong(expected.period_s, width, expected.map.rules))
     }
 
-    /// Counts a row.
+    /// Counts a row, and its frame if that is new.
     fn begin(&mut self, place: u64) {
         self.counts.frames += u64::from(place != self.place);
         self.place = place;
@@ -466,8 +465,8 @@ impl Progress {
     }
 }
 
-/// The values of a period with constants, and with those held that the map wants held. `held` has
-/// the last values, and has the result until the next period.
+/// The values of a period with constants, and with held values where the map requests them. `held` keeps the last
+/// values, and stores the result until the next period.
 fn complete<'h>(
     map: &Map,
     values: &[f64],

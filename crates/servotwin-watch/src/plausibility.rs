@@ -1,8 +1,8 @@
-//! What in a log speaks against its map: samples that are farther apart than the diagnosis needs them, columns that are
-//! likely in another unit or have the other sign, inputs that come and go.
+//! Evidence in a log against its map: samples too far apart for the diagnosis, columns with a likely wrong unit or
+//! sign, intermittent inputs.
 //!
-//! No sample is changed or left out for it. It is for whoever reads that nothing could be judged, or reads a judgement of
-//! a log in which `mm` were taken for `m`: the likely reason, as a sentence.
+//! It changes and drops no sample. It explains why nothing could be judged, or warns that a log was read with wrong
+//! units (`mm` as `m`): one sentence for each likely reason.
 
 use super::counts::Counts;
 use super::map::Map;
@@ -14,33 +14,34 @@ use servotwin_io::document::{Quantities, Quantity};
 use servotwin_io::moment::{self, rounded};
 use servotwin_model::spec::Unit;
 
-/// So many steps between samples say how far apart they usually are.
+/// The typical step is the median of this many steps between samples.
 const STEPS: usize = 1000;
-/// Samples farther apart than so many periods leave periods without one.
+/// Samples farther apart than this many periods leave periods empty.
 const SLOW: f64 = 1.5;
-/// Samples closer than this share of a period are hardly meant as seconds.
+/// With steps below this share of a period, the time column is unlikely to be in seconds.
 const FAST: f64 = 0.02;
-/// Fewer values say nothing of a column.
+/// Columns with fewer values are not judged.
 const LEAST_VALUES: u64 = 20;
-/// A twin's values below this share of its sensor's scale have no unit, and no sign where they move less.
+/// A twin signal below this share of its sensor's scale gives no evidence about the unit; a variation below it gives
+/// none about the sign.
 const LEAST_SHARE: f64 = 0.01;
-/// What is gathered while a log is watched.
+/// Evidence gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plausibility {
     last_s: f64,
     steps_s: Vec<f64>,
-    /// One of the log's own unit of time, s.
+    /// The time unit of the log, s.
     unit_s: f64,
-    /// The inputs, then the sensors.
+    /// The inputs, followed by the sensors.
     columns: Vec<Column>,
 }
 
-/// One input or sensor.
+/// Evidence about one input or sensor.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Column {
-    /// Between which values it is believed.
+    /// The accepted range.
     range: (f64, f64),
-    /// The values that came, how many of them are outside of the range, and the one that is farthest from zero.
+    /// Statistics of the values, the number outside the range, and the value farthest from zero.
     values: Spread,
     outside: u64,
     largest: f64,
@@ -48,7 +49,7 @@ struct Column {
 }
 
 impl Plausibility {
-    /// Before the first sample.
+    /// Empty evidence, before the first sample.
     pub(super) fn new(map: &Map) -> Self {
         let column = |channel| Column { range: map.possible(channel), ..Column::default() };
         let columns = (0..map.width()).map(column).collect();
@@ -56,14 +57,14 @@ impl Plausibility {
         Plausibility { last_s: f64::NAN, steps_s: vec![], unit_s, columns }
     }
 
-    /// Inputs are believed in these ranges only.
+    /// Restricts the accepted ranges of the inputs.
     pub(super) fn narrow(&mut self, ranges: &[(f64, f64)]) {
         for (column, range) in self.columns.iter_mut().zip(ranges) {
             column.range = *range;
         }
     }
 
-    /// A sample as the log has it.
+    /// Adds a sample in the log's order.
     pub(super) fn sample(&mut self, sample: &Stamped) {
         let step_s = sample.time_s - self.last_s;
         if step_s > 0.0 && self.steps_s.len() < STEPS {
@@ -77,7 +78,7 @@ impl Plausibility {
         }
     }
 
-    /// What sensors and twin show in a period.
+    /// Adds the sensor values and the twin's values of a period.
     pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
         let sensors = self.columns.len() - twin.len();
         let columns = self.columns[sensors..].iter_mut();
@@ -86,14 +87,14 @@ impl Plausibility {
         }
     }
 
-    /// How far samples are usually apart, s.
+    /// The typical time between samples, s.
     pub fn step_s(&self) -> Option<f64> {
         let mut sorted = self.steps_s.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied()
     }
 
-    /// All of it as sentences; of a log as it should be, none.
+    /// All evidence as sentences; empty for a log that fits its map.
     pub fn sentences(
         &self,
         system: &System,
@@ -113,13 +114,13 @@ impl Plausibility {
         let signs = self.signs(system, map);
         let mut all: Vec<String> = pace.into_iter().chain(columns).chain(signs).collect();
         if all.is_empty() {
-            // What else is wrong makes inputs missing, and letting them stand would not mend it.
+            // Other problems can also make inputs missing, and holding values would not fix those.
             all.extend(comes_and_goes(map, counts));
         }
         all
     }
 
-    /// Sensors that move against the twin; most of them where the command does.
+    /// Reports sensors that move against the twin. If most do, the command has the wrong sign.
     fn signs(&self, system: &System, map: &Map) -> Option<String> {
         let sensors = self.columns[map.inputs()..].iter().zip(&system.sensors);
         let signs: Vec<(bool, &str)> = sensors
@@ -195,13 +196,13 @@ impl Column {
         Some(format!("{id} {}: it is {twin}", seems(unit_of_log)))
     }
 
-    /// Whether its sign is wrong; nothing where the twin hardly moves.
+    /// Whether its sign is wrong; `None` where the twin hardly moves.
     fn is_turned(&self, scale: f64) -> Option<bool> {
         let moves = self.beside.twin.variance().sqrt() > LEAST_SHARE * scale;
         (moves && self.beside.both() >= LEAST_VALUES).then(|| self.beside.is_turned())
     }
 
-    /// The unit that it seems to be in: beside its twin, and where there is none or it stands still, by its range.
+    /// The unit that fits its values: judged by the twin, or by the range where the twin is missing or too small.
     fn looks_like(&self, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
         let rms = |spread: &Spread| spread.mean_square().sqrt();
         let (own, twin) = (rms(&self.values), rms(&self.beside.twin));
@@ -213,7 +214,7 @@ impl Column {
     }
 }
 
-/// Inputs without a value in some periods, behind each of which nothing is judged for a while.
+/// Reports inputs without a value in some periods. After each such period nothing is judged for a while.
 fn comes_and_goes(map: &Map, counts: &Counts) -> Option<String> {
     let of = |channel: &usize| (1..counts.samples).contains(&counts.missing[*channel]);
     let lost: Vec<usize> = (0..map.inputs()).filter(of).collect();

@@ -1,20 +1,20 @@
-//! Samples as they come, onto a fixed period.
+//! Puts incoming samples onto a fixed period.
 //!
-//! The first sample sets the grid: period `k` is at `t_0 + k T`. A sample belongs to the period that
-//! it is nearest to; nothing is interpolated, so that values keep their bits. The rules:
+//! The first sample sets the grid: period `k` is at `t_0 + k T`. A sample belongs to the nearest period. Nothing is
+//! interpolated, so values keep their bits. The rules:
 //!
-//! - A period is given on when a sample has come that is `wait_s` newer, or when the stream pauses. Until then
-//!   samples may come in any order (*reordered*); behind that they are *late* and dropped.
-//! - Two samples of one period: the nearer one counts, the other fills what it has not. One that has
-//!   nothing to fill is *doubled* if it has the same time, else *surplus*.
+//! - A period is passed on when a sample arrives that is `wait_s` newer, or when the stream pauses. Until then samples
+//!   may arrive in any order (*reordered*); after that they are *late* and dropped.
+//! - If two samples share a period, the nearer one counts and the other fills its missing values. A sample with nothing
+//!   to fill is *doubled* if it has the same time, else *surplus*.
 //! - A period without a sample is a *gap*: all its values are missing (NaN).
-//! - A time that is suddenly ahead (by more than `wait_s` and two of the last step), or behind what was given
-//!   on, is not believed at first. The samples that go on from it vote for it, any other votes against
-//!   it. With no vote left they were late or *outliers*, and are dropped. With `witnesses` votes they are
-//!   believed: up to `longest_gap_s` ahead there was a gap; otherwise the clock was set: what was waiting
-//!   is given on, [`Tick::Restart`] follows, and those samples begin a new grid.
+//! - A time that jumps ahead (by more than `wait_s` plus twice the last step), or lies before the periods passed on,
+//!   is not trusted at first. Samples that continue from it vote for it; all others vote against it. With no vote left,
+//!   the samples were late or *outliers* and are dropped. With `witnesses` votes they are accepted. Up to
+//!   `longest_gap_s` ahead, this is a gap. Beyond that, the clock was set: the waiting periods are passed on,
+//!   [`Tick::Restart`] follows, and those samples begin a new grid.
 //!
-//! A sequencer holds at most `longest_gap_s + wait_s` of periods, whatever comes.
+//! A sequencer never holds more than `longest_gap_s + wait_s` of periods.
 
 use super::counts::{Counts, Kind};
 use super::{LARGEST_COUNT, bits};
@@ -22,14 +22,14 @@ use serde::{Deserialize, Serialize};
 use servotwin_io::moment;
 use std::collections::VecDeque;
 
-/// What is allowed before samples are dropped.
+/// Tolerances before samples are dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rules {
-    /// How long a period waits for samples that are under way, s.
+    /// How long a period waits for delayed samples, s.
     pub wait_s: f64,
-    /// The longest gap behind which the stream simply goes on, s.
+    /// The longest gap after which the stream continues without a restart, s.
     pub longest_gap_s: f64,
-    /// How many samples in a row make another clock believed.
+    /// How many consecutive samples confirm a jump of the clock.
     pub witnesses: usize,
 }
 
@@ -40,39 +40,38 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// A time is suddenly ahead if it is by more than this; the last one was by `step_s`.
+    /// A larger step ahead than this is a jump; `step_s` is the last step.
     fn sudden_s(&self, step_s: f64) -> f64 {
         (self.wait_s + 2.0 * step_s).min(self.longest_gap_s)
     }
 }
 
-/// A sample as it came.
+/// A sample as it arrived.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stamped {
-    /// Its line, row, datagram or message.
+    /// Its line, row, datagram or message number.
     pub place: u64,
     /// Its time, s.
     #[serde(with = "bits::one")]
     pub time_s: f64,
-    /// Its values; NaN is missing.
+    /// Its values; NaN means missing.
     #[serde(with = "bits::many")]
     pub values: Vec<f64>,
 }
 
-/// What comes out.
+/// The output of the sequencer.
 #[derive(Debug, PartialEq)]
 pub enum Tick<'t> {
     /// One period.
     Sample {
         /// The time of the grid, s.
         time_s: f64,
-        /// The last sample in it; 0 where there is none.
+        /// The place of the last sample in it; 0 without a sample.
         place: u64,
-        /// The values; NaN is missing.
+        /// The values; NaN means missing.
         values: &'t [f64],
     },
-    /// The clock was set, or the stream was away for long: what follows has nothing to do with
-    /// what was.
+    /// The clock was set, or the stream was interrupted for long: later samples are unrelated to earlier ones.
     Restart,
 }
 
@@ -84,15 +83,15 @@ pub struct Sequencer {
     period_s: f64,
     width: usize,
     grid: Option<Grid>,
-    /// Samples with a time that is not believed so far, each going on from the one before.
+    /// Samples with an untrusted time, each continuing from the one before.
     suspects: Vec<Stamped>,
-    /// Those less the other samples that came since.
+    /// The number of suspects minus the number of other samples since.
     votes: usize,
-    /// Given on before anything else.
+    /// Whether a restart is pending; it is passed on before anything else.
     restart: bool,
-    /// Whether everything that waits may go.
+    /// Whether all waiting periods may be passed on.
     flushing: bool,
-    /// What was given on last.
+    /// The period passed on last.
     #[serde(skip)]
     given: Stamped,
 }
@@ -101,9 +100,9 @@ pub struct Sequencer {
 struct Grid {
     #[serde(with = "bits::one")]
     start_s: f64,
-    /// The first period that was not given on.
+    /// The first period not yet passed on.
     next: u64,
-    /// The newest time that came, and how far it was ahead of the one before, s.
+    /// The newest time, and its step from the one before, s.
     #[serde(with = "bits::one")]
     newest_s: f64,
     #[serde(with = "bits::one")]
@@ -113,7 +112,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// Whether its numbers belong together: the newest sample lies in the periods that wait, or in the last one given on.
+    /// Whether its numbers are consistent: the newest sample lies in a waiting period or in the last one passed on.
     fn is_sound(&self, rules: Rules, period_s: f64) -> bool {
         let most = (rules.longest_gap_s + rules.wait_s) / period_s + 2.0;
         let newest = (self.newest_s - self.start_s) / period_s - self.next as f64;
@@ -127,21 +126,21 @@ impl Grid {
     }
 }
 
-/// Where a time belongs.
+/// How a time relates to the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turn {
-    /// To this period, counted from the next one.
+    /// In this period, counted from the next one.
     At(usize),
-    /// Perhaps to this period; but it comes suddenly.
+    /// In this period, but after a jump.
     Ahead(usize),
-    /// To one that was given on.
+    /// In a period already passed on.
     Late,
-    /// To none near by.
+    /// Too far from the grid.
     Elsewhere,
 }
 
 impl Sequencer {
-    /// A sequencer for samples of `width` values.
+    /// Creates a sequencer for samples of `width` values.
     pub fn new(period_s: f64, width: usize, rules: Rules) -> Self {
         Sequencer {
             rules,
@@ -156,7 +155,7 @@ impl Sequencer {
         }
     }
 
-    /// What is wrong with it as the sequencer of this map and period, if anything is: whatever comes later must neither
+    /// Why a restored sequencer does not fit this map and period; `None` if it fits. Later samples must neither
     /// overflow nor need more memory than [`Rules`] allow.
     pub(super) fn wrong(&self, period_s: f64, width: usize, rules: Rules) -> Option<&'static str> {
         let is_sample = |sample: &Stamped| {
@@ -178,8 +177,7 @@ impl Sequencer {
         checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
-    /// Takes a sample with a finite time. Everything that [`next`](Self::next) has to give should be taken
-    /// before.
+    /// Takes a sample with a finite time. Drain [`next`](Self::next) before calling it.
     pub fn push(&mut self, sample: Stamped, counts: &mut Counts) {
         debug_assert!(sample.time_s.is_finite() && sample.values.len() == self.width);
         self.flushing = false;
@@ -192,18 +190,18 @@ impl Sequencer {
         }
     }
 
-    /// Lets everything that waits go: the stream ended or pauses.
+    /// Releases all waiting periods: the stream ended or pauses.
     pub fn flush(&mut self) {
         self.flushing = true;
     }
 
-    /// The stream has ended: no witness will come.
+    /// Ends the stream: suspects can gain no more votes.
     pub fn end(&mut self, counts: &mut Counts) {
         self.drop_suspects(counts);
         self.flush();
     }
 
-    /// What may be given on.
+    /// The next period or restart that may be passed on.
     pub fn next(&mut self, counts: &mut Counts) -> Option<Tick<'_>> {
         let wait = (self.rules.wait_s / self.period_s).ceil() as usize;
         if let Some(grid) = &mut self.grid
@@ -230,7 +228,7 @@ impl Sequencer {
         None
     }
 
-    /// Where a time belongs; the first of all begins a grid.
+    /// Relates a time to the grid; the first time begins a grid.
     fn turn(&mut self, time_s: f64) -> Turn {
         let grid = self.grid.get_or_insert_with(|| Grid {
             start_s: time_s,
@@ -288,7 +286,7 @@ impl Sequencer {
         }
     }
 
-    /// Keeps a sample with a time that is not believed.
+    /// Keeps a sample with an untrusted time.
     fn suspect(&mut self, sample: Stamped, counts: &mut Counts) {
         let step_s = self.grid.as_ref().map_or(f64::INFINITY, |grid| grid.step_s);
         if let Some(last) = self.suspects.last() {
@@ -311,7 +309,7 @@ impl Sequencer {
             return;
         }
         let (first_s, place) = (self.suspects[0].time_s, self.suspects[0].place);
-        // What goes on from the first may have come near it meanwhile.
+        // The grid may have caught up with the suspects meanwhile.
         if let Turn::At(_) | Turn::Ahead(_) = self.turn(first_s) {
             self.believe(counts);
             return;
@@ -323,11 +321,11 @@ impl Sequencer {
         self.restart = true;
     }
 
-    /// Puts the samples that were not believed into their periods.
+    /// Puts the suspects into their periods.
     fn believe(&mut self, counts: &mut Counts) {
         self.votes = 0;
         for sample in std::mem::take(&mut self.suspects) {
-            // They follow each other: from the first on each has its turn.
+            // The suspects follow each other: each is placed in turn.
             if let Turn::At(index) | Turn::Ahead(index) = self.turn(sample.time_s) {
                 self.place(index, sample, counts);
             }
@@ -355,7 +353,7 @@ impl Sequencer {
     }
 }
 
-/// From which time to which a clock was set, as people read them.
+/// Describes a jump of the clock in readable times.
 fn leap(from_s: f64, to_s: f64) -> String {
     format!("from {} to {}", moment::shown(from_s), moment::shown(to_s))
 }

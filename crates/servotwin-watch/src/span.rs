@@ -1,29 +1,29 @@
-//! A part of a log by its times: from a moment, to a moment.
+//! The part of a log between two times.
 
 use servotwin::signal::Quantity;
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
 
-/// One end of a part.
+/// One end of a span.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Limit {
-    /// So many seconds behind the first sample.
+    /// Seconds after the first sample.
     Behind(f64),
     /// A date or a time of day, s.
     At(f64),
 }
 
-/// The part of a log that is read, both ends included.
+/// The part of a log that is read, including both ends.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Span {
     from: Option<Limit>,
     to: Option<Limit>,
 }
 
-/// Why a part cannot be read.
+/// Why a span cannot be read.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CutError {
-    /// A text is no time.
+    /// A text is not a time.
     #[error(
         "{end} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) is \
          needed"
@@ -31,37 +31,37 @@ pub enum CutError {
     NoTime {
         /// The end of the part: `from` or `to`.
         end: &'static str,
-        /// The text that was given.
+        /// The text as given.
         given: String,
     },
-    /// A date for a log that has none, or a time of day for one of another kind.
+    /// A date for a log without dates, or a time of day for a log of another kind.
     #[error(
         "{log} begins at {first}: its part needs a time of the same kind, or seconds behind the first sample"
     )]
     OtherKind {
-        /// The log.
+        /// The name of the log.
         log: String,
-        /// The time of its first sample, as people read it.
+        /// The time of its first sample, formatted.
         first: String,
     },
-    /// No sample lies in it.
+    /// No sample lies in the span.
     #[error(
         "{log} has no sample in the part asked for: it reaches from {} to {}",
         .reach.0, .reach.1
     )]
     Empty {
-        /// The log.
+        /// The name of the log.
         log: String,
-        /// The times of its first and last sample, as people read them.
+        /// The times of its first and last sample, formatted.
         reach: (String, String),
     },
 }
 
 impl Span {
-    /// The part between two times: seconds behind the first sample, or dates; a log's end where one is not given.
+    /// Parses a span: seconds after the first sample, or dates. A missing limit means the log's end.
     ///
     /// # Errors
-    /// A text is no time.
+    /// A text is not a time.
     pub fn parse(from: Option<&str>, to: Option<&str>) -> Result<Self, CutError> {
         let limit = |end, text: Option<&str>| {
             let read = |given: &str| {
@@ -75,7 +75,7 @@ impl Span {
         Ok(Span { from: limit("from", from)?, to: limit("to", to)? })
     }
 
-    /// Whether it is a part at all.
+    /// Whether the span covers the whole log.
     pub fn is_whole(&self) -> bool {
         self.from.is_none() && self.to.is_none()
     }
@@ -89,13 +89,13 @@ impl Span {
         })
     }
 
-    /// Whether a time lies in it.
+    /// Whether the span contains a time.
     pub(super) fn contains(&self, time_s: f64, first_s: f64) -> bool {
         let at = |limit| match limit {
             Limit::Behind(behind_s) => first_s + behind_s,
             Limit::At(at_s) => at_s,
         };
-        // A time that is written with a few digits is meant exactly; dates are known to a quarter of a microsecond.
+        // A limit written with few digits is meant exactly; dates are accurate to a quarter of a microsecond.
         let rounding = 1e-6;
         self.from.is_none_or(|from| time_s >= at(from) - rounding)
             && self.to.is_none_or(|to| time_s <= at(to) + rounding)

@@ -1,11 +1,11 @@
 //! The watchdog of a live source: it reports *no data* and heartbeats by the wall clock.
 //!
-//! Results of the diagnosis depend on the times of samples alone. The watchdog reads the wall clock, and only writes
-//! [`Notice`]s: nothing of it reaches the twin or the diagnosis.
+//! The results of the diagnosis depend only on the times of samples. The watchdog reads the wall clock and only writes
+//! [`Notice`]s; nothing of it reaches the twin or the diagnosis.
 //!
-//! Data are periods with a value of a column. A sender that repeats one time for ever sends rows, and no data. Where the
-//! program itself stood still (a laptop that slept), the stream is not blamed: one look counts for [`LONGEST_CHECK`] at
-//! most.
+//! Data means a period with a value from a column. A sender that repeats one time forever sends rows but no data. If
+//! the program itself was suspended (a laptop that slept), the stream is not blamed: each check counts for at most
+//! [`LONGEST_CHECK`].
 
 use serde::Serialize;
 use servotwin::observer::{Phase, State};
@@ -16,24 +16,24 @@ use std::time::{Duration, Instant, SystemTime};
 pub struct SinkLoss {
     /// The file, socket or stream.
     pub sink: String,
-    /// How many samples and notices it did not get.
+    /// How many samples and notices it did not receive.
     pub lost: u64,
-    /// Why it gets nothing any more, if it failed.
+    /// Why it receives nothing any more, if it failed.
     pub failure: Option<String>,
-    /// Whether the user wanted a file that is not complete now.
+    /// Whether the user requested a file that is now incomplete.
     #[serde(skip)]
     pub is_file: bool,
 }
 
-/// No look at the clock counts for more: between two checks a source is read for 0.2 s.
+/// The most time that one check counts for; between two checks, a source is read for 0.2 s.
 const LONGEST_CHECK: Duration = Duration::from_millis(1000);
 
-/// When a source counts as silent, and how often the watch says that it lives.
+/// When a source counts as silent, and how often the watch sends a heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WatchdogRules {
-    /// A source or a column without data for so long has none.
+    /// A source or column without data for this long counts as silent.
     pub no_data_after: Duration,
-    /// The time between two heartbeats; `None` for no heartbeat.
+    /// The time between two heartbeats; `None` disables them.
     pub heartbeat: Option<Duration>,
 }
 
@@ -45,21 +45,21 @@ impl Default for WatchdogRules {
     }
 }
 
-/// Notices of a watch beside the diagnosis, by the wall clock.
+/// A notice of the watch besides the diagnosis, timed by the wall clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Notice {
-    /// What happened.
+    /// The event, flattened into the notice.
     #[serde(flatten)]
     pub event: WatchEvent,
     /// The wall clock, UTC: `2026-11-25T17:05:37.123Z`.
     pub wall_time: String,
     /// The time of the last sample, s; `None` before the first.
     pub time_s: Option<f64>,
-    /// The wall time since data came last, s.
+    /// The wall time since the last data, s.
     pub silent_s: f64,
-    /// The state that holds now: `no_data` while the source is silent, otherwise what the diagnosis says.
+    /// The current state: `no_data` while the source is silent, otherwise that of the diagnosis.
     pub state: State,
-    /// How far the alarm is. It stays while the source is silent.
+    /// The phase of the alarm; it is kept while the source is silent.
     pub phase: Phase,
 }
 
@@ -71,7 +71,7 @@ pub enum WatchEvent {
     NoData,
     /// The source sends data again.
     DataAgain,
-    /// A column has had no value for too long, while others go on.
+    /// A column has had no value for too long, while others continue.
     ChannelNoData {
         /// The input or sensor.
         channel: String,
@@ -81,25 +81,25 @@ pub enum WatchEvent {
         /// The input or sensor.
         channel: String,
     },
-    /// The source has lost its connection and makes it again.
+    /// The source has lost its connection and is reconnecting.
     Disconnected {
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The connection of the source is made again.
+    /// The connection of the source is restored.
     Reconnected,
-    /// A sink failed and gets nothing any more.
+    /// A sink failed and receives nothing any more.
     SinkFailed {
         /// The file or socket.
         sink: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The watch lives.
+    /// The watch is alive.
     Heartbeat {
-        /// How many lines, rows, datagrams or messages came.
+        /// How many lines, rows, datagrams or messages arrived.
         frames: u64,
-        /// How many periods were given on.
+        /// How many periods were passed on.
         samples: u64,
         /// The losses of all sinks so far.
         sinks: Vec<SinkLoss>,
@@ -107,7 +107,7 @@ pub enum WatchEvent {
 }
 
 impl Notice {
-    /// One line for people; `None` for a heartbeat.
+    /// A line of text; `None` for a heartbeat.
     pub fn words(&self) -> Option<String> {
         let silent_s = self.silent_s;
         Some(match &self.event {
@@ -135,7 +135,7 @@ impl Notice {
     }
 }
 
-/// Why a sink failed, without its name: what is said of a file begins with it.
+/// The reason of a failure without the sink's name: file errors begin with it.
 pub fn without_name<'r>(sink: &str, reason: &'r str) -> &'r str {
     reason.strip_prefix(sink).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(reason)
 }
@@ -154,7 +154,7 @@ struct Silence {
 }
 
 impl Silence {
-    /// Time passes without data; whether that is to be reported now.
+    /// Adds time without data; returns whether the silence must be reported now.
     fn add(&mut self, time: Duration, limit: Duration) -> bool {
         self.lasts += time;
         let is_due = self.lasts >= limit && !self.is_reported;
@@ -162,25 +162,25 @@ impl Silence {
         is_due
     }
 
-    /// Data came; how long there were none, if that was reported.
+    /// Ends the silence because data arrived; returns its duration if it was reported.
     fn end(&mut self) -> Option<Duration> {
         let Silence { lasts, is_reported } = std::mem::take(self);
         is_reported.then_some(lasts)
     }
 }
 
-/// A finding of the watchdog.
+/// An alert of the watchdog.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum WatchdogAlert {
-    /// The source is silent for so long.
+    /// The source has been silent for this long.
     Source(Duration),
-    /// The source was silent for so long.
+    /// The source sends again after a silence of this length.
     SourceAgain(Duration),
-    /// A channel is silent for so long.
+    /// A channel has been silent for this long.
     Channel(usize, Duration),
-    /// A channel was silent for so long.
+    /// A channel sends again after a silence of this length.
     ChannelAgain(usize, Duration),
-    /// It is time for a heartbeat.
+    /// A heartbeat is due.
     Beat,
 }
 
@@ -189,12 +189,12 @@ pub(super) enum WatchdogAlert {
 pub(super) struct Watchdog {
     rules: WatchdogRules,
     source: Silence,
-    /// The time that each channel may be silent beyond the source; `None` without a column.
+    /// How much longer each channel may be silent than the source; `None` without a column.
     allowances: Vec<Option<Duration>>,
     channels: Vec<Silence>,
     last_check: Instant,
     since_beat: Duration,
-    /// The silences that were reported: how often, and how long those of the source were that are over.
+    /// The reported silences: their number, and the total duration of those that are over.
     pub silences: Silences,
 }
 
@@ -203,14 +203,14 @@ pub(super) struct Watchdog {
 pub struct Silences {
     /// How often the source was silent.
     pub source: u64,
-    /// How long in all, s.
+    /// Their total duration, s.
     pub source_s: f64,
-    /// How often a channel was silent while others went on.
+    /// How often a channel was silent while others continued.
     pub channels: u64,
 }
 
 impl Watchdog {
-    /// Begins to count.
+    /// Starts the clock.
     pub fn new(rules: WatchdogRules, allowances: Vec<Option<Duration>>, now: Instant) -> Self {
         let channels = vec![Silence::default(); allowances.len()];
         let (source, since_beat) = (Silence::default(), Duration::ZERO);
@@ -228,7 +228,7 @@ impl Watchdog {
         self.source.lasts
     }
 
-    /// A period came; `values` as they came, NaN is missing. Adds what ends to `found`.
+    /// Takes the values of a period; NaN means missing. Appends the ended silences to `found`.
     pub fn note_data(&mut self, values: &[f64], found: &mut Vec<WatchdogAlert>) {
         if values.iter().all(|value| value.is_nan()) {
             return;
@@ -246,7 +246,7 @@ impl Watchdog {
         }
     }
 
-    /// Looks at the clock. Adds what is due to `found`.
+    /// Checks the wall clock. Appends due alerts to `found`.
     pub fn check(&mut self, now: Instant, found: &mut Vec<WatchdogAlert>) {
         let passed = now.saturating_duration_since(self.last_check);
         self.last_check = now;
@@ -256,7 +256,7 @@ impl Watchdog {
             self.silences.source += 1;
             found.push(WatchdogAlert::Source(self.source.lasts));
         }
-        // Where nothing comes at all, no column is to blame.
+        // If nothing arrives at all, no column is to blame.
         if self.source.lasts < limit.min(LONGEST_CHECK) {
             for (channel, silence) in self.channels.iter_mut().enumerate() {
                 let Some(allowance) = self.allowances[channel] else { continue };
@@ -280,7 +280,7 @@ mod tests {
 
     const NAN: f64 = f64::NAN;
 
-    /// Looks every 0.2 s; at each a period with values, or none.
+    /// Checks every 0.2 s; each check has a period with values, or none.
     fn alerts(
         checks: impl IntoIterator<Item = Option<[f64; 2]>>,
         heartbeat_s: u64,
@@ -316,7 +316,7 @@ mod tests {
                 WatchdogAlert::SourceAgain(Duration::from_millis(6200))
             ]
         );
-        // A source that never sends anything, and one that sends periods without a value.
+        // A source that never sends, and one that sends periods without a value.
         assert_eq!(alerts(times(30, None), 0), [WatchdogAlert::Source(2 * second)]);
         assert_eq!(alerts(times(30, Some([NAN; 2])), 0), [WatchdogAlert::Source(2 * second)]);
     }
@@ -325,7 +325,7 @@ mod tests {
     fn a_channel_without_data_is_reported_while_others_go_on() {
         let [whole, first, second] = [[1.0, 2.0], [1.0, NAN], [NAN, 2.0]].map(Some);
         let checks = times(5, whole).chain(times(20, first)).chain(times(3, whole));
-        // A value held for a second is missed a second later.
+        // A value held for a second is reported missing a second later.
         let found = alerts(checks, 0);
         let [WatchdogAlert::Channel(1, after), WatchdogAlert::ChannelAgain(1, _)] = found[..]
         else {

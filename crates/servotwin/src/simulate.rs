@@ -56,7 +56,7 @@ pub enum InputSignal {
     Text(String),
     /// A signal that has been parsed.
     Parsed(Signal),
-    /// The same value always, SI.
+    /// A constant value, SI.
     Constant(f64),
     /// One value per sample, SI; a cubic runs between samples as a bus delivers them.
     Samples(Vec<f64>),
@@ -120,7 +120,7 @@ pub enum SimulationError {
     Signal {
         /// The input.
         input: String,
-        /// What is wrong.
+        /// The error.
         error: SignalError,
     },
     /// The samples of an input make no curve.
@@ -128,7 +128,7 @@ pub enum SimulationError {
     Samples {
         /// The input.
         input: String,
-        /// What is wrong.
+        /// The error.
         error: CurveError,
     },
     /// A number lies outside its range.
@@ -140,7 +140,7 @@ pub enum SimulationError {
         value: f64,
         /// The least and the largest value allowed, SI.
         range: (f64, f64),
-        /// Its unit.
+        /// The unit of `value` and `range`.
         unit: Unit,
         /// The range in words, with the reason where there is one.
         allowed: String,
@@ -327,7 +327,7 @@ impl<'s> Simulation<'s> {
         self.prepare(None)?.run(&|_| {}, None)
     }
 
-    /// Simulates several variants side by side. Each adds to what the simulation itself says.
+    /// Simulates several variants side by side. Each adds to the simulation's own variant.
     ///
     /// # Errors
     /// See [`SimulationError`].
@@ -551,7 +551,7 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// Samples with the curve between them that a bus makes of them.
+/// The samples, with the curve between them that a bus reconstructs.
 fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
     let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
     let mut bus = Bus::default();
@@ -560,10 +560,10 @@ fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
     Piecewise::hermite(&times_s, values, &slopes)
 }
 
-/// A run with its names resolved.
+/// A run with resolved names.
 #[derive(Clone, Debug)]
 pub struct PreparedRun {
-    /// The faults.
+    /// The faults with their intensities.
     pub faults: Vec<FaultAt>,
     /// When each of them begins, s; at zero the run starts with it.
     pub onsets_s: Vec<f64>,
@@ -630,7 +630,7 @@ impl PreparedRun {
     }
 }
 
-/// A simulation whose names and numbers are checked.
+/// A simulation with checked names and numbers.
 pub struct Prepared<'s> {
     simulation: Simulation<'s>,
     /// The variant that all runs share.
@@ -748,7 +748,7 @@ pub struct RunResult {
 }
 
 impl RunResult {
-    /// Whether no steady state was found because the system was measured to swing for ever.
+    /// Whether no steady state was found because the system is in a limit cycle.
     pub fn has_limit_cycle(&self) -> bool {
         self.statistics.limit_cycles > 0
     }
@@ -773,10 +773,10 @@ pub struct SimulationResults<'s> {
 }
 
 impl SimulationResults<'_> {
-    /// All runs below each other; the swept value, if any, is the first column.
+    /// All runs, one below the other; the swept value, if any, is the first column.
     ///
     /// # Errors
-    /// Two recorded quantities have one name.
+    /// Two recorded quantities have the same name.
     pub fn table(&self) -> Result<Table, TableError> {
         let below = |place: usize| {
             let runs = self.runs.iter().flat_map(|run| run.values[place].iter().copied());
@@ -799,7 +799,7 @@ impl SimulationResults<'_> {
     /// The table of one run.
     ///
     /// # Errors
-    /// Two recorded quantities have one name.
+    /// Two recorded quantities have the same name.
     pub fn table_of_run(&self, run: usize) -> Result<Table, TableError> {
         let values = self.runs[run].values.clone();
         recording::table(self.system, &self.recorded, self.times_s.clone(), values)

@@ -1,11 +1,11 @@
-//! A map for a log by its columns: for a person to look over.
+//! Guesses a map from the columns of a log, for a person to review.
 //!
-//! A column is *certain* where its name without unit is that of an input or a sensor, whatever stands between letters and
-//! digits (`PA1 [bar]`, `p_a_1_pa` and `p_A1` are all the sensor `p_a_1` with the label `p_A1`), also behind a point
-//! (`measured.p_a_1`). It is *likely* where its words mean what the study says that a sensor measures (its `quantity`), its
-//! number is that of the unit, and its unit measures the same: `PSUP1`, `Kolbenweg Aktor 1 [mm]`. Such a line has a
-//! comment, and is written only where it is asked for. A column is taken once, and never where its unit measures something
-//! else. Where two columns are as likely, both are named and none is taken.
+//! A column is *certain* where its name without unit is that of an input or a sensor. Separators and a prefix that ends
+//! with a point are ignored: `PA1 [bar]`, `p_a_1_pa`, `p_A1` and `measured.p_a_1` all match the sensor `p_a_1` with the
+//! label `p_A1`. A column is *likely* where its words match the sensor's `quantity` in the study, its number matches
+//! the actuator, and its unit has the same dimension: `PSUP1`, `Kolbenweg Aktor 1 [mm]`. Lines with likely columns
+//! carry a comment and are written only on request. A column is used once, and never with a unit of another dimension.
+//! If two columns are equally likely, both are named and neither is used.
 
 use super::FORMAT;
 use super::words::{Meaning, words};
@@ -18,64 +18,64 @@ use servotwin_io::moment;
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
 
-/// The certainty that a column needs to be taken.
+/// The certainty that a column needs to be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trust {
-    /// Those whose name says what they are.
+    /// Only columns whose name identifies the signal.
     Certain,
-    /// Also those that are likely: a person looks over the map.
+    /// Also likely columns: a person reviews the map.
     Likely,
 }
 
-/// A map as text, and what is uncertain in it.
+/// A map as text, and its uncertain parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guess {
-    /// The file.
+    /// The text of the map file.
     pub text: String,
-    /// Whether the column with the time was found.
+    /// Whether a time column was found.
     pub time: bool,
-    /// The inputs that the log does not have.
+    /// The inputs that the log lacks.
     pub inputs: Vec<String>,
-    /// The sensors that the log does not have.
+    /// The sensors that the log lacks.
     pub sensors: Vec<String>,
-    /// The columns whose unit is not known, taken for SI.
+    /// Columns with an unknown unit, assumed to be SI.
     pub assumed: Vec<String>,
-    /// Inputs and sensors whose column is likely, with the column: `x_p_1 (XRAM1)`.
+    /// Inputs and sensors with a likely column: `x_p_1 (XRAM1)`.
     pub likely: Vec<String>,
-    /// Units that the numbers of a column speak against, as sentences.
+    /// Units that contradict the numbers of a column, as sentences.
     pub doubts: Vec<String>,
-    /// The columns that nothing was found for.
+    /// Columns without a matching signal.
     pub unused: Vec<String>,
 }
 
-/// Everything by name: the score above all that is likely.
+/// Score of an exact name; above every likely score.
 const EXACT: u32 = 100;
-/// By name behind a point.
+/// Score of an exact name behind a point.
 const BEHIND: u32 = 90;
-/// By name, with the number of the unit elsewhere.
+/// Score of an exact name with the actuator's number elsewhere.
 const NUMBERED: u32 = 50;
-/// The least score that is likely.
+/// The lowest score that counts as likely.
 const LIKELY: u32 = 6;
 
-/// Longer names are no signals, bytes.
+/// Longer names are not considered signals, bytes.
 const LONGEST: usize = 256;
-/// Pressures below this share of what their sensor can show are hardly in Pa.
+/// Pressures below this share of the sensor range are unlikely to be in Pa.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// An input or a sensor.
+/// An input or a sensor that needs a column.
 struct Target {
     id: String,
     names: Vec<String>,
     unit: Unit,
     role: Role,
-    /// The unit of the study that it belongs to, from 1.
+    /// The actuator that it belongs to, from 1.
     actuator: Option<usize>,
-    /// Between which values it lies, SI.
+    /// Its range, SI.
     range: (f64, f64),
     default: Option<f64>,
 }
 
-/// The meaning of a target that names may express in other words.
+/// The meaning that a column name may express in other words.
 #[derive(Clone, Copy, PartialEq)]
 enum Role {
     Sensor(Quantity),
@@ -83,23 +83,23 @@ enum Role {
     Other,
 }
 
-/// A column as it is looked at.
+/// A column of the log with its parsed name.
 struct Candidate<'c> {
     column: &'c LogColumn,
-    /// Its name by letters and digits alone, in every way to take a unit off, with that unit.
+    /// Its name reduced to letters and digits, for every way to split off a unit, with that unit.
     keys: Vec<(String, Option<Named<'c>>)>,
-    /// The same of what stands behind a point in it.
+    /// The same for the part of the name behind a point.
     behind: Vec<(String, Option<Named<'c>>)>,
-    /// The unit that counts.
+    /// The unit used for this column.
     unit: Option<Named<'c>>,
     meaning: Meaning,
     numbers: Vec<u32>,
 }
 
-/// A unit with its text.
+/// A unit with its spelling.
 type Named<'n> = (Unit, &'n str);
 
-/// A map for a log with some columns.
+/// Guesses a map for a log with these columns.
 pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
     let system = &study.system;
     let mut guess = Guess {
@@ -148,7 +148,7 @@ fn head(system: &System) -> String {
     )
 }
 
-/// The inputs of a study's system, then its sensors.
+/// The inputs of a study's system, followed by its sensors.
 fn targets(study: &Study) -> Vec<Target> {
     let system = &study.system;
     let network = system.network();
@@ -179,20 +179,20 @@ fn targets(study: &Study) -> Vec<Target> {
     inputs.chain(system.sensors.iter().enumerate().map(sensor)).collect()
 }
 
-/// The choice for a target.
+/// The column chosen for a target.
 #[derive(Debug, Clone, PartialEq)]
 enum Choice {
     Nothing,
-    /// A column, and whether its name alone says so.
+    /// A column, and whether its name alone identifies the target.
     Column {
         place: usize,
         is_certain: bool,
     },
-    /// Columns that are as likely as each other.
+    /// Columns that are equally likely.
     Either(Vec<usize>),
 }
 
-/// The best columns first, each once.
+/// Assigns the best-scoring columns first, each once.
 fn assign(
     targets: &[Target],
     candidates: &[Candidate],
@@ -232,7 +232,7 @@ fn assign(
     choices
 }
 
-/// Targets and columns that fit as well: another column for the target, or another target for the column.
+/// Pairs with the same score: another column for the target, or another target for the column.
 fn rivals(
     scores: &[(u32, usize, usize)],
     (score, target, place): (u32, usize, usize),
@@ -264,7 +264,7 @@ impl<'c> Candidate<'c> {
         Candidate { column, keys, behind, unit, meaning: Meaning::of(&words), numbers }
     }
 
-    /// How well a column fits a target; 0 where it does not.
+    /// How well a column fits a target; 0 means not at all.
     fn score(&self, target: &Target, single: bool) -> u32 {
         if self.column.unit == DATE {
             return 0;
@@ -300,7 +300,8 @@ impl<'c> Candidate<'c> {
         }
     }
 
-    /// Whether its name is that of a target but for where the number of the unit stands: `act1.p_a` for `p_a_1`.
+    /// Whether its name equals that of a target except for the position of the actuator's number: `act1.p_a` for
+    /// `p_a_1`.
     fn is_numbered(&self, target: &Target) -> bool {
         let Some(actuator) = target.actuator else { return false };
         let without = |key: &str| key.replace(|c: char| c.is_ascii_digit(), "");
@@ -309,7 +310,7 @@ impl<'c> Candidate<'c> {
             && self.behind.iter().any(|(key, _)| names.contains(&without(key)))
     }
 
-    /// How well the words fit a quantity; 0 where they do not.
+    /// How well the words fit a quantity; 0 means not at all.
     fn measures(&self, quantity: Quantity) -> u32 {
         let Meaning { pressure, position, command, parts, .. } = self.meaning;
         let unit = self.unit.map(|(unit, _)| unit);
@@ -341,7 +342,7 @@ impl<'c> Candidate<'c> {
         if is_quantity && is_part && !command { 4 } else { 0 }
     }
 
-    /// How well the number in a name fits the unit of a study; `None` where it is that of another.
+    /// How well the number in a name fits the actuator; `None` if it belongs to another actuator.
     fn number(&self, actuator: Option<usize>, single: bool) -> Option<u32> {
         match (actuator, &self.numbers[..]) {
             (None, _) => Some(2),
@@ -399,7 +400,7 @@ impl Guess {
         let _ = writeln!(self.text, "{line}");
     }
 
-    /// That the steps between samples speak against the unit that a log names: said, and nothing changed.
+    /// Describes that the sampling interval contradicts the unit given by the log; changes nothing.
     fn time_doubt(
         &mut self,
         column: &LogColumn,
@@ -420,7 +421,7 @@ impl Guess {
         format!("  # doubtful: {remark}")
     }
 
-    /// Writes the line of an input or a sensor.
+    /// Writes the map line of an input or a sensor.
     fn line(&mut self, target: &Target, choice: &Choice, candidates: &[Candidate]) {
         let (id, word) = (bare(&target.id), units::word(target.unit));
         let (place, is_certain) = match choice {
@@ -471,7 +472,7 @@ impl Guess {
 }
 
 impl Candidate<'_> {
-    /// That its first numbers are outside of what the target can be, or hardly anything of it, and in which unit they would
+    /// Describes that the first numbers lie outside the target's range or use hardly any of it, with a unit that would
     /// fit.
     fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
         let known = unit.and_then(|(_, text)| units::find(text));
@@ -484,7 +485,7 @@ impl Candidate<'_> {
             .iter()
             .copied()
             .fold(0.0, |most: f64, value| if value.abs() > most.abs() { value } else { most });
-        // An assumed unit may err to the other side, as in a pressure of 200 Pa.
+        // An assumed unit may also be too small, as in a pressure of 200 Pa.
         let least = LEAST_SHARE * low.abs().max(high.abs());
         let is_little = unit.is_none()
             && target.unit == Unit::Pascal
@@ -502,14 +503,14 @@ impl Candidate<'_> {
     }
 }
 
-/// A unit with its text, where it is known.
+/// Parses a known unit, with its text.
 fn known(text: &str) -> Option<Named<'_>> {
     let text = text.trim();
     units::find(text).map(|row| (row.unit, text))
 }
 
-/// Whether a unit in a name is surely one: a number is none, and a letter that also stands for a chamber or a line (`p_a`,
-/// `p_s`, `p_t`) only in brackets.
+/// Whether a unit in a name is unambiguous. A number is not a unit. A letter that also names a chamber or a line
+/// (`p_a`, `p_s`, `p_t`) counts only in brackets.
 fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
     let is_letter =
         ["a", "s", "t", "c", "l", "g"].iter().any(|letter| text.eq_ignore_ascii_case(letter));
@@ -517,13 +518,13 @@ fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
     is_plain && (!is_letter || name.trim_end().ends_with([']', ')']))
 }
 
-/// A unit as people write it: a name's `_pa` is Pa.
+/// A unit in its usual spelling: a name's `_pa` becomes Pa.
 fn spelt(text: &str) -> &str {
     units::find(text).filter(|row| row.is_si()).map_or(text, |row| row.symbol)
 }
 
-/// The ways to divide a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank
-/// or a point; the whole as a name last.
+/// All ways to split a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank or a point.
+/// The whole name comes last.
 fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
     let mut found = vec![];
     let trimmed = name.trim();
@@ -542,7 +543,7 @@ fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
     found
 }
 
-/// A name by its letters and digits alone.
+/// A name reduced to lowercase letters and digits.
 fn key(name: &str) -> String {
     name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
@@ -552,7 +553,7 @@ fn bare(id: &str) -> String {
     if id.contains('.') { quoted(id) } else { id.to_owned() }
 }
 
-/// A text as TOML writes it.
+/// A text as a TOML string.
 fn quoted(text: &str) -> String {
     let mut out = String::from("\"");
     for character in text.chars() {

@@ -1,52 +1,52 @@
-//! What can be wrong with a map file, in words.
+//! Mistakes in a map file and their messages.
 
 use servotwin_io::document::{self, Explained, suggest};
 use servotwin_model::spec::Unit;
 
-/// What is wrong with a map file.
+/// A mistake in a map file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mistake {
-    /// With any TOML file.
+    /// A mistake that any TOML file can have.
     #[error("{0}")]
     Document(document::Mistake),
     /// A name that the system does not have.
     #[error("the system has no {what} '{id}'")]
     UnknownId {
-        /// Input or sensor.
+        /// "input" or "sensor".
         what: &'static str,
-        /// The name.
+        /// The unknown name.
         id: String,
-        /// The nearest known one.
+        /// The most similar known name.
         nearest: Option<String>,
-        /// All known ones.
+        /// All known names.
         known: Vec<String>,
     },
     /// A unit that is not known.
     #[error("unknown unit '{word}'")]
     UnknownUnit {
-        /// The word.
+        /// The unknown word.
         word: String,
-        /// What would do.
+        /// All accepted spellings.
         known: Vec<String>,
     },
-    /// The unit of something else.
+    /// A unit of another dimension.
     #[error("'{word}' is no unit of '{id}', which is in {}", .unit.symbol())]
     WrongUnit {
-        /// The word.
+        /// The unit as written.
         word: String,
-        /// What it is for.
+        /// The input or sensor.
         id: String,
-        /// Its unit.
+        /// The unit of that signal.
         unit: Unit,
-        /// What would do.
+        /// All accepted spellings.
         known: Vec<String>,
     },
-    /// Both or neither of two keys.
+    /// Both or neither of two alternative keys.
     #[error("{place} needs either '{}' or '{}'", .keys.0, .keys.1)]
     OneOf {
-        /// Where.
+        /// The section.
         place: String,
-        /// The keys.
+        /// The alternative keys.
         keys: (&'static str, &'static str),
     },
     /// No sensor has a column.
@@ -55,13 +55,13 @@ pub enum Mistake {
     /// The log has no such column.
     #[error("{log} has no column '{column}'")]
     NoColumn {
-        /// The log.
+        /// The name of the log.
         log: String,
-        /// The column.
+        /// The missing column.
         column: String,
-        /// The nearest one.
+        /// The most similar column.
         nearest: Option<String>,
-        /// All there are.
+        /// All columns of the log.
         known: Vec<String>,
     },
 }

@@ -1,6 +1,6 @@
-//! The map file: which column of a log is which input or sensor of a system, in which unit.
+//! The map file: it assigns columns of a log, with their units, to inputs and sensors of a system.
 //!
-//! The format is described in `docs/watch.md`. Mistakes are shown at their places, all at once.
+//! `docs/watch.md` describes the format. All mistakes are reported at once, with their places.
 
 mod guess;
 mod mistake;
@@ -21,74 +21,74 @@ use std::path::Path;
 /// The format of map files that this version reads.
 pub const FORMAT: u32 = 1;
 
-/// How the columns of a log become the signals of a system.
+/// How columns of a log become signals of a system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
     path: String,
     text: String,
     time: Time,
-    /// The inputs of the system, then its sensors.
+    /// The inputs of the system, followed by its sensors.
     channels: Vec<Channel>,
     inputs: usize,
-    /// When samples are dropped.
+    /// When samples are reordered or dropped.
     pub rules: Rules,
     wanted: Wanted,
-    /// Where the file names each of the wanted columns.
+    /// Where the map file names each wanted column.
     places: Vec<Span>,
 }
 
-/// Where times come from.
+/// The source of times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Time {
-    /// A column of the log, and one of its unit in seconds.
+    /// A column of the log; `unit_s` is its unit in seconds.
     Column { place: usize, unit_s: f64 },
-    /// Every row is one period later.
+    /// Each row is one period later than the one before.
     Rate { rate_hz: f64 },
 }
 
-/// Where the values of an input or a sensor come from.
+/// An input or a sensor, with the source of its values.
 #[derive(Debug, Clone, PartialEq)]
 struct Channel {
     id: String,
     from: Origin,
-    /// How long a value stands for those that are missing behind it, s.
+    /// How long a value replaces missing values after it, s.
     hold_s: f64,
-    /// Between which values it lies at all, SI.
+    /// Its physical range, SI; values outside become missing.
     possible: (f64, f64),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Origin {
-    /// A column, and how its numbers become SI.
+    /// A column, with factor and offset to SI.
     Column { place: usize, factor: f64, offset: f64 },
-    /// The same value always, SI.
+    /// A constant from the map, SI.
     Value(f64),
-    /// The same, because neither the log nor a person says another: the system's default.
+    /// The system's default, SI: neither the log nor a person supplies a value.
     Default(f64),
-    /// Nothing is known of it.
+    /// No value at all.
     Nothing,
 }
 
-/// Why there is no map.
+/// Why a map cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
     /// The file cannot be read.
     #[error(transparent)]
     File(FileError),
-    /// It has mistakes.
+    /// The file has mistakes.
     #[error(fmt = write_mistakes)]
     Mistakes {
-        /// The file, as it was named.
+        /// The file name as given.
         path: String,
-        /// All that were found, in the order of the file.
+        /// All mistakes, in the order of the file.
         mistakes: Vec<Diagnostic>,
     },
 }
 
-/// A number of the log in SI units.
+/// Converts a number of the log to SI.
 fn in_si(value: f64, factor: f64, offset: f64) -> f64 {
     let scaled = value * factor;
-    // Adding zero would change the sign of zero.
+    // Adding zero would turn -0 into +0.
     if offset == 0.0 { scaled } else { scaled + offset }
 }
 
@@ -96,17 +96,17 @@ impl Map {
     /// Reads a map file for a system.
     ///
     /// # Errors
-    /// It cannot be read, or has mistakes.
+    /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>, system: &System) -> Result<Self, MapError> {
         let path = path.as_ref();
         let text = files::read_text(path).map_err(MapError::File)?;
         Self::parse(&text, &path.display().to_string(), system)
     }
 
-    /// Reads the text of a map file; `path` is only shown in mistakes.
+    /// Parses the text of a map file; `path` appears only in messages.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// All mistakes in the text.
     pub fn parse(text: &str, path: &str, system: &System) -> Result<Self, MapError> {
         read::read(text, path, system)
     }
@@ -116,12 +116,12 @@ impl Map {
         &self.text
     }
 
-    /// The columns of the log that are read.
+    /// The columns of the log that this map reads.
     pub fn wanted(&self) -> &Wanted {
         &self.wanted
     }
 
-    /// The number of inputs; the channels behind them are sensors.
+    /// The number of inputs; the following channels are sensors.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
@@ -137,7 +137,7 @@ impl Map {
         sensors.filter(|c| c.from == Origin::Nothing).map(|channel| channel.id.as_str())
     }
 
-    /// The time of a row, s; `rows` came before it, and those that were cut off. NaN where it has none.
+    /// The time of a row, s; NaN if missing. `rows` counts the earlier rows except those cut off, which the row counts.
     pub fn time_s(&self, row: &Row, rows: u64) -> f64 {
         match self.time {
             Time::Column { place, unit_s } => row.values[place] * unit_s,
@@ -145,7 +145,7 @@ impl Map {
         }
     }
 
-    /// The column with the time and its unit in s; 1 for dates. `None` where rows follow each other at a rate.
+    /// The time column and its unit in s; 1 for dates. `None` where rows have a fixed rate.
     pub fn time_column(&self) -> Option<(&str, f64)> {
         match self.time {
             Time::Column { place, unit_s } => Some((&self.wanted.names[place], unit_s)),
@@ -153,7 +153,7 @@ impl Map {
         }
     }
 
-    /// A row as a sample; `rows` came before it.
+    /// Converts a row to a sample; `rows` counts the earlier rows.
     pub fn sample(&self, row: &Row, rows: u64) -> Stamped {
         let time_s = self.time_s(row, rows);
         let value = |channel: &Channel| match channel.from {
@@ -163,7 +163,7 @@ impl Map {
         Stamped { place: row.place, time_s, values: self.channels.iter().map(value).collect() }
     }
 
-    /// Makes values of a sample missing that nothing of the system can have; the first of them.
+    /// Makes values outside their physical range missing; returns the first of them.
     pub fn leave_out(&self, sample: &mut Stamped) -> Option<(&str, f64)> {
         let mut first = None;
         for (channel, value) in self.channels.iter().zip(&mut sample.values) {
@@ -176,12 +176,12 @@ impl Map {
         first
     }
 
-    /// Whether a column of the log says what a channel is.
+    /// Whether a column of the log supplies a channel.
     pub fn is_column(&self, channel: usize) -> bool {
         matches!(self.channels[channel].from, Origin::Column { .. })
     }
 
-    /// For each channel the constant that the map gives it.
+    /// The constant that the map or the system gives a channel.
     pub fn constant(&self, channel: usize) -> Option<f64> {
         match self.channels[channel].from {
             Origin::Value(value) | Origin::Default(value) => Some(value),
@@ -189,7 +189,7 @@ impl Map {
         }
     }
 
-    /// How long a value of a channel stands for those that are missing behind it, s.
+    /// How long a value of a channel replaces missing values after it, s.
     pub fn hold_s(&self, channel: usize) -> f64 {
         self.channels[channel].hold_s
     }
@@ -199,12 +199,12 @@ impl Map {
         self.channels[channel].from != Origin::Nothing
     }
 
-    /// Whether neither a column nor a person says what an input is.
+    /// Whether an input uses the system's default, because neither a column nor a person supplies it.
     pub fn is_default(&self, channel: usize) -> bool {
         matches!(self.channels[channel].from, Origin::Default(_))
     }
 
-    /// Between which values a channel lies at all, SI.
+    /// The physical range of a channel, SI.
     pub fn possible(&self, channel: usize) -> (f64, f64) {
         self.channels[channel].possible
     }
@@ -214,10 +214,10 @@ impl Map {
         &self.channels[channel].id
     }
 
-    /// An error of a log told where this map makes it, if it does.
+    /// Turns a log's missing columns into mistakes at their places in this map.
     ///
     /// # Errors
-    /// It is no mistake of the map.
+    /// Returns every other error unchanged.
     pub fn explain(&self, error: SourceError) -> Result<MapError, SourceError> {
         let SourceError::Lacking { address, columns, known } = error else { return Err(error) };
         let mut mistakes = Collector::<Mistake>::new();

@@ -1,4 +1,4 @@
-//! From TOML to a [`Map`]. Every mistake is noted, and reading goes on.
+//! Reads TOML into a [`Map`]. Mistakes are collected, and reading continues.
 
 use super::{Channel, FORMAT, Map, MapError, Mistake, Origin, Time};
 use crate::sequencer::Rules;
@@ -34,7 +34,7 @@ struct Reader<'s> {
     places: Vec<Span>,
 }
 
-/// What a section may hold.
+/// The allowed keys of the file and of each section.
 const SECTIONS: [&str; 5] = ["format", "time", "inputs", "sensors", "samples"];
 const TIME: [&str; 3] = ["column", "unit", "rate_hz"];
 const CHANNEL: [&str; 6] = ["column", "value", "unit", "factor", "offset", "hold_s"];
@@ -101,7 +101,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Words for on and off are numbers in the column of an input that lies between 0 and 1.
+    /// Marks on/off columns: words for on and off become numbers for an input that lies between 0 and 1.
     fn mark_flags(&mut self) {
         self.wanted.flags = vec![false; self.wanted.names.len()];
         for (input, channel) in self.channels[..self.inputs].iter().enumerate() {
@@ -150,7 +150,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// One of the unit of time in seconds.
+    /// The time unit in seconds.
     fn time_unit(&mut self, entries: &[Entry]) -> f64 {
         let Some((entry, word)) = self.text(entries, "unit") else { return 1.0 };
         if word == DATE {
@@ -169,8 +169,8 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Reads a section with inputs or sensors. An id with points may also be written as tables in
-    /// tables; `path` is what stands before.
+    /// Reads a section with inputs or sensors. An id with points may be written as nested tables; `path` is the prefix
+    /// so far.
     fn channels(&mut self, table: &DeTable, what: &'static str, path: &str) {
         for entry in entries(table) {
             let range = match what {
@@ -228,7 +228,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// How a number in the unit that the file names becomes SI.
+    /// Factor and offset from the named unit to SI.
     fn unit(&mut self, entries: &[Entry], id: &str, unit: Unit) -> (f64, f64) {
         let Some((entry, word)) = self.text(entries, "unit") else { return (1.0, 0.0) };
         let (word, known) = (word.to_owned(), units::spellings(unit));
@@ -277,7 +277,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// That the columns of a log without a header have all the names used.
+    /// Checks that a log without a header lists all columns in use.
     fn require_columns(&mut self) {
         let known = self.wanted.columns.clone();
         let pairs = self.wanted.names.iter().zip(&self.places);
@@ -289,7 +289,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// The place of a column among those wanted.
+    /// The index of a column among those wanted; adds a new one.
     fn column(&mut self, entry: &Entry) -> usize {
         let name = match entry.text() {
             Ok(name) => name,
@@ -343,7 +343,7 @@ impl<'s> Reader<'s> {
         None
     }
 
-    /// That a table has no other keys.
+    /// Reports unknown keys of a table.
     fn known(&mut self, entries: &[Entry], place: &str, known: &[&str]) {
         for entry in entries.iter().filter(|entry| !known.contains(&entry.key)) {
             let mistake = document::Mistake::UnknownKey {
@@ -370,7 +370,7 @@ fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
     entries.iter().find(|entry| entry.key == key)
 }
 
-/// Where a key stands, or the beginning.
+/// The span of a key, or the beginning of the file.
 fn at(entries: &[Entry], key: &str) -> Span {
     get(entries, key).map_or(0..0, |entry| entry.at.clone())
 }

@@ -1,14 +1,14 @@
-//! What the names of columns mean, as test rigs and flight test installations write them, in English and German.
+//! Interprets the words in column names of test rigs and flight test installations, in English and German.
 
-/// The meaning of a column as its name shows it.
+/// The meaning of a column according to its name.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Meaning {
     pub pressure: bool,
     pub position: bool,
     pub command: bool,
-    /// Words of parts, each once.
+    /// The parts that the name mentions, each once.
     pub parts: Parts,
-    /// A word by which it is none of what is looked for: a status, a rate, a temperature.
+    /// Whether a word excludes the column: a status, a rate, a temperature.
     pub is_other: bool,
 }
 
@@ -129,7 +129,7 @@ const OTHER: &[&str] = &[
 ];
 
 impl Meaning {
-    /// The meaning of the words in a name.
+    /// Interprets the words of a name.
     pub(super) fn of(words: &[String]) -> Self {
         let mut meaning = Meaning::default();
         words.iter().for_each(|word| meaning.add(word));
@@ -137,7 +137,7 @@ impl Meaning {
     }
 
     fn add(&mut self, word: &str) {
-        // The letter of a quantity before the word of a part: PSUP, XRAM.
+        // A quantity's letter before the word of a part: PSUP, XRAM.
         let quantity = match word.split_at_checked(1) {
             Some(("p", rest)) if is_part(rest) => Some((PRESSURE, rest)),
             Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => Some((POSITION, rest)),
@@ -179,7 +179,7 @@ fn is_part(word: &str) -> bool {
     parts.iter().any(|list| list.contains(&word))
 }
 
-/// Whether a word is a known one, or is put together with it: Versorgungsdruck, Kolbenweg.
+/// Whether a word is a known one or a compound with it: Versorgungsdruck, Kolbenweg.
 fn speaks_of(word: &str, known: &str) -> bool {
     let is_end = known.len() == 3 && matches!(known, "weg" | "hub") && word.ends_with(known);
     word == known
@@ -187,8 +187,8 @@ fn speaks_of(word: &str, known: &str) -> bool {
         || (known.len() >= 4 && word.len() > known.len() && word.contains(known))
 }
 
-/// The words of a name in lower case, and its numbers: at every change between letters and digits, between small and
-/// capital letters, and at whatever is neither.
+/// The words of a name in lower case, and its numbers. A name is split between letters and digits, before capitals, and
+/// at all other characters.
 pub(super) fn words(name: &str) -> (Vec<String>, Vec<u32>) {
     let (mut words, mut current): (Vec<String>, String) = (vec![], String::new());
     let mut last: Option<char> = None;

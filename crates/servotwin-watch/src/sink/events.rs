@@ -1,4 +1,4 @@
-//! One line of JSON for every change of what the observer says, and for every notice of the watch.
+//! Writes one line of JSON for every change of the finding, and for every notice of the watch.
 
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::Notice;
@@ -10,11 +10,11 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// A change, as a line of JSON shows it.
+/// A change of the finding as a line of JSON.
 #[derive(Debug, Serialize)]
 struct Event<'e> {
     time_s: f64,
-    /// The same as a date, where it counts from 1970.
+    /// The time as a date, if it counts from 1970.
     #[serde(skip_serializing_if = "Option::is_none")]
     date: Option<String>,
     place: u64,
@@ -22,25 +22,24 @@ struct Event<'e> {
     finding: &'e Finding,
 }
 
-/// Whether a line of a file of events is a change of what the observer says. The other lines are notices, which have an
-/// `event`.
+/// Whether a line of an event file is a change of the finding. All other lines are notices, which begin with `event`.
 pub fn is_change(line: &str) -> bool {
     !line.starts_with("{\"event\":")
 }
 
-/// Writes events as they come: whoever reads along sees each at once.
+/// Writes and flushes each event at once.
 pub struct Events<W> {
     out: W,
     /// `None` for standard output.
     file: Option<Kept>,
 }
 
-/// A file of whole lines.
+/// A file of complete lines.
 struct Kept {
     path: PathBuf,
-    /// To cut off a line that did not fit on the disk.
+    /// A handle for truncating an incomplete line when the disk is full.
     file: Option<File>,
-    /// The length of its whole lines, bytes.
+    /// The length of its complete lines, bytes.
     length: u64,
 }
 
@@ -55,11 +54,11 @@ impl<W: Write> Events<W> {
         match (written, &mut self.file) {
             (Ok(()), Some(kept)) => kept.length += line.len() as u64 + 1,
             (Ok(()), None) => {}
-            // A reader that has gone is no failure.
+            // A reader that has closed the pipe is not a failure.
             (Err(error), _) if error.kind() == io::ErrorKind::BrokenPipe => {}
             (Err(error), None) => return Err(SinkError::Output(error)),
             (Err(error), Some(kept)) => {
-                // Best effort: the file is as good as lost.
+                // Best effort: the file is already unusable.
                 let _ = kept.file.as_ref().map(|file| file.set_len(kept.length));
                 return Err(SinkError::File(FileError::from_io(&kept.path, error)));
             }
@@ -69,8 +68,7 @@ impl<W: Write> Events<W> {
 }
 
 impl Events<File> {
-    /// Goes on writing to a file that is open at its end, and named where it cannot be written. Of a line that does not
-    /// fit on the disk nothing stays.
+    /// Appends to an open file; `path` names it in errors. An incomplete line on a full disk is cut off.
     pub fn to_file(out: File, path: &Path) -> Self {
         let is_regular = out.metadata().is_ok_and(|data| data.is_file());
         let length = out.metadata().map_or(0, |data| data.len());

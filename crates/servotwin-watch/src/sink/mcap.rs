@@ -1,12 +1,12 @@
-//! The watch as an MCAP file or a live stream of the same, which Foxglove, Rerun and PlotJuggler open.
+//! Writes the watch as an MCAP file or live stream for Foxglove, Rerun and PlotJuggler.
 //!
-//! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`; `/bands` speaks when a band
-//! changes, `/decisions` when the observer says something else. Messages are JSON with a schema; the
-//! name of a number ends with its unit, and what is missing is null. Notices of a live watch (no data, heartbeats) are
-//! on `/watch`; while the source is silent `/decisions` has the state `no_data`.
+//! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`. `/bands` and `/decisions` have a
+//! message for each change of a band or of the finding. Messages are JSON with a schema. The name of a number ends with
+//! its unit, and a missing value is null. Notices of a live watch (no data, heartbeats) are on `/watch`; while the
+//! source is silent, `/decisions` has the state `no_data`.
 //!
-//! A stream goes to a socket that somebody listens at: nothing is sought in it, and what there is goes out with each
-//! decision and after each second of samples. Where the connection is lost the watch goes on.
+//! A stream goes to a listening socket, without seeking. It is flushed with each decision and after each second of
+//! samples. If the connection is lost, the watch continues.
 
 mod live;
 
@@ -23,24 +23,24 @@ use std::fmt::Write;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// The size of a chunk, which readers load whole, bytes.
+/// The size of a chunk, bytes; readers load chunks whole.
 const CHUNK: u64 = 1 << 17;
 
-/// A stream is flushed after so much time of samples, s.
+/// A stream is flushed after this much sample time, s.
 const FLUSH_S: f64 = 1.0;
 
-/// What the name of a socket begins with.
+/// The prefix of socket targets.
 const TCP: &str = "tcp://";
 
 /// Writes an MCAP file or stream.
 pub struct Mcap {
     path: PathBuf,
     writer: Writer<Target>,
-    /// Of a stream: why it was lost, if it was.
+    /// For a stream: the reason of a lost connection, once lost.
     loss: Option<Loss>,
-    /// When a stream was flushed, in the time of samples, s.
+    /// Sample time of the last flush of a stream, s.
     flushed_s: f64,
-    /// Samples since then.
+    /// Samples since the last flush.
     waiting: u64,
     inputs: Channel,
     measured: Channel,
@@ -49,15 +49,15 @@ pub struct Mcap {
     bands: Channel,
     features: Option<Channel>,
     decisions: Channel,
-    /// Of a live watch, from its first notice on.
+    /// For a live watch, from its first notice on.
     notices: Option<Channel>,
-    /// The last finding on `/decisions`, silence excepted.
+    /// The last finding on `/decisions`, except silence.
     last_finding: Finding,
     last_bands: Option<Vec<u64>>,
     text: String,
 }
 
-/// A topic with the keys of its numbers.
+/// A topic with the JSON keys of its numbers.
 struct Channel {
     id: u16,
     sequence: u32,
@@ -65,7 +65,7 @@ struct Channel {
     keys: Vec<String>,
 }
 
-/// Where an MCAP goes.
+/// The destination of an MCAP.
 enum Target {
     File(AtomicFile),
     Live(Live),
@@ -75,7 +75,7 @@ impl Mcap {
     /// Begins a file, which appears when [`finish`](Self::finish)ed, or connects to `tcp://HOST:PORT`.
     ///
     /// # Errors
-    /// It cannot be written, or nobody listens.
+    /// The file cannot be written, or no listener accepts the connection.
     pub fn open(target: &Path, scene: &Scene) -> Result<Self, SinkError> {
         let name = target.to_str().unwrap_or_default();
         match name.strip_prefix(TCP) {
@@ -92,7 +92,7 @@ impl Mcap {
     /// Begins a file; it appears when [`finish`](Self::finish)ed.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn create(path: &Path, scene: &Scene) -> Result<Self, SinkError> {
         Self::begin(path, Target::File(AtomicFile::create(path)?), scene)
     }
@@ -148,7 +148,7 @@ impl Mcap {
         })
     }
 
-    /// Writes the end of the file and puts it in its place, or ends the stream.
+    /// Completes the file and moves it into place, or ends the stream.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -162,17 +162,17 @@ impl Mcap {
         Ok(lost)
     }
 
-    /// The connection, where it was lost.
+    /// The lost connection, if any.
     pub fn lost(&self) -> Option<Lost> {
         let reason = self.loss.as_ref()?.get()?.clone();
         Some(Lost { target: self.path.display().to_string(), reason, unsent: self.waiting })
     }
 
-    /// Brings a stream out where it is time to.
+    /// Flushes a stream when it is due.
     fn stream(&mut self, sample: &Sample) -> Result<(), McapError> {
         self.waiting += 1;
         let age_s = sample.time_s - self.flushed_s;
-        // A clock that was set back is no reason to wait.
+        // A clock that was set back does not delay the flush.
         if sample.changed || !(0.0..FLUSH_S).contains(&age_s) {
             self.writer.flush()?;
             self.flushed_s = sample.time_s;
@@ -217,7 +217,7 @@ impl Mcap {
 
     fn write_notice(&mut self, notice: &Notice) -> Result<(), McapError> {
         let time_s = notice.time_s.unwrap_or(0.0);
-        // Samples stand still while the source is silent: the wall clock goes on from the last one.
+        // Sample time stands still while the source is silent; wall-clock time is added to the last sample.
         let now_s = match notice.event {
             WatchEvent::NoData | WatchEvent::Heartbeat { .. } => time_s + notice.silent_s,
             _ => time_s,
@@ -294,7 +294,7 @@ impl Seek for Target {
 }
 
 impl Channel {
-    /// A topic for numbers with units.
+    /// Creates a topic for numbers with units.
     fn new(
         writer: &mut Writer<Target>,
         topic: &str,
@@ -344,13 +344,13 @@ impl Channel {
         Ok(Channel { id, sequence: 0, keys: vec![] })
     }
 
-    /// Writes a message with numbers to a text.
+    /// Formats numbers as a JSON message.
     fn numbers(&self, time_s: f64, values: &[f64], text: &mut String) {
         text.clear();
         let _ = write!(text, "{{\"time_s\":{time_s:?}");
         for (key, value) in self.keys.iter().zip(values) {
             text.push_str(key);
-            // The shortest text that reads back to the same bits.
+            // `{:?}` prints the shortest text that reads back to the same bits.
             let _ = match value.is_finite() {
                 true => write!(text, "{value:?}"),
                 false => write!(text, "null"),
@@ -365,7 +365,7 @@ impl Channel {
         time_s: f64,
         text: &str,
     ) -> Result<(), McapError> {
-        // Times before zero have no place in the format: they are written as zero.
+        // The format has no negative times: they are written as zero.
         let log_time = (time_s * 1e9).round() as u64;
         let header = MessageHeader {
             channel_id: self.id,

@@ -1,4 +1,4 @@
-//! Where the results of a watch go.
+//! Sinks: where the results of a watch go.
 
 pub mod events;
 #[cfg(feature = "mcap")]
@@ -17,32 +17,31 @@ use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
 use std::path::Path;
 
-/// One period with all that is known of it.
+/// One period with its measurements and the observer's results.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'s> {
     /// The time, s.
     pub time_s: f64,
-    /// The line, row, datagram or message it came from; 0 where none did.
+    /// The line, row, datagram or message it came from; 0 if none did.
     pub place: u64,
     /// The external inputs, SI.
     pub inputs: &'s [f64],
     /// The measured sensor values, SI.
     pub measured: &'s [f64],
-    /// What the observer says.
+    /// The observer's result.
     pub observation: Observation<'s>,
-    /// Whether it says something else than after the last sample.
+    /// Whether the finding differs from that of the last sample.
     pub changed: bool,
 }
 
-/// Is told every sample.
+/// Receives every sample.
 pub trait Sink {
     /// Takes a sample.
     ///
-    /// # Errors
-    /// It cannot be written.
+    /// The sample cannot be written.
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
-    /// Brings out what it holds back.
+    /// Writes out buffered data.
     ///
     /// # Errors
     /// It cannot be written.
@@ -50,7 +49,7 @@ pub trait Sink {
         Ok(())
     }
 
-    /// Takes what the watch reports beside the diagnosis.
+    /// Takes a notice that the watch reports besides the diagnosis.
     ///
     /// # Errors
     /// It cannot be written.
@@ -58,12 +57,12 @@ pub trait Sink {
         Ok(())
     }
 
-    /// The connection, where the sink has one and lost it.
+    /// The lost connection of a sink that has one.
     fn lost_connection(&self) -> Option<Lost> {
         None
     }
 
-    /// The name and reason of a failure since the last call that the sink survives.
+    /// Name and reason of each failure since the last call that the watch survives.
     fn failures(&mut self) -> Vec<(String, String)> {
         vec![]
     }
@@ -73,7 +72,7 @@ pub trait Sink {
         vec![]
     }
 
-    /// Ends the output. A connection that was lost is no error.
+    /// Ends the output. A lost connection is not an error.
     ///
     /// # Errors
     /// It cannot be written.
@@ -86,9 +85,9 @@ pub trait Sink {
 /// A connection that was lost.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Lost {
-    /// Whose.
+    /// The destination.
     pub target: String,
-    /// Why.
+    /// The reason.
     pub reason: String,
     /// How many samples were not sent.
     pub unsent: u64,
@@ -97,46 +96,46 @@ pub struct Lost {
 /// Why a result cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum SinkError {
-    /// A file.
+    /// A file cannot be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Standard output.
+    /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(std::io::Error),
-    /// Where a stream should go, nobody listens.
+    /// No listener accepts the stream.
     #[error("tcp://{address}: nobody takes the stream: {cause}")]
     Connection {
-        /// `HOST:PORT`.
+        /// The address as `HOST:PORT`.
         address: String,
-        /// What the operating system said.
+        /// The error of the operating system.
         cause: std::io::Error,
     },
-    /// An output whose writer is a feature that is off.
+    /// An output whose writer is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature {
-        /// The target.
+        /// The target as given.
         what: String,
-        /// The feature.
+        /// The feature that must be enabled.
         feature: &'static str,
     },
     /// A target that is neither a file nor a socket.
     #[error("'{given}' is no target: a file or tcp://HOST:PORT is needed")]
     Target {
-        /// What was given.
+        /// The target as given.
         given: String,
     },
 }
 
-/// Opens an MCAP file, or a stream of the same to `tcp://HOST:PORT`.
+/// Opens an MCAP file, or a stream to `tcp://HOST:PORT`.
 ///
 /// # Errors
-/// It cannot be opened; [`SinkError::Feature`] where the program has no MCAP.
+/// It cannot be opened; [`SinkError::Feature`] if the program is built without MCAP.
 #[cfg(feature = "mcap")]
 pub fn open_mcap(target: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
     Ok(Box::new(mcap::Mcap::open(target, scene)?))
 }
 
-/// The same without the feature: no MCAP is written.
+/// Variant without the feature: always an error.
 ///
 /// # Errors
 /// [`SinkError::Feature`].
@@ -145,31 +144,31 @@ pub fn open_mcap(target: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkE
     Err(SinkError::Feature { what: target.display().to_string(), feature: "mcap" })
 }
 
-/// The signals of a watch, for those who show them.
+/// The signals of a watch, for sinks that display them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// One line for people.
+    /// A one-line title.
     pub title: String,
     /// The inputs of the system.
     pub inputs: Vec<Trace>,
-    /// Its sensors.
+    /// The sensors of the system.
     pub sensors: Vec<Trace>,
     /// The names of the observer's features.
     pub features: Vec<String>,
-    /// The period, s.
+    /// The sampling period, s.
     pub period_s: f64,
 }
 
-/// A signal.
+/// A signal to display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
     /// The id in files.
     pub id: String,
-    /// What people see.
+    /// The display label.
     pub label: String,
-    /// The unit.
+    /// The SI unit.
     pub unit: Unit,
-    /// How people read it.
+    /// The display unit.
     pub shown: Shown,
 }
 

@@ -1,4 +1,4 @@
-//! The whole watch as a few lines of text: a strip of states, and what changed when.
+//! Summarizes a watch as a few lines of text: a strip of states, and a list of changes.
 
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::Notice;
@@ -6,21 +6,21 @@ use servotwin::observer::{Finding, State};
 use servotwin_io::moment;
 use std::fmt::Write;
 
-/// Parts of the strip while it grows; shown are half of them or more.
+/// The maximum number of parts while the strip grows; the shown strip has at least half as many.
 const PARTS: usize = 128;
 
-/// The most changes that are kept; of more, the number is said.
+/// The most changes that are kept; later ones are only counted.
 const CHANGES: usize = 1000;
 
-/// So many changes to and fro between two findings are shown; what follows of them is one line.
+/// This many alternations between two findings are shown; later ones are summarized in one line.
 const TO_AND_FRO: usize = 6;
 
-/// A change of what is said.
+/// A change of the finding.
 #[derive(Debug)]
 struct Change {
     time_s: f64,
     finding: Finding,
-    /// How often it went to and fro between this finding and the one before since, and when last.
+    /// How many further alternations between this finding and the previous one followed, and the time of the last.
     more: usize,
     last_s: f64,
 }
@@ -30,7 +30,7 @@ struct Change {
 pub struct Strip {
     /// The most severe state of every part.
     parts: Vec<State>,
-    /// Samples in a part, and in the last one.
+    /// Samples in a full part, and in the last part.
     width: usize,
     filled: usize,
     begin_s: f64,
@@ -41,7 +41,7 @@ pub struct Strip {
     notices: Vec<(f64, String)>,
 }
 
-/// The state that a part shows, if it has both.
+/// The order of states: a part shows the most severe.
 fn severity(state: State) -> usize {
     match state {
         State::NoData => 0,
@@ -104,7 +104,7 @@ impl Strip {
         }
     }
 
-    /// Whether a finding goes on with what went to and fro between two for long already.
+    /// Whether a finding continues a long alternation between two findings.
     fn goes_on(&self, finding: &Finding) -> bool {
         let Some(first) = self.changes.len().checked_sub(TO_AND_FRO) else { return false };
         let shown = &self.changes[first..];
@@ -113,12 +113,12 @@ impl Strip {
             one.finding.says_the_same(&other.finding) && between.more == 0
         });
         let last = shown[TO_AND_FRO - 1].more;
-        // Whoever has come back an even number of times comes from the last one shown.
+        // After an even number of alternations, the current finding is the last one shown.
         let next = TO_AND_FRO - if last.is_multiple_of(2) { 2 } else { 1 };
         is_to_and_fro && shown[next].finding.says_the_same(finding)
     }
 
-    /// The lines.
+    /// The summary as text.
     pub fn text(&self) -> String {
         if self.parts.is_empty() {
             return "no sample\n".into();

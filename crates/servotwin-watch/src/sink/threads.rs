@@ -1,10 +1,10 @@
-//! Sinks on threads of their own, each behind a bounded queue: no sink delays the diagnosis, and none delays another.
+//! Runs each sink on its own thread behind a bounded queue, so that no sink delays the diagnosis or another sink.
 //!
-//! A sink that cannot keep up with a live source loses its own samples, which are counted. Changes of what the observer
-//! says and notices have the second half of the queue to themselves: a sink has to stand still for long before it loses
-//! one of them. Where the source can wait (a file), the queue is waited for and nothing is lost.
+//! A sink that cannot keep up with a live source loses its own samples, which are counted. The second half of the queue
+//! is reserved for notices and changes of the finding, so a sink loses these only after a long stall. If the source can
+//! wait (a file), the watch waits for the queue and nothing is lost.
 //!
-//! A sink that fails is counted as failed from then on, and everything it would have got as lost.
+//! After a failure, a sink is reported as failed, and all its later messages count as lost.
 
 use super::{Lost, Sample, Sink, SinkError};
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
@@ -18,10 +18,10 @@ use std::time::Duration;
 /// The most messages that wait for a sink.
 const WAITING: usize = 1024;
 
-/// The most samples without a change among them.
+/// The most waiting messages before samples without a change are dropped.
 const WAITING_SAMPLES: usize = WAITING / 2;
 
-/// How long a socket may take at the end for what waits, and again for the end itself.
+/// How long a socket may take at the end for the waiting messages, and again for closing.
 const GRACE: Duration = Duration::from_secs(5);
 
 /// The behavior when a sink cannot keep up.
@@ -29,7 +29,7 @@ const GRACE: Duration = Duration::from_secs(5);
 pub enum Delivery {
     /// The diagnosis waits for the sink; nothing is lost.
     Wait,
-    /// The sink loses samples; nothing waits.
+    /// The sink loses samples; the diagnosis does not wait.
     Drop,
 }
 
@@ -40,7 +40,7 @@ pub struct SinkRules {
     pub name: String,
     /// The behavior when it cannot keep up.
     pub delivery: Delivery,
-    /// Whether it gets nothing but changes and notices.
+    /// Whether it receives only changes and notices.
     pub only_changes: bool,
     /// The kind of sink.
     pub kind: SinkKind,
@@ -49,15 +49,15 @@ pub struct SinkRules {
 /// The kinds of sinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SinkKind {
-    /// A file that has to be complete at the end, which waits for it.
+    /// A file, which must be complete: the end of the watch waits for it.
     File,
     /// A socket or standard output.
     Stream,
-    /// A terminal, which shows what is kept elsewhere: what it loses is not counted.
+    /// A terminal, which shows data that is stored elsewhere: its losses are not counted.
     Terminal,
 }
 
-/// A sample that outlives its period.
+/// A sample that owns its data.
 #[derive(Debug, Clone)]
 struct OwnedSample {
     time_s: f64,
@@ -110,29 +110,29 @@ impl OwnedSample {
 enum Message {
     Sample(Arc<OwnedSample>),
     Notice(Arc<Notice>),
-    /// To be answered once everything before was written.
+    /// Answered once all earlier messages were written.
     Flush(SyncSender<()>),
 }
 
-/// The state that a sink's thread and the diagnosis share.
+/// State shared by a sink's thread and the diagnosis.
 #[derive(Default)]
 struct Shared {
     waiting: AtomicUsize,
     lost: AtomicU64,
-    /// Nobody waits for what is in the queue any more.
+    /// The watch no longer waits for this queue.
     is_abandoned: AtomicBool,
-    /// The watch ended with an error: what was written is not brought to its end.
+    /// The watch ended with an error: outputs are not completed.
     is_cancelled: AtomicBool,
     has_failed: AtomicBool,
     fault: Mutex<Option<Fault>>,
 }
 
-/// Why a sink gets nothing any more.
+/// Why a sink receives nothing any more.
 enum Fault {
     Error(SinkError),
-    /// The other end has gone, which is no failure of the watch.
+    /// The other end closed the connection, which is not a failure of the watch.
     Connection(String),
-    /// Its thread has ended before its time.
+    /// Its thread ended early.
     Thread,
 }
 
@@ -166,23 +166,24 @@ impl Shared {
 /// A sink behind its queue.
 struct SinkThread {
     rules: SinkRules,
-    /// `None` once the output has ended.
+    /// `None` after the output has ended.
     queue: Option<SyncSender<Message>>,
     shared: Arc<Shared>,
-    /// Ends when the thread does.
+    /// Disconnects when the thread ends.
     done: Receiver<()>,
     is_failure_told: bool,
 }
 
-/// Sinks, each on a thread of its own.
+/// All sinks, each on its own thread.
 pub struct SinkThreads {
-    /// Whether the watch goes on without a sink that failed.
+    /// Whether the watch continues without a failed sink.
     goes_on: bool,
     threads: Vec<SinkThread>,
 }
 
 impl SinkThreads {
-    /// None so far. A live watch goes on without a sink that failed; a log can be read again, so there it is an error.
+    /// No sinks yet. A live watch continues without a failed sink; a log can be read again, so there a failure is an
+    /// error.
     pub fn new(is_live: bool) -> Self {
         SinkThreads { goes_on: is_live, threads: vec![] }
     }
@@ -201,10 +202,10 @@ impl SinkThreads {
         self.threads.push(SinkThread { rules, queue, shared, done, is_failure_told: false });
     }
 
-    /// Ends all outputs, and says what each has lost. Files are waited for; a socket has a few seconds.
+    /// Ends all outputs, and returns the losses of each. It waits for files; a socket gets a few seconds.
     ///
     /// # Errors
-    /// A sink failed that the watch does not go on without.
+    /// A sink failed, and the watch does not continue without it.
     pub fn finish(&mut self) -> Result<Vec<SinkLoss>, SinkError> {
         for thread in &mut self.threads {
             thread.queue = None;
@@ -214,7 +215,7 @@ impl SinkThreads {
         Ok(self.losses())
     }
 
-    /// The error of a sink that the watch does not go on without.
+    /// The error of a failed sink, unless the watch continues without it.
     fn check(&mut self) -> Result<(), SinkError> {
         if self.goes_on {
             return Ok(());
@@ -231,12 +232,12 @@ impl SinkThreads {
 }
 
 impl Drop for SinkThreads {
-    /// Without [`SinkThreads::finish`] nothing is brought to its end: files that appear when they are complete do not appear.
+    /// Without [`SinkThreads::finish`] no output is completed: files that appear on completion do not appear.
     fn drop(&mut self) {
         for thread in &mut self.threads {
             thread.shared.is_cancelled.store(true, Ordering::Relaxed);
             if thread.queue.take().is_some() {
-                // The thread removes what it has begun.
+                // The thread removes its incomplete output.
                 let _ = thread.done.recv_timeout(GRACE);
             }
         }
@@ -244,7 +245,7 @@ impl Drop for SinkThreads {
 }
 
 impl SinkThread {
-    /// Gives a message to the sink, or counts it as lost.
+    /// Queues a message for the sink, or counts it as lost.
     fn offer(&self, message: Message, is_urgent: bool) {
         let Some(queue) = &self.queue else { return };
         let shared = &self.shared;
@@ -307,7 +308,7 @@ impl Sink for SinkThreads {
         self.check()
     }
 
-    /// Waits for the sinks that are waited for.
+    /// Flushes the sinks whose delivery waits.
     fn flush(&mut self) -> Result<(), SinkError> {
         for thread in &self.threads {
             if thread.rules.delivery == Delivery::Wait
@@ -347,7 +348,7 @@ impl Sink for SinkThreads {
     }
 }
 
-/// Gives a sink what comes until the queue is closed.
+/// Passes messages to a sink until the queue is closed.
 fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shared) {
     let mut sink = Some(sink);
     for message in messages {
@@ -388,7 +389,7 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
     }
 }
 
-/// The fate of a message.
+/// The outcome of a message.
 enum Delivered {
     Taken,
     Failed(SinkError),

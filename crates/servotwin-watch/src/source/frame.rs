@@ -1,9 +1,9 @@
-//! One line, datagram or message as a row: cells in the order of a header, or a JSON object.
+//! Parses one line, datagram or message into a row: cells in the order of a header, or a JSON object.
 //!
-//! A line that begins with `{` is an object; its columns are its keys, those of objects and lists within it
-//! with points between (`measured.p_a_1`, `pressures.0`). Any other line is cells between commas,
-//! semicolons or tabs. The first one that has all the names wanted is the header, unless the map
-//! names the columns; it may come again. Blank lines and those that begin with `#` say nothing.
+//! A line that begins with `{` is an object. Its columns are its keys; nested keys and list indices are joined with
+//! points (`measured.p_a_1`, `pressures.0`). Any other line is cells between commas, semicolons or tabs. The first line
+//! that has all wanted names is the header, unless the map names the columns; the header may be repeated. Blank lines
+//! and lines that begin with `#` are skipped.
 
 use super::{Bad, Read, Row, Wanted};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -17,40 +17,40 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Why bytes are no row.
+/// Why bytes are not a row.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Flaw {
-    /// They are no text.
+    /// They are not text.
     Noise,
-    /// They are too many.
+    /// There are too many bytes.
     TooLong,
-    /// They end too early.
+    /// The text ends too early.
     CutShort,
     /// The number of cells is wrong.
     WrongColumns {
-        /// What is there.
+        /// The number of cells in the line.
         found: usize,
-        /// What the header has.
+        /// The number of cells in the header.
         needed: usize,
     },
-    /// The columns have no names so far.
+    /// The columns have no names yet.
     NoHeader,
-    /// No JSON, or no object.
+    /// Not JSON, or not an object.
     BadObject {
-        /// What is wrong with it.
+        /// The parser's message.
         cause: String,
     },
-    /// The time is missing or no number.
+    /// The time is missing or not a number.
     NoTime {
-        /// What is there.
+        /// The text of the cell.
         text: String,
     },
-    /// A broker had kept the message from before.
+    /// A retained message, which the broker had stored earlier.
     Retained {
         /// Its topic.
         topic: String,
     },
-    /// There are words, and no number among them.
+    /// The cells contain words but no number.
     NoNumber,
 }
 
@@ -70,36 +70,36 @@ impl fmt::Display for Flaw {
     }
 }
 
-/// Makes rows of lines.
+/// Parses lines into rows.
 pub struct Frames {
     wanted: Wanted,
-    /// The place in a row of every name.
+    /// The index in a row of every wanted name.
     places: BTreeMap<String, usize>,
     header: Option<Header>,
     numbers: Numbers,
 }
 
-/// What the cells of a line are.
+/// The layout of the cells of a line.
 struct Header {
     separator: u8,
     cells: usize,
-    /// For each wanted column its cell.
+    /// For each wanted column, the index of its cell.
     chosen: Vec<usize>,
 }
 
 impl Frames {
-    /// Reads rows of some columns.
+    /// Creates a parser for the wanted columns.
     pub fn new(wanted: &Wanted) -> Self {
         let places = wanted.names.iter().cloned().zip(0..).collect();
         Frames { wanted: wanted.clone(), places, header: None, numbers: Numbers::new(true) }
     }
 
-    /// Whether the names of the columns are known.
+    /// Whether the column names are known.
     pub fn has_header(&self) -> bool {
         self.header.is_some()
     }
 
-    /// Reads a line without its end.
+    /// Parses a line without its line end.
     pub fn read(&mut self, line: &[u8], row: &mut Row) -> Read {
         let text = line.trim_ascii();
         if text.is_empty() || text.starts_with(b"#") {
@@ -115,23 +115,23 @@ impl Frames {
                 Err(flaw) => Read::Flawed(flaw),
             };
         }
-        // A tab at the end is a cell.
+        // A tab at the end separates an empty last cell.
         let read = self.cells(line.strip_suffix(b"\r").unwrap_or(line), row);
         read.unwrap_or_else(Read::Flawed)
     }
 
-    /// Empties a row.
+    /// Resets a row.
     pub fn begin(&self, row: &mut Row) {
         row.values.clear();
         row.values.resize(self.wanted.names.len(), f64::NAN);
         row.forget_bad();
     }
 
-    /// Adds what an object has to a row; before the names of its values stands a prefix.
+    /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
     pub fn add(&self, prefix: &str, text: &[u8], row: &mut Row) -> Result<(), Flaw> {
         let before = row.bad;
         let parsed = self.parse(prefix, text, row).or_else(|error| {
-            // Some writers put NaN and Infinity where JSON has nothing for them.
+            // Some writers emit NaN and Infinity, which JSON does not allow.
             let Some(plain) = without_special_numbers(text) else { return Err(error) };
             row.bad = before;
             self.parse(prefix, &plain, row)
@@ -142,7 +142,7 @@ impl Frames {
         })
     }
 
-    /// Whether a row that was made of objects is one.
+    /// Checks that a row assembled from objects has a time.
     pub fn end(&self, row: &Row) -> Read {
         with_time(&self.wanted, row)
     }
@@ -187,14 +187,14 @@ impl Frames {
                 }
             };
         }
-        // A row of units, for example, below a header without a time.
+        // For example a row of units below a header without a time.
         match row.bad > 0 && row.values.iter().all(|value| value.is_nan()) {
             true => Err(Flaw::NoNumber),
             false => Ok(Read::Row),
         }
     }
 
-    /// Whether these are the names of the columns once more.
+    /// Whether the cells repeat the header.
     fn is_header(&self, cells: &[&[u8]]) -> bool {
         let chosen = self.header.iter().flat_map(|header| &header.chosen);
         let mut pairs = chosen.zip(&self.wanted.names);
@@ -218,7 +218,7 @@ impl Frames {
     }
 }
 
-/// A row, if it has a time where there is one.
+/// A row, unless it lacks a required time.
 pub(super) fn with_time(wanted: &Wanted, row: &Row) -> Read {
     match wanted.time {
         Some(time) if row.values[time].is_nan() => {
@@ -238,7 +238,7 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
         return leaves(text);
     }
     let names = names(line, Dialect::of(line).separator);
-    // A row of numbers names nothing, not even where it falls apart at decimal commas.
+    // A row of numbers is not a header, even if decimal commas split its cells.
     let is_name = |name: &&String| name.starts_with(|c: char| c.is_alphabetic() || c == '_');
     let named = names.iter().filter(is_name).count();
     (named > 0 && 2 * named >= names.len()).then_some(names)
@@ -249,7 +249,7 @@ pub fn is_object(line: &[u8]) -> bool {
     line.trim_ascii_start().starts_with(b"{")
 }
 
-/// The keys of an object with those of what is in it. `None` where it is none.
+/// The keys of an object including nested ones; `None` if it is not an object.
 fn leaves(line: &[u8]) -> Option<Vec<String>> {
     let value: Value = serde_json::from_slice(line.trim_ascii()).ok()?;
     let mut found = vec![];
@@ -257,7 +257,7 @@ fn leaves(line: &[u8]) -> Option<Vec<String>> {
     Some(found.into_iter().map(|(key, _)| key).collect())
 }
 
-/// The separator of a header, and what it separates.
+/// The separator of a header, and its names.
 pub(super) fn header(line: &[u8]) -> (u8, Vec<String>) {
     let separator = Dialect::of(line).separator;
     (separator, names(line, separator))
@@ -275,7 +275,7 @@ fn decoded(cell: &[u8]) -> String {
     text.trim().replace("\"\"", "\"")
 }
 
-/// The beginning of a cell for a message.
+/// The text of a cell, sanitized for a message.
 fn shown(cell: &[u8]) -> String {
     sanitize::text(&decoded(cell))
 }
@@ -318,7 +318,7 @@ impl<'l> Iterator for Cells<'l> {
     }
 }
 
-/// `NaN`, `Infinity` and `-Infinity` as `null`; `None` where there are none.
+/// Replaces `NaN`, `Infinity` and `-Infinity` by `null`; `None` if there are none.
 pub(super) fn without_special_numbers(text: &[u8]) -> Option<Vec<u8>> {
     let text = std::str::from_utf8(text).ok()?;
     if !text.contains("NaN") && !text.contains("Infinity") {
@@ -344,7 +344,7 @@ impl Node<'_> {
         }
     }
 
-    /// A text that is a number is that number.
+    /// Sets the value from a text that is a number or a known word.
     fn set_text(self, text: &str) {
         let text = text.trim();
         let Some(&place) = self.frames.places.get(self.path.as_str()) else { return };
@@ -356,7 +356,7 @@ impl Node<'_> {
         }
     }
 
-    /// Reads what stands under a key or in a place of a list.
+    /// Reads a nested value under a key or list index.
     fn below<T, E>(
         &mut self,
         key: &str,
@@ -411,7 +411,7 @@ impl<'de> Visitor<'de> for Node<'_> {
         Ok(())
     }
 
-    // Missing.
+    // JSON null: the value is missing.
     fn visit_unit<E>(self) -> Result<(), E> {
         Ok(())
     }

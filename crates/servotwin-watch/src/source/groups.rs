@@ -1,21 +1,21 @@
-//! Columns in groups, each with times of its own: the rows of a recording whose channels have several rates.
+//! Groups of columns with separate times: the rows of a recording whose channels have several rates.
 
 use super::frame::Flaw;
 use super::{Read, Row, Source, SourceError, Wanted};
 
-/// Values at the same times.
+/// Columns with common times.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// The times, s; none where rows only follow each other.
+    /// The times, s; `None` if rows have no time.
     times_s: Option<Vec<f64>>,
-    /// The place of each column among those wanted, with its values.
+    /// The index of each column among those wanted, with its values.
     columns: Vec<(usize, Vec<f64>)>,
     rows: usize,
     next: usize,
 }
 
 impl Group {
-    /// Columns of one length, and their times of the same.
+    /// Creates a group; the shortest column limits its rows.
     pub(super) fn new(times_s: Option<Vec<f64>>, columns: Vec<(usize, Vec<f64>)>) -> Self {
         let lengths = columns.iter().map(|(_, values)| values.len());
         let rows = lengths.chain(times_s.as_ref().map(Vec::len)).min().unwrap_or(0);
@@ -23,7 +23,7 @@ impl Group {
     }
 }
 
-/// The rows of some groups in the order of their times; those of one time are one row.
+/// The rows of several groups in the order of their times; rows with the same time are merged.
 pub(super) struct Groups {
     wanted: Wanted,
     groups: Vec<Group>,
@@ -33,10 +33,10 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// Joins groups.
+    /// Prepares groups for reading in time order.
     ///
     /// # Errors
-    /// Without a column for the time more than one group has values.
+    /// More than one group has values although no column has the time.
     pub(super) fn new(
         address: &str,
         wanted: &Wanted,
@@ -51,7 +51,7 @@ impl Groups {
         Ok(Groups { wanted: wanted.clone(), groups, rows, read: 0, place: 0 })
     }
 
-    /// The groups whose next row is the earliest, and its time. A time that is missing comes first.
+    /// The groups whose next row is the earliest, with its time. A missing time sorts first.
     fn earliest(&self) -> Option<(f64, Vec<usize>)> {
         let mut found: Option<(f64, Vec<usize>)> = None;
         for (index, group) in self.groups.iter().enumerate() {
@@ -104,7 +104,7 @@ impl Source for Groups {
     }
 }
 
-/// `N` bytes from a place, if they are there.
+/// `N` bytes from an offset, if present.
 pub(super) fn bytes<const N: usize>(data: &[u8], at: usize) -> Option<[u8; N]> {
     data.get(at..at.checked_add(N)?)?.try_into().ok()
 }

@@ -1,4 +1,4 @@
-//! A text file line by line: CSV, or lines of JSON objects. However large, one line of it is in memory.
+//! Reads a text file (CSV or JSON lines) line by line. Only one line is in memory, whatever the file's size.
 
 use super::frame::{self, Flaw, Frames};
 use super::survey::{LogColumn, Objects, Sheet};
@@ -8,16 +8,16 @@ use servotwin_io::table::csv::encoding;
 use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};
 
-/// The longest line that is read; of a longer one nothing is kept.
+/// The longest line that is read, bytes; a longer one is dropped.
 const LONGEST: usize = 1 << 20;
 
-/// The header of a file stands in one of its first lines.
+/// The header is expected within this many first lines.
 const PREAMBLE: usize = 100;
 
-/// So many lines are looked at for units, dates and first numbers.
+/// This many first lines are examined for units, dates and first numbers.
 const BEGINNING: usize = 400;
 
-/// A text file.
+/// An open text file with its parser.
 pub struct Lines {
     path: PathBuf,
     reader: Box<dyn BufRead>,
@@ -29,7 +29,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Opens a file that must have some columns.
+    /// Opens a file that must have the wanted columns.
     pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
         require(path, open(path)?, wanted)?;
         let size = std::fs::metadata(path).map_or(0, |data| data.len());
@@ -55,7 +55,7 @@ impl Source for Lines {
         Ok(match found {
             Line::None => Read::End,
             Line::TooLong => Read::Flawed(Flaw::TooLong),
-            // The last line of a file may do without an end.
+            // The last line of a file may lack a line end.
             Line::Whole | Line::Unended => self.frames.read(&self.line, row),
         })
     }
@@ -69,7 +69,7 @@ impl Source for Lines {
     }
 }
 
-/// That a file has the wanted columns, where it has a header at all.
+/// Checks that a file has the wanted columns, unless the map names them.
 fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(), SourceError> {
     if !wanted.columns.is_empty() {
         return Ok(());
@@ -85,7 +85,7 @@ fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(),
     for names in lines.iter().filter_map(|line| frame::columns(line)) {
         match SourceError::lacking(&address, wanted, &names) {
             None => return Ok(()),
-            // The line that looks most like it.
+            // Keep the longest list of names: it is most likely the header.
             Some(_) if best.as_ref().is_none_or(|best| best.len() < names.len()) => {
                 best = Some(names);
             }
@@ -96,8 +96,8 @@ fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(),
     Err(lacking.unwrap_or(SourceError::NoHeader { address }))
 }
 
-/// The columns of a file. Of cells the header is the line with most names among the first; a line of units may follow it.
-/// Keys of objects are gathered from all lines.
+/// The columns of a file. For cells, the header is the first line with the most names; a line of units may follow it.
+/// For objects, the keys of all lines are gathered.
 pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let lines = first_lines(path, open(path)?, BEGINNING)?;
     let heads = &lines[..lines.len().min(PREAMBLE)];
@@ -107,7 +107,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
         return if found.is_empty() { Err(none()) } else { Ok(found) };
     }
     let count = |line: usize| frame::columns(&heads[line]).map_or(0, |names| names.len());
-    // Of equally long ones the first.
+    // `rev` makes the first of equally long lines win.
     let best = (0..heads.len()).rev().max_by_key(|&line| count(line));
     let best = best.filter(|&line| count(line) > 0).ok_or_else(none)?;
     let (separator, names) = frame::header(&lines[best]);
@@ -118,7 +118,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     Ok(sheet.finish())
 }
 
-/// The columns of the objects in a file, up to where there are `enough`.
+/// The columns of the objects in a file, read until there are `enough`.
 fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColumn>, SourceError> {
     let (mut reader, mut line, mut found) = (open(path)?, vec![], Objects::default());
     loop {
@@ -142,7 +142,7 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, SourceError> {
     Ok(encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0)
 }
 
-/// The first lines of a file, in one of which its header stands; an error where nothing stands in them.
+/// The first `count` lines of a file; an error if they are empty.
 fn first_lines(
     path: &Path,
     mut reader: Box<dyn BufRead>,
@@ -163,14 +163,14 @@ fn first_lines(
     Ok(found)
 }
 
-/// What is in a buffer after reading a line into it.
+/// The result of reading a line into a buffer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Line {
-    /// A line; its end is left out.
+    /// A line, without its line end.
     Whole,
-    /// A line that the stream ended in.
+    /// A line without a line end: the stream ended in it.
     Unended,
-    /// Nothing: it was too long.
+    /// Nothing: the line was too long.
     TooLong,
     /// Nothing: the stream has ended.
     None,
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn lines_end_and_are_not_too_long() {
         let text = format!("a\n\n{}\nb", "x".repeat(LONGEST + 1));
-        // A buffer that lines do not fit into.
+        // Lines are longer than this buffer.
         let mut reader = io::BufReader::with_capacity(1000, text.as_bytes());
         let (mut line, mut found) = (vec![], vec![]);
         for _ in 0..5 {

@@ -1,9 +1,9 @@
-//! MAT files of version 5 (MATLAB's `-v6` and `-v7`, Octave, SciPy).
+//! Reads MAT files of version 5 (MATLAB's `-v6` and `-v7`, Octave, SciPy).
 //!
-//! A column is a numeric vector: a variable, or a field of a structure (`log.p_a`). Columns of a matrix have their number
-//! behind the name (`p_1`, `p_2`), elements of an array of structures too (`signals_2.values`). Scalars, text, cells,
-//! complex and sparse numbers are no columns. Written from the published description of the format; every length
-//! is checked against the file.
+//! A column is a numeric vector: a variable, or a field of a structure (`log.p_a`). Columns of a matrix get a number
+//! after the name (`p_1`, `p_2`), and so do elements of an array of structures (`signals_2.values`). Scalars, text,
+//! cells, complex and sparse arrays are skipped. The reader follows the published description of the format; every
+//! length is checked against the file.
 
 use super::groups::{Group, Groups, bytes};
 use super::{LogColumn, Source, SourceError, Wanted};
@@ -12,30 +12,30 @@ use servotwin_io::sanitize;
 use std::io::Read as _;
 use std::path::Path;
 
-/// The longest file that is read; the format has none above 2 GiB.
+/// The largest file that is read, bytes; the format ends at 2 GiB.
 const MAX_FILE: u64 = 1 << 31;
 
-/// No variable is longer, unzipped.
+/// The largest unzipped variable, bytes.
 const MAX_VARIABLE: u64 = 1 << 30;
 
-/// No name is longer; MATLAB's are of 63 characters.
+/// The longest name, bytes; MATLAB's have at most 63 characters.
 const MAX_NAME: usize = 256;
 
-/// Structures are followed to this depth.
+/// The deepest nesting of structures that is followed.
 const MAX_DEPTH: usize = 16;
 
-/// So many columns are known at most.
+/// The most columns that are collected.
 const MAX_COLUMNS: usize = 100_000;
 
-// The types of elements.
+// Element types.
 const MATRIX: u32 = 14;
 const ZIPPED: u32 = 15;
 
-// The classes of arrays.
+// Array classes.
 const STRUCTURE: u8 = 2;
 const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
 
-/// Opens a file that must have some columns, all of one length.
+/// Opens a file that must have the wanted columns, all of one length.
 ///
 /// # Errors
 /// It cannot be read, is damaged, or lacks a column.
@@ -71,7 +71,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError
     Ok(Box::new(Groups::new(&address, wanted, vec![Group::new(times, all)])?))
 }
 
-/// The columns of a file; their units are not in it.
+/// The columns of a file; the format stores no units.
 ///
 /// # Errors
 /// It cannot be read, is damaged, or has no column.
@@ -87,7 +87,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
 
 struct FoundColumn {
     name: String,
-    /// Empty where only names are wanted, or not this one.
+    /// Empty if only names are wanted, or another column.
     values: Vec<f64>,
 }
 
@@ -96,7 +96,7 @@ struct Reader<'w> {
     found: Vec<FoundColumn>,
 }
 
-/// Parts of a variable, read one after the other.
+/// A sequence of elements, read one after the other.
 #[derive(Clone, Copy)]
 struct Elements<'d> {
     data: &'d [u8],
@@ -107,7 +107,7 @@ struct Elements<'d> {
 struct ArrayHead<'d> {
     class: u8,
     is_complex: bool,
-    /// Rows and columns; further dimensions are columns.
+    /// Rows and columns; further dimensions are folded into the columns.
     rows: usize,
     columns: usize,
     name: &'d [u8],
@@ -150,7 +150,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads an array. One in a structure has no name of its own, but that of its field.
+    /// Reads an array. An array in a structure is named after its field.
     fn array(&mut self, mut inner: Elements, name: Option<&str>, depth: usize) -> Outcome<()> {
         let Some(head) = inner.head()? else { return Ok(()) };
         let own = String::from_utf8_lossy(head.name);
@@ -201,7 +201,7 @@ impl Reader<'_> {
         let count = head.rows.saturating_mul(head.columns);
         for element in 0..count {
             for field in &fields {
-                // An empty place has an empty array.
+                // An unset field is stored as an empty array.
                 let Some((kind, body)) = inner.next()? else { return Ok(()) };
                 let number = if count > 1 { format!("_{}", element + 1) } else { String::new() };
                 if kind == MATRIX {
@@ -233,7 +233,7 @@ impl Reader<'_> {
     }
 }
 
-/// Whether numbers begin with their highest byte; refuses other formats.
+/// Whether the file is big-endian; rejects other formats.
 fn byte_order(data: &[u8]) -> Outcome<bool> {
     let is_hdf = data.starts_with(b"MATLAB 7.3") || data.starts_with(b"\x89HDF");
     if is_hdf || data.get(512..516) == Some(b"\x89HDF") {
@@ -268,7 +268,7 @@ fn text(name: &[u8]) -> String {
 }
 
 impl<'d> Elements<'d> {
-    /// A number of four bytes.
+    /// Decodes a four-byte number.
     fn number(&self, data: &[u8]) -> Option<u32> {
         let four = bytes(data, 0)?;
         Some(if self.is_big { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) })
@@ -281,7 +281,7 @@ impl<'d> Elements<'d> {
         }
         let damaged = || "the file ends within a variable".to_owned();
         let kind = self.number(self.data).ok_or_else(damaged)?;
-        // A small element has its length beside its type, and its bytes behind.
+        // A small element packs its length beside its type, followed by its bytes.
         if kind >> 16 != 0 {
             let length = (kind >> 16) as usize;
             let body = self.data.get(4..4 + length).filter(|_| length <= 4).ok_or_else(damaged)?;
@@ -290,7 +290,7 @@ impl<'d> Elements<'d> {
         }
         let length = self.number(&self.data[4..]).ok_or_else(damaged)? as usize;
         let body = self.data.get(8..8 + length).ok_or_else(damaged)?;
-        // Elements begin at multiples of eight, but not behind what is zipped.
+        // Elements are padded to multiples of eight, except after zipped ones.
         let padded = if kind == ZIPPED { length } else { length.next_multiple_of(8) };
         self.data = self.data.get(8 + padded..).unwrap_or_default();
         Ok(Some((kind, body)))
@@ -322,7 +322,7 @@ impl<'d> Elements<'d> {
     }
 }
 
-/// The numbers of an array as they are stored.
+/// The stored numbers of an array.
 #[derive(Clone, Copy)]
 struct Numbers<'d> {
     body: &'d [u8],
@@ -331,7 +331,7 @@ struct Numbers<'d> {
     is_big: bool,
 }
 
-/// How many bytes a number of a type has.
+/// The size of a number type, bytes.
 fn width(kind: u32) -> Outcome<usize> {
     match kind {
         1 | 2 => Ok(1),

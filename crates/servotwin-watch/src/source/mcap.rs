@@ -1,12 +1,11 @@
-//! MCAP files: the messages of all channels in JSON, those of one time as one row.
+//! Reads JSON messages from all channels of an MCAP file; messages with the same time form one row.
 //!
-//! A column is the topic without its leading `/`, a point, and the key in the message
-//! (`measured.p_a_1_pa`); `log_time` is the time of the message in ns. A damaged chunk is left out and
-//! counted; what comes behind it is read.
+//! A column is named by the topic without its leading `/`, a point, and the key in the message (`measured.p_a_1_pa`).
+//! `log_time` is the time of the message in ns. A damaged chunk is skipped and counted; reading continues after it.
 //!
-//! Rows come in the order of their times. A file is looked through once: in one whose messages are in order, as recorders
-//! write it, messages are read one after the other; of any other (written topic by topic, or several files merged) the
-//! wanted numbers are read into memory and sorted.
+//! Rows are ordered by time. A first pass finds out whether messages are in order, as recorders write them. Ordered
+//! messages are read one by one. In any other file (written topic by topic, or merged), the wanted numbers are read
+//! into memory and sorted.
 
 use super::frame::{Flaw, Frames};
 use super::survey::{LogColumn, Objects};
@@ -21,10 +20,10 @@ use std::fs::File;
 use std::io::{self, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
-/// The column with the time of a message.
+/// The column with the message time.
 pub const LOG_TIME: &str = "log_time";
 
-/// No chunk and no record is larger.
+/// The largest chunk or record, bytes.
 const LARGEST: usize = 1 << 28;
 
 /// The most numbers of an unordered file that are sorted in memory: half a gigabyte.
@@ -34,14 +33,14 @@ const MOST_SORTED: usize = 50_000_000;
 struct InOrder {
     messages: Messages,
     frames: Frames,
-    /// The place of the time of a message in a row.
+    /// The index of the message time in a row.
     log_time: Option<usize>,
-    /// A message of the next row.
+    /// The first message of the next row.
     next: Option<Message>,
     read: u64,
 }
 
-/// Opens a file that must have some columns.
+/// Opens a file that must have the wanted columns.
 pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let Survey { columns, is_in_order } = survey(path, Some(wanted))?;
     let known: Vec<String> = columns.into_iter().map(|column| column.name).collect();
@@ -60,12 +59,12 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError
 struct Message {
     number: u64,
     log_time_ns: u64,
-    /// The topic, without its leading slash, and a point.
+    /// The topic without its leading slash, followed by a point.
     prefix: String,
     data: Vec<u8>,
 }
 
-/// What comes next in a file.
+/// The next item of a file.
 enum Next {
     Message(Message),
     Flawed(Flaw),
@@ -98,7 +97,7 @@ impl Source for InOrder {
                     self.next = Some(message);
                     break;
                 }
-                // It is told with the next row.
+                // The flaw is reported with the next row.
                 Next::Flawed(flaw) => {
                     self.messages.waiting.push_front(Next::Flawed(flaw));
                     break;
@@ -126,7 +125,7 @@ impl Source for InOrder {
     }
 }
 
-/// The columns of all channels, with the unit of the time.
+/// The columns of all channels, with the time and its unit.
 pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let found = survey(path, None)?.columns;
     match found.len() {
@@ -141,7 +140,8 @@ struct Survey {
     is_in_order: bool,
 }
 
-/// Looks through a file: wherever a channel begins, it is found. Where columns are `wanted`, others may be left out.
+/// Scans a file for columns: a channel may begin anywhere. If columns are `wanted`, the scan may stop collecting once
+/// it has them.
 fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
     let mut messages = Messages::open(path)?;
     let (mut found, mut last_ns, mut is_in_order) = (Objects::default(), 0, true);
@@ -164,20 +164,20 @@ fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
     Ok(Survey { columns: found.finish(), is_in_order })
 }
 
-/// The wanted numbers of a file that is not in order, by the times of their messages.
+/// The wanted numbers of an unordered file, sorted by message time.
 struct Sorted {
     wanted: Wanted,
     log_time: Option<usize>,
     parts: Vec<Part>,
-    /// The place in a row of every number, and the number.
+    /// The index in a row of every number, and the number.
     places: Vec<u16>,
     numbers: Vec<f64>,
-    /// The flaws of messages, reported as the file is read.
+    /// Flawed messages, reported while the file is read.
     flaws: VecDeque<(u64, Flaw)>,
     next: usize,
 }
 
-/// The columns that a message fills.
+/// The values of one message.
 struct Part {
     log_time_ns: u64,
     number: u64,
@@ -269,12 +269,12 @@ impl Source for Sorted {
     }
 }
 
-/// The messages of a file in its order.
+/// The messages of a file in file order.
 struct Messages {
     path: PathBuf,
     file: BufReader<File>,
     reader: LinearReader,
-    /// The prefixes of channels in JSON.
+    /// The column prefixes of JSON channels.
     channels: BTreeMap<u16, String>,
     waiting: VecDeque<Next>,
     count: u64,
@@ -347,7 +347,7 @@ impl Messages {
             }
             Ok(record) => self.record(record),
             Err(error) => {
-                // Behind this nothing can be told apart.
+                // After this error, record boundaries are unknown.
                 self.ended = true;
                 let flaw = match error {
                     McapError::UnexpectedEof | McapError::UnexpectedEoc => Flaw::CutShort,
@@ -392,7 +392,7 @@ impl Messages {
     }
 }
 
-/// The records of a chunk.
+/// Decompresses the records of a chunk.
 fn unpacked(header: &ChunkHeader, data: &[u8]) -> io::Result<Vec<u8>> {
     let wrong = |cause: String| io::Error::new(io::ErrorKind::InvalidData, cause);
     let size = header.uncompressed_size;

@@ -1,8 +1,8 @@
-//! Where samples come from: files and live streams behind one trait.
+//! Sources of samples: files and live streams behind one trait.
 //!
-//! A source knows which columns are wanted ([`Wanted`]) and gives their numbers row by row, in the units of
-//! the log. What cannot be read is a [`Flaw`], never an end: only a file or a connection that cannot
-//! be opened is an error.
+//! A source knows the wanted columns ([`Wanted`]) and returns their numbers row by row, in the units of the log.
+//! Unreadable input is a [`Flaw`] and never ends the stream. Only a file or connection that cannot be opened is an
+//! error.
 
 pub mod frame;
 #[cfg(any(feature = "mf4", feature = "mat"))]
@@ -39,26 +39,26 @@ pub use survey::{LogColumn, is_time_name};
 /// The unit of a date as text.
 pub const DATE: &str = "date";
 
-/// How long a live source waits before it says that nothing came.
+/// How long a live source waits before it reports a pause.
 pub const PAUSE: Duration = Duration::from_millis(200);
 
-/// The columns that are read, in this order.
+/// The columns to read, in this order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Wanted {
-    /// Their names, each once.
+    /// The column names, without duplicates.
     pub names: Vec<String>,
-    /// Which of them is the time; without one, rows follow each other in the period of the log.
+    /// The index of the time column; without one, rows follow each other at a fixed rate.
     pub time: Option<usize>,
     /// Whether the time is a date as text.
     pub dates: bool,
-    /// The columns of lines without a header, from left to right.
+    /// The columns of lines without a header, from left to right; empty if the log has one.
     pub columns: Vec<String>,
-    /// For each name whether words for on and off are numbers in it; where there is none, they are not.
+    /// For each name, whether words for on and off are numbers in it; missing entries mean no.
     pub flags: Vec<bool>,
 }
 
 impl Wanted {
-    /// The number that words stand for in a column: a date where it is the time, on and off where they are numbers.
+    /// The number for a word in a column: a date in the time column, on and off where the column allows them.
     pub(super) fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
         if self.dates && self.time == Some(place) {
             return moment::seconds(text);
@@ -72,43 +72,43 @@ impl Wanted {
     }
 }
 
-/// A row as it came.
+/// One row of a log.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Row {
-    /// Its line, row, datagram or message, from 1.
+    /// Its line, row, datagram or message number, from 1.
     pub place: u64,
-    /// The wanted columns; NaN is missing.
+    /// The wanted columns; NaN means missing.
     pub values: Vec<f64>,
-    /// How many of them were there, but no finite number.
+    /// How many values were present but not finite numbers.
     pub bad: u64,
-    /// The first of those.
+    /// The first of these values.
     pub first_bad: Option<Bad>,
-    /// How many rows before it were cut off.
+    /// How many earlier rows were cut off by the time span.
     pub cut: u64,
 }
 
-/// A value that is no finite number.
+/// A value that is not a finite number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bad {
-    /// Its column among those wanted.
+    /// The index of its column among those wanted.
     pub column: usize,
-    /// The beginning of what stands there, as it may be shown.
+    /// Its text, shortened and sanitized for messages.
     pub text: String,
 }
 
 impl Row {
-    /// Before the values of the next row are looked at.
+    /// Resets the invalid values before the next row.
     pub(super) fn forget_bad(&mut self) {
         (self.bad, self.first_bad) = (0, None);
     }
 
-    /// Counts a value that is no finite number.
+    /// Counts a value that is not a finite number.
     pub(super) fn note_bad(&mut self, bad: Bad) {
         self.bad += 1;
         self.first_bad.get_or_insert(bad);
     }
 
-    /// The values that are not numbers, with the column of the first.
+    /// Describes the invalid values, with the column of the first.
     pub fn bad_in_words(&self, wanted: &Wanted) -> String {
         let first = self.first_bad.as_ref();
         let column = first.and_then(|bad| Some((wanted.names.get(bad.column)?, &bad.text)));
@@ -123,85 +123,85 @@ impl Row {
     }
 }
 
-/// What came of reading on.
+/// The result of reading the next item.
 #[derive(Debug, PartialEq)]
 pub enum Read {
-    /// A row.
+    /// A row was read; its values are in `row`.
     Row,
-    /// Something that is no row.
+    /// Input that is not a row.
     Flawed(Flaw),
-    /// Something that says nothing, as a header.
+    /// Input without data, such as a header.
     Nothing,
-    /// A live stream is quiet.
+    /// A live stream has sent nothing for [`PAUSE`].
     Pause,
-    /// The connection is lost; it is being made again.
+    /// The connection is lost; the source is reconnecting.
     Disconnected {
-        /// What happened.
+        /// The reason.
         cause: String,
     },
-    /// The connection that was lost is made again.
+    /// The lost connection is restored.
     Reconnected,
-    /// Something was not taken at all.
+    /// Input was dropped.
     Dropped(Dropped),
-    /// Nothing will come.
+    /// The source has ended.
     End,
 }
 
-/// Input that a source did not take.
+/// Input that a source dropped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dropped {
-    /// Why.
+    /// The reason for dropping it.
     pub kind: Kind,
-    /// How many since it was reported last.
+    /// How many were dropped since the last report.
     pub count: u64,
-    /// The first of them.
+    /// The place of the first.
     pub place: u64,
-    /// The value, as text.
+    /// Details of the first.
     pub detail: String,
 }
 
-/// Gives row by row.
+/// Returns the rows of a log or stream.
 pub trait Source {
-    /// Reads on. `row` is the last one's, to be overwritten.
+    /// Reads the next item. `row` is overwritten.
     ///
     /// # Errors
     /// The file or the connection fails.
     fn read(&mut self, row: &mut Row) -> Result<Read, SourceError>;
 
-    /// What is counted: `line`, `row`, `datagram` or `message`.
+    /// The unit of counting: `line`, `row`, `datagram` or `message`.
     fn counted(&self) -> &'static str;
 
-    /// Whether it goes on by the clock, and cannot be read again.
+    /// Whether data arrive in real time and cannot be read again.
     fn is_live(&self) -> bool {
         false
     }
 
-    /// How much of a file is read, from 0 to 1.
+    /// The share of a file read so far, from 0 to 1.
     fn share(&self) -> Option<f64> {
         None
     }
 }
 
-/// A source by its name.
+/// The address of a source.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Address {
     /// A .parquet, .mcap, .mf4 or .mat file, or any other name for CSV or lines of JSON objects.
     File(PathBuf),
     /// Lines of standard input.
     Stdin,
-    /// Datagrams sent to this address.
+    /// UDP datagrams sent to this address.
     Udp(SocketAddr, udp::Allowed),
-    /// Messages of a broker.
+    /// Messages from an MQTT broker.
     #[cfg(feature = "mqtt")]
     Mqtt(mqtt::Subscription),
 }
 
 impl Address {
-    /// The source that a text names: a file, `-`, `udp://HOST:PORT`, or
+    /// Parses an address: a file, `-`, `udp://HOST:PORT`, or
     /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=1]`.
     ///
     /// # Errors
-    /// [`SourceError::Address`], or [`SourceError::Feature`] where this program cannot read such a source.
+    /// [`SourceError::Address`], or [`SourceError::Feature`] if this program cannot read such a source.
     pub fn parse(text: &str) -> Result<Self, SourceError> {
         let wrong = |needed| SourceError::Address { given: without_user(text), needed };
         if text == "-" {
@@ -224,7 +224,7 @@ impl Address {
         Ok(Address::File(PathBuf::from(text)))
     }
 
-    /// Listens to some senders only; `None` where the source has no senders.
+    /// Restricts the accepted senders; `None` if the source has no senders.
     pub fn from_senders(self, allowed: udp::Allowed) -> Option<Self> {
         match self {
             Address::Udp(address, _) => Some(Address::Udp(address, allowed)),
@@ -251,20 +251,20 @@ impl Address {
         })
     }
 
-    /// Whether the source goes on by the clock.
+    /// Whether data arrive in real time.
     pub fn is_live(&self) -> bool {
         !matches!(self, Address::File(_))
     }
 
-    /// Whether whoever writes the source waits until it is read: then nothing has to be dropped.
+    /// Whether the writer of the source waits until it is read, so that nothing must be dropped.
     pub fn waits(&self) -> bool {
         matches!(self, Address::File(_) | Address::Stdin)
     }
 
-    /// Opens the source for some columns.
+    /// Opens the source for the wanted columns.
     ///
     /// # Errors
-    /// It cannot be opened, or a file does not have the columns.
+    /// The source cannot be opened, or a file lacks a column.
     pub fn open(&self, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
         Ok(match self {
             Address::File(path) if has_extension(path, "parquet") => {
@@ -283,11 +283,11 @@ impl Address {
         })
     }
 
-    /// The columns of a file, or of what comes first in a stream, with their units and first numbers where these are
-    /// known. Objects and messages of a file are looked through to its end.
+    /// The columns of a file, or of the first data in a stream, with units and first numbers if known. Objects and
+    /// messages of a file are scanned to its end.
     ///
     /// # Errors
-    /// It cannot be opened, or nothing in it is a header.
+    /// The source cannot be opened, or has no header.
     pub fn columns(&self) -> Result<Vec<LogColumn>, SourceError> {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
@@ -324,7 +324,7 @@ fn without_user(text: &str) -> String {
     }
 }
 
-/// The message about a feature that is off, with the line that turns it on.
+/// The message about a disabled feature, with the command that enables it.
 pub(crate) fn feature_needed_text(what: &str, feature: &str) -> String {
     format!(
         "{what} needs the feature '{feature}', which this program was built without: \
@@ -332,12 +332,12 @@ pub(crate) fn feature_needed_text(what: &str, feature: &str) -> String {
     )
 }
 
-/// The error for a source whose reader is a feature that is off.
+/// The error for a source whose reader is behind a disabled feature.
 pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
     SourceError::Feature { what: what.to_owned(), feature }
 }
 
-/// Defines how files of an optional kind are opened, and what is said of one where they are not read.
+/// Defines how files of an optional format are opened, and the error if the format is disabled.
 macro_rules! optional_kind {
     ($feature:literal, $module:ident, $open:ident, $columns:ident) => {
         #[cfg(feature = $feature)]
@@ -377,13 +377,13 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
 /// A column that two topics of a broker send.
 #[derive(Debug)]
 pub struct MixedTopics {
-    /// The address of the broker.
+    /// The broker's address.
     pub broker: String,
-    /// The column.
+    /// The name of the column.
     pub column: String,
-    /// The topics.
+    /// The two topics that send it.
     pub topics: [String; 2],
-    /// The last levels of the first topic, which the second does not have.
+    /// The last levels of the first topic, which distinguish it from the second.
     pub ending: String,
     /// Whether the map names the time.
     pub has_time: bool,
@@ -410,21 +410,21 @@ impl fmt::Display for MixedTopics {
     }
 }
 
-/// Why there is no source, or no more of it.
+/// Why a source cannot be opened or read further.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
-    /// The name of the source cannot be understood.
+    /// The text is not a source.
     #[error("'{given}' names no source: {needed} is needed")]
     Address {
-        /// What was written.
+        /// The text as given.
         given: String,
-        /// What is possible.
+        /// The accepted forms.
         needed: &'static str,
     },
-    /// This program was built without what reads such a source.
+    /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature {
-        /// The source.
+        /// The address of the source.
         what: String,
         /// The feature of the packages `servotwin` and `servotwin-cli`.
         feature: &'static str,
@@ -432,65 +432,65 @@ pub enum SourceError {
     /// Two topics of a broker send the same column.
     #[error("{0}")]
     Mixed(Box<MixedTopics>),
-    /// A file is damaged, or of a kind that is not read.
+    /// A file is damaged or has an unsupported format.
     #[error("{address}: {cause}")]
     Unreadable {
-        /// The file.
+        /// The path of the file.
         address: String,
-        /// What is wrong with it.
+        /// The problem.
         cause: String,
     },
-    /// A file.
+    /// A file cannot be opened or read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A table.
+    /// A Parquet table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// A connection.
+    /// A connection cannot be made, or has ended.
     #[error("{address}: {cause}")]
     Connection {
-        /// To what.
+        /// The remote address.
         address: String,
-        /// What happened.
+        /// The reason.
         cause: String,
     },
-    /// There is nothing in it.
+    /// The file contains no data.
     #[error("{address}: the file is empty")]
     Empty {
-        /// The file.
+        /// Counts a row, and its frame if that is new.
         address: String,
     },
-    /// Nothing in it names columns.
+    /// No line names columns.
     #[error("{address}: no line with the names of columns, and no JSON object")]
     NoHeader {
-        /// The source.
+        /// The address of the source.
         address: String,
     },
-    /// A file that is not in the order of its times has more numbers than are sorted.
+    /// An unordered file has more numbers than can be sorted in memory.
     #[error(
         "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time \
          first"
     )]
     Unsorted {
-        /// The file.
+        /// The path of the file.
         address: String,
-        /// How many are sorted at most.
+        /// The most numbers that are sorted.
         most: usize,
     },
-    /// Nothing of a log lies in the time that was asked for.
+    /// No row of the log lies in the requested time span.
     #[error(transparent)]
     Cut(CutError),
-    /// Columns that the map names are not there.
+    /// Columns that the map names are missing.
     #[error(
         "{address} has no column '{}'; {}",
         .columns.join("', '"), advice(&.columns[0], .known)
     )]
     Lacking {
-        /// The log.
+        /// The address of the log.
         address: String,
-        /// The columns.
+        /// The missing columns.
         columns: Vec<String>,
-        /// All there are.
+        /// All columns of the log.
         known: Vec<String>,
     },
 }
@@ -501,7 +501,7 @@ impl SourceError {
         SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
     }
 
-    /// The error for wanted names that are not among those there, if there are any.
+    /// The error for wanted columns that the log lacks; `None` if it has all.
     pub(super) fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
         let columns = wanted.names.iter().filter(|name| !known.contains(name));
         let columns: Vec<String> = columns.cloned().collect();
@@ -514,7 +514,7 @@ impl SourceError {
     }
 }
 
-/// The column that may be meant, or all there are.
+/// Suggests the most similar column, or lists all.
 fn advice(column: &str, known: &[String]) -> String {
     match nearest(column, known.iter().map(String::as_str)) {
         Some(name) => format!("did you mean '{name}'?"),
@@ -522,7 +522,7 @@ fn advice(column: &str, known: &[String]) -> String {
     }
 }
 
-/// A topic in full, with nothing in it that a terminal would act on.
+/// A complete topic with control characters escaped.
 fn plain(topic: &str) -> String {
     topic.chars().flat_map(char::escape_debug).collect()
 }

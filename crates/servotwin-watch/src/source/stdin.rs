@@ -1,4 +1,4 @@
-//! Lines of standard input, read by a thread of their own so that a quiet stream can be left.
+//! Reads lines of standard input on a separate thread, so that a quiet stream does not block the watch.
 
 use super::frame::{self, Flaw, Frames};
 use super::lines::{Line, next_line};
@@ -6,7 +6,7 @@ use super::{PAUSE, Read, Row, Source, SourceError, Wanted};
 use std::io::{self, BufRead, BufReader};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 
-/// How many lines may wait to be looked at; the writer waits for more.
+/// The most lines that wait to be processed; beyond that, the writer waits.
 const WAITING: usize = 4096;
 
 /// A stream of lines.
@@ -17,7 +17,7 @@ pub struct Stdin {
 }
 
 impl Stdin {
-    /// Begins to read.
+    /// Starts the reading thread.
     pub fn new(stream: impl io::Read + Send + 'static, wanted: &Wanted) -> Self {
         let (send, lines) = sync_channel(WAITING);
         std::thread::spawn(move || {
@@ -26,7 +26,7 @@ impl Stdin {
                 let mut line = vec![];
                 let found = next_line(&mut reader, &mut line).map(|found| (found, line));
                 let last = !matches!(found, Ok((Line::Whole | Line::TooLong, _)));
-                // Whoever does not listen does not want more.
+                // A closed receiver needs no more lines.
                 if send.send(found).is_err() || last {
                     break;
                 }
@@ -49,7 +49,7 @@ impl Source for Stdin {
         Ok(match found {
             Line::None => Read::End,
             Line::TooLong => Read::Flawed(Flaw::TooLong),
-            // Its writer may have died within a number.
+            // The writer may have died in the middle of a number.
             Line::Unended => Read::Flawed(Flaw::CutShort),
             Line::Whole => self.frames.read(&line, row),
         })

@@ -1,6 +1,6 @@
-//! What a log has before anybody maps it: its columns, their units where the log names them, and their first numbers.
+//! The contents of a log before it is mapped: its columns, their units if given, and their first numbers.
 //!
-//! The beginning of a log does not stand for all of it: objects and channels are looked through to the end.
+//! The beginning of a log may not show everything, so objects and channels are scanned to the end.
 
 use super::{DATE, Wanted};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -11,13 +11,13 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// So many numbers of a column are kept.
+/// The most numbers of a column that are kept.
 const HEAD: usize = 256;
 
-/// So many names of objects are kept: further ones are no columns.
+/// The most names of object keys that are kept; further ones are ignored.
 const MOST_COLUMNS: usize = 50_000;
 
-/// Names of a column with the time, by their letters and digits alone.
+/// Names of a time column, reduced to lowercase letters and digits.
 const TIMES: [&str; 18] = [
     "time",
     "t",
@@ -39,7 +39,7 @@ const TIMES: [&str; 18] = [
     "messzeit",
 ];
 
-/// Whether a name without unit, in lower case and by its letters and digits alone, is that of a time.
+/// Whether a name without unit, reduced to lowercase letters and digits, is that of a time.
 pub fn is_time_name(key: &str) -> bool {
     TIMES.contains(&key)
 }
@@ -50,30 +50,30 @@ pub(super) fn may_be_time(name: &str) -> bool {
     parts.next().is_some_and(|part| is_time_name(&part.to_lowercase()))
 }
 
-/// A column as a log shows it.
+/// A column as found in the log.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LogColumn {
-    /// The name.
+    /// The column's name in the log.
     pub name: String,
-    /// The unit that the log gives it, in a row of units or in its schema; `date` for dates as text; else empty.
+    /// The unit from a row of units or the schema; `date` for dates as text; empty if unknown.
     pub unit: String,
-    /// Its first numbers as they stand there; of dates the seconds since 1970.
+    /// Its first numbers, unconverted; dates as seconds since 1970.
     pub head: Vec<f64>,
 }
 
 impl LogColumn {
-    /// A column of which nothing but the name is known.
+    /// A column whose unit and values are unknown.
     pub fn named(name: impl Into<String>) -> Self {
         LogColumn { name: name.into(), ..LogColumn::default() }
     }
 
-    /// A column with the unit that the log gives it.
+    /// A column with the unit given by the log.
     #[cfg(feature = "mf4")]
     pub fn in_unit(name: impl Into<String>, unit: impl Into<String>) -> Self {
         LogColumn { unit: unit.into(), ..LogColumn::named(name) }
     }
 
-    /// How far its numbers are usually apart; `None` where they do not grow.
+    /// The typical difference between its numbers; `None` where they do not grow.
     pub fn step(&self) -> Option<f64> {
         let steps = self.head.windows(2).map(|pair| pair[1] - pair[0]);
         let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
@@ -88,7 +88,7 @@ impl LogColumn {
         }
     }
 
-    /// Takes a text that stands in the column; `number` is what it says as a number.
+    /// Adds the text of a cell; `number` is its value as a number.
     fn take(&mut self, text: &str, number: Option<f64>) {
         match number {
             Some(number) => self.push(number),
@@ -116,7 +116,7 @@ impl Sheet {
         Sheet { columns, numbers: Numbers::new(separator != b','), rows: 0 }
     }
 
-    /// Takes a line below the header: units, values, or neither.
+    /// Adds a line below the header: units, values, or neither.
     pub(super) fn add(&mut self, cells: &[String]) {
         if cells.len() != self.columns.len() {
             return;
@@ -144,7 +144,7 @@ impl Sheet {
     }
 }
 
-/// Whether most cells of a line that are not empty are units.
+/// Whether most non-empty cells of a line are units.
 fn is_units(cells: &[String]) -> bool {
     let filled = cells.iter().map(|cell| bare_unit(cell)).filter(|unit| !unit.is_empty());
     let is_known = |unit: &&str| matches!(*unit, "-" | "1") || units::find(unit).is_some();
@@ -153,12 +153,12 @@ fn is_units(cells: &[String]) -> bool {
     known > 0 && 2 * known > all
 }
 
-/// A unit without the brackets around it.
+/// A unit without enclosing brackets.
 fn bare_unit(cell: &str) -> &str {
     cell.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']).trim()
 }
 
-/// The columns of objects, as they appear.
+/// The columns of objects, in order of appearance.
 #[derive(Default)]
 pub(super) struct Objects {
     columns: Vec<LogColumn>,
@@ -166,12 +166,12 @@ pub(super) struct Objects {
 }
 
 impl Objects {
-    /// Takes an object; before the names of its values stands a prefix. What is no object names nothing.
+    /// Adds an object; `prefix` precedes the names of its values. Anything else is ignored.
     pub(super) fn add(&mut self, prefix: &str, text: &[u8]) {
         if self.parse(prefix, text).is_err()
             && let Some(plain) = super::frame::without_special_numbers(text)
         {
-            // Columns read before the mistake stay.
+            // Columns read before a mistake are kept.
             let _ = self.parse(prefix, &plain);
         }
     }
@@ -184,21 +184,21 @@ impl Objects {
     }
 
     #[cfg(feature = "mcap")]
-    /// A column that no object names.
+    /// Adds a column that no object names.
     pub(super) fn name(&mut self, name: &str, unit: &str) {
         if let Some(column) = self.column(name) {
             column.unit = unit.into();
         }
     }
 
-    /// A number of a column.
+    /// Adds a number to a column.
     pub(super) fn number(&mut self, name: &str, value: f64) {
         if let Some(column) = self.column(name) {
             column.push(value);
         }
     }
 
-    /// Whether it has seen all the names that are wanted.
+    /// Whether all wanted names have been seen.
     pub(super) fn has_all(&self, wanted: &Wanted) -> bool {
         wanted.names.iter().all(|name| self.places.contains_key(name))
     }

@@ -1,4 +1,4 @@
-//! A Parquet file, part by part.
+//! Reads a Parquet file in batches.
 
 use super::{Bad, DATE, LogColumn, Read, Row, Source, SourceError, Wanted};
 use servotwin_io::moment;
@@ -8,19 +8,19 @@ use servotwin_io::table::parquet::ParquetReader;
 use servotwin_io::table::{Column, Kind, Table, Values};
 use std::path::Path;
 
-/// A Parquet file of which the wanted columns are read.
+/// A Parquet file, of which only the wanted columns are read.
 pub struct Parquet {
     reader: ParquetReader,
     wanted: Wanted,
     rows: usize,
-    /// The wanted columns of the part being read.
+    /// The wanted columns of the current batch.
     part: Vec<Values>,
     next: usize,
     place: u64,
 }
 
 impl Parquet {
-    /// Opens a file that must have some columns.
+    /// Opens a file that must have the wanted columns.
     pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
         let known: Vec<String> =
             ParquetReader::open(path)?.schema().names().map(String::from).collect();
@@ -34,7 +34,7 @@ impl Parquet {
         Ok(Parquet { reader, wanted: wanted.clone(), rows, part: vec![], next: 0, place: 0 })
     }
 
-    /// The number in a cell; `Err` with what stands there where it is none.
+    /// The number in a cell; `Err` with its text if it is not a number.
     fn number(&self, column: usize, row: usize) -> Result<f64, String> {
         let value = match &self.part[column] {
             Values::Float(values) => values[row],
@@ -86,8 +86,8 @@ impl Source for Parquet {
     }
 }
 
-/// The columns of a file with their units. Where the first of a column's texts is a date, that is its unit. Of numbers only
-/// what may be a time is read.
+/// The columns of a file with their units. If a column's first text is a date, its unit is `date`. Numbers are read
+/// only from columns that may hold the time.
 pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let reader = ParquetReader::open(path)?;
     let columns = reader.schema().columns();
@@ -96,7 +96,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     };
     let is_text = |column: &Column| column.values.kind() == Kind::Text;
     let texts = named(&is_text);
-    // A text that is too large for the limits is no date; whoever reads its column is told.
+    // A text that exceeds the size limits is not a date; reading its column reports the error.
     let first = ParquetReader::open_columns(path, &texts)?.with_batch(1).next();
     let first = first.and_then(Result::ok);
     let times = named(&|column| !is_text(column) && super::survey::may_be_time(&column.name));

@@ -1,7 +1,7 @@
-//! UDP datagrams, each of one or several lines.
+//! Reads UDP datagrams, each with one or more lines.
 //!
-//! A thread of its own receives them into a bounded queue, so that a diagnosis that is busy loses none. Whose datagrams
-//! count is the business of [`Senders`].
+//! A separate thread receives them into a bounded queue, so that a busy diagnosis loses none. [`Senders`] decides which
+//! datagrams are accepted.
 
 use super::frame::{self, Frames};
 use super::{Dropped, Kind, PAUSE, Read, Row, Source, SourceError, Wanted};
@@ -15,19 +15,19 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The largest datagram there is.
+/// The largest possible datagram, bytes.
 const LARGEST: usize = 1 << 16;
 
 /// The most datagrams that wait to be read: more than a minute at 100 Hz.
 const WAITING: usize = 8192;
 
-/// The most bytes among them.
+/// The most bytes in waiting datagrams.
 const WAITING_BYTES: usize = 64 << 20;
 
 /// The requested size of the socket's receive buffer, bytes.
 const RECEIVE_BUFFER: usize = 4 << 20;
 
-/// A sender that was listened to and is silent for so long makes room for another.
+/// A locked sender that is silent for this long makes room for another.
 const RELEASE: Duration = Duration::from_secs(2);
 
 /// The senders that are accepted.
@@ -36,26 +36,26 @@ pub enum Allowed {
     /// The first that sends a sample, until it is silent for two seconds.
     #[default]
     First,
-    /// Everybody's.
+    /// Every sender.
     Any,
-    /// Those of these addresses.
+    /// Only these senders.
     These(Vec<Sender>),
 }
 
-/// A sender that is named.
+/// A sender in the list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sender {
     /// Any port of a host.
     Host(IpAddr),
-    /// One port of it.
+    /// One port of a host.
     Port(SocketAddr),
 }
 
 impl Allowed {
-    /// The senders of some texts: `any`, an IP address, or one with a port. No text is the first sender.
+    /// Parses sender texts: `any`, an IP address, or an address with a port. An empty list selects the first sender.
     ///
     /// # Errors
-    /// The text that is none.
+    /// The first invalid text.
     pub fn parse(texts: &[String]) -> Result<Self, String> {
         if texts.is_empty() {
             return Ok(Allowed::First);
@@ -72,12 +72,12 @@ impl Allowed {
     }
 }
 
-/// An IPv4 address that came in the clothes of IPv6 as what it is.
+/// Converts an IPv4-mapped IPv6 address to IPv4.
 fn canonical(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(address.ip().to_canonical(), address.port())
 }
 
-/// Decides whose datagrams are taken.
+/// Decides whose datagrams are accepted.
 #[derive(Debug)]
 struct Senders {
     allowed: Allowed,
@@ -109,7 +109,7 @@ impl Senders {
         }
     }
 
-    /// A sender has sent a sample.
+    /// Locks onto a sender after its first sample.
     fn lock(&mut self, sender: SocketAddr, now: Instant) {
         if self.allowed == Allowed::First && self.locked.is_none() {
             self.locked = Some((canonical(sender), now));
@@ -117,18 +117,18 @@ impl Senders {
     }
 }
 
-/// A datagram as it came.
+/// A received datagram.
 struct Datagram {
     place: u64,
     sender: SocketAddr,
     bytes: Vec<u8>,
 }
 
-/// The state that the receiving thread and the reader share.
+/// State shared by the receiving thread and the reader.
 struct Shared {
     senders: Mutex<Senders>,
     waiting_bytes: AtomicUsize,
-    /// The datagrams refused since the last report.
+    /// The datagrams dropped since the last report.
     dropped: Mutex<Vec<Dropped>>,
     is_over: AtomicBool,
 }
@@ -153,19 +153,19 @@ impl Shared {
         }
     }
 
-    /// The pending reports, one kind after the other.
+    /// The next pending report; each call returns one kind.
     fn take_dropped(&self) -> Option<Dropped> {
         self.dropped().pop()
     }
 }
 
-/// A socket.
+/// A UDP source.
 pub struct Udp {
     address: SocketAddr,
     datagrams: Receiver<io::Result<Datagram>>,
     shared: Arc<Shared>,
     frames: Frames,
-    /// The lines of a datagram that are not read so far.
+    /// The unread lines of the current datagram.
     lines: VecDeque<Vec<u8>>,
     place: u64,
     sender: SocketAddr,
@@ -178,7 +178,7 @@ fn failed(address: SocketAddr, cause: &io::Error) -> SourceError {
 fn bind(address: SocketAddr) -> Result<UdpSocket, SourceError> {
     let socket = UdpSocket::bind(address).map_err(|cause| failed(address, &cause))?;
     socket.set_read_timeout(Some(PAUSE)).map_err(|cause| failed(address, &cause))?;
-    // A system that allows less keeps what it allows.
+    // A system that allows less uses its own maximum.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     Ok(socket)
 }
@@ -205,7 +205,7 @@ impl Udp {
         Ok(Udp { address, datagrams, shared, frames, lines, place: 0, sender: address })
     }
 
-    /// Takes the next datagram apart, if there is one within a pause.
+    /// Splits the next datagram into lines; `false` if none arrives within [`PAUSE`].
     fn next_datagram(&mut self) -> Result<bool, SourceError> {
         let datagram = match self.datagrams.recv_timeout(PAUSE) {
             Ok(received) => received.map_err(|cause| failed(self.address, &cause))?,
@@ -229,7 +229,7 @@ impl Drop for Udp {
     }
 }
 
-/// Receives datagrams until the reader has gone.
+/// Receives datagrams until the reader is dropped.
 fn receive(socket: &UdpSocket, queue: &SyncSender<io::Result<Datagram>>, shared: &Shared) {
     let mut buffer = vec![0; LARGEST];
     let mut place = 0;
@@ -238,7 +238,7 @@ fn receive(socket: &UdpSocket, queue: &SyncSender<io::Result<Datagram>>, shared:
             Ok(received) => received,
             Err(error) if is_pause(&error) => continue,
             Err(error) => {
-                // Nobody has to hear it who has gone.
+                // A dropped reader does not need the error.
                 let _ = queue.send(Err(error));
                 return;
             }
@@ -269,7 +269,7 @@ impl Source for Udp {
             }
         }
         row.place = self.place;
-        // Waited for by another that was locked meanwhile, or not: what was taken is read.
+        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
         let Some(line) = self.lines.pop_front() else { return Ok(Read::Nothing) };
         let read = self.frames.read(&line, row);
         if read == Read::Row {
@@ -287,7 +287,7 @@ impl Source for Udp {
     }
 }
 
-/// Whether nothing came, which is no failure. (A refused connection is news of an earlier sender.)
+/// Whether the error means that nothing arrived. A refused connection concerns an earlier sender.
 pub(super) fn is_pause(error: &io::Error) -> bool {
     use io::ErrorKind as Kind;
     matches!(
@@ -357,7 +357,7 @@ mod tests {
         assert_eq!(source.read(&mut row).unwrap(), Read::Pause);
     }
 
-    /// Reads until something comes.
+    /// Reads until something other than a pause arrives.
     fn next(source: &mut Udp) -> (Read, Row) {
         let mut row = Row::default();
         loop {
@@ -372,7 +372,7 @@ mod tests {
     fn a_second_sender_is_counted_and_not_mixed_in() {
         let mut source = open(Allowed::First);
         let [own, other] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
-        // Noise gives nobody the place of the first sender.
+        // Noise does not lock the source to its sender.
         other.send_to(b"\x00\x01", source.address).unwrap();
         assert_eq!(next(&mut source).0, Read::Flawed(Flaw::Noise));
         own.send_to(b"1,2", source.address).unwrap();
@@ -429,7 +429,7 @@ mod tests {
         let mut source = open(Allowed::Any);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let big = vec![b'#'; 60_000];
-        // Nobody reads until more was sent than may wait; what the system loses on the way is not ours to count.
+        // Nobody reads until the queue overflows. Datagrams that the operating system drops are not counted.
         let mut sent = 0;
         while source.shared.dropped().is_empty() {
             sender.send_to(&big, source.address).unwrap();

@@ -1,4 +1,4 @@
-//! The data set of a campaign: labels, detection and features, one row for each variant.
+//! The data set of a campaign: labels, detection and features, one row per variant.
 
 use super::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
@@ -13,11 +13,11 @@ use std::ops::Range;
 /// A feature of the data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataFeature {
-    /// The feature.
+    /// The feature with its name and unit.
     pub feature: Feature,
     /// The family that computes it.
     pub family: &'static str,
-    /// Whether it needs the extra sensor.
+    /// Whether it needs the study's extra sensor.
     pub extra: bool,
 }
 
@@ -35,7 +35,7 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
-/// What a data set is made from, some variants after the others.
+/// The inputs for making a data set, one range of variants after the other.
 pub(super) struct Maker<'m> {
     pub study: &'m Study,
     pub cases: &'m [OperatingCase],
@@ -45,7 +45,7 @@ pub(super) struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    /// The data set of some variants, whose rows these are: labels, detection, features.
+    /// The data set of a range of variants with the given rows: labels, detection, features.
     pub fn table(&self, variants: Range<usize>, rows: &[Row]) -> Table {
         let mut columns = self.label_columns(variants.clone());
         let reflected = variants.map(|variant| self.images.is_mirrored(variant));
@@ -73,7 +73,7 @@ impl Maker<'_> {
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
-    /// Each feature, and where the units correspond also as it is seen from the others.
+    /// Each feature, and if the units correspond, also as seen from the other units.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
         let sensors = &self.study.sensors_in(self.setting);
         let orders = sensors.rotations(self.study.units.len()).unwrap_or_default();
@@ -94,7 +94,7 @@ impl Maker<'_> {
         ];
         let shown = |p: &Planned| Shown { fault: p.fault, intensity: p.intensity };
         columns.extend(fault_columns(study, &plan.iter().map(shown).collect::<Vec<_>>()));
-        // The form of the paper's figure 8: each fault's intensity in its own column.
+        // The form of the paper's figure 8: one column per fault with its intensity.
         let ids: BTreeSet<&String> = study.faults.iter().map(|fault| &fault.id).collect();
         for id in ids {
             let is_it = |p: &Planned| p.fault.is_some_and(|fault| &study.faults[fault].id == id);
@@ -106,7 +106,7 @@ impl Maker<'_> {
     }
 }
 
-/// One text for each variant.
+/// A text column with one value per variant.
 fn texts<'s>(plan: &[Planned], text: impl Fn(&Planned) -> &'s str) -> Values {
     Values::Text(plan.iter().map(|planned| text(planned).to_owned()).collect())
 }

@@ -1,4 +1,4 @@
-//! Shards joined to data sets, one after the other: memory holds the rows of one group of the file.
+//! Joins shards to data sets, one after the other: memory holds the rows of one group of the file.
 
 use super::columns::HEALTHY;
 use super::data_set::Maker;
@@ -6,21 +6,21 @@ use super::shard::{Row, Shards};
 use super::{Campaign, CampaignError, OnTheMove, Outcome, Plants, Prepared, calibration_file};
 use crate::table::parquet::ParquetWriter;
 
-/// Shards whose rows stand in one group of a data set: a group is held in memory until it is written.
+/// Number of shards in one group of a data set; a group is held in memory until it is written.
 const GROUP_SHARDS: usize = 80;
 
 impl Campaign<'_> {
-    /// Joins the shards of a campaign that has ended to its data sets.
+    /// Joins the shards of a completed campaign to its data sets.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`],
-    /// [`CampaignError::Cancelled`]; a file cannot be read or written.
+    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`], [`CampaignError::Cancelled`];
+    /// or a file cannot be read or written.
     pub fn merge(&self) -> Result<Outcome, CampaignError> {
         let prepared = self.done()?;
         if !self.units_are_alike(&prepared)? {
             return Err(CampaignError::NotAlike);
         }
-        // Where parts had folders of their own, only their shards may have been copied together.
+        // If parts had separate folders, perhaps only their shards were copied together.
         let is_told = calibration_file(&self.folder, self.role).exists();
         if self.plants() == Plants::Pool && !is_told && self.calibrated()?.is_none() {
             return Err(CampaignError::Cancelled);
@@ -28,18 +28,18 @@ impl Campaign<'_> {
         self.joined(&prepared)
     }
 
-    /// Makes the data sets anew from the shards of a campaign that has ended.
+    /// Recomputes the data sets from the shards of a completed campaign.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read or written.
+    /// [`CampaignError::Unfinished`] if shards are missing, or a file cannot be read or written.
     pub fn features(&self) -> Result<Outcome, CampaignError> {
         self.joined(&self.done()?)
     }
 
-    /// The windows of all variants of a campaign that has ended, setting by setting.
+    /// The windows of all variants of a completed campaign, by scenario.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read.
+    /// [`CampaignError::Unfinished`] if shards are missing, or a file cannot be read.
     pub fn windows(&self) -> Result<Vec<Vec<Row>>, CampaignError> {
         let prepared = self.done()?;
         let of = |shards: &Shards| {
@@ -49,7 +49,7 @@ impl Campaign<'_> {
         self.shards(&prepared).iter().map(of).collect()
     }
 
-    /// The plan of a campaign whose shards are there, be it with images or with every variant simulated.
+    /// The plan of a campaign whose shards are complete, either with symmetric copies or with every variant simulated.
     fn done(&self) -> Result<Prepared, CampaignError> {
         let missing = |prepared: &Prepared| {
             let shards = self.shards(prepared);
@@ -73,7 +73,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Whether the variants that tell so are what the images say.
+    /// Whether the probes agree with their symmetric copies.
     pub(super) fn units_are_alike(&self, prepared: &Prepared) -> Result<bool, CampaignError> {
         let probed = prepared.images.probed();
         let windows = self.shards(prepared)[0].windows(self.study, &probed)?;

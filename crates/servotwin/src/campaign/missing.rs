@@ -1,4 +1,4 @@
-//! The parts whose shards a merge lacks, named so that one line submits them again.
+//! Lists the parts whose shards a merge lacks, so that one command can submit them again.
 
 use super::shard::Shards;
 use super::{Campaign, CampaignError, Prepared};
@@ -6,10 +6,10 @@ use crate::study::{Role, Setting};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// The shards that the campaigns of a folder lack.
+/// The shards that the campaigns in a folder lack.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingParts {
-    /// In how many parts the campaigns are counted.
+    /// The number of parts in which the campaigns are divided.
     pub of: usize,
     /// The missing parts, from 1, ascending.
     pub parts: Vec<usize>,
@@ -17,7 +17,7 @@ pub struct MissingParts {
     pub campaigns: Vec<MissingRows>,
     /// Whether the shards that are there were made with `campaign --all`.
     pub simulate_images: bool,
-    /// The first file that is there and damaged.
+    /// The first file that is damaged.
     pub damaged: Option<PathBuf>,
 }
 
@@ -28,29 +28,29 @@ pub struct MissingRows {
     pub settings: Vec<Setting>,
     /// The role of its data sets.
     pub role: Role,
-    /// Rows that no usable shard holds, in all scenarios.
+    /// Number of rows without a usable shard, over all scenarios.
     pub missing: usize,
-    /// Rows in all scenarios.
+    /// Number of rows over all scenarios.
     pub variants: usize,
-    /// The parts that hold them, from 1, ascending.
+    /// The parts that contain them, from 1, ascending.
     pub parts: Vec<usize>,
 }
 
-/// One plan of a campaign, compared with the shards that are there.
+/// A plan of a campaign compared with the existing shards.
 struct Compared {
     bundles: usize,
-    /// Positions of the bundles of which a shard is missing.
+    /// The indices of bundles with a missing shard.
     incomplete: Vec<usize>,
     missing: usize,
     variants: usize,
     damaged: Option<PathBuf>,
 }
 
-/// Finds the parts that campaigns of one folder lack; `None` if every shard is there. The campaigns are those of
-/// [`super::runs`], in this order, because parts count their bundles through. Without `of`, every bundle is a part of
-/// its own, which fits whatever parts were submitted before.
+/// Finds the parts that the campaigns of a folder lack; `None` if every shard exists. The campaigns are those of
+/// [`super::runs`], in this order, because parts number the bundles of all campaigns consecutively. Without `of`, every
+/// bundle is a separate part, which fits any earlier submission.
 ///
-/// `thorough` reads every shard; otherwise a campaign passes whose shards all have their right heads.
+/// `thorough` reads every shard; otherwise a campaign passes if all its shards have the right heads.
 ///
 /// # Errors
 /// [`CampaignError::NoVariants`] or [`CampaignError::NoSection`].

@@ -1,18 +1,16 @@
-//! The campaign: every fault under every operating case, on all cores, straight
-//! into windows.
+//! The campaign: simulates every fault in every operating case on all cores, directly into windows.
 //!
-//! One simulation serves all variants that show the same signals ([`images`]) in
-//! all settings that have the same plants ([`Setting::groups`]).
+//! One simulation serves all variants with the same signals ([`images`]), in all scenarios with the same plants
+//! ([`Setting::groups`]).
 //!
-//! Variants are written in *shards*, each a Parquet file that appears when all
-//! its variants have ended. A campaign that was interrupted skips the shards
-//! that exist: because every variant is the same bits whenever it runs, the
-//! result is the same bytes. Shards are simulated in rounds and joined one after the other: memory holds
-//! the twins of a round, its open lanes and unfinished shards, and of every variant some 50 bytes of the
-//! plan; it does not grow with the length of faulty runs.
+//! Variants are written in *shards*. A shard is a Parquet file that appears when all its variants have ended. A resumed
+//! campaign skips existing shards. Every variant has the same bits whenever it runs, so the result has the same bytes.
+//! Shards are simulated in rounds and joined one after the other. Memory holds the twins of a round, its open lanes and
+//! unfinished shards, and about 50 bytes of the plan for every variant; it does not grow with the length of faulty
+//! runs.
 //!
-//! A shard holds windows, not features: the data set is made from the shards,
-//! so that features can be changed without simulating anything again.
+//! A shard contains windows, not features. The data set is made from the shards, so features can be changed without new
+//! simulations.
 
 mod calibration;
 pub mod columns;
@@ -50,84 +48,83 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use watch::{Observer, Twin, Watch};
 
-/// What is in a shard; shards of another format are made anew.
+/// The format of shards; shards of another format are simulated again.
 const SHARD_FORMAT: &str = "windows 3";
 
-/// Shards in one round of a campaign: lanes seldom wait for the last ones, and memory stays small.
+/// Shards in one round of a campaign: enough that lanes rarely wait for the last ones, and few enough to limit memory.
 pub const ROUND_SHARDS: usize = 200;
 
-/// Twins in one round at most, of which each is as long as a run.
+/// The most twins in one round; each is as long as a run.
 const ROUND_TWINS: usize = 256;
 
-/// What a campaign needs besides the study.
+/// The settings of a campaign.
 pub struct Campaign<'s> {
-    /// The study.
+    /// The study to simulate.
     pub study: &'s Study,
-    /// Whether the diagnosis is judged on it or learns from it.
+    /// Whether the diagnosis is judged on it or trained on it.
     pub role: Role,
-    /// The settings, one of the groups of [`Setting::groups`].
+    /// The scenarios, one of the groups of [`Setting::groups`].
     pub settings: Vec<Setting>,
     /// The solver's settings.
     pub solver: Settings,
-    /// Number of threads.
+    /// The number of worker threads.
     pub threads: usize,
-    /// Where the files go.
+    /// The output folder.
     pub folder: PathBuf,
-    /// Shards that are worked on at a time, [`ROUND_SHARDS`]: the bytes do not depend on it, but how much
-    /// memory is used.
+    /// Number of shards processed at a time, usually [`ROUND_SHARDS`]. It affects the memory used, not the results.
     pub round_shards: usize,
-    /// Whether to keep the time series too.
+    /// Whether to store the time series as well.
     pub keep_traces: bool,
-    /// Whether to simulate variants that others show, too.
+    /// Whether to simulate also variants that another simulation serves.
     pub simulate_images: bool,
-    /// Set from elsewhere to stop.
+    /// Set by another thread to stop.
     pub cancel: Option<&'s AtomicBool>,
 }
 
-/// One variant of the campaign.
+/// A planned variant of the campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planned {
-    /// The operating case.
+    /// The index of the operating case.
     pub case: usize,
-    /// The fault; `None` for a healthy specimen.
+    /// The index of the fault; `None` for a healthy specimen.
     pub fault: Option<usize>,
-    /// Its intensity, which in training may differ from that of the study; 0 without one.
+    /// Its intensity, which may differ from the study's in training; 0 for a healthy specimen.
     pub intensity: f64,
 }
 
-/// What a campaign has done.
+/// The result of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// Variants in all settings.
+    /// Number of variants in all scenarios.
     pub variants: usize,
-    /// Variants that were found done.
+    /// Number of variants that were already done.
     pub resumed: usize,
-    /// Variants, in one setting, that are shown by simulations of the same fault of another unit.
+    /// Number of variants in one scenario that are symmetric copies of simulated ones.
     pub images: usize,
-    /// Healthy specimens, in one setting, that differ from one that is simulated by the noise of their sensors alone.
+    /// Number of healthy specimens in one scenario that differ from a simulated one only by sensor noise.
     pub alike: usize,
-    /// Work of those that ran now.
+    /// The solver's work in this run.
     pub statistics: Statistics,
-    /// Variants that could not be finished, with the reason.
+    /// Variants that failed, with the reason.
     pub failed: Vec<(Setting, usize, String)>,
-    /// Variants that began without a steady state, in every setting.
+    /// Variants that began without a steady state, in every scenario.
     pub on_the_move: Vec<OnTheMove>,
-    /// Whether it was stopped before the end.
+    /// Whether it was stopped early.
     pub cancelled: bool,
 }
 
-/// A variant that began without a steady state: none was found for it or for its twin.
+/// A variant for which, or for whose twin, no steady state was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnTheMove {
-    /// The setting.
+    /// The scenario.
     pub setting: Setting,
-    /// Its number.
+    /// The variant's number.
     pub variant: usize,
-    /// Its fault; `healthy` without one.
+    /// Its fault, or `healthy`.
     pub fault: String,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
-    /// Whether it was measured to swing for ever.
+    /// Whether a limit cycle was detected.
     pub limit_cycle: bool,
 }
 
@@ -139,7 +136,7 @@ impl std::fmt::Display for OnTheMove {
     }
 }
 
-/// Why a campaign stopped.
+/// Why a campaign failed or stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
     /// A folder or file could not be written.
@@ -151,48 +148,48 @@ pub enum CampaignError {
     /// The study has neither faults nor healthy specimens.
     #[error("the study has no faults: add [[classes]] with 'faults'")]
     NoVariants,
-    /// The study does not say what a setting needs.
+    /// The study lacks sections that a scenario needs.
     #[error("{}", lacking_sections(*.setting, .lacks))]
     NoSection {
-        /// The setting.
+        /// The scenario.
         setting: Setting,
-        /// The sections that are not there.
+        /// The missing sections.
         lacks: Vec<Section>,
     },
     /// A specimen's twin could not be fitted.
     #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
     Calibration {
-        /// The specimen, from zero.
+        /// The specimen's index, from zero.
         specimen: usize,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// Features were asked for of a campaign that has not ended.
+    /// Data sets were requested of an incomplete campaign.
     #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
     Unfinished {
-        /// Variants that are missing.
+        /// Number of missing variants.
         missing: usize,
-        /// A file that holds some of them and is damaged.
+        /// A damaged file that contains some of them.
         damaged: Option<PathBuf>,
     },
-    /// It was stopped from elsewhere.
+    /// The run was stopped.
     #[error("cancelled")]
     Cancelled,
-    /// Shards were made as if units were alike, and they are not.
+    /// Symmetry was assumed, but the units are not alike.
     #[error("the actuators are not alike enough for variants to be shown by others")]
     NotAlike,
     /// The healthy system could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin {
-        /// The operating case.
+        /// The name of the operating case.
         case: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
 impl CampaignError {
-    /// That a study does not say what a setting needs.
+    /// The error for a study that lacks sections needed by a scenario.
     pub fn no_section(setting: Setting, study: &Study) -> Self {
         CampaignError::NoSection { setting, lacks: setting.lacks(study) }
     }
@@ -220,7 +217,7 @@ fn unfinished(missing: usize, damaged: Option<&Path>) -> String {
     }
 }
 
-/// The study's system, recording what its sensors measure.
+/// An ensemble of the study's system that records the measured signals.
 pub fn ensemble(study: &Study) -> Ensemble<'_> {
     let program = &study.system.program;
     let slot = |&sensor: &usize| -> Slot {
@@ -235,14 +232,14 @@ pub fn ensemble(study: &Study) -> Ensemble<'_> {
     }
 }
 
-/// Why and where a run of a study's system ended early.
+/// Describes why and where a run of a study's system ended early.
 fn described(study: &Study, failure: &Failure) -> String {
     let state = &study.system.program.states()[failure.state].name;
     format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
 }
 
 impl<'s> Campaign<'s> {
-    /// The campaign of one setting whose shards lie in a folder, as it was run by default.
+    /// The campaign of one scenario with existing shards in a folder, with the default settings.
     pub fn stored(folder: &Path, study: &'s Study, setting: Setting, role: Role) -> Self {
         Campaign {
             study,
@@ -260,10 +257,10 @@ impl<'s> Campaign<'s> {
 }
 
 impl Campaign<'_> {
-    /// The variants, in the order of the data set: all faults, then healthy specimens.
+    /// The variants in the order of the data set: in each case all faults, then healthy specimens.
     ///
-    /// Where a diagnosis is judged every fault of every unit is flown in every case. Where it
-    /// learns, like units take turns: it sees every row from each unit anyway.
+    /// For judging, every fault of every unit is simulated in every case. For training, like units alternate, because
+    /// every row is also seen from each unit.
     pub fn plan(&self) -> Vec<Planned> {
         let cases = self.cases();
         let mut plan = Vec::new();
@@ -275,7 +272,7 @@ impl Campaign<'_> {
             plan.extend(faults.into_iter().map(|fault| {
                 let of_study = self.study.faults[fault].at.intensity;
                 let intensity = match (self.role, &self.study.training) {
-                    // Another place of the sequence from fault to fault, the next from case to case.
+                    // The intensity sequence is shifted from fault to fault and from case to case.
                     (Role::Training, Some(training)) => {
                         training.intensity(of_study, case + 7 * fault)
                     }
@@ -296,8 +293,7 @@ impl Campaign<'_> {
         plan
     }
 
-    /// Each fault in one of the units that can have it, another one from fault to fault and from
-    /// case to case.
+    /// Each fault in one of the units that can have it, alternating between faults and between cases.
     fn in_turn(&self, case: usize) -> Vec<usize> {
         let units = self.study.units.len();
         let of_unit = |unit: usize| {
@@ -315,7 +311,7 @@ impl Campaign<'_> {
         self.study.cases_of(self.role)
     }
 
-    /// Length of the runs of faults, s.
+    /// Duration of the runs with faults, s.
     pub fn duration_s(&self) -> f64 {
         match (self.role, &self.study.training) {
             (Role::Training, Some(training)) => training.duration_s,
@@ -323,12 +319,11 @@ impl Campaign<'_> {
         }
     }
 
-    /// Runs what is not done yet and writes the data sets. `progress` is told the rows done and
-    /// their number.
+    /// Simulates what is missing and writes the data sets. `progress` receives the number of rows done and their total.
     ///
     /// # Errors
-    /// A file cannot be written, the study is empty, or the healthy system
-    /// cannot be simulated. Single variants that fail are in the outcome.
+    /// A file cannot be written, the study is empty, or the healthy system cannot be simulated. Failures of single
+    /// variants are in the outcome.
     pub fn run(&self, progress: impl Fn(usize, usize) + Sync) -> Result<Outcome, CampaignError> {
         let mut prepared = self.prepared()?;
         let mut outcome = Outcome::default();
@@ -345,7 +340,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Which variants need not be simulated.
+    /// Finds the variants that need no simulation.
     fn images(&self, plan: &[Planned]) -> Images {
         if self.plants() != Plants::Twin || self.keep_traces || self.simulate_images {
             return Images::none(plan);
@@ -353,7 +348,7 @@ impl Campaign<'_> {
         Images::of(self.study, plan)
     }
 
-    /// What is flown beside what, the same in all settings of a group.
+    /// How plants and twins are paired, common to all scenarios of a group.
     fn plants(&self) -> Plants {
         self.settings.first().map_or(Plants::Twin, |setting| setting.plants())
     }
@@ -371,8 +366,7 @@ impl Campaign<'_> {
         self.settings.iter().enumerate().map(of).collect()
     }
 
-    /// Simulates the variants of some bundles whose rows no shard holds, unless cancelled, round by
-    /// round.
+    /// Simulates the variants of the bundles whose rows no shard contains, round by round, unless cancelled.
     fn simulate(
         &self,
         prepared: &Prepared,
@@ -423,8 +417,7 @@ impl Campaign<'_> {
         Ok(())
     }
 
-    /// The shards of bundles in rounds, each of which holds its twins and the rows of unfinished shards in
-    /// memory.
+    /// Divides the shards of bundles into rounds; a round holds its twins and the rows of unfinished shards in memory.
     fn rounds(&self, prepared: &Prepared, bundles: &[Vec<usize>]) -> Vec<Vec<usize>> {
         let mut rounds: Vec<Vec<usize>> = vec![];
         let mut twins = BTreeSet::new();
@@ -454,22 +447,21 @@ impl Campaign<'_> {
         Ensemble { settings: solver, threads, cancel, ..ensemble(self.study) }
     }
 
-    /// Which twin a variant is compared with: its case, and its specimen in the pool; 0 where there is
-    /// none.
+    /// The twin that a variant is compared with: its case, and its specimen in the pool (0 without a pool).
     fn beside(&self, variant: usize, planned: Planned) -> (usize, usize) {
         let Some((realism, calibration)) = self.pool() else { return (planned.case, 0) };
         (planned.case, calibration.specimen(realism, self.role, planned.case, variant))
     }
 
-    /// What the specimens of a pool come from; `None` in other settings.
+    /// The sections that define a pool; `None` in other scenarios.
     fn pool(&self) -> Option<(&Realism, &Calibration)> {
         let is_pool = self.plants() == Plants::Pool;
         let both = self.study.realism.as_ref().zip(self.study.calibration.as_ref());
         both.filter(|_| is_pool)
     }
 
-    /// Runs the healthy twins that some variants are compared with, each with the parameters that were
-    /// fitted to its specimen; `None` if cancelled.
+    /// Simulates the healthy twins of the variants, each with the fitted parameters of its specimen; `None` if
+    /// cancelled.
     fn twins(
         &self,
         plan: &[Planned],
@@ -538,8 +530,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// How long a variant flies, s. Bands are learned from healthy specimens: they fly as long as those
-    /// judged.
+    /// Duration of a variant, s. Healthy specimens, from which bands are learned, last as long as judged ones.
     fn lasting_s(&self, planned: Planned) -> f64 {
         planned.fault.map_or(self.study.duration_s, |_| self.duration_s())
     }
@@ -594,7 +585,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Keeps what a simulation has shown; returns the number of rows that were wanted.
+    /// Stores the results of a simulation; returns the number of rows that were needed.
     fn keep(
         &self,
         watch: Watch,
@@ -613,9 +604,8 @@ impl Campaign<'_> {
         Ok(wanted)
     }
 
-    /// The variants to simulate, those of full intensity first: a few of them take
-    /// a hundred times as long as the others and would keep one lane busy at the
-    /// end.
+    /// The variants to simulate, those with full intensity first: a few of them take a hundred times as long as the
+    /// others, and would occupy a single lane at the end.
     fn hardest_first(
         &self,
         Prepared { plan, images, .. }: &Prepared,
@@ -657,10 +647,10 @@ impl Campaign<'_> {
     }
 }
 
-/// Virtual twins by case and specimen ([`Campaign::beside`]).
+/// Twins by case and specimen ([`Campaign::beside`]).
 type Twins = BTreeMap<(usize, usize), Twin>;
 
-/// Variants whose rows no shard holds, and what is needed to simulate them.
+/// Variants without stored rows, and the inputs for simulating them.
 struct Run<'r> {
     prepared: &'r Prepared,
     jobs: &'r [usize],

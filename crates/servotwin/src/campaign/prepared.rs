@@ -1,8 +1,7 @@
-//! What every piece of a campaign has in common: the plan, whom each simulation serves, and what shards
-//! must have been made from.
+//! The common inputs of all pieces of a campaign: the plan, the shared simulations, and the fingerprints of shards.
 //!
-//! It is made once for all pieces that one process works on: it takes 50 bytes and some time for every
-//! variant of the whole campaign, also for those that others simulate.
+//! A process prepares it once for all its pieces. It takes 50 bytes and some time for every variant of the whole
+//! campaign.
 
 use super::images::Images;
 use super::shard::SHARD;
@@ -11,16 +10,16 @@ use crate::study::Setting;
 use servotwin_model::c_source;
 use servotwin_model::hash::TextHash;
 
-/// Shards of a bundle, unless its first one alone serves more.
+/// The most shards of a bundle, unless its first shard alone serves more.
 const LARGEST_BUNDLE: usize = 8;
 
 /// The plan of a campaign.
 pub struct Prepared {
     pub(super) plan: Vec<Planned>,
     pub(super) images: Images,
-    /// By setting what a shard must have been made from.
+    /// The fingerprint of the shards of each scenario.
     pub(super) fingerprints: Vec<String>,
-    /// By setting the number of variants.
+    /// The number of variants of each scenario.
     pub(super) counts: Vec<usize>,
 }
 
@@ -28,7 +27,7 @@ impl Campaign<'_> {
     /// Plans the campaign.
     ///
     /// # Errors
-    /// The study is empty, or has not what a setting needs.
+    /// The study is empty, or lacks a section that a scenario needs.
     pub fn prepared(&self) -> Result<Prepared, CampaignError> {
         let plan = self.plan();
         if plan.is_empty() {
@@ -55,7 +54,7 @@ impl Campaign<'_> {
         Prepared { plan, images, fingerprints, counts }
     }
 
-    /// The equations with their parameters, and the sensors.
+    /// The text of the equations with their parameters, and of the sensors.
     pub(super) fn model_text(&self) -> String {
         let study = self.study;
         let equations = c_source::write_equations(&study.system.program, "model", &[]);
@@ -63,8 +62,8 @@ impl Campaign<'_> {
         format!("{equations}{}{:?} {:?} ", study.system.text, study.measured, study.sensors)
     }
 
-    /// What a shard must have been made from to be taken over: the equations with their
-    /// parameters, the inputs, the variants, the sensors, and how all this is simulated.
+    /// The fingerprint of everything that determines a shard: equations with parameters, inputs, variants, sensors and
+    /// simulation settings.
     fn fingerprint(
         &self,
         setting: Setting,
@@ -102,12 +101,11 @@ impl Campaign<'_> {
 }
 
 impl Prepared {
-    /// Shards that are simulated together, by their numbers: where one's simulations serve another they
-    /// are in one bundle, until it is large. At the edges of large bundles some variants are simulated in
-    /// both.
+    /// Groups of shards that are simulated together. Shards that share simulations are in one bundle, up to a size
+    /// limit. At the edges of large bundles, some variants are simulated in both.
     pub fn bundles(&self) -> Vec<Vec<usize>> {
         let count = self.plan.len().div_ceil(SHARD);
-        // The first shard known to belong together with each, and how many belong to a first one.
+        // For each shard, a first shard of its group, and for each first shard the size of its group.
         let mut first: Vec<usize> = (0..count).collect();
         let mut sizes = vec![1; count];
         let root = |first: &[usize], mut shard: usize| {
@@ -146,7 +144,7 @@ mod tests {
         Campaign { settings, ..stored }.prepared().unwrap()
     }
 
-    /// The share of variants that a bundle shows and another one simulates, too.
+    /// The share of variants served by a simulation in another bundle.
     fn shared(prepared: &Prepared, bundles: &[Vec<usize>]) -> f64 {
         let mut bundle_of = vec![0; prepared.plan.len().div_ceil(SHARD)];
         for (place, bundle) in bundles.iter().enumerate() {

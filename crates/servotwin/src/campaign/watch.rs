@@ -1,5 +1,4 @@
-//! What is kept of a simulation while it runs: the windows of every variant that it serves, in
-//! every setting that is asked for.
+//! Reduces a running simulation to the windows of all variants that it serves, in every requested scenario.
 
 use super::{Campaign, Images, Setting};
 use crate::ensemble::Sink;
@@ -7,17 +6,17 @@ use crate::signal::random::Random;
 use crate::system::imperfection::Imperfections;
 use servotwin_diagnosis::residual::Window;
 
-/// The virtual twin in an operating case.
+/// The twin in an operating case.
 pub(super) struct Twin {
-    /// Its signals, sample after sample.
+    /// Its signals, ordered by sample.
     pub samples: Vec<f64>,
-    /// The solver's steps for each simulated second.
+    /// The solver's steps per simulated second.
     pub steps_per_s: f64,
-    /// Whether it began on the move.
+    /// Whether it began without a steady state.
     pub is_moving: bool,
 }
 
-/// Makes the sinks of variants.
+/// Creates the sinks of simulated variants.
 pub(super) struct Observer<'c> {
     campaign: &'c Campaign<'c>,
     images: &'c Images,
@@ -32,7 +31,7 @@ impl<'c> Observer<'c> {
         Self { campaign, images, scales: study.scales(), imperfections }
     }
 
-    /// The sink of a variant that is simulated. `planned` is the length of each setting's plan.
+    /// The sink of a simulated variant. `planned` is the length of each scenario's plan.
     pub fn watch<'w>(&'w self, simulated: usize, twin: &'w Twin, planned: &[usize]) -> Watch<'w> {
         let mut views = Vec::new();
         for (setting, &variants) in planned.iter().enumerate() {
@@ -66,19 +65,19 @@ impl<'c> Observer<'c> {
     }
 }
 
-/// One variant as its sensors show it in one setting.
+/// One variant as its sensors show it in one scenario.
 pub(super) struct View<'w> {
-    /// By position in the campaign's list.
+    /// The index of the scenario in the campaign's list.
     pub setting: usize,
     pub variant: usize,
     order: Option<&'w [usize]>,
     noise: Option<Random>,
     pub window: Window,
-    /// What the sensors measured, where it is kept.
+    /// The measured values, if they are stored.
     pub trace: Option<Vec<Vec<f64>>>,
 }
 
-/// Compares the sensors of a simulation with the twin's as the samples come.
+/// Compares the sensors of a simulation with the twin's, sample by sample.
 pub(super) struct Watch<'w> {
     observer: &'w Observer<'w>,
     pub views: Vec<View<'w>>,
@@ -121,8 +120,8 @@ fn copy_in_order(target: &mut [f64], values: &[f64], order: &[usize]) {
 }
 
 impl Setting {
-    /// Number of variants of a plan that are in the data set of a setting: without noise healthy
-    /// specimens are all the twin itself, and are left out.
+    /// Number of variants of a plan in the data set of a scenario. Without noise, healthy specimens equal the twin and
+    /// are left out.
     pub(super) fn planned(self, plan: &[super::Planned]) -> usize {
         let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
         if self.has_noise() { plan.len() } else { faults }

@@ -1,5 +1,5 @@
-//! Which features and which tricks carry the result: a new command (or, without training commands,
-//! faults unseen at their intensity) with parts taken away.
+//! Ablation: which features and which methods the result depends on. It repeats the test on a new command (without
+//! training commands, on faults unseen at their intensity) with parts removed.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -12,40 +12,40 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::metrics::Rate;
 use servotwin_learning::splits::Split;
 
-/// The depths of the depth curve.
+/// The tree depths of the depth curve.
 const DEPTHS: [usize; 4] = [3, 5, 7, 9];
 
-/// The result with a part taken away.
+/// The result with a part removed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ablation {
-    /// What was done.
+    /// Description of the variation.
     pub title: String,
     /// Number of features.
     pub features: usize,
-    /// Accuracy of the actuator.
+    /// Accuracy of the actuator (stage A).
     pub actuator: Option<Rate>,
-    /// Accuracy of the command, the actuator known.
+    /// Accuracy of the command, given the actuator (stage B).
     pub command: Option<Rate>,
-    /// All stages together.
+    /// Accuracy of all stages together.
     pub end_to_end: Option<Rate>,
-    /// Faults given to the wrong actuator, for the component that suffers most.
+    /// The component whose faults are most often attributed to the wrong actuator, with that rate.
     pub worst_component: Option<(String, Rate)>,
 }
 
-/// One variation: its title, which families, and its settings.
+/// A variation: its title, feature families and settings.
 struct Variation {
     title: String,
     families: Vec<String>,
-    /// Whether B and the stages below it read the other actuators' sensors too.
+    /// Whether B and the stages below it also read the other actuators' sensors.
     all_sensors_below: bool,
     settings: Settings,
 }
 
-/// Families alone, added one after the other, taken away one at a time; without the mirror, without
-/// pooling, without either; and every depth.
+/// Variations: single families, families added one by one, families removed one by one; without symmetric copies,
+/// without pooling, without either; and every depth.
 ///
 /// # Errors
-/// What training says.
+/// Training fails.
 pub fn evaluate(
     data: &DataSet,
     settings: &Settings,
@@ -58,7 +58,7 @@ pub fn evaluate(
         return Ok(vec![]);
     }
     let list = variations(&data.families(), data.examples.names().actuators.len(), settings);
-    // One split is one training: the variations share the threads then.
+    // One split means one training, so the variations share the threads.
     match splits.len() {
         1 => parallel::map(&list, workers, |variation| {
             one(data, variation, protocol, &splits, Workers::new(1))
@@ -95,7 +95,7 @@ fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Var
             list.push(with(format!("without {family}"), others.collect()));
         }
     }
-    // One unit alone has no others to look at, and nothing to share with them.
+    // A single actuator has no others to compare with.
     if units > 1 {
         list.push(Variation {
             all_sensors_below: true,
@@ -138,7 +138,7 @@ fn one(
     let result = summary(protocol, &data, &outcomes, &[]);
     let share = |rate: &Rate| rate.share.unwrap_or(0.0);
     let worst = result.components.iter().max_by(|a, b| {
-        // Of equally bad ones the first in the alphabet.
+        // Of equally bad components, the alphabetically first.
         share(&a.wrong_actuator)
             .total_cmp(&share(&b.wrong_actuator))
             .then_with(|| b.component.cmp(&a.component))

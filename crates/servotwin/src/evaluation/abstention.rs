@@ -1,4 +1,4 @@
-//! What silence buys: the committee answers only where it is sure, and where the trees agree.
+//! Abstention: accuracy of the committee when it answers only if it is certain, or if the trees agree.
 
 use super::data_set::DataSet;
 use super::protocol::trial;
@@ -8,10 +8,10 @@ use servotwin_diagnosis::hierarchy::Question;
 use servotwin_diagnosis::panel::agree;
 use servotwin_learning::metrics::{Rate, Trial};
 
-/// Shares of the least certain answers that are left out.
+/// The shares of least certain answers that are withheld.
 pub const SHARES: [f64; 7] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2];
 
-/// What is left when some answers are withheld.
+/// The remaining result when some answers are withheld.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Level {
     /// Detected faults without an answer.
@@ -24,22 +24,21 @@ pub struct Level {
     pub shutdown_answered_wrongly: Rate,
 }
 
-/// The trade of silence against errors.
+/// The trade-off between abstention and errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Abstention {
-    /// For each of [`SHARES`] what is left without the least certain answers.
+    /// For each of [`SHARES`], the result without the least certain answers.
     pub levels: Vec<Level>,
-    /// Where the answer needs the confidence that would have withheld 2 % on training commands left
-    /// out of training.
+    /// The result with a confidence threshold that would have withheld 2 % on training commands left out of training.
     pub fixed: Option<(f64, Level)>,
-    /// Where the answer needs the trees to give the same.
+    /// The result if trees and committee must agree.
     pub agreement: Level,
-    /// Where it needs both.
+    /// The result if both conditions must hold.
     pub both: Option<Level>,
 }
 
-/// Counts the trade over the outcomes of the committee, and of the trees on the same rows.
-/// `least` is a confidence chosen without looking at them.
+/// Evaluates the trade-off over the outcomes of committee and trees on the same rows. `least` is a confidence threshold
+/// chosen without these outcomes.
 pub fn evaluate(
     data: &DataSet,
     committee: &[Outcome],
@@ -49,7 +48,7 @@ pub fn evaluate(
 ) -> Abstention {
     let mut order: Vec<usize> = (0..committee.len()).collect();
     let confidence = |place: usize| committee[place].said.confidence;
-    // Stable: equally sure answers stay in the order of the rows.
+    // Stable sort: equally certain answers stay in row order.
     order.sort_by(|&a, &b| confidence(a).total_cmp(&confidence(b)));
     let level = |answers: &dyn Fn(usize) -> bool| level(data, committee, answers, shutdowns);
     let share = |share: &f64| {

@@ -1,8 +1,8 @@
-//! The committee: boosted trees at every place of the hierarchy, with probabilities that mean what
-//! they say, and the confidence below which they had better be silent.
+//! The committee: boosted trees at every stage of the hierarchy, with calibrated probabilities and a confidence
+//! threshold below which they should abstain.
 //!
-//! Both come from rows that were left out of training, whole commands at a time: the temperature of
-//! every stage ([`calibration`]), and the confidence that the least certain answers do not reach.
+//! Both come from rows that were left out of training, whole commands at a time. They give the temperature of every
+//! stage ([`calibration`]), and the threshold that the least certain answers do not reach.
 
 use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;
@@ -16,10 +16,10 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::splits::{Split, grouped_k_fold};
 use std::collections::BTreeMap;
 
-/// Folds of commands.
+/// Number of cross-validation folds over commands.
 const FOLDS: usize = 3;
 
-/// The share of answers on left-out commands that the least confidence withholds.
+/// The share of answers on left-out commands that the confidence threshold withholds.
 pub const WITHHELD: f64 = 0.02;
 
 /// A trained committee.
@@ -27,26 +27,26 @@ pub const WITHHELD: f64 = 0.02;
 pub struct Committee {
     /// Boosted trees, calibrated.
     pub hierarchy: Hierarchy,
-    /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach; `None`
-    /// with too few commands to leave any out.
+    /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach; `None` with too few
+    /// commands.
     pub least_confidence: Option<f64>,
 }
 
-/// How good the probabilities of the action are.
+/// Quality of the probabilities of the action.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reliability {
-    /// Answers of like confidence: mean confidence, share of right ones, number.
+    /// Bins of answers by confidence: mean confidence, share of right answers, number.
     pub bins: Vec<(f64, f64, u64)>,
-    /// Mean squared distance of confidence from being right.
+    /// Brier score: mean squared difference between confidence and correctness.
     pub brier: f64,
-    /// Mean distance of confidence from the share of right answers, over the bins.
+    /// Mean difference between confidence and share of right answers, over the bins.
     pub calibration_error: f64,
 }
 
-/// Trains the committee with some rows and calibrates it with commands left out.
+/// Trains the committee on the given rows and calibrates it with commands left out.
 ///
 /// # Errors
-/// What training says.
+/// Training fails.
 pub fn train(
     data: &DataSet,
     settings: &Settings,
@@ -89,14 +89,14 @@ pub fn train(
     Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
 }
 
-/// The part of all rows that are less sure than [`evidence_quantile`].
+/// The share of all rows whose evidence is below [`evidence_quantile`].
 const LESS_SURE: f64 = 0.6;
 
-/// What two of five rows of a fault say at least against health, in nats: the quantile of `ln((1 − p)/p)` over the faults
-/// that taught, with p the probability that nothing is wrong.
+/// The evidence against health, in nats, that two of five fault rows exceed. It is a quantile of `ln((1 − p)/p)` over
+/// the training faults, where p is the probability of health.
 ///
 /// # Errors
-/// [`EvaluationError::NothingDetectable`] where nothing taught.
+/// [`EvaluationError::NothingDetectable`] without training faults.
 pub fn evidence_quantile(
     data: &DataSet,
     hierarchy: &Hierarchy,
@@ -119,7 +119,7 @@ pub fn evidence_quantile(
     Ok(nats[(nats.len() as f64 * LESS_SURE) as usize])
 }
 
-/// Scores and true classes of rows for every stage that is asked about them.
+/// Scores and true classes of the rows that each stage decides.
 type Seen = BTreeMap<String, (Vec<f64>, Vec<u32>)>;
 
 fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut Seen) {
@@ -142,7 +142,7 @@ fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut See
     }
 }
 
-/// The right class of a stage for a row that it is asked about, by its place among the stage's.
+/// The true class of a row as an index of the stage's classes; `None` if the stage is not asked about the row.
 fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
     let label = data.examples.labels()[row];
     let asks_on = stage.place.question != Question::Actuator;
@@ -158,7 +158,7 @@ fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
     stage.classes.iter().position(|known| *known == class).map(|class| class as u32)
 }
 
-/// How far the confidence of outcomes can be believed.
+/// Measures the calibration of the outcomes' confidence.
 pub fn reliability(outcomes: &[Outcome], is_right: impl Fn(&Outcome) -> bool) -> Reliability {
     const BINS: usize = 10;
     let mut bins = vec![(0.0, 0u64, 0u64); BINS];

@@ -1,4 +1,4 @@
-//! All classifiers by the same protocols, for the actuator (A) and the command (B).
+//! Compares all classifiers under the same protocols, for the actuator (A) and the command (B).
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -13,32 +13,32 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::metrics::{Prediction, Score, Trial};
 use servotwin_learning::splits::Split;
 
-/// Depth of the CART tree that is compared.
+/// Depth of the compared CART tree.
 const DEPTH: usize = 7;
 
-/// A classifier's result in one question under one protocol.
+/// The result of a classifier for one stage under one protocol.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
-    /// Its id.
+    /// The classifier's id.
     pub classifier: String,
-    /// Its name.
+    /// The classifier's display name.
     pub title: String,
     /// The stage: `A` or `B`.
     pub stage: String,
-    /// The protocol.
+    /// The protocol of the test.
     pub protocol: Protocol,
-    /// The score.
+    /// The score on the held-out rows.
     pub score: Score,
 }
 
-/// One training and its test.
+/// A training with its test.
 struct Job<'a> {
     settings: classifiers::Settings,
     place: Place,
     split: &'a Split,
 }
 
-/// Every classifier with the settings that a study starts from; the tree with the paper's depth.
+/// Every classifier with a study's default settings; the tree has the paper's depth.
 pub fn default_classifiers() -> Vec<classifiers::Settings> {
     let settings = |kind: &Kind| match classifiers::Settings::default_of(*kind) {
         classifiers::Settings::Cart(cart) => {
@@ -52,11 +52,11 @@ pub fn default_classifiers() -> Vec<classifiers::Settings> {
     ALL.iter().map(settings).collect()
 }
 
-/// Epochs of the perceptron where it is trained many times: as many as
-/// scikit-learn's in `golden/`, a quarter of the default.
+/// Epochs of the perceptron if it is trained many times: as in scikit-learn's run in `golden/`, a quarter of the
+/// default.
 const EPOCHS: usize = 50;
 
-/// The same with the perceptron trained for fewer epochs.
+/// The same classifiers, with fewer epochs for the perceptron.
 pub fn quick_classifiers() -> Vec<classifiers::Settings> {
     let mut list = default_classifiers();
     for settings in &mut list {
@@ -67,10 +67,10 @@ pub fn quick_classifiers() -> Vec<classifiers::Settings> {
     list
 }
 
-/// Compares classifiers; mirror images and pooling are as the hierarchy's settings say.
+/// Compares classifiers; symmetric copies and pooling follow the hierarchy's settings.
 ///
 /// # Errors
-/// What training says.
+/// Training fails.
 pub fn evaluate(
     data: &DataSet,
     hierarchy: &Settings,
@@ -80,7 +80,7 @@ pub fn evaluate(
 ) -> Result<Vec<Compared>, EvaluationError> {
     let hierarchy = settled(data, hierarchy);
     let asks = |place: &Place| place.question != Question::Detail;
-    // Pooled stages need the views: without them every actuator has its own.
+    // Pooled stages need the views; without them every actuator has its own stage.
     let places = data.examples.places(data.examples.views() > 1);
     let places: Vec<Place> = places.into_iter().filter(asks).collect();
     let mut compared = vec![];

@@ -1,22 +1,22 @@
-//! What is detected at all: which faults leave the band, and from which intensity on.
+//! Detection: which faults leave the band, and from which intensity on.
 
 use super::data_set::DataSet;
 use super::protocol::trial;
 use serde::{Deserialize, Serialize};
 use servotwin_learning::metrics::Rate;
 
-/// Detection over a data set.
+/// The detection results of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
     /// Faults that leave the band.
     pub detected: Rate,
-    /// Faults excluded from training because they do not.
+    /// Faults excluded from training because they stay within the band.
     pub excluded: Rate,
-    /// Variants that were not simulated to the end.
+    /// Number of variants that were not simulated to the end.
     pub failed: usize,
-    /// Detection of each kind against intensity.
+    /// For each kind, detection against intensity.
     pub curves: Vec<Curve>,
-    /// The least intensity detected, for each fault in each case.
+    /// For each fault in each case, the least detected intensity.
     pub least: Vec<Least>,
 }
 
@@ -25,31 +25,30 @@ pub struct Detection {
 pub struct Curve {
     /// The fault, without the actuator.
     pub kind: String,
-    /// The detail it belongs to.
+    /// The detail class that it belongs to.
     pub detail: String,
-    /// Intensities and the share detected at each, over cases and actuators.
+    /// Intensities with the share detected at each, over cases and actuators.
     pub points: Vec<(f64, Rate)>,
 }
 
-/// The intensity from which on a fault is detected in a case.
+/// The least intensity at which a fault is detected in a case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Least {
     /// The fault, with the actuator.
     pub fault: String,
-    /// The operating case.
+    /// The name of the operating case.
     pub case: String,
-    /// The least intensity that is detected together with all greater ones; `None` if the greatest
-    /// is not.
+    /// The least intensity that is detected together with all greater ones; `None` if the greatest is not detected.
     pub intensity: Option<f64>,
 }
 
-/// The share of faults that are detected, or not.
+/// The share of faults that are detected or, if `is_detected` is false, not detected.
 pub fn share(data: &DataSet, is_detected: bool) -> Rate {
     let holds = |row: usize| trial(data, row, data.rows[row].is_detected() == is_detected);
     Rate::clustered(&data.faults().into_iter().map(holds).collect::<Vec<_>>())
 }
 
-/// Detection over a data set.
+/// Evaluates detection over a data set.
 pub fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
     Detection {
@@ -61,7 +60,7 @@ pub fn evaluate(data: &DataSet) -> Detection {
     }
 }
 
-/// The kinds of some rows, ascending.
+/// The kinds of the rows, ascending.
 fn kinds(data: &DataSet, rows: &[usize]) -> Vec<u32> {
     let mut kinds: Vec<u32> = rows.iter().map(|&row| data.rows[row].kind).collect();
     kinds.sort_unstable();

@@ -1,4 +1,4 @@
-//! What can be wrong with an evaluation.
+//! Errors of an evaluation.
 
 use super::table_model::TableModelError;
 use crate::files::FileError;
@@ -6,11 +6,11 @@ use crate::sanitize;
 use crate::table::TableError;
 use std::path::PathBuf;
 
-/// Why there is no evaluation or no model.
+/// Why an evaluation or a model is not available.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
-    /// The table cannot be read, or a column is not as it must be.
+    /// The table cannot be read, or a column is invalid.
     #[error(transparent)]
     Table(#[from] TableError),
     /// A file cannot be read or written.
@@ -19,10 +19,10 @@ pub enum EvaluationError {
     /// Training or prediction refused the data.
     #[error(transparent)]
     Diagnosis(#[from] servotwin_diagnosis::Error),
-    /// A table that somebody brings does not serve.
+    /// A user's table cannot be used.
     #[error(transparent)]
     TableModel(#[from] TableModelError),
-    /// It was stopped from elsewhere.
+    /// The run was stopped.
     #[error("stopped")]
     Cancelled,
     /// The data set has no row with a fault.
@@ -41,7 +41,7 @@ pub enum EvaluationError {
     OneClass {
         /// The column of the labels.
         column: String,
-        /// The class.
+        /// The only class.
         class: String,
     },
     /// No column is left to learn from.
@@ -52,31 +52,31 @@ pub enum EvaluationError {
     TooFewGroups {
         /// The column of the groups.
         column: String,
-        /// Number of groups.
+        /// Number of groups found.
         found: usize,
-        /// Number needed.
+        /// Number of groups needed.
         needed: usize,
     },
-    /// A stored model cannot be understood.
+    /// A stored model cannot be parsed.
     #[error("{path}: no model of servotwin: {source}")]
     Model {
-        /// The file.
+        /// The path of the model file.
         path: PathBuf,
-        /// What the reader of JSON says.
+        /// The JSON parser's message.
         source: serde_json::Error,
     },
-    /// A stored model's parts do not fit each other.
+    /// The parts of a stored model are inconsistent.
     #[error("{path}: {source}")]
     CorruptModel {
-        /// The file.
+        /// The path of the model file.
         path: PathBuf,
-        /// What does not fit.
+        /// The inconsistency.
         source: servotwin_diagnosis::Error,
     },
-    /// The table to test with is not as the other one.
+    /// The test table is invalid.
     #[error("the table to test with: {0}")]
     InTest(Box<EvaluationError>),
-    /// A class in a table that the model does not know.
+    /// A table contains a class that the model does not know.
     #[error(transparent)]
     UnknownClass(Box<UnknownClass>),
 }
@@ -89,18 +89,18 @@ pub enum EvaluationError {
     sanitize::list(known)
 )]
 pub struct UnknownClass {
-    /// The column.
+    /// The column with the labels.
     pub column: String,
-    /// The class found.
+    /// The unknown class.
     pub class: String,
-    /// Where: its line or row.
+    /// Its line or row.
     pub place: String,
-    /// Those the model knows.
+    /// The classes that the model knows.
     pub known: Vec<String>,
 }
 
 impl EvaluationError {
-    /// The same of the table that stands at a place: behind the first they are to test with.
+    /// Marks errors of tables after the first one as errors of the test table.
     pub(crate) fn of_table(place: usize) -> impl Fn(EvaluationError) -> EvaluationError {
         move |error| match place {
             0 => error,

@@ -1,9 +1,9 @@
-//! Answers that change when every feature moves within its uncertainty.
+//! Flips: answers that change when every feature varies within its uncertainty.
 //!
-//! What a window holds is uncertain by the noise and quantisation of its sensors and by the solver's
-//! error ([`augmentation::disturbed`]). The judged windows are moved so, their features computed anew, and
-//! the answers compared. A question of a tree whose answer depends on what no sensor shows flips; one
-//! that can be defended does not.
+//! A window is uncertain due to the noise and quantization of its sensors and the solver's error
+//! ([`augmentation::disturbed`]). The judged windows are perturbed accordingly, their features recomputed, and the
+//! answers compared. A tree's question whose answer depends on details below the sensors' uncertainty flips; a robust
+//! one does not.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -19,86 +19,86 @@ use servotwin_diagnosis::residual::Window;
 use servotwin_learning::augmentation;
 use servotwin_learning::metrics::Rate;
 
-/// The least factor by which a fault is made weaker to learn from it, and the largest by which it is
-/// made stronger. Factors between are equally likely by their logarithms.
+/// The smallest and the largest factor by which a fault is scaled for training. Factors are distributed evenly in their
+/// logarithm.
 const WEAKEST: f64 = 0.2;
 const STRONGEST: f64 = 3.0;
 
-/// A weaker fault, a stronger one and the fault as it is take turns.
+/// Each round has a weaker fault, a stronger one and the unchanged fault.
 const ROUND: usize = 3;
 
-/// Windows of the rows of a data set, and how they may move.
+/// The windows of a data set's rows, and how they are perturbed.
 pub struct Moving<'w> {
     /// The sensors, in the order of the windows.
     pub sensors: Sensors,
     /// The window of every row.
     pub windows: &'w [Window],
-    /// What a sample carries of noise and quantisation, in parts of scale, for each sensor.
+    /// Noise and quantization of a sample of each sensor, as a fraction of its scale.
     pub noise: Vec<f64>,
-    /// What the solver's error is, in parts of scale.
+    /// The solver's error, as a fraction of the scale.
     pub lasting: f64,
-    /// For each feature of the data set its place among all features.
+    /// For each feature of the data set, its index among all features.
     pub columns: Vec<usize>,
-    /// How far windows are moved, in parts of their uncertainty: for each round of three draws, the
-    /// last for all beyond.
+    /// Sizes of the perturbations relative to the uncertainty, for each round of three draws; the last applies to all
+    /// later rounds.
     pub reaches: &'static [f64],
-    /// How often each window is moved.
+    /// Number of perturbations per window.
     pub draws: usize,
-    /// The seed.
+    /// Seed of the perturbations.
     pub seed: u64,
 }
 
-/// A window as it might have been.
+/// A perturbed window.
 pub struct Moved {
-    /// The window.
+    /// The window after the perturbation.
     pub window: Window,
-    /// How many times as large its fault is.
+    /// The factor by which its fault was scaled.
     pub factor: f64,
 }
 
 /// How often the answer to a question changed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Share {
-    /// Changed.
+    /// Number of changed answers.
     pub count: u64,
-    /// Of so many moves.
+    /// Number of perturbations.
     pub of: u64,
 }
 
-/// How often one question of a tree got another answer.
+/// How often the answer to one question of a tree changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitFlips {
-    /// The stage.
+    /// The stage's id.
     pub stage: String,
-    /// The node.
+    /// The index of the node.
     pub node: usize,
-    /// The feature asked for.
+    /// The feature in the question.
     pub feature: String,
-    /// The threshold.
+    /// The threshold of the question.
     pub threshold: f64,
-    /// Median standard deviation of the feature over the rows that were asked.
+    /// Median standard deviation of the feature over the rows that reach the node.
     pub uncertainty: f64,
     /// How often its answer changed.
     pub flips: Share,
 }
 
-/// Answers that changed.
+/// Flips of a hierarchy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Flips {
-    /// Moves of each window.
+    /// Perturbations per window.
     pub draws: usize,
-    /// The share of moves after which the actuator is another one.
+    /// The share of perturbations that change the actuator.
     pub actuator: Rate,
-    /// Actuator or command.
+    /// The share that changes actuator or command.
     pub action: Rate,
-    /// Any part of the answer.
+    /// The share that changes any part of the answer.
     pub answer: Rate,
-    /// Each question of each tree, among the rows that were asked it; the worst first.
+    /// Each question of each tree over the rows that reach it; the worst first.
     pub splits: Vec<SplitFlips>,
 }
 
 impl Share {
-    /// As a number.
+    /// The share of changed answers; 0 without perturbations.
     pub fn share(&self) -> f64 {
         if self.of > 0 { self.count as f64 / self.of as f64 } else { 0.0 }
     }
@@ -121,15 +121,15 @@ impl Moving<'_> {
         (0..views).map(of).collect()
     }
 
-    /// The windows of a row as they might have been, its fault as it is.
+    /// The perturbed windows of a row, with its fault unchanged.
     pub fn moved(&self, row: usize) -> Vec<Window> {
         let mut errors = Random::new(self.seed_of(row));
         let window = &self.windows[row];
         (0..self.draws).map(|draw| self.disturbed(window, draw, &mut errors)).collect()
     }
 
-    /// Likewise, but of three draws one with a weaker fault (in one of the `specimens`, rows without a
-    /// fault) and one with a stronger fault.
+    /// The perturbed windows of a row. Of three draws, one has a weaker fault (in one of the `specimens`, rows without
+    /// a fault) and one a stronger fault.
     pub fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
         let mut errors = Random::new(self.seed_of(row));
         let mut choices = Choices::stream(self.seed_of(row), 1);
@@ -166,19 +166,19 @@ impl Moving<'_> {
     }
 }
 
-/// What was seen of one row.
+/// The result for one row.
 struct Seen {
     row: usize,
-    /// For each move whether the actuator changed, actuator or command, any part of the answer.
+    /// For each perturbation, whether the actuator, actuator or command, and any part of the answer changed.
     changes: Vec<[bool; 3]>,
-    /// For each question asked: stage, node, changes, standard deviation of the feature.
+    /// For each question on the path: stage, node, changes, standard deviation of the feature.
     questions: Vec<(usize, usize, Share, f64)>,
 }
 
-/// Moves the windows of some rows and asks again.
+/// Perturbs the windows of the given rows and compares the answers.
 ///
 /// # Errors
-/// [`EvaluationError::Cancelled`]; a hierarchy of other features.
+/// [`EvaluationError::Cancelled`], or the hierarchy has other features.
 pub fn evaluate(
     data: &DataSet,
     hierarchy: &Hierarchy,
@@ -240,7 +240,7 @@ fn seen(
     Ok(seen)
 }
 
-/// How often the answer to a node's question changes, and how much its feature varies.
+/// How often the answer to a node's question changes, and the feature's standard deviation.
 fn question(
     stage: &Stage,
     node: usize,

@@ -9,33 +9,33 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::hierarchy::Settings;
 use std::collections::BTreeMap;
 
-/// A leaf that does not hold one class only.
+/// A leaf with more than one class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorstLeaf {
-    /// The stage.
+    /// The stage's id.
     pub stage: String,
-    /// The node.
+    /// The index of the node.
     pub node: usize,
     /// The class decided there.
     pub class: String,
     /// Share of that class.
     pub purity: f64,
-    /// Training rows in the leaf, mirror images included.
+    /// Number of training rows in the leaf, including symmetric copies.
     pub rows: u32,
-    /// The questions that lead there: feature, whether above the threshold, threshold.
+    /// The questions on the path to it.
     pub conditions: Vec<Condition>,
     /// Kinds of fault in the leaf, with their class, the most frequent first.
     pub contents: Vec<Content>,
 }
 
-/// A question on the way to a leaf, and its answer.
+/// A question on the path to a leaf, with its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Condition {
-    /// The feature.
+    /// The feature in the question.
     pub feature: String,
     /// Whether its value is above the threshold.
     pub above: bool,
-    /// The threshold.
+    /// The threshold of the question.
     pub threshold: f64,
 }
 
@@ -44,7 +44,7 @@ pub struct Condition {
 pub struct Content {
     /// The kind of fault.
     pub kind: String,
-    /// Its class.
+    /// The class of these rows.
     pub class: String,
     /// Number of rows.
     pub rows: u32,
@@ -100,7 +100,7 @@ fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) ->
         else {
             break;
         };
-        // Preorder: everything below the right child comes behind it.
+        // Nodes are in preorder: everything below the right child comes after it.
         let above = node >= right;
         let feature = feature_name(hierarchy, stage, feature);
         conditions.push(Condition { feature, above, threshold });

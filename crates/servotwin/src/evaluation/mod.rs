@@ -1,11 +1,9 @@
-//! How good the diagnosis is, measured so that it cannot fool us.
+//! Evaluates the diagnosis with held-out data.
 //!
-//! [`evaluate`] takes the data sets of a setting and gives an [`Evaluation`]: what is detected at all,
-//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, all
-//! classifiers, which features carry the result, which faults are taken for each other, what
-//! silence buys, and which answers hang on less than a sensor shows; and it looks
-//! into the [`Hierarchy`] that [`train`] makes. The same data sets, settings and seeds give the
-//! same bytes, on any number of threads.
+//! [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
+//! and the committee under every protocol, the seed paper's trees, all classifiers, ablations, confused faults,
+//! abstention and flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and
+//! seeds give the same bytes, on any number of threads.
 
 pub mod ablation;
 pub mod abstention;
@@ -51,35 +49,34 @@ use servotwin_learning::tree::Criterion;
 
 use crate::study::Role;
 
-/// What is evaluated, and how.
+/// The scope and methods of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// How the nine trees are trained.
     pub training: Training,
     /// How the committee is trained.
     pub committee: Training,
-    /// Which training rows teach the committee; `holding` says which teach the trees.
+    /// Which training rows the committee learns from; `holding` selects those of the trees.
     pub committee_lessons: TrainingFilter,
     /// How rows are held out.
     pub holding: Holding,
-    /// How rows are held out where classifiers are compared.
+    /// How rows are held out for comparing classifiers.
     pub comparison_holding: Holding,
-    /// The commands that switch their actuator off, as the study says.
+    /// The commands that switch their actuator off, from the study.
     pub shutdowns: Vec<String>,
-    /// Whether a fault is detected where a residual leaves the band learned from healthy specimens;
-    /// otherwise the seed paper's band of 3 % counts.
+    /// Whether detection uses the bands learned from healthy specimens; otherwise it uses the seed paper's band of 3 %.
     pub learned_bands: bool,
-    /// The family of features that the seed paper has.
+    /// The seed paper's feature family.
     pub baseline_family: String,
-    /// The protocols of the nine trees.
+    /// The protocols for the nine trees.
     pub protocols: Vec<Protocol>,
-    /// The protocols of the committee.
+    /// The protocols for the committee.
     pub committee_protocols: Vec<Protocol>,
-    /// The classifiers to compare; none for no comparison.
+    /// The classifiers to compare; empty for no comparison.
     pub classifiers: Vec<classifiers::Settings>,
-    /// Whether to take parts away.
+    /// Whether to run the ablation.
     pub ablation: bool,
-    /// Whether to train the trees on fewer commands, too.
+    /// Whether to compute the learning curve: trees trained on fewer commands.
     #[serde(default = "yes")]
     pub learning_curve: bool,
 }
@@ -102,7 +99,7 @@ impl Default for Settings {
                 ..TrainingFilter::default()
             },
             holding: Holding::default(),
-            // Folds of a third: as much to learn from as in the random third.
+            // Folds of a third give as many training rows as the random third.
             comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
             shutdowns: vec![],
             learned_bands: false,
@@ -116,7 +113,7 @@ impl Default for Settings {
     }
 }
 
-/// The protocols of a quick study: the paper's, and one for each thing that a diagnosis may not have seen.
+/// The protocols of a quick study: the paper's, and one for each property that may be unseen.
 const QUICK_PROTOCOLS: [Protocol; 5] = [
     Protocol::RandomThird,
     Protocol::Grouped,
@@ -126,7 +123,7 @@ const QUICK_PROTOCOLS: [Protocol; 5] = [
 ];
 
 impl Settings {
-    /// What a quick study leaves of an evaluation.
+    /// Reduces an evaluation for a quick study.
     pub fn quick(mut self) -> Self {
         self.protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
         self.committee_protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
@@ -134,7 +131,7 @@ impl Settings {
     }
 }
 
-/// The nine trees of a depth.
+/// Settings for the nine trees with a depth limit.
 pub fn trees(criterion: Criterion, depth: usize) -> Training {
     Training::all(classifiers::Settings::Cart(classifiers::cart::Settings {
         criterion,
@@ -144,40 +141,40 @@ pub fn trees(criterion: Criterion, depth: usize) -> Training {
     }))
 }
 
-/// The trees' size: what has to be flown.
+/// The size of a stage's tree, as needed in flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageSize {
-    /// The stage.
+    /// The stage's id.
     pub stage: String,
-    /// Nodes, leaves included; `None` unless it is a tree.
+    /// Number of nodes including leaves; `None` unless it is a tree.
     pub nodes: Option<usize>,
-    /// Questions on the longest way.
+    /// Number of questions on the longest path.
     pub depth: Option<usize>,
-    /// The features it asks for, with the share of the impurity decrease each bought.
+    /// The features in use, with their shares of the impurity decrease.
     pub importances: Vec<(String, f64)>,
 }
 
-/// What is done with fault-free specimens.
+/// Results on healthy specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FalseAlarms {
     /// Specimens that left the paper's band of 3 %.
     pub paper_alarms: Rate,
     /// Specimens that left the band in use.
     pub alarms: Rate,
-    /// Specimens that left it and were not found healthy by the trees.
+    /// Specimens that left the band in use and were not classified as healthy by the trees.
     pub trees: Rate,
-    /// Specimens of which the trees would shut an actuator down.
+    /// Specimens for which the trees would shut an actuator down.
     pub tree_shutdowns: Rate,
-    /// Likewise of the committee.
+    /// Specimens that left the band in use and were not classified as healthy by the committee.
     pub committee: Rate,
-    /// Likewise.
+    /// Specimens for which the committee would shut an actuator down.
     pub committee_shutdowns: Rate,
 }
 
-/// Everything measured on the data sets of a setting.
+/// All results on the data sets of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// What is detected at all, by the band in use.
+    /// Detection by the band in use.
     pub detection: detection::Detection,
     /// The share of faults that the paper's band of 3 % detects.
     pub paper_detection: Rate,
@@ -185,37 +182,36 @@ pub struct Evaluation {
     pub bands: Option<Vec<Band>>,
     /// Number of features.
     pub features: usize,
-    /// Features that are constant, and so say nothing.
+    /// Constant features, which carry no information.
     pub constant_features: Vec<String>,
     /// The nine trees under every protocol.
     pub protocols: Vec<ProtocolResult>,
-    /// The committee under those with training commands.
+    /// The committee under its protocols.
     pub committee: Vec<ProtocolResult>,
-    /// Trees and committee on a new command where the paper's band of 3 % detects, if it is not in
-    /// use.
+    /// Trees and committee on a new command, detected by the paper's band of 3 %; empty if that band is in use.
     pub paper_band: Vec<ProtocolResult>,
-    /// The trees on a new command, by the number of commands they learned from.
+    /// The trees on a new command, by the number of training commands.
     pub commands: Vec<(usize, ProtocolResult)>,
-    /// The seed paper's trees: its features, nothing mirrored or pooled.
+    /// The seed paper's trees: its features, without symmetric copies and pooling.
     pub baseline: Vec<ProtocolResult>,
     /// The seed paper's test of these trees, repeated.
     #[serde(default)]
     pub random_thirds: Vec<RandomThirds>,
-    /// What silence buys.
+    /// The trade-off between abstention and errors.
     pub abstention: Option<Abstention>,
-    /// How far the committee's confidence can be believed.
+    /// Calibration of the committee's confidence.
     pub reliability: Option<Reliability>,
-    /// Answers of the trees and of the committee that hang on less than a sensor shows.
+    /// Flips of the trees and of the committee.
     pub flips: Option<(Flips, Flips)>,
     /// The classifiers compared.
     pub classifiers: Vec<comparison::Compared>,
-    /// What each part carries.
+    /// The result without each part.
     pub ablation: Vec<ablation::Ablation>,
-    /// Which faults are taken for each other.
+    /// Confusions between kinds of fault.
     pub ambiguity: ambiguity::Ambiguity,
     /// The least pure leaves of the final trees.
     pub worst_leaves: Vec<leaves::WorstLeaf>,
-    /// The final trees.
+    /// The sizes of the final trees.
     pub stages: Vec<StageSize>,
     /// False alarms; `None` without fault-free specimens.
     pub false_alarms: Option<FalseAlarms>,
@@ -227,22 +223,21 @@ impl Evaluation {
         self.protocols.iter().find(|result| result.protocol == protocol)
     }
 
-    /// The committee's.
+    /// The committee's result under a protocol.
     pub fn committee(&self, protocol: Protocol) -> Option<&ProtocolResult> {
         self.committee.iter().find(|result| result.protocol == protocol)
     }
 
-    /// The trees' result under the hardest protocol of all that were possible: a new command, or
-    /// else a fault unseen at its intensity.
+    /// The trees' result under the hardest possible protocol: a new command, otherwise a fault unseen at its intensity.
     pub fn headline(&self) -> Option<&ProtocolResult> {
         self.protocol(Protocol::NewCommand).or_else(|| self.protocol(Protocol::Grouped))
     }
 }
 
-/// The worst leaves shown of each tree.
+/// The number of worst leaves reported per tree.
 const WORST_LEAVES: usize = 3;
 
-/// The protocols under which the committee is judged.
+/// Protocols of the committee.
 const OF_COMMITTEE: [Protocol; 4] = [
     Protocol::NewCommand,
     Protocol::NewCommandAndFault,
@@ -250,13 +245,13 @@ const OF_COMMITTEE: [Protocol; 4] = [
     Protocol::StrongToWeak,
 ];
 
-/// Numbers of training commands for the curve.
+/// Numbers of training commands in the learning curve.
 const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
 
-/// What a setting's diagnosis consists of.
+/// The trained diagnosis of a scenario.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trained {
-    /// The bands in use, if learned.
+    /// The learned bands, if in use.
     pub bands: Option<Vec<Band>>,
     /// The nine trees.
     pub trees: Hierarchy,
@@ -264,7 +259,7 @@ pub struct Trained {
     pub committee: Committee,
 }
 
-/// The data with the band that the settings want, and the bands that can be learned from it.
+/// The data with the band that the settings select, and the bands that can be learned from it.
 pub fn banded(
     data: &DataSet,
     settings: &Settings,
@@ -281,11 +276,10 @@ pub fn banded(
     }
 }
 
-/// Trains trees and committee with all rows that there are to learn from, detected by the band in
-/// use.
+/// Trains trees and committee on all training rows that the band in use detects.
 ///
 /// # Errors
-/// [`EvaluationError::NothingDetectable`] and what training says.
+/// [`EvaluationError::NothingDetectable`], or training fails.
 pub fn train(
     data: &DataSet,
     settings: &Settings,
@@ -300,26 +294,26 @@ pub fn train(
     Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
 }
 
-/// What an evaluation needs besides data and settings.
+/// Inputs of an evaluation besides data and settings.
 pub struct Context<'c> {
-    /// The diagnosis that was trained with all rows.
+    /// The diagnosis trained on all rows.
     pub trained: &'c Trained,
-    /// For each sensor with a band a number that is the same for like sensors.
+    /// For each sensor with a band, a number that is equal for like sensors.
     pub pools: &'c [usize],
-    /// The same data with every feature, also those that teach nothing, for the paper's trees.
+    /// The same data with every feature, including unused ones, for the paper's trees.
     pub all_features: &'c DataSet,
-    /// The windows, to be moved within their uncertainty.
+    /// The windows for perturbation.
     pub moving: Option<&'c Moving<'c>>,
-    /// Who works.
+    /// The worker threads.
     pub workers: Workers<'c>,
-    /// Is told what is being done, and roughly how much is done, from 0 to 1.
+    /// Receives a description of the current step, and the approximate progress from 0 to 1.
     pub progress: &'c dyn Fn(&str, f64),
 }
 
-/// Evaluates the data sets of a setting, piece by piece.
+/// Evaluates the data sets of a scenario, piece by piece.
 ///
 /// # Errors
-/// [`EvaluationError::NothingDetectable`] and what training says.
+/// [`EvaluationError::NothingDetectable`], or training fails.
 pub fn evaluate(
     data: &DataSet,
     settings: &Settings,
@@ -330,8 +324,7 @@ pub fn evaluate(
     Ok(piece::joined(found.collect::<Result<_, _>>()?))
 }
 
-/// The judged faults that trees and committee are asked about once more: detected, and where mirror
-/// images count once, no mirror image. Nothing where they were learned from.
+/// The detected judged faults, without symmetric copies; empty if the diagnosis was trained on judged rows.
 fn unseen(data: &DataSet) -> Vec<usize> {
     if !data.has_training() {
         return vec![];
@@ -340,7 +333,7 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     data.rows_where(Role::Judged, wanted)
 }
 
-/// What silence buys, and how far the confidence can be believed.
+/// Evaluates abstention and the calibration of the confidence.
 fn silence(
     data: &DataSet,
     settings: &Settings,
@@ -370,7 +363,7 @@ fn flips(
     Ok(Some((of(&trained.trees)?, of(&trained.committee.hierarchy)?)))
 }
 
-/// The trees on new commands, learned from the first so many of the training commands.
+/// Evaluates the trees on new commands, trained on the first training commands only.
 fn commands(
     data: &DataSet,
     settings: &Settings,
@@ -413,7 +406,7 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
     }
 }
 
-/// What trees and committee do with healthy specimens that left the band.
+/// Evaluates trees and committee on healthy specimens that left the band.
 fn false_alarms(
     unbanded: &DataSet,
     data: &DataSet,

@@ -1,10 +1,9 @@
-//! Models in files: JSON that says what it is.
+//! Model files: JSON with a format entry.
 //!
-//! A hierarchy's file holds, in this order, `format`, `names` (features, actuators, commands,
-//! details) and `stages`; every number in a stage is a place in one of these lists. A CART model has
-//! one entry per node in each of its arrays; a node whose `feature` is 4294967295 is a leaf; a row
-//! goes `left` where its value is not above the `threshold`. Numbers are written so that reading
-//! gives the same bits.
+//! A hierarchy's file has `format`, `names` (features, actuators, commands, details) and `stages`, in this order. Every
+//! number in a stage is an index into one of these lists. A CART model has one entry per node in each of its arrays. A
+//! node with `feature` 4294967295 is a leaf. A row goes `left` if its value is not above the `threshold`. Numbers are
+//! written so that reading restores the same bits.
 
 use super::error::EvaluationError;
 use super::table_model::TableModel;
@@ -37,9 +36,8 @@ fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationErro
 
 /// Reads a value from JSON.
 ///
-/// # Errors
-/// [`EvaluationError::File`], also where it is not what the manifest beside it says; [`EvaluationError::Model`] with line
-/// and column.
+/// [`EvaluationError::File`], also if the file contradicts its manifest; [`EvaluationError::Model`] with line and
+/// column.
 pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, EvaluationError> {
     let path = path.as_ref();
     manifest::check(path)?;

@@ -1,5 +1,5 @@
-//! An evaluation in pieces, of which each is computed by itself, be it on another machine, and what joins
-//! them. Numbers that go through a piece's text are the same bits.
+//! Splits an evaluation into pieces that can be computed separately, also on other machines, and joins them. Numbers
+//! stored in a piece keep their bits.
 
 use super::ablation::{self, Ablation};
 use super::ambiguity::{self, Ambiguity};
@@ -22,9 +22,9 @@ pub enum Piece {
     Trees(Protocol),
     /// The committee under a protocol.
     Committee(Protocol),
-    /// The trees that learned from fewer commands.
+    /// The trees trained on fewer commands.
     Commands,
-    /// Trees and committee where the paper's band detects.
+    /// Trees and committee with detection by the paper's band.
     PaperBand,
     /// The seed paper's trees.
     Baseline,
@@ -32,32 +32,32 @@ pub enum Piece {
     RandomThirds,
     /// All classifiers.
     Classifiers,
-    /// What each part carries.
+    /// The ablation.
     Ablation,
-    /// What was trained with all rows, and what it was trained with.
+    /// The diagnosis trained on all rows, and its data.
     Trained,
 }
 
-/// What came of a piece.
+/// The result of a piece.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Found {
-    /// Of the trees: the result, if the protocol was possible, and what was taken for what.
+    /// The trees' result and the confusions, if the protocol was possible.
     Trees(Option<(ProtocolResult, Option<Ambiguity>)>),
-    /// Of the committee.
+    /// The committee's result, if the protocol was possible.
     Committee(Option<ProtocolResult>),
-    /// By the number of commands.
+    /// The trees' results by number of training commands.
     Commands(Vec<(usize, ProtocolResult)>),
-    /// Where the paper's band detects.
+    /// The results with detection by the paper's band.
     PaperBand(Vec<ProtocolResult>),
-    /// Of the seed paper's trees.
+    /// The results of the seed paper's trees.
     Baseline(Vec<ProtocolResult>),
     /// Of the seed paper's trees in its own test, repeated.
     RandomThirds(Vec<RandomThirds>),
     /// Of all classifiers.
     Classifiers(Vec<Compared>),
-    /// What each part carries.
+    /// The ablation.
     Ablation(Vec<Ablation>),
-    /// Everything else, with nothing of the pieces above.
+    /// Everything else; the parts of the other pieces are empty.
     Trained(Box<Evaluation>),
 }
 
@@ -78,7 +78,7 @@ pub fn all(settings: &Settings) -> Vec<Piece> {
     pieces
 }
 
-/// The evaluation whose pieces these are, in their order.
+/// Joins the pieces of an evaluation, given in order.
 ///
 /// # Panics
 /// If [`Found::Trained`] is not among them.
@@ -109,7 +109,7 @@ pub fn joined(found: Vec<Found>) -> Evaluation {
     all
 }
 
-/// Data with its band and settings: what every piece begins with.
+/// The data with its band and settings, common to all pieces.
 pub struct Bench<'b> {
     settings: &'b Settings,
     context: &'b Context<'b>,
@@ -120,7 +120,7 @@ pub struct Bench<'b> {
 }
 
 impl<'b> Bench<'b> {
-    /// The bench of an evaluation.
+    /// Prepares an evaluation.
     pub fn new(data: &DataSet, settings: &'b Settings, context: &'b Context<'b>) -> Self {
         let unbanded = match data.sensors.is_empty() {
             true => data.clone(),
@@ -134,7 +134,7 @@ impl<'b> Bench<'b> {
     /// Evaluates a piece.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`] and what training says.
+    /// [`EvaluationError::NothingDetectable`], or training fails.
     pub fn evaluate(&self, piece: Piece) -> Result<Found, EvaluationError> {
         let Self { settings, data, training, .. } = self;
         let workers = self.context.workers;
@@ -189,7 +189,7 @@ impl<'b> Bench<'b> {
                 Found::Classifiers(compared)
             }
             Piece::Ablation => {
-                // A family less is a family less, with moved windows or without.
+                // Perturbed windows would not change the comparison of feature families.
                 let still = data.without(|row| row.moved > 0);
                 Found::Ablation(ablation::evaluate(&still, training, settings.holding, workers)?)
             }
@@ -210,7 +210,7 @@ impl<'b> Bench<'b> {
         protocol::evaluate(protocol, data, training, holding, shutdowns, context.workers)
     }
 
-    /// On new commands, with what was trained with all training rows.
+    /// The result on new commands of the diagnosis trained on all training rows.
     fn judged_trained(
         &self,
         trained: (&Training, &Hierarchy),
@@ -249,7 +249,7 @@ impl<'b> Bench<'b> {
         })
     }
 
-    /// Tells what is being done, and roughly how much of all is done.
+    /// Reports the current step and the approximate progress.
     fn tell(&self, piece: Piece) {
         let place = |protocol| self.settings.protocols.iter().position(|p| *p == protocol);
         let (what, share) = match piece {

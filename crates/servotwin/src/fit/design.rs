@@ -1,14 +1,15 @@
-//! Which flight shows the unknowns best.
+//! Compares commands: which flight determines the unknowns best.
 //!
-//! What a record knows about the unknowns is JᵀJ, and J needs no measurement: commands can be compared before any
-//! of them is flown. The gain of a command is what it takes away of the uncertainty that tolerances leave,
+//! The information of a record about the unknowns is JᵀJ, and J needs no measurement. Commands can therefore be
+//! compared before any of them is flown. The gain of a command is the reduction of the uncertainty that tolerances
+//! leave,
 //!
 //! (FD1)  gain = ½ (ln det(JᵀJ + Q) − ln det Q) / ln 2  in bits,
 //!
-//! and the command with the largest one is D-optimal among those compared: signals of the catalogue in several
-//! frequencies and sizes, each as large as limits of amplitude and rate allow it, or a part of that, because
-//! overlaps and friction show in small motions. All are compared on a part of the time first, the best ones on all
-//! of it.
+//! and the command with the largest gain is D-optimal among those compared. Candidates are signals of the catalogue at
+//! several frequencies and sizes. Sizes are the largest that the limits of amplitude and rate allow, or a fraction of
+//! it, because overlaps and friction show in small motions. All are first compared on part of the time, the best ones
+//! on all of it.
 
 use super::linear::Symmetric;
 use super::record::Record;
@@ -19,54 +20,54 @@ use crate::units;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 
-/// What a command may do.
+/// The limits of a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Its largest size, in the input's unit.
+    /// The largest amplitude, in the input's unit.
     pub amplitude: f64,
-    /// Its largest rate, in the input's unit per second.
+    /// The largest rate, in the input's unit per second.
     pub rate: f64,
-    /// How long it is flown, s.
+    /// Duration of the flight, s.
     pub duration_s: f64,
 }
 
-/// Where a command is flown and what is measured.
+/// Where a command is applied and what is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
-    /// The input that it drives; the others stay at their defaults.
+    /// The index of the driven input; the others stay at their defaults.
     pub input: usize,
-    /// The sensors, by position in the system's list.
+    /// The indices of the measured sensors in the system's list.
     pub sensors: Vec<usize>,
     /// Time between samples, s.
     pub period_s: f64,
 }
 
-/// A command and what it would tell.
+/// A command and its expected information.
 #[derive(Clone, Debug)]
 pub struct Design {
-    /// The command's text.
+    /// The command's text in signal syntax.
     pub command: String,
-    /// (FD1), bits.
+    /// Information gain (FD1), bits.
     pub gain: f64,
-    /// Its largest size.
+    /// Its largest amplitude, in the input's unit.
     pub amplitude: f64,
-    /// Its largest rate.
+    /// Its largest rate, in the input's unit per second.
     pub rate: f64,
-    /// What would be known.
+    /// How well each unknown would be known.
     pub known: Known,
 }
 
-/// The parts of the largest size that are compared.
+/// Fractions of the largest allowed size that are compared.
 const PARTS: [f64; 3] = [1.0, 0.5, 0.2];
-/// So many commands are compared on the whole time.
+/// Number of commands compared on the whole time.
 const FINALISTS: usize = 5;
-/// The others on this part of it, at least so long, s.
+/// All commands are first compared on this fraction of the time, and on at least this many seconds.
 const SHARE: f64 = 1.0 / 3.0;
 const LEAST_S: f64 = 10.0;
-/// How finely a command is looked at for its size and rate, s.
+/// Sampling interval for measuring a command's size and rate, s.
 const LOOK_S: f64 = 2e-3;
 
-/// The kinds of motion, with {a} for a size.
+/// The candidate signals; `{a}` stands for a size.
 fn shapes(duration_s: f64) -> Vec<String> {
     let mut list = Vec::new();
     for bandwidth in [0.2, 0.5, 1.0, 2.0, 4.0] {
@@ -87,10 +88,10 @@ fn shapes(duration_s: f64) -> Vec<String> {
 }
 
 impl Fit<'_> {
-    /// The commands that tell most of the unknowns, the best first. Records of the problem are not used.
+    /// The commands with the largest information gain, the best first. The problem's records are not used.
     ///
     /// # Errors
-    /// There is nothing to estimate; it was stopped; a twin that cannot be simulated is left out.
+    /// There is nothing to estimate, or it was stopped. Commands whose twin cannot be simulated are left out.
     pub fn design(&self, rig: &Rig, limits: Limits) -> Result<Vec<Design>, FitError> {
         if self.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
@@ -106,7 +107,7 @@ impl Fit<'_> {
             .map(|all| all.into_iter().map(|(design, _)| design).collect())
     }
 
-    /// What the commands tell in a given time, the best first.
+    /// Compares commands over a given time, the best first.
     fn compared(
         &self,
         rig: &Rig,
@@ -136,7 +137,7 @@ impl Fit<'_> {
             period_s: rig.period_s,
             inputs,
             sensors: rig.sensors.clone(),
-            // What it would measure does not matter.
+            // J does not depend on the measured values.
             measured: vec![0.0; samples * rig.sensors.len()],
             left_out: Vec::new(),
         };
@@ -158,7 +159,7 @@ impl Fit<'_> {
         })
     }
 
-    /// (FD1).
+    /// Information gain (FD1).
     pub(super) fn gain(&self, information: &Symmetric) -> f64 {
         let priors = self.priors();
         let logarithm = |matrix: &Symmetric| -> f64 {
@@ -169,7 +170,7 @@ impl Fit<'_> {
     }
 }
 
-/// A command that keeps its limits.
+/// A command within its limits.
 #[derive(Clone)]
 struct Command {
     text: String,
@@ -178,14 +179,15 @@ struct Command {
     rate: f64,
 }
 
-/// A shape as large as a part of what the limits allow; `None` where the catalogue cannot.
+/// Scales a signal to a fraction of what the limits allow; `None` where the catalogue cannot build it.
 fn fitted(shape: &str, unit: Unit, limits: Limits, part: f64) -> Option<Command> {
-    // A guess that is small enough to be allowed, then twice a correction: limits of signals are soft.
+    // Starts from a small size, then corrects it up to three times, because signals with soft limits do not scale
+    // linearly.
     let mut size = 0.05 * limits.amplitude;
     let mut command = built(shape, unit, size, limits)?;
     for _ in 0..3 {
         let room = (limits.amplitude / command.amplitude).min(limits.rate / command.rate);
-        // A thousandth of the room is left to the rounding of what lies between two looks.
+        // A margin of 0.1 % covers extremes between two samples.
         size *= 0.999 * part * room;
         command = built(shape, unit, size, limits)?;
         if part < 1.0 {
@@ -209,7 +211,7 @@ fn built(shape: &str, unit: Unit, size: f64, limits: Limits) -> Option<Command> 
     (amplitude > 0.0 && rate > 0.0).then_some(Command { text, signal, amplitude, rate })
 }
 
-/// A size in a unit that people read, rounded down to three digits.
+/// A size in a display unit, rounded down to three digits.
 fn written(size: f64, unit: Unit) -> String {
     let typed = units::typed(unit);
     let (value, symbol) = typed.map_or((size, ""), |typed| (size / typed.si, typed.symbol));

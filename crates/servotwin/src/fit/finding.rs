@@ -1,9 +1,8 @@
-//! What a record shows that no tolerance explains.
+//! Findings: deviations in a record that no tolerance explains.
 //!
-//! Two numbers say that something is wrong without saying what: the mean square of a sensor's residuals,
-//! and their largest sliding mean over a second, times the root of its number of samples. A parameter
-//! that stands at the bound of its tolerance and wants to leave it is the third; what is suspected, and
-//! what a finding looks like, is in [`super::suspects`].
+//! Three signs of a fault do not identify it. The first is the mean square of a sensor's residuals. The second is their
+//! largest mean over a second, times the root of its number of samples. The third is a parameter at the bound of its
+//! tolerance that would fit better beyond it. [`super::suspects`] compares faults with the residuals.
 
 use super::knowledge::Known;
 use super::linear::dot;
@@ -13,69 +12,69 @@ use super::suspects::{SCORE_LIMIT, Suspect};
 use super::{Fit, FitError, FitResults};
 use servotwin_io::text::number;
 
-/// Largest sliding mean, in its standard deviations, that chance is believed to make in a record.
+/// Largest sliding mean that is attributed to chance, in its standard deviations.
 pub const MEAN_LIMIT: f64 = 6.0;
-/// Largest excess of a mean square, in its standard deviations.
+/// Largest excess of a mean square that is attributed to chance, in its standard deviations.
 const EXCESS_LIMIT: f64 = 6.0;
-/// A mean square below this is never a finding: declared noise is not known better.
+/// A mean square below this is never a finding: the declared noise is not known more precisely.
 const LEAST_SQUARE: f64 = 1.1;
-/// A shift of a reading is seen from so many standard deviations on, ...
+/// A shift of a reading is reported from this many standard deviations on, ...
 const SHIFT_LIMIT: f64 = 6.0;
-/// ... where it explains this part of what scatters beyond noise.
+/// ... if it explains this fraction of the excess over noise.
 const SHIFT_EXPLAINS: f64 = 0.8;
 /// Length of the sliding mean, s.
 const MEAN_S: f64 = 1.0;
 
-/// What is left of one sensor in one record.
+/// The residuals of one sensor in one record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorFit {
-    /// The record.
+    /// The index of the record.
     pub record: usize,
-    /// The sensor, by position in the system's list.
+    /// The index of the sensor in the system's list.
     pub sensor: usize,
-    /// The mean square of the residuals: 1 where nothing but the declared noise is left.
+    /// The mean square of the residuals; 1 means only the declared noise is left.
     pub mean_square: f64,
-    /// The largest that is believed to be chance.
+    /// The largest mean square that is attributed to chance.
     pub limit: f64,
     /// The largest mean over a second, in its standard deviations.
     pub largest_mean: f64,
-    /// When, s.
+    /// Time of the largest mean, s.
     pub at_s: f64,
-    /// The shift of the reading that explains most of what is left.
+    /// The shift of the reading that explains most of the residuals.
     pub shift: Option<Shift>,
 }
 
-/// A reading that is off by a constant from a moment on: a sensor that was zeroed anew, or slipped.
+/// A constant offset of a reading from a moment on: a sensor that was zeroed anew, or slipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shift {
-    /// The moment, s.
+    /// Time of the shift, s.
     pub at_s: f64,
-    /// By how much the mean is larger from then on, SI.
+    /// Increase of the mean from then on, SI.
     pub by: f64,
 }
 
-/// What no tolerance explains.
+/// A deviation that no tolerance explains.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FitFinding {
-    /// A parameter would have to leave its tolerance.
+    /// A parameter would fit better outside its tolerance.
     LeavesTolerance {
-        /// The unknown.
+        /// The index of the unknown.
         unknown: usize,
         /// How far, in standard errors.
         by: f64,
     },
-    /// A sensor's residuals are larger than its noise.
+    /// A sensor's residuals scatter more than its noise.
     Scatter(SensorFit),
-    /// A sensor's residuals have a mean for a second.
+    /// A sensor's residuals have a nonzero mean for a second.
     Mean(SensorFit),
-    /// A suspect explains what tolerances do not.
+    /// A suspect explains the residuals where tolerances do not.
     Looks(Suspect),
-    /// The steps did not end.
+    /// The solver did not converge.
     NotConverged,
 }
 
 impl SensorFit {
-    /// The shift of the reading, as a clause; empty where there is none.
+    /// The shift of the reading as a clause; empty without a shift.
     pub(super) fn shift_in_words(&self, problem: &Fit) -> String {
         let Some(Shift { at_s, by }) = self.shift else { return String::new() };
         let sensor = &problem.system.sensors[self.sensor];
@@ -92,7 +91,7 @@ impl FitFinding {
         match self {
             FitFinding::LeavesTolerance { unknown, by } => {
                 let name = &problem.unknowns[*unknown].name;
-                // Many standard errors are no number that says anything.
+                // A large number of standard errors carries no information.
                 let by = if *by < 100.0 {
                     format!(" by {by:.1} standard errors")
                 } else {
@@ -120,7 +119,7 @@ impl FitFinding {
 }
 
 impl Fit<'_> {
-    /// What is known and what is left at a minimum.
+    /// Evaluates a minimum: how well the unknowns are known, and what is left.
     pub(super) fn judged(&self, found: Minimum) -> Result<FitResults, FitError> {
         let known = Known::new(&self.unknowns, &found.z, &found.linear.information);
         let known = known.ok_or(FitError::Undetermined)?;
@@ -142,7 +141,7 @@ impl Fit<'_> {
         Ok(FitResults { z, known, overrides, cost, left, findings, suspects, steps })
     }
 
-    /// Parameters that stand at a bound and want to leave it.
+    /// Parameters at a bound that would fit better beyond it.
     fn outside(&self, found: &Minimum, known: &Known) -> Vec<FitFinding> {
         let pull = found.linear.pull(&found.residuals);
         let mut all = Vec::new();
@@ -159,7 +158,7 @@ impl Fit<'_> {
         all
     }
 
-    /// What is left of every sensor.
+    /// Summarizes the residuals of every sensor.
     fn left(&self, residuals: &[f64]) -> Vec<SensorFit> {
         let mut all = Vec::new();
         let mut begin = 0;
@@ -171,7 +170,7 @@ impl Fit<'_> {
         all
     }
 
-    /// What is left of every sensor of one record.
+    /// Summarizes the residuals of every sensor of one record.
     pub(super) fn left_of(
         &self,
         place: usize,
@@ -193,7 +192,7 @@ impl Fit<'_> {
     }
 }
 
-/// The sensor whose residuals scatter most, and the one whose mean is largest, where that is a finding.
+/// The sensor with the largest scatter and the one with the largest mean, each if it exceeds its limit.
 pub(super) fn of_what_is_left(left: &[SensorFit]) -> impl Iterator<Item = FitFinding> {
     let largest = |of: fn(&SensorFit) -> f64| {
         let found = left.iter().filter(|left| of(left) > 1.0);
@@ -225,7 +224,7 @@ fn of_sensor(
     SensorFit { record: place, sensor, mean_square, limit, largest_mean, at_s, shift: None }
 }
 
-/// From which value on the mean is another one, and by how much, where that explains most of what is beyond noise.
+/// The index from which the mean is shifted, and by how much, if that explains most of the excess over noise.
 fn shift(values: &[f64], mean_square: f64) -> Option<(usize, f64)> {
     let count = values.len() as f64;
     let sum: f64 = values.iter().sum();

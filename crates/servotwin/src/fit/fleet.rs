@@ -1,13 +1,12 @@
-//! Many specimens that flew the same calibration flight, each fitted to its own record.
+//! Fits many specimens that flew the same calibration flight, each to its own record.
 //!
-//! All begin at the nominal twin, so J and A = JᵀJ + Q are found once, around it, and kept. Every turn
-//! then is a single run for each specimen, with its own parameters, in lanes: the products Jᵀr are summed
-//! up while samples come, and no sample is kept. After three turns specimens are where a fit of their own
-//! would have brought them, but for a part of a standard error (test).
+//! All fits start at the nominal twin, so J and A = JᵀJ + Q are computed once, around it, and kept. Each turn is a
+//! single run per specimen with its own parameters, in lanes. The products Jᵀr are accumulated sample by sample, and no
+//! sample is stored. After three turns, specimens agree with individual fits to a fraction of a standard error (test).
 //!
-//! [`Fleet::judge`] goes on until steps are small, and judges what the last one leaves, to first order, as a fit of its
-//! own does: a specimen that had a fault in its calibration flight has a finding. Suspects are compared by (FF1) with
-//! their changes of the nominal twin.
+//! [`Fleet::judge`] continues until steps are small, and judges what the last step leaves, to first order, as an
+//! individual fit does. A specimen with a fault in its calibration flight has a finding. Suspects are compared by
+//! (FF1), with their changes of the nominal twin.
 
 use super::finding::{FitFinding, of_what_is_left};
 use super::linear::{Symmetric, dot};
@@ -20,14 +19,14 @@ use crate::ensemble::Sink;
 use servotwin_model::program::FaultAt;
 use std::sync::atomic::Ordering;
 
-/// Turns for each specimen.
+/// Number of turns for each specimen.
 const TURNS: usize = 3;
 /// Most turns where specimens are judged, ...
 const MOST_TURNS: usize = 10;
 /// ... until a step would lower F by less than this: no unknown moves by more than half of its standard error.
 const SMALL_GAIN: f64 = 0.1;
 
-/// The calibration flight, and what it tells of the unknowns.
+/// The calibration flight and its information about the unknowns.
 pub struct Fleet<'p, 's> {
     problem: &'p Fit<'s>,
     record: &'p Record,
@@ -37,51 +36,49 @@ pub struct Fleet<'p, 's> {
     shown: Vec<Shown>,
 }
 
-/// What a suspect shows.
+/// The effect of a suspect on the residuals.
 struct Shown {
     fault: (usize, usize),
-    /// d of (FF1).
+    /// The change d of (FF1).
     change: Vec<f64>,
-    /// dᵀd, and s.
+    /// dᵀd; the next field is s of (FF1).
     square: f64,
     rest: f64,
 }
 
-/// One specimen.
+/// A fitted specimen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Specimen {
     /// The unknowns, in standard deviations of their tolerances.
     pub z: Vec<f64>,
-    /// The parameters, as a variant takes them: (component, parameter, value).
+    /// The parameters in the form of a variant: (component, parameter, value).
     pub overrides: Vec<(usize, usize, f64)>,
-    /// For each sensor the mean square of the residuals before the last step: 1 where nothing but noise
-    /// is left.
+    /// For each sensor, the mean square of the residuals before the last step; 1 means only noise is left.
     pub mean_squares: Vec<f64>,
-    /// How much the last step still lowered F.
+    /// How much the last step reduced F.
     pub last_gain: f64,
-    /// How far, in standard errors, a parameter would like to leave its tolerance.
+    /// How far a parameter would move out of its tolerance, in standard errors.
     pub outside: f64,
 }
 
-/// A specimen, and what its calibration flight shows beside parameters.
+/// A fitted specimen and the findings of its calibration flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// The specimen.
+    /// The fitted specimen.
     pub specimen: Specimen,
-    /// What no tolerance explains.
+    /// Deviations that no tolerance explains.
     pub findings: Vec<FitFinding>,
 }
 
 impl Judged {
-    /// Whether its twin may take the parameters.
+    /// Whether the twin may take the parameters.
     pub fn is_update(&self) -> bool {
         self.findings.is_empty()
     }
 }
 
 impl<'p, 's> Fleet<'p, 's> {
-    /// A fleet whose calibration flight is the first record of a problem; what it measured is not
-    /// used.
+    /// Prepares a fleet whose calibration flight is the first record of a problem; the measured values are not used.
     ///
     /// # Errors
     /// The nominal twin cannot be simulated.
@@ -98,7 +95,7 @@ impl<'p, 's> Fleet<'p, 's> {
         Ok(fleet)
     }
 
-    /// What the problem's suspects show; those with which the twin cannot be simulated are left out.
+    /// The effects of the problem's suspects; those whose twin cannot be simulated are left out.
     fn shown(&self) -> Result<Vec<Shown>, FitError> {
         let Some(covariance) = self.covariance() else { return Ok(vec![]) };
         let (suspects, nominal) = (&self.problem.suspects, &self.linear.z);
@@ -121,25 +118,25 @@ impl<'p, 's> Fleet<'p, 's> {
         Ok(suspects.iter().zip(found).filter_map(shown).collect())
     }
 
-    /// The covariance of the unknowns, the same for all; `None` where one is not determined.
+    /// The covariance of the unknowns, common to all specimens; `None` if an unknown is not determined.
     pub fn covariance(&self) -> Option<Symmetric> {
         self.curvature.inverse()
     }
 
-    /// Fits specimens: what the sensors of each showed, sample after sample, as in a [`Record`]. A
-    /// specimen whose twin cannot be simulated has an error.
+    /// Fits specimens to their sensor values, which are ordered by sample as in a [`Record`]. A specimen whose twin
+    /// cannot be simulated has an error.
     ///
     /// # Errors
-    /// It was stopped.
+    /// The run was stopped.
     pub fn fit(&self, measured: &[Vec<f64>]) -> Result<Vec<Result<Specimen, FitError>>, FitError> {
         let found = self.turns(measured, TURNS, false)?;
         Ok(found.into_iter().map(|one| one.map(|one| one.specimen)).collect())
     }
 
-    /// Fits specimens until steps are small, and says what no tolerance explains.
+    /// Fits specimens until steps are small, and reports what no tolerance explains.
     ///
     /// # Errors
-    /// As [`Fleet::fit`].
+    /// See [`Fleet::fit`].
     pub fn judge(&self, measured: &[Vec<f64>]) -> Result<Vec<Result<Judged, FitError>>, FitError> {
         self.turns(measured, MOST_TURNS, true)
     }
@@ -194,7 +191,7 @@ impl<'p, 's> Fleet<'p, 's> {
             |job| self.problem.variant(&before[job], &self.record.inputs),
             |job| Along::new(self, &measured[going[job]], is_judged),
             |job, along, outcome| {
-                // Residuals are many: what they show is found before the next specimen's come.
+                // Residuals need much memory: they are evaluated before those of the next specimen arrive.
                 let stepped = match outcome {
                     Ok(_) => self.stepped(&before[job], along, errors),
                     Err(failure) => Err(FitError::run(self.problem.system, failure)),
@@ -240,7 +237,7 @@ impl<'p, 's> Fleet<'p, 's> {
         Ok(Judged { specimen, findings })
     }
 
-    /// What residuals show, when a step is taken.
+    /// The findings in the residuals after the last step.
     fn findings(&self, step: &[f64], mut residuals: Vec<f64>) -> Vec<FitFinding> {
         for (column, step) in self.linear.columns.iter().zip(step) {
             residuals.iter_mut().zip(column).for_each(|(left, column)| *left -= step * column);
@@ -257,7 +254,7 @@ impl<'p, 's> Fleet<'p, 's> {
     }
 }
 
-/// Sums Jᵀr up while samples come.
+/// Accumulates Jᵀr while samples arrive.
 struct Along<'f> {
     columns: &'f [Vec<f64>],
     deviations: &'f [f64],
@@ -267,7 +264,7 @@ struct Along<'f> {
     samples: usize,
     pull: Vec<f64>,
     squares: Vec<f64>,
-    /// Kept where they are judged.
+    /// Stored only where specimens are judged.
     residuals: Option<Vec<f64>>,
 }
 

@@ -1,11 +1,11 @@
-//! The flights of one tail number: each fitted and diagnosed, the intensity of what is at fault tracked from the
-//! first flight to the last, and parameters that drift inside of their tolerances.
+//! The flights of one tail number: fits and diagnoses each flight, tracks the intensity of faults from flight to
+//! flight, and reports parameters that drift inside their tolerances.
 //!
-//! Every flight is first fitted with tolerances only. Where that leaves findings, the likeliest three suspects of the
-//! latest such flights are compared by their likelihood ([`super::intensity`]); what remains is tracked: its intensity
-//! is estimated beside the tolerances in every flight, also in those in which nobody would have noticed it. A
-//! trend ([`super::trend`]) says when a threshold is reached. A repair ([`super::repair`]) ends one wear and begins
-//! another: the trend is that of the flights since the last one.
+//! Every flight is first fitted with tolerances only. If that leaves findings, the three likeliest suspects of the
+//! latest such flights are compared by their likelihood ([`super::intensity`]). The remaining ones are tracked: their
+//! intensity is estimated along with the tolerances in every flight, even where it is too small for a finding. A trend
+//! ([`super::trend`]) predicts when a threshold is reached. A repair ([`super::repair`]) ends one wear and begins
+//! another, so the trend uses the flights since the last repair.
 
 use super::intensity::intensity;
 use super::repair::{Repair, repairs};
@@ -13,53 +13,54 @@ use super::suspects::SCORE_LIMIT;
 use super::trend::{Point, Trend};
 use super::{Fit, FitError, FitResults, Knowledge, Record, RecordError};
 
-/// How many of the latest flights with findings say what is tracked.
+/// How many of the latest flights with findings select the tracked faults.
 const LATEST: usize = 5;
-/// How many suspects of each are compared.
+/// How many suspects of each flight are compared.
 const COMPARED: usize = 3;
-/// What is less probable, on the mean of these flights, is not tracked.
+/// Faults below this mean probability over these flights are not tracked.
 const PROBABLE: f64 = 0.1;
-/// A parameter drifts where its rate is so many times its standard error: among a hundred of them chance has none.
+/// A parameter drifts if its rate exceeds this many standard errors: among a hundred parameters, chance exceeds it in
+/// none.
 const DRIFTS: f64 = 5.0;
 
-/// One flight.
+/// One flight of the history.
 #[derive(Clone, Debug)]
 pub struct Flight {
-    /// The log.
+    /// The name of the log.
     pub name: String,
-    /// What its fit gave.
+    /// The result of its fit.
     pub fitted: Result<FitResults, FitError>,
 }
 
 impl Flight {
-    /// Whether nothing was found that tolerances do not explain.
+    /// Whether the fit has no findings.
     pub fn is_healthy(&self) -> bool {
         self.fitted.as_ref().is_ok_and(FitResults::is_update)
     }
 }
 
-/// A fault that is followed over the flights.
+/// A fault tracked over the flights.
 #[derive(Clone, Debug)]
 pub struct Track {
-    /// Its full name.
+    /// The fault's full name.
     pub name: String,
-    /// Its share among those that were compared; 1 where it was asked for.
+    /// Its probability among the compared faults; 1 if the user requested it.
     pub probability: f64,
-    /// Its intensity in each flight that can be used, flights counted from zero.
+    /// Its intensity in each usable flight; flights count from zero.
     pub points: Vec<Point>,
-    /// The repairs among them, in the order of time.
+    /// The repairs in between, in order of time.
     pub repairs: Vec<Repair>,
-    /// How it goes on since the last confirmed repair; `None` for too few flights.
+    /// Its trend since the last confirmed repair; `None` for too few flights.
     pub trend: Option<Trend>,
 }
 
 impl Track {
-    /// A track with its repairs and the trend since the last one.
+    /// Creates a track with its repairs and the trend since the last one.
     fn new(name: String, probability: f64, points: Vec<Point>) -> Self {
         let repairs = repairs(&points);
         let confirmed = repairs.iter().rev().find(|one| one.is_confirmed);
         let start = confirmed.map_or(0, |one| one.place);
-        // A fall that only the last flight shows may be a bad fit: the wear before it is the safe side.
+        // A drop that only the last flight shows may be a bad fit: continuing the wear before it is the safe side.
         let end =
             repairs.last().filter(|one| !one.is_confirmed).map_or(points.len(), |one| one.place);
         let trend = Trend::of(&points[start..end]);
@@ -71,44 +72,44 @@ impl Track {
         self.repairs.iter().rev().find(|one| one.is_confirmed)
     }
 
-    /// The fall that only the last flight shows.
+    /// The drop that only the last flight shows.
     pub fn unconfirmed(&self) -> Option<&Repair> {
         self.repairs.last().filter(|one| !one.is_confirmed)
     }
 }
 
-/// A parameter that changes inside of its tolerance, in standard deviations of that.
+/// A parameter that changes inside its tolerance, in standard deviations of the tolerance.
 #[derive(Clone, Debug)]
 pub struct Drift {
-    /// Its place among the unknowns.
+    /// The index of the unknown.
     pub unknown: usize,
-    /// How it goes on.
+    /// Its trend over the flights.
     pub trend: Trend,
 }
 
-/// All flights.
+/// The history of one tail number.
 #[derive(Clone, Debug)]
 pub struct History {
-    /// In their order.
+    /// The flights in order.
     pub flights: Vec<Flight>,
-    /// What is tracked, the likeliest first.
+    /// The tracked faults, the likeliest first.
     pub tracks: Vec<Track>,
-    /// The parameters that drift.
+    /// The drifting parameters.
     pub drifts: Vec<Drift>,
 }
 
-/// A fault, and its mean probability among those that were compared.
+/// A fault and its mean probability among the compared faults.
 type Suspected = ((usize, usize), f64);
 
-/// A log's name, and its record if it is one.
+/// The name of a log, with its record or the reason why it has none.
 pub type Log = (String, Result<Record, RecordError>);
 
 impl Fit<'_> {
-    /// The history of some logs in the order in which they were flown; the problem's own records are not used. Without
-    /// `faults` what is tracked comes from the findings.
+    /// The history of logs in the order in which they were flown. The problem's own records are not used. If `faults`
+    /// is empty, the findings select the tracked faults.
     ///
     /// # Errors
-    /// It was stopped, or there is nothing to estimate. What is wrong with a single flight stands there.
+    /// The run was stopped, or there is nothing to estimate. Errors of a single flight are stored with that flight.
     pub fn history(&self, logs: Vec<Log>, faults: &[(usize, usize)]) -> Result<History, FitError> {
         let mut flights = Vec::new();
         for (name, record) in &logs {
@@ -126,14 +127,14 @@ impl Fit<'_> {
         for (fault, probability) in chosen {
             tracks.push(self.track(&logs, &flights, fault, probability)?);
         }
-        // Parts that were replaced have tolerances of their own.
+        // Replaced parts have their own tolerances, so drifts start after the repair.
         let since = tracks.iter().filter_map(|track: &Track| Some(track.last_repair()?.at));
         let since = since.fold(0.0, f64::max);
         let drifts = (0..self.unknowns.len()).filter_map(|unknown| drift(&flights, unknown, since));
         Ok(History { tracks, drifts: drifts.collect(), flights })
     }
 
-    /// The same problem for one flight.
+    /// The same problem with the record of one flight.
     fn of_flight(&self, record: &Record) -> Self {
         Fit {
             unknowns: self.unknowns.clone(),
@@ -143,7 +144,7 @@ impl Fit<'_> {
         }
     }
 
-    /// What the latest flights with findings look like, with the mean of their probabilities.
+    /// The suspects of the latest flights with findings, with their mean probabilities.
     fn suspected(&self, logs: &[Log], flights: &[Flight]) -> Result<Vec<Suspected>, FitError> {
         let found = |flight: &Flight| flight.fitted.is_ok() && !flight.is_healthy();
         let latest = (0..flights.len()).rev().filter(|&n| found(&flights[n])).take(LATEST);
@@ -153,7 +154,7 @@ impl Fit<'_> {
                 continue;
             };
             let likely = fitted.suspects.iter().filter(|suspect| suspect.score > SCORE_LIMIT);
-            // A clock or a delay is no fault.
+            // A clock error or a delay is not a fault.
             let faults = likely.filter_map(|s| self.system.program.find_fault(&s.name));
             let candidates: Vec<(usize, usize)> = faults.take(COMPARED).collect();
             if candidates.is_empty() {
@@ -174,7 +175,7 @@ impl Fit<'_> {
         Ok(means.filter(|(_, share)| *share >= PROBABLE).take(COMPARED).collect())
     }
 
-    /// The intensity of a fault in every flight that can be used.
+    /// Estimates the intensity of a fault in every usable flight.
     fn track(
         &self,
         logs: &[Log],
@@ -194,7 +195,7 @@ impl Fit<'_> {
     }
 }
 
-/// A flight that cannot be fitted has an error of its own; one that was stopped ends all.
+/// Keeps the error of a single flight; a stop ends the whole history.
 fn unless_stopped<T>(result: Result<T, FitError>) -> Result<Result<T, FitError>, FitError> {
     match result {
         Err(error @ (FitError::Cancelled | FitError::NoUnknown)) => Err(error),
@@ -202,7 +203,7 @@ fn unless_stopped<T>(result: Result<T, FitError>) -> Result<Result<T, FitError>,
     }
 }
 
-/// Whether a parameter drifts over the flights from one on in which it was updated.
+/// The drift of a parameter over its updates from flight `since` on, if any.
 fn drift(flights: &[Flight], unknown: usize, since: f64) -> Option<Drift> {
     let later = flights.iter().enumerate().filter(|(number, _)| *number as f64 >= since);
     let updates = later.filter(|(_, flight)| flight.is_healthy());

@@ -1,16 +1,16 @@
-//! How strong a fault is: its intensity as one more unknown beside the tolerances, with an interval;
-//! and which of several candidates it is, by their likelihood.
+//! Estimates the intensity of a fault as one more unknown beside the tolerances, with an interval, and compares several
+//! candidates by their likelihood.
 //!
 //! (FN1)  ln p(record | fault) ≈ −F − ½ ln det A + const
 //!
-//! F and A of the fit with this fault: how well it explains the record, and how much it had to be tuned
-//! for it. The candidates' shares sum to one; that none of them is right is not among them.
+//! F and A belong to the fit with this fault: how well it explains the record, and how much it had to be tuned. The
+//! candidates' probabilities sum to one; the case that none of them is right is not included.
 //!
 //! (FN2)  F(x) ≤ F + ½ χ²₁(95 %)
 //!
-//! (½ χ² times the mean square of the residuals where these are larger than noise) holds for the intensities x that
-//! explain the record as well, the other unknowns at their best beside each. The interval is that of the standard
-//! error, and wider where (FN2) says so: where a sensor is at the end of its range, every larger gain shows the same.
+//! (FN2) holds for all intensities x that explain the record equally well, with the other unknowns optimal for each x.
+//! If residuals exceed the noise, ½ χ² is multiplied by their mean square. The interval follows from the standard
+//! error, and is widened by (FN2): at the end of a sensor's range, all larger gains look the same.
 
 use super::linear::dot;
 use super::onset::Onset;
@@ -18,59 +18,59 @@ use super::solve::Minimum;
 use super::unknown::Unknown;
 use super::{Fit, FitError, FitResults};
 
-/// 95 % of a normal distribution lie within so many deviations.
+/// 95 % of a normal distribution lie within this many deviations.
 const NORMAL_95: f64 = 1.96;
-/// Half of what χ² with one degree of freedom stays below with 95 %.
+/// Half of the 95 % quantile of χ² with one degree of freedom.
 pub(super) const HALF_CHI_SQUARE_95: f64 = 1.92;
-/// No intensity is better known than this: the solver's error.
+/// Lower limit of an intensity's standard error: the solver's error.
 const LEAST_ERROR: f64 = 1e-4;
-/// Evenly spaced intensities, the last one 1, at which (FN2) is asked.
+/// Number of evenly spaced intensities, up to 1, at which (FN2) is evaluated.
 const PROFILE: usize = 24;
-/// A fit begins anew where another intensity lowers F by more than this ...
+/// A fit restarts where another intensity reduces F by more than this ...
 const HOLLOW: f64 = 1.0;
-/// ... at most so many times.
+/// ... at most this many times.
 const MOST_ANEW: usize = 2;
-/// The intensities from which a fit may begin: the likeliest of them is the first guess.
+/// Candidate start values of a fit; the likeliest becomes the first guess.
 const FIRST_GUESSES: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9];
 
-/// A fault as a record shows it.
+/// The estimate of a fault from a record.
 #[derive(Clone, Debug)]
 pub struct Diagnosed {
     /// The fault: (component, fault).
     pub fault: (usize, usize),
-    /// Its full name.
+    /// The fault's full name.
     pub name: String,
-    /// Its intensity.
+    /// The estimated intensity, 0 to 1.
     pub intensity: f64,
-    /// Its standard error; where another intensity explains the record as well, as large as if that were an end of
-    /// the interval.
+    /// Its standard error. If another intensity explains the record equally well, the error is as large as if that
+    /// intensity were an end of the interval.
     pub error: f64,
-    /// The interval that holds it with 95 %.
+    /// The 95 % interval.
     pub interval: (f64, f64),
-    /// (FN1).
+    /// Log-likelihood of the record (FN1).
     pub log_likelihood: f64,
-    /// Its share among the candidates.
+    /// Its probability among the candidates.
     pub probability: f64,
-    /// When it began, where that was within the record.
+    /// When it began, if within the record.
     pub onset: Option<Onset>,
-    /// The whole fit, the fault's intensity last.
+    /// The whole fit; the fault's intensity is the last unknown.
     pub fitted: FitResults,
 }
 
-/// Estimates the intensity of every candidate that is there from the first sample on, the likeliest first.
+/// Estimates the intensity of every candidate, assumed present from the first sample on; the likeliest comes first.
 ///
 /// # Errors
-/// As [`Fit::solve`]; a candidate with which the twin cannot be simulated.
+/// See [`Fit::solve`]; or the twin cannot be simulated with a candidate.
 pub fn intensity(problem: &Fit, candidates: &[(usize, usize)]) -> Result<Vec<Diagnosed>, FitError> {
     let each = candidates.iter().map(|&fault| of_candidate(problem, fault));
     Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
 }
 
-/// The same, and when each of them began, where that was within the record ([`super::onset`]): its intensity is then that
-/// from this moment on.
+/// Like [`intensity`], but also estimates when each fault began, if within the record ([`super::onset`]). Its intensity
+/// then applies from this moment on.
 ///
 /// # Errors
-/// As [`intensity`].
+/// See [`intensity`].
 pub fn intensity_and_onset(
     problem: &Fit,
     candidates: &[(usize, usize)],
@@ -90,7 +90,7 @@ pub fn intensity_and_onset(
     Ok(compared(all))
 }
 
-/// With the share of each, the likeliest first.
+/// Adds the probability of each; the likeliest comes first.
 fn compared(mut all: Vec<Diagnosed>) -> Vec<Diagnosed> {
     let most = all.iter().map(|one| one.log_likelihood).fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = all.iter().map(|one| (one.log_likelihood - most).exp()).sum();
@@ -107,7 +107,7 @@ fn of_candidate(problem: &Fit, fault: (usize, usize)) -> Result<Diagnosed, FitEr
     diagnosed(&own, fault, minimum, &alike, None)
 }
 
-/// The estimate of a fault that is the last unknown of a fit.
+/// Evaluates a fit whose last unknown is the intensity of a fault.
 fn diagnosed(
     own: &Fit,
     fault: (usize, usize),
@@ -148,7 +148,7 @@ impl<'s> Fit<'s> {
 
 /// A fit whose last unknown is the intensity of a fault.
 impl Fit<'_> {
-    /// The minimum with the fault from the first sample on; and the intensities of (FN2).
+    /// The minimum with the fault present from the first sample on, and the intensities of (FN2).
     pub(super) fn constant(&self) -> Result<(Minimum, Vec<f64>), FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
         let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&nominal, x)).collect();
@@ -163,7 +163,7 @@ impl Fit<'_> {
         self.least_of_all(&first.1)
     }
 
-    /// The minimum from a first guess, which is no hollow beside a deeper one; and the intensities of (FN2).
+    /// The minimum from a first guess, restarted if another intensity gives a deeper one, and the intensities of (FN2).
     pub(super) fn least_of_all(&self, start: &[f64]) -> Result<(Minimum, Vec<f64>), FitError> {
         let mut minimum = self.minimum(start)?;
         let mut profile = self.profile(&minimum)?;
@@ -185,7 +185,7 @@ impl Fit<'_> {
         Ok((minimum, profile.into_iter().map(|(intensity, _)| intensity).collect()))
     }
 
-    /// Some intensities, each with the least F beside it: the other unknowns move as J at the minimum says.
+    /// Evenly spaced intensities, each with the lowest F: J at the minimum predicts how the other unknowns move.
     fn profile(&self, minimum: &Minimum) -> Result<Vec<(f64, f64)>, FitError> {
         let intensities: Vec<f64> = (1..=PROFILE).map(|k| k as f64 / PROFILE as f64).collect();
         let points: Vec<Vec<f64>> = intensities.iter().map(|&x| at(&minimum.z, x)).collect();
@@ -207,14 +207,14 @@ impl Fit<'_> {
     }
 }
 
-/// The mean square of what a fit has left, in parts of the noise, and at least 1: what the fault does not explain
-/// makes its intensity less sure.
+/// The mean square of a fit's residuals relative to the noise, at least 1. Residuals that the fault does not explain
+/// make its intensity less certain.
 pub(super) fn mean_square(minimum: &Minimum) -> f64 {
     let residuals = &minimum.residuals;
     (dot(residuals, residuals) / residuals.len().max(1) as f64).max(1.0)
 }
 
-/// A point with another intensity.
+/// The same point with another intensity.
 pub(super) fn at(z: &[f64], intensity: f64) -> Vec<f64> {
     let others = &z[..z.len() - 1];
     others.iter().copied().chain([intensity]).collect()

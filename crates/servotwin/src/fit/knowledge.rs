@@ -1,20 +1,20 @@
-//! What a fit knows of each unknown, in numbers and in words.
+//! How well a fit knows each unknown, in numbers and in words.
 //!
-//! With information I = JᵀJ and the prior Q, the covariance of the unknowns is C = (I + Q)⁻¹: its
-//! diagonal gives standard errors, what lies beside it trade-offs. An unknown whose error stays near its
-//! prior's is *not seen* if it would stay so with all others known, and otherwise *trades off*. Where
-//! another one stands at a bound, C without that one says what its bound pretends to know.
+//! With information I = JᵀJ and the prior Q, the covariance of the unknowns is C = (I + Q)⁻¹. Its diagonal gives
+//! standard errors, its off-diagonal elements trade-offs. An unknown whose error stays near its prior's is *not seen*
+//! if the error stays so even with all others known; otherwise it *trades off*. If another unknown is at its bound, C
+//! without that unknown shows how much knowledge comes only from the bound.
 
 use super::linear::Symmetric;
 use super::unknown::{Moved, Unknown};
 
-/// Above this part of the prior's deviation an unknown is not well known.
+/// Above this fraction of the prior's deviation, an unknown is not well known.
 const WELL_KNOWN: f64 = 0.5;
-/// Above this part the record has told nothing.
+/// Above this fraction, the record has no information about the unknown.
 const NOT_SEEN: f64 = 0.95;
-/// A bound is reached within this part of a standard deviation.
+/// Distance within which a bound counts as reached, in standard deviations.
 const AT_BOUND: f64 = 1e-6;
-/// Below this correlation an unknown does not trade off against a single other one.
+/// Below this correlation, an unknown does not trade off against a single other one.
 const TRADES: f64 = 0.5;
 
 /// How well an unknown is known.
@@ -22,20 +22,20 @@ const TRADES: f64 = 0.5;
 pub enum Knowledge {
     /// The record determines it.
     Known,
-    /// The record narrows it, by less than half.
+    /// The record narrows it by less than half.
     Partly,
-    /// Only with another one: both may move together without a trace.
+    /// It is known only together with another one: both can change together without effect.
     TradesOff {
         /// The other unknown.
         with: usize,
         /// The correlation of their errors.
         correlation: f64,
     },
-    /// The record does not show it: it is known as well as before.
+    /// The record does not show it: it is no better known than before.
     NotSeen,
-    /// It stands at the bound of its range.
+    /// It is at the bound of its range.
     AtBound,
-    /// It looks well known, but only because another one stands at its bound.
+    /// It looks well known, but only because another one is at its bound.
     KnownByBound {
         /// The other unknown.
         with: usize,
@@ -45,26 +45,26 @@ pub enum Knowledge {
 /// A direction in the space of unknowns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direction {
-    /// What the records know along it; the prior's is 1.
+    /// The records' information along it, relative to the prior's.
     pub information: f64,
-    /// The direction, of length one, in standard deviations of the tolerances.
+    /// The unit vector, in standard deviations of the tolerances.
     pub weights: Vec<f64>,
 }
 
-/// What is known of all unknowns.
+/// The knowledge about all unknowns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Known {
     /// The covariance of the unknowns.
     pub covariance: Symmetric,
-    /// For each unknown.
+    /// The verdict for each unknown.
     pub each: Vec<Knowledge>,
     /// The directions, best known first.
     pub directions: Vec<Direction>,
 }
 
 impl Known {
-    /// From the information of the records and the values of the unknowns; `None` where some
-    /// unknown without prior is not determined at all.
+    /// From the information of the records and the values of the unknowns; `None` if an unknown without a prior is not
+    /// determined at all.
     pub fn new(unknowns: &[Unknown], z: &[f64], information: &Symmetric) -> Option<Self> {
         let priors: Vec<f64> = unknowns.iter().map(|unknown| unknown.prior).collect();
         let curvature = information.plus_diagonal(&priors);
@@ -98,12 +98,12 @@ impl Known {
         self.covariance.at(a, b) / (self.error(a) * self.error(b))
     }
 
-    /// A plain sentence about an unknown after a record.
+    /// A sentence about how well a record determines an unknown.
     pub fn sentence(&self, unknowns: &[Unknown], k: usize) -> String {
         self.sentence_of("record", unknowns, k)
     }
 
-    /// The same of a flight that was not flown so far.
+    /// The same sentence about a planned flight.
     pub fn forecast(&self, unknowns: &[Unknown], k: usize) -> String {
         self.sentence_of("flight", unknowns, k)
     }
@@ -144,7 +144,7 @@ impl Judge<'_> {
     fn of(&self, k: usize, held_error: f64) -> Knowledge {
         let error = self.covariance.at(k, k).sqrt();
         let alone = self.curvature.at(k, k).sqrt().recip();
-        // Of a fault nothing is known before: its whole range is the measure.
+        // A fault has no prior knowledge: its whole range is the measure.
         let prior = match self.unknowns[k].moved {
             Moved::Parameters { .. } => self.unknowns[k].prior.sqrt().recip(),
             Moved::Fault(..) => 0.5,

@@ -1,7 +1,7 @@
-//! Linear algebra of a few dozen unknowns: symmetric matrices, their factor, inverse and
-//! eigenvalues, and a quadratic's minimum between bounds.
+//! Linear algebra for a few dozen unknowns: symmetric matrices with their factor, inverse and eigenvalues, and a
+//! quadratic's minimum within bounds.
 
-/// A symmetric matrix, kept whole.
+/// A symmetric matrix, stored in full.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Symmetric {
     size: usize,
@@ -9,7 +9,7 @@ pub struct Symmetric {
 }
 
 impl Symmetric {
-    /// From the value of each entry; only entries on and below the diagonal are asked for.
+    /// From a function of row and column, called only for entries on and below the diagonal.
     pub fn new(size: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
         let mut values = vec![0.0; size * size];
         for row in 0..size {
@@ -27,7 +27,7 @@ impl Symmetric {
         self.size
     }
 
-    /// An entry.
+    /// The entry at a row and column.
     pub fn at(&self, row: usize, column: usize) -> f64 {
         self.values[row * self.size + column]
     }
@@ -38,7 +38,7 @@ impl Symmetric {
         Self::new(self.size, |row, column| self.at(row, column) + added(row, column))
     }
 
-    /// Some rows, and the same columns.
+    /// The submatrix of the given rows and columns.
     pub fn part(&self, which: &[usize]) -> Self {
         Self::new(which.len(), |row, column| self.at(which[row], which[column]))
     }
@@ -49,7 +49,7 @@ impl Symmetric {
         rows.map(|row| dot(row, vector)).collect()
     }
 
-    /// The factor L of L Lᵀ, row by row; `None` where the matrix is not positive definite.
+    /// The factor L of L Lᵀ, row by row; `None` if the matrix is not positive definite.
     fn factor(&self) -> Option<Vec<f64>> {
         let n = self.size;
         let mut l = vec![0.0; n * n];
@@ -67,13 +67,13 @@ impl Symmetric {
         Some(l)
     }
 
-    /// The solution of A x = b; `None` where the matrix is not positive definite.
+    /// The solution of A x = b; `None` if the matrix is not positive definite.
     pub fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
         let l = self.factor()?;
         Some(back_substituted(&l, self.size, b))
     }
 
-    /// The inverse; `None` where the matrix is not positive definite.
+    /// The inverse; `None` if the matrix is not positive definite.
     pub fn inverse(&self) -> Option<Self> {
         let (l, n) = (self.factor()?, self.size);
         let unit = |place: usize| (0..n).map(|i| f64::from(u8::from(i == place))).collect();
@@ -82,8 +82,8 @@ impl Symmetric {
         Some(Self::new(n, |row, column| columns[column][row]))
     }
 
-    /// Eigenvalues, largest first, each with its direction of length one (Jacobi's rotations;
-    /// Golub and Van Loan, *Matrix Computations*, 8.5).
+    /// Eigenvalues, largest first, each with its unit eigenvector (Jacobi's rotations; Golub and Van Loan, *Matrix
+    /// Computations*, 8.5).
     pub fn eigen(&self) -> Vec<(f64, Vec<f64>)> {
         let n = self.size;
         let mut a = self.values.clone();
@@ -110,8 +110,8 @@ impl Symmetric {
         found
     }
 
-    /// The minimum of ½ xᵀAx − gᵀx with every x between its bounds, by active sets: unknowns that
-    /// would leave are held, and let go where their slope points inwards again.
+    /// The minimum of ½ xᵀAx − gᵀx with every x within its bounds, by active sets: unknowns that would leave are held,
+    /// and released when their slope points inwards again.
     pub fn minimum_within(&self, g: &[f64], bounds: &[(f64, f64)]) -> Option<Vec<f64>> {
         const MOST_TURNS: usize = 100;
         let n = self.size;
@@ -152,7 +152,7 @@ impl Symmetric {
     }
 }
 
-/// The scalar product.
+/// The scalar product of two vectors.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }

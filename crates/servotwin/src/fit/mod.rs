@@ -1,21 +1,21 @@
-//! A twin fitted to its actuator: parameters inside of their tolerances that explain a record, how well
-//! they are known, and what a record shows that no tolerance explains.
+//! Fits a twin to its actuator: parameters inside their tolerances that explain a record, how well they are known, and
+//! what no tolerance explains.
 //!
-//! - [`unknown`]: what may change, with its prior and its bounds
-//! - [`record`], `plausible`: a table of samples, and whether it can be of this system at all
-//! - `response`: residuals and how they change, one unknown a lane
-//! - `solve`: the minimum, by Gauss–Newton steps between bounds
-//! - [`knowledge`]: covariance, trade-offs, what is not seen, as sentences
-//! - [`finding`]: what is left: a deviation outside of tolerances is a finding, never an update
-//! - [`suspects`]: what it looks like
-//! - [`verdict`]: all of that in one sentence
+//! - [`unknown`]: what a fit may change, with priors and bounds
+//! - [`record`], `plausible`: tables of samples, and whether they can belong to this system
+//! - `response`: residuals and their derivatives, one unknown per lane
+//! - `solve`: the minimum, by Gauss–Newton steps within bounds
+//! - [`knowledge`]: covariance, trade-offs and unknowns that are not seen, as sentences
+//! - [`finding`]: deviations outside tolerances; they are findings, never updates
+//! - [`suspects`]: the faults that a finding resembles
+//! - [`verdict`]: the result in one sentence
 //! - [`fleet`]: many specimens with one calibration flight, for campaigns
-//! - [`intensity`]: how strong a fault is, and which of several it is
-//! - [`onset`]: when it began, where that was within the record
-//! - [`design`]: which flight shows the unknowns best
-//! - [`history`], [`trend`], [`repair`]: the flights of one tail number, how wear goes on, and where it was repaired
+//! - [`intensity`]: the intensity of a fault, and the comparison of several faults
+//! - [`onset`]: when a fault began, if within the record
+//! - [`design`]: which flight determines the unknowns best
+//! - [`history`], [`trend`], [`repair`]: the flights of one tail number, the trend of wear, and repairs
 //!
-//! A fit is a finding or an update, never both: what a fault changed must not vanish in parameters.
+//! A fit is a finding or an update, never both: parameters must not absorb the effect of a fault.
 
 pub mod design;
 pub mod finding;
@@ -54,59 +54,59 @@ use servotwin_model::solver::{self, Settings};
 use std::fmt;
 use std::sync::atomic::AtomicBool;
 
-/// What is before is not compared: an actuator is at rest only in theory when its record begins, s.
+/// Samples before this time are not compared: an actuator is rarely at rest when its record begins, s.
 const WARM_UP_S: f64 = 1.0;
-/// What a sensor shows is never better known than this part of its scale: the error of the solver.
+/// Lower limit of a sensor's deviation, as a fraction of its scale: the solver's error.
 const SOLVER_ERROR: f64 = 1e-4;
 
-/// What is fitted to what.
+/// A fit: records, unknowns and solver settings.
 pub struct Fit<'s> {
     /// The system, with nominal parameters.
     pub system: &'s System,
-    /// What may change.
+    /// The parameters and intensities that may change.
     pub unknowns: Vec<Unknown>,
-    /// The records.
+    /// The records to explain.
     pub records: Vec<Record>,
     /// Faults that a finding is compared with: (component, fault).
     pub suspects: Vec<(usize, usize)>,
-    /// When the faults among the unknowns begin, s from the first sample on; `None` for before it.
+    /// When the faults among the unknowns begin, s after the first sample; `None` if they precede it.
     pub onset_s: Option<f64>,
-    /// How runs are made.
+    /// Solver settings of the runs.
     pub solver: Settings,
-    /// Number of threads.
+    /// The number of worker threads.
     pub threads: usize,
-    /// Set from elsewhere to stop.
+    /// Set by another thread to stop the fit.
     pub cancel: Option<&'s AtomicBool>,
-    /// Called when a run has ended.
+    /// Called after each run.
     pub progress: &'s (dyn Fn() + Sync),
 }
 
-/// Why there is no fit at all.
+/// Why a fit is impossible.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FitError {
     /// There is nothing to estimate.
     NoUnknown,
     /// There is no record.
     NoRecord,
-    /// A record cannot be of this system.
+    /// A record cannot belong to this system.
     Record {
-        /// Its name.
+        /// The name of the record.
         name: String,
-        /// Why.
+        /// The reason.
         error: RecordError,
     },
-    /// The solver could not go on.
+    /// The solver failed.
     Run {
-        /// When, s.
+        /// Simulation time of the failure, s.
         time_s: f64,
         /// The state with the largest error.
         state: String,
-        /// What happened.
+        /// The cause.
         cause: String,
     },
     /// An unknown without a prior is not determined by the records.
     Undetermined,
-    /// It was stopped.
+    /// The fit was stopped.
     Cancelled,
 }
 
@@ -145,24 +145,24 @@ impl fmt::Display for FitError {
 
 impl std::error::Error for FitError {}
 
-/// What a fit gave.
+/// The result of a fit.
 #[derive(Clone, Debug)]
 pub struct FitResults {
     /// The unknowns, in standard deviations of their tolerances or as intensities.
     pub z: Vec<f64>,
     /// How well each of them is known.
     pub known: Known,
-    /// The parameters, as a variant takes them: (component, parameter, value).
+    /// The parameters in the form of a variant: (component, parameter, value).
     pub overrides: Vec<(usize, usize, f64)>,
-    /// Half of the squared residuals and of the squared deviations from the priors.
+    /// Half of the sum of squared residuals and squared deviations from the priors (FS1).
     pub cost: f64,
-    /// For each sensor of each record what is left.
+    /// The residuals of each sensor of each record, summarized.
     pub left: Vec<SensorFit>,
-    /// What no tolerance explains; where there is any, the parameters are no update.
+    /// Deviations that no tolerance explains; if there are any, the parameters are not an update.
     pub findings: Vec<FitFinding>,
-    /// What it looks like, the likeliest first.
+    /// The suspects of the findings, the likeliest first.
     pub suspects: Vec<Suspect>,
-    /// Steps that were taken.
+    /// Number of steps taken.
     pub steps: usize,
 }
 
@@ -176,7 +176,7 @@ impl FitResults {
 fn silent() {}
 
 impl<'s> Fit<'s> {
-    /// All tolerances of a study and all its faults as suspects.
+    /// A fit of all tolerances of a study, with all its faults as suspects.
     pub fn of_study(study: &'s Study, records: Vec<Record>) -> Self {
         let mut suspects: Vec<(usize, usize)> =
             study.faults.iter().map(|fault| (fault.at.component, fault.at.fault)).collect();
@@ -184,7 +184,7 @@ impl<'s> Fit<'s> {
         Self { unknowns: Unknown::of_study(study), suspects, ..Self::new(&study.system, records) }
     }
 
-    /// Without unknowns and suspects.
+    /// A fit without unknowns and suspects.
     pub fn new(system: &'s System, records: Vec<Record>) -> Self {
         Self {
             system,
@@ -202,7 +202,7 @@ impl<'s> Fit<'s> {
     /// Fits the unknowns to the records.
     ///
     /// # Errors
-    /// A record that cannot be of this system, or a twin that cannot be simulated.
+    /// A record cannot belong to this system, or a twin cannot be simulated.
     pub fn solve(&self) -> Result<FitResults, FitError> {
         self.check()?;
         let found = self.minimum(&vec![0.0; self.unknowns.len()])?;
@@ -218,10 +218,10 @@ impl<'s> Fit<'s> {
         pairs.map(|(unknown, z)| (unknown.name.as_str(), unknown.value(*z)))
     }
 
-    /// What the records can tell of each unknown, before any fit.
+    /// How well the records could determine each unknown, before any fit.
     ///
     /// # Errors
-    /// As [`Fit::solve`].
+    /// See [`Fit::solve`].
     pub fn structure(&self) -> Result<Known, FitError> {
         self.check()?;
         let z = vec![0.0; self.unknowns.len()];
@@ -229,10 +229,10 @@ impl<'s> Fit<'s> {
         Known::new(&self.unknowns, &z, &linear.information).ok_or(FitError::Undetermined)
     }
 
-    /// Whether the records can be of this system.
+    /// Checks whether the records can belong to this system.
     ///
     /// # Errors
-    /// The first mistake.
+    /// The first mistake found.
     pub fn check(&self) -> Result<(), FitError> {
         if self.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
@@ -255,7 +255,7 @@ impl<'s> Fit<'s> {
         Ok(())
     }
 
-    /// What a sample of each sensor of a record carries.
+    /// The standard deviation of a sample of each sensor of a record.
     fn deviations(&self, record: &Record) -> Vec<f64> {
         let of = |&sensor: &usize| {
             let least = SOLVER_ERROR * self.system.sensors[sensor].scale;

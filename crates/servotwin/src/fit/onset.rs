@@ -1,19 +1,18 @@
-//! Faults that begin within a record: when, and how strong they are from then on.
+//! Faults that begin within a record: when they begin, and how strong they are from then on.
 //!
-//! A record that was healthy until t shows until then what the healthy twin shows, and from then on what the twin with
-//! the fault shows, apart from the transient between them. So the runs that suspects need anyway give a first guess for
-//! every moment:
+//! Until the onset t, the record shows the healthy twin; from then on, it shows the twin with the fault, apart from a
+//! transient. The runs that suspects need anyway therefore give a first guess for every moment:
 //!
 //! (FO1)  r_t = r of the healthy twin before t, r of the fault of intensity x from t on;  F(t, x) by (FF2)
 //!
-//! From the best t and x a fit with a fault that begins at t in the simulation gives F of (FS1). The moment is then
-//! moved, in steps that become smaller, and fitted again. The fault has begun within the record where
+//! From the best t and x, a fit with a fault that begins at t in the simulation gives F of (FS1). The moment is then
+//! moved in decreasing steps and fitted again. The fault began within the record if
 //!
 //! (FO2)  √(2 (F_c − F)/s) > 5
 //!
-//! F_c of the best fit with a fault from the first sample on, s the mean square of the residuals where it is above 1, and
-//! s < 2: a fault that leaves more is not the one.
-//! The interval of t is that of the moments with F(t) ≤ F + ½ χ²₁(95 %) s, all else at its best beside each.
+//! F_c is that of the best fit with a fault from the first sample on, and s is the mean square of the residuals, at
+//! least 1. The fit must also have s < 2: a fault that leaves more is not the right one. The interval of t contains the
+//! moments with F(t) ≤ F + ½ χ²₁(95 %) s, with all other unknowns optimal for each.
 
 use super::intensity::{HALF_CHI_SQUARE_95, at, mean_square};
 use super::linear::{Symmetric, dot};
@@ -24,60 +23,60 @@ use super::{Fit, FitError};
 
 /// The most moments at which a fault may begin in a first guess.
 const MOST_MOMENTS: f64 = 100.0;
-/// An onset is believed only of a fit that leaves less than this mean square: of two faults that are both wrong the
-/// likelier one says nothing of a time.
+/// An onset is accepted only if the fit leaves less than this mean square: if both faults compared are wrong, the
+/// likelier one gives no reliable time.
 const MOST_LEFT: f64 = 2.0;
-/// Time between two of them, s, at least ...
+/// Least time between two moments, s, ...
 const LEAST_BETWEEN_S: f64 = 0.5;
-/// ... and what a record has behind the last one, s.
+/// ... and least time between the last one and the end of the record, s.
 const BEHIND_S: f64 = 1.0;
-/// Moments to each side by which a guess is moved, in parts of how far it is moved at most.
+/// Number of moments tried on each side of a guess, within its current reach.
 const TO_EACH_SIDE: i32 = 8;
-/// Times that it is moved, each time less far.
+/// Number of times the moment is refined, with decreasing reach.
 const ROUNDS: usize = 3;
-/// How far beside the best moment others are tried for the interval, in samples.
+/// Distances from the best moment that are tried for the interval, in samples.
 const BESIDE: [f64; 8] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 
-/// When a fault began in a record.
+/// When a fault began within a record.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Onset {
-    /// The moment, s from the first sample on.
+    /// The moment, s after the first sample.
     pub at_s: f64,
-    /// The interval that holds it with 95 %, s.
+    /// Its 95 % interval, s.
     pub interval_s: (f64, f64),
-    /// (FO2) beside the best fit with a fault from the first sample on.
+    /// Score (FO2) against the best fit with a fault from the first sample on.
     pub score: f64,
 }
 
-/// A first guess of a fault that begins.
+/// A first guess of a fault with an onset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guess {
-    /// F by (FO1).
+    /// The cost F by (FO1).
     pub cost: f64,
-    /// The intensity.
+    /// The intensity at the lowest cost.
     pub intensity: f64,
-    /// The moment, s.
+    /// Time of the onset, s.
     pub at_s: f64,
 }
 
 impl Guess {
-    /// Whether it is worth a fit beside a cost without an onset.
+    /// Whether the guess is worth a fit, given the cost without an onset.
     pub fn is_worth(&self, constant: f64) -> bool {
         constant - self.cost > 0.5 * SCORE_LIMIT * SCORE_LIMIT
     }
 }
 
-/// A fit with a fault that begins.
+/// A fit of a fault with an onset.
 pub(super) struct Begun {
     pub at_s: f64,
     pub interval_s: (f64, f64),
     pub minimum: Minimum,
-    /// Intensities that explain the record as well.
+    /// Intensities that explain the record equally well.
     pub alike: Vec<f64>,
 }
 
 impl Begun {
-    /// (FO2), where it is an onset.
+    /// The onset with its score (FO2), if it is accepted.
     pub fn onset(&self, constant: f64) -> Option<Onset> {
         let gain = (constant - self.minimum.cost).max(0.0);
         let left = mean_square(&self.minimum);
@@ -87,18 +86,18 @@ impl Begun {
     }
 }
 
-/// The cost that the healthy twin leaves before each moment.
+/// The healthy twin's cost before each candidate moment.
 pub(super) struct Moments<'l> {
     linear: &'l Linear,
     curvature: Symmetric,
-    /// The moments, s.
+    /// The candidate onset times, s.
     times_s: Vec<f64>,
-    /// The places of their first residuals.
+    /// The index of the first residual at each moment.
     places: Vec<usize>,
     healthy: Sums,
 }
 
-/// Sums over the residuals before each moment, and over all.
+/// Sums over the residuals before each moment; the last entry covers all.
 struct Sums {
     squares: Vec<f64>,
     pulls: Vec<Vec<f64>>,
@@ -124,7 +123,7 @@ impl Sums {
 }
 
 impl<'l> Moments<'l> {
-    /// The moments of a problem's record; `None` where there are several records, or no room for a moment.
+    /// The candidate moments of a problem's record; `None` with several records, or with a record too short.
     pub fn new(problem: &Fit, linear: &'l Linear) -> Option<Self> {
         let [record] = &problem.records[..] else { return None };
         let first = problem.first_sample(record);
@@ -173,7 +172,7 @@ impl<'l> Moments<'l> {
         Ok(best)
     }
 
-    /// How far from a guess its moment may be, s.
+    /// The largest error of a guessed moment, s.
     pub fn reach_s(&self) -> f64 {
         2.0 * self.between_s()
     }
@@ -181,7 +180,7 @@ impl<'l> Moments<'l> {
 
 /// A problem whose last unknown is the intensity of a fault.
 impl Fit<'_> {
-    /// The same problem with a fault that begins at a moment.
+    /// The same problem with a fault that begins at a given time.
     fn with_onset(&self, at_s: f64) -> Fit<'_> {
         Fit {
             unknowns: self.unknowns.clone(),
@@ -192,7 +191,7 @@ impl Fit<'_> {
         }
     }
 
-    /// Fits a fault and the moment when it begins, from a guess that may be so far off.
+    /// Fits a fault and its onset, from a guess whose moment may be wrong by `reach_s`.
     pub(super) fn begins(&self, guess: Guess, reach_s: f64) -> Result<Begun, FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
         let mut at_s = guess.at_s;
@@ -218,7 +217,7 @@ impl Fit<'_> {
         Ok(Begun { at_s, interval_s, minimum, alike })
     }
 
-    /// The earliest and the latest moment that explain the record as well.
+    /// The earliest and the latest moment that explain the record equally well.
     fn moments_alike(&self, minimum: &Minimum, at_s: f64) -> Result<(f64, f64), FitError> {
         let period_s = self.records[0].period_s;
         let beside = BESIDE.iter().flat_map(|samples| [-samples, *samples]);
@@ -226,14 +225,15 @@ impl Fit<'_> {
         let highest = minimum.cost + HALF_CHI_SQUARE_95 * mean_square(minimum);
         let costs = self.moved(minimum, &others)?;
         let alike = costs.iter().filter(|(_, cost)| *cost <= highest).map(|(other, _)| *other);
-        // A moment is never better known than to half a sample.
+        // A moment is never known better than to half a sample.
         let ends = (at_s - 0.5 * period_s, at_s + 0.5 * period_s);
         let ends = alike.fold(ends, |(low, high), other| (low.min(other), high.max(other)));
         let last_s = self.records[0].duration_s();
         Ok((ends.0.max(0.0), ends.1.min(last_s)))
     }
 
-    /// Some moments, each with the least F beside it as J at the minimum says; those outside of the record are left out.
+    /// Candidate moments, each with the lowest F: J at the minimum predicts how the unknowns move. Moments outside the
+    /// record are left out.
     fn moved(&self, minimum: &Minimum, moments_s: &[f64]) -> Result<Vec<(f64, f64)>, FitError> {
         let record = &self.records[0];
         let inside = 0.0..record.duration_s();

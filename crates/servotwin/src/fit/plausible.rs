@@ -1,6 +1,5 @@
-//! Whether a record can be of the system at all: wrong signs and units, sensors that are stuck, clocks
-//! that do not agree. The nominal twin is the measure; what is left to a fit are differences of
-//! percents.
+//! Checks whether a record can belong to the system: wrong signs and units, stuck sensors, clocks that disagree. The
+//! nominal twin is the reference; differences of a few percent are left to the fit.
 
 use super::record::{LeftOut, Record, RecordError};
 use crate::beside::Beside;
@@ -8,22 +7,22 @@ use crate::recording::with_suffix;
 use crate::system::System;
 use crate::units;
 
-/// A sensor moves where it leaves its mean by so many of its deviations.
+/// A sensor moves if it leaves its mean by this many of its deviations.
 const MOVES: f64 = 5.0;
-/// How long a sensor may show the same value while the twin moves, s.
+/// How long a sensor may hold the same value while the twin moves, s.
 const STUCK_S: f64 = 0.5;
-/// Sensors that are late by fewer samples are left to the fit.
+/// Smaller delays of sensors are left to the fit, samples.
 const LEAST_LAG: f64 = 3.0;
-/// Longest lag that is looked for, s.
+/// The longest lag that is searched, s.
 const LONGEST_LAG_S: f64 = 3.0;
-/// Length of the beginning and of the end in which it is looked for, s.
+/// Length of the windows at the beginning and the end in which the lag is measured, s.
 const LAG_WINDOW_S: f64 = 5.0;
-/// How far two factors may lie apart, as a logarithm, that are of one unit.
+/// The largest ratio of two factors for the same unit, as a logarithm.
 const ALIKE: f64 = 0.7;
-/// What a shift must take away of the squared difference to be the reason for it.
+/// The fraction of the squared difference that a shift must remove to count as its cause.
 const EXPLAINED: f64 = 0.8;
 
-/// One sensor of a record beside its twin.
+/// One sensor of a record and the twin's signal.
 struct Pair<'r> {
     column: String,
     sensor: usize,
@@ -37,10 +36,10 @@ struct Pair<'r> {
     record: &'r Record,
 }
 
-/// Looks at a record beside the nominal twin's residuals of all its samples from `first` on.
+/// Compares a record with the nominal twin, given the residuals of its samples from `first` on.
 ///
 /// # Errors
-/// The first mistake that it looks like.
+/// The first mistake that the record shows.
 pub(super) fn check(
     system: &System,
     record: &Record,
@@ -91,12 +90,12 @@ pub(super) fn check(
         let what = format!("no sensor leaves its mean by {MOVES} times its noise");
         return Err(RecordError::NoMotion { what });
     }
-    // What is turned around looks late to whoever seeks a shift: its half-waves fit one later.
+    // Signs come before lags: a signal with the wrong sign also looks late by half a wave.
     signs(&moving)?;
     lag(&moving)
 }
 
-/// What moves against the twin.
+/// Reports sensors that move against the twin.
 fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
     if !moving.iter().any(|pair| pair.is_turned()) {
         return Ok(());
@@ -106,8 +105,8 @@ fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
     Err(RecordError::OtherSign { columns, all: against.len() == moving.len() && moving.len() > 1 })
 }
 
-/// Whether sensors come late, and more and more so: as the sensor says whose difference a shift explains,
-/// the clearest first.
+/// Reports sensors that are late, or increasingly late. Only sensors whose difference a shift explains are used, the
+/// clearest first.
 fn lag(moving: &[&Pair]) -> Result<(), RecordError> {
     let mut clearest: Vec<&&Pair> = moving.iter().collect();
     clearest.sort_by(|a, b| b.contrast().total_cmp(&a.contrast()));
@@ -145,7 +144,7 @@ impl Pair<'_> {
         beside.is_turned()
     }
 
-    /// Values that its sensor cannot show, and no other unit explains.
+    /// Reports values that the sensor cannot produce.
     fn possible(&self, system: &System, first: usize) -> Result<(), RecordError> {
         let range = system.readable(self.sensor);
         let cannot = |value: &f64| !(range.0..=range.1).contains(value);
@@ -160,11 +159,11 @@ impl Pair<'_> {
         }))
     }
 
-    /// Another unit than the sensor's: all of it is so many times as large, what moves and what does not.
+    /// Reports another unit than the sensor's: all values, and their variation, have the same factor.
     fn unit(&self, system: &System) -> Result<(), RecordError> {
         let rms = |values: &[f64]| mean(&values.iter().map(|v| v * v).collect::<Vec<_>>()).sqrt();
         let (measured, twin) = (rms(&self.measured), rms(&self.twin));
-        // Zero has no unit.
+        // Values near zero do not reveal the unit.
         if twin < MOVES * self.deviation {
             return Ok(());
         }
@@ -209,8 +208,7 @@ impl Pair<'_> {
         Ok(())
     }
 
-    /// By how many samples the sensor is behind the twin in some samples; `None` where no shift
-    /// explains the difference.
+    /// How many samples the sensor lags the twin in a range; `None` if no shift explains the difference.
     fn lag(&self, samples: std::ops::Range<usize>) -> Option<isize> {
         let longest =
             ((LONGEST_LAG_S / self.record.period_s) as isize).min(samples.len() as isize / 2);
@@ -227,7 +225,7 @@ impl Pair<'_> {
         let best = (-longest..=longest).map(|lag| (difference(lag), lag));
         let (least, lag) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let noise = self.deviation * self.deviation;
-        // What is explained already needs no shift.
+        // A small difference needs no shift.
         match at_zero < 4.0 * noise || lag == 0 {
             true => Some(0),
             false => (least - noise < (1.0 - EXPLAINED) * (at_zero - noise)).then_some(lag),
@@ -235,7 +233,7 @@ impl Pair<'_> {
     }
 }
 
-/// What is missing becomes what was there last, or comes first.
+/// Replaces missing values by the last value, or by the first one at the beginning.
 fn hold(values: &mut [f64]) {
     let mut last = values.iter().copied().find(|value| !value.is_nan()).unwrap_or(0.0);
     for value in values {

@@ -1,15 +1,16 @@
-//! Records of an actuator: what its sensors showed, and the inputs that it had.
+//! Records of an actuator: the sensor values and the inputs of a flight.
 //!
-//! A record is a table with a column for time, one for each sensor, and one for each input that was not
-//! at its default. Columns have the names of sensors and inputs, with or without their unit's suffix, as
-//! `servotwin simulate` writes them; others are left alone.
+//! A record is a table with a column for time, one for each sensor, and one for each input that was not at its default.
+//! Columns have the names of sensors and inputs, with or without unit suffix, as `servotwin simulate` writes them.
+//! Other columns are ignored.
 //!
-//! An input's column gives values at samples; between them it is a cubic with the slopes
+//! An input's column gives values at samples; between samples it is a cubic with the slopes
 //!
 //! (FI1)  m_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2})/12h,  |m_k| ≤ 3 min(|d_{k−1}|, |d_k|)
 //!
-//! d the differences to the neighbours over h; the limit only where m is not their mean to a twentieth of
-//! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
+//! where d are the differences to the neighbors divided by h. The limit applies only where m differs from their mean by
+//! more than a twentieth of their difference. The interpolation is fourth order for smooth signals and does not
+//! overshoot at a step.
 
 use crate::document::{Quantities, Quantity};
 use crate::moment;
@@ -22,57 +23,57 @@ use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::fmt;
 
-/// The entry in a table's metadata with the length of one unit of the log's own times, s.
+/// The metadata key of a table for the log's time unit, s.
 pub const TIME_UNIT: &str = "time_unit_s";
 
-/// The names that a column of times may have.
+/// The accepted names of a time column.
 const TIMES: [&str; 3] = ["time_s", "time", "t"];
-/// The shortest record.
+/// The shortest duration of a record, s.
 const LEAST_DURATION_S: f64 = 5.0;
-/// The fewest samples.
+/// The fewest samples of a record.
 const LEAST_SAMPLES: usize = 200;
-/// The period of most records, s.
+/// The sampling period of most records, s.
 const USUAL_PERIOD_S: f64 = 0.01;
-/// How far a sample may be beside its place, in periods.
+/// The largest timing error of a sample, in periods.
 const JITTER: f64 = 0.1;
-/// The largest part of a column that may be missing.
+/// The largest fraction of a column that may be left out.
 const MOST_LEFT_OUT: f64 = 0.01;
 /// A step between samples that differs by more than this many periods is a leap.
 const LEAP: f64 = 0.5;
-/// The step of a clock at daylight saving, s.
+/// The jump of a clock at daylight saving, s.
 const DAYLIGHT_SAVING_S: f64 = 3600.0;
 
-/// What an actuator showed, sample after sample, and the inputs that it had.
+/// The sensor values of an actuator and its inputs.
 #[derive(Clone, Debug)]
 pub struct Record {
-    /// What it is called in messages.
+    /// The name in messages.
     pub name: String,
     /// Time between samples, s.
     pub period_s: f64,
     /// One signal per input of the system.
     pub inputs: Vec<Piecewise>,
-    /// The sensors, by position in the system's list.
+    /// The indices of the sensors in the system's list.
     pub sensors: Vec<usize>,
-    /// What they showed: one after the other, sample after sample; SI, NaN where it is missing.
+    /// The sensor values, ordered by sample, then sensor; SI, NaN where missing.
     pub measured: Vec<f64>,
-    /// What was left out of it.
+    /// Values that were left out as impossible.
     pub left_out: Vec<LeftOut>,
 }
 
-/// Values of a column that its sensor cannot show: they are missing.
+/// Values of a column that its sensor cannot produce; they are treated as missing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// The column.
+    /// The name of the column.
     pub column: String,
-    /// How many.
+    /// The number of values.
     pub count: usize,
-    /// Where the first one stands.
+    /// The place of the first one.
     pub place: String,
-    /// What stands there, SI.
+    /// The first value, SI.
     pub value: f64,
-    /// What the sensor may show, SI.
+    /// The range of the sensor, SI.
     pub range: (f64, f64),
-    /// The unit.
+    /// The unit of `value` and `range`.
     pub unit: Unit,
 }
 
@@ -89,24 +90,24 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// Without the last digits, which are rounding.
+/// Rounds to six digits, which removes rounding errors.
 fn in_digits(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }
 
-/// Why a table is no record from which anything can be learned.
+/// Why a table cannot be used as a record.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // The fields are what the messages say.
 pub enum RecordError {
     /// There is no column of times.
     #[error("there is no column 'time_s' with the time of each sample")]
     NoTime,
-    /// A time as text is no date.
+    /// A time given as text is not a date.
     #[error(
         "{column} has '{text}' ({place}): seconds or dates (2026-11-21T08:15:02.5Z) are needed"
     )]
     NoDate { column: String, place: String, text: String },
-    /// A column is not of numbers, as the table says.
+    /// A column does not contain numbers; the text is the table's error.
     #[error("{0}")]
     Column(String),
     /// None of the system's sensors has a column.
@@ -117,26 +118,27 @@ pub enum RecordError {
         "{column} has no finite value at {place}: cut the record there, or leave the column out"
     )]
     NotFinite { column: String, place: String },
-    /// Too many values are none that the sensor can show.
+    /// Too many values are outside the sensor's range.
     #[error("{0}: these are too many to leave out")]
     Impossible(LeftOut),
-    /// Samples are not even.
+    /// Samples are not evenly spaced.
     #[error(
         "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods)"
     )]
     Uneven { place: String, time_s: f64, expected_s: f64 },
-    /// One step between samples is none of the others'.
+    /// One step between samples differs from the others.
     #[error("{}", leap(.place, *.step_s, *.period_s, *.is_dated))]
     Leap { place: String, step_s: f64, period_s: f64, is_dated: bool },
-    /// Time between samples is out of range; the unit in which it would not be, and what it would be in that, s.
+    /// The sampling period is out of range. `likely` is a unit in which it would be in range, and the period in that
+    /// unit, s.
     #[error("{}", wrong_period(*.period_s, *.likely))]
     Period { period_s: f64, likely: Option<(&'static str, f64)> },
-    /// A column has no value before a row, and none is missing from there on.
+    /// A column has no value before a row, and is complete from there on.
     #[error(
         "{column} has no value before {place}: --from {behind_s} reads the record from there on"
     )]
     Begins { column: String, place: String, behind_s: f64 },
-    /// It is too short.
+    /// The record is too short.
     #[error(
         "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
     )]
@@ -144,7 +146,7 @@ pub enum RecordError {
     /// No input varies, or nothing moves.
     #[error("the record shows no motion: {what}; parameters show only while the actuator moves")]
     NoMotion { what: String },
-    /// An input is not in its range.
+    /// An input is outside its range.
     #[error("{column} has {value} {}: allowed are {} … {}", .unit.symbol(), .range.0, .range.1)]
     Input { column: String, value: f64, range: (f64, f64), unit: Unit },
     /// A column seems to be in another unit.
@@ -153,13 +155,13 @@ pub enum RecordError {
     /// A column moves against the twin.
     #[error("{}", wrong_sign(.columns, *.all))]
     OtherSign { columns: Vec<String>, all: bool },
-    /// A sensor shows the same value although it should move.
+    /// A sensor holds the same value although it should move.
     #[error("{column} is stuck: from {from_s:.2} s on it shows {value} {} for {for_s:.2} s, while the twin moves", .unit.symbol())]
     Stuck { column: String, from_s: f64, for_s: f64, value: f64, unit: Unit },
-    /// What the sensors show goes away from the inputs with time.
+    /// The sensors drift away from the inputs with time.
     #[error("the clocks of inputs and sensors do not agree: the sensors' time runs {:+.2} % off that of the inputs", 100.0 * .share)]
     Clock { share: f64 },
-    /// What the sensors show comes too late or too early.
+    /// The sensors come too late or too early.
     #[error("the sensors come {} s too {} for the inputs: shift one of them", (.by_s.abs() * 1e4).round() / 1e4, if *.by_s > 0.0 { "late" } else { "early" })]
     Shifted { by_s: f64 },
 }
@@ -185,7 +187,7 @@ fn wrong_sign(columns: &[String], all: bool) -> String {
     }
 }
 
-/// A step between two samples, and what is likely behind it.
+/// Describes a step between two samples, with its likely cause.
 fn leap(place: &str, step_s: f64, period_s: f64, is_dated: bool) -> String {
     let decimals = (-moment::rounded(period_s).log10()).ceil().clamp(0.0, 6.0) as usize;
     let set_s = (step_s - period_s).abs();
@@ -210,7 +212,7 @@ fn leap(place: &str, step_s: f64, period_s: f64, is_dated: bool) -> String {
 }
 
 impl RecordError {
-    /// No column is a sensor of a system.
+    /// The error for a table without a column of the system's sensors.
     pub fn no_sensor(system: &System) -> Self {
         let known =
             system.sensors.iter().map(|sensor| with_suffix(&sensor.id, sensor.unit)).collect();
@@ -225,7 +227,7 @@ impl From<TableError> for RecordError {
 }
 
 impl Record {
-    /// What a logger keeps of a flight with given inputs: their samples, and `measured`.
+    /// A record as a logger stores it: the sampled inputs, and `measured`.
     pub fn logged(
         name: &str,
         inputs: &[Piecewise],
@@ -245,7 +247,7 @@ impl Record {
     /// Reads a record from a table.
     ///
     /// # Errors
-    /// What cannot be used, and where.
+    /// The first problem that makes the table unusable.
     pub fn from_table(name: &str, table: &Table, system: &System) -> Result<Self, RecordError> {
         let (times_s, period_s) = times(table)?;
         let sensors: Vec<usize> = (0..system.sensors.len())
@@ -283,7 +285,7 @@ impl Record {
         Ok(record)
     }
 
-    /// The columns of sensors of the system that it does not have.
+    /// The sensors of the system that the record lacks, as column names.
     pub fn lacking(&self, system: &System) -> Vec<String> {
         let all = system.sensors.iter().enumerate();
         let lacking = all.filter(|(sensor, _)| !self.sensors.contains(sensor));
@@ -319,8 +321,8 @@ fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
     })
 }
 
-/// Makes values missing that a sensor cannot show, where they are few: a bit that flipped, a plug that came loose. Where
-/// most are beyond it, the column is in another unit, and told as that.
+/// Drops values that a sensor cannot produce, if they are few: a flipped bit, a loose plug. If most are out of range,
+/// the column is in another unit, which is reported later.
 fn leave_out(
     table: &Table,
     column: &str,
@@ -343,7 +345,7 @@ fn leave_out(
     Ok(Some(left_out))
 }
 
-/// The times, and what is between two of them.
+/// The times, and the sampling period.
 fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name));
     let times_s = seconds(table, name.ok_or(RecordError::NoTime)?)?;
@@ -353,7 +355,7 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
         return Err(RecordError::TooShort { duration_s, samples });
     }
     let period_s = (times_s[samples - 1] - times_s[0]) / (samples - 1) as f64;
-    // A period that is written with a few digits is meant exactly.
+    // A period written with few digits is meant exactly.
     let rounded = (period_s * 1e6).round() / 1e6;
     let period_s = if (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s {
         rounded
@@ -385,7 +387,7 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     Ok((times_s, period_s))
 }
 
-/// The first step between samples that is none of the others'.
+/// The first step between samples that differs from the others.
 fn find_leap(table: &Table, times_s: &[f64]) -> Option<RecordError> {
     let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut sorted = steps.clone();
@@ -399,11 +401,11 @@ fn find_leap(table: &Table, times_s: &[f64]) -> Option<RecordError> {
     Some(RecordError::Leap { place, step_s: steps[row], period_s, is_dated })
 }
 
-/// Times as numbers, or dates as seconds since the first.
+/// Times in seconds; dates relative to the first.
 fn seconds(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
     let Ok(texts) = table.text(name) else {
         let times_s = finite(table, name)?;
-        // A number of seconds since 1970 says in a message what nobody reads.
+        // Seconds since 1970 are unreadable in messages, so they become relative to the first.
         let begin_s = times_s.first().copied().filter(|begin_s| *begin_s > moment::CALENDAR_S);
         return Ok(times_s.iter().map(|time_s| time_s - begin_s.unwrap_or(0.0)).collect());
     };
@@ -419,7 +421,7 @@ fn seconds(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
     Ok(times_s.into_iter().map(|time_s| time_s - begin_s).collect())
 }
 
-/// The inputs: those that have a column, and the others at their defaults.
+/// The inputs: from their columns, otherwise at their defaults.
 fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise>, RecordError> {
     let mut varies = false;
     let network = system.network();
@@ -451,7 +453,7 @@ fn check_input(
     range: (f64, f64),
 ) -> Result<(), RecordError> {
     let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    // An angle of more than a turn is none; a boundary value is never far from its default.
+    // An angle above 2 rad is likely in degrees; a boundary value is never far from its default.
     let factor = if unit == Unit::Radian && largest > 2.0 {
         Some(180.0 / std::f64::consts::PI)
     } else {
@@ -469,7 +471,7 @@ fn check_input(
     }
 }
 
-/// A signal through samples (FI1).
+/// An interpolated signal through samples (FI1).
 pub(super) fn smooth(period_s: f64, values: &[f64]) -> Piecewise {
     if values.iter().all(|value| *value == values[0]) {
         return Piecewise::constant(values[0]).expect("finite");

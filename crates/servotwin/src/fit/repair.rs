@@ -1,45 +1,45 @@
-//! Repairs within a history: flights before which an intensity fell.
+//! Repairs within a history: flights before which an intensity dropped.
 //!
-//! Wear does not heal. Within a wear the level may grow in any way, but it never falls, so the flights of one wear are
-//! explained by a non-decreasing series. A repair begins another such series. With the flights divided into stretches,
+//! Wear does not heal. Within one wear the level may grow in any way but never drops, so a non-decreasing series
+//! explains its flights. A repair begins another such series. With the flights divided into stretches,
 //!
 //! (FP1)  G = Σ over stretches of min Σ (y − m)²/(s e²),  m non-decreasing within its stretch
 //!
-//! e the standard error of a flight and s how much larger errors are than they say. Each m comes from the algorithm of
-//! adjacent pools. The stretches are those with the least G + β (stretches − 1), found by dynamic programming (optimal
-//! partitioning: Jackson et al., IEEE Signal Processing Letters 12, 2005).
+//! where e is the standard error of a flight and s scales all errors to the observed scatter. Each m comes from the
+//! pool-adjacent-violators algorithm. The stretches minimize G + β (stretches − 1), found by dynamic programming
+//! (optimal partitioning: Jackson et al., IEEE Signal Processing Letters 12, 2005).
 //!
 //! (FP2)  β = 10 + 4 ln n
 //!
-//! is what a fall must explain: of histories of 4 to 300 flights without any wear less than 1 % then have a repair
-//! (measured by the test below; a history in which wear goes on has fewer). Two flights confirm a repair. Where only the
-//! last flight is lower, it is set aside: it may be a repair or a flight that was fitted badly.
+//! is what a drop must explain. Less than 1 % of histories of 4 to 300 flights without wear then contain a repair
+//! (measured by the test below; ongoing wear gives fewer). Two flights confirm a repair. If only the last flight is
+//! lower, it is set aside: it may be a repair or a bad fit.
 
 use super::trend::Point;
 
-/// What a repair must explain in a history of one flight, ...
+/// The gain that a repair needs in a history of one flight, ...
 const LEAST_GAIN: f64 = 10.0;
-/// ... and for each e-fold of flights.
+/// ... and for each e-fold increase of flights.
 const GAIN_PER_LOG: f64 = 4.0;
-/// A flight that confirms a repair is lower than the one before it by so many standard errors of the difference.
+/// A flight confirms a repair if it lies below the one before it by this many standard errors of the difference.
 const LOWER: f64 = 3.0;
-/// The deviation of a normal distribution in parts of its median size.
+/// The standard deviation of a normal distribution relative to its median absolute deviation.
 const PER_MEDIAN: f64 = 1.4826;
 
-/// A fall of an intensity that no wear explains.
+/// A drop of an intensity that wear does not explain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repair {
-    /// The first flight after it, as a place among the points.
+    /// The index of the first point after it.
     pub place: usize,
-    /// The same in flights.
+    /// The flight number of that point.
     pub at: f64,
-    /// By how much the level fell.
+    /// The drop of the level.
     pub fall: f64,
     /// Whether a second flight confirms it.
     pub is_confirmed: bool,
 }
 
-/// The repairs in a series in the order of time. The last one alone may be unconfirmed: its flight is the last one.
+/// The repairs in a series, ordered by time. Only the last may be unconfirmed, if it is at the last flight.
 pub fn repairs(points: &[Point]) -> Vec<Repair> {
     let errors = scaled_errors(points);
     let starts = starts(points, &errors);
@@ -52,8 +52,8 @@ pub fn repairs(points: &[Point]) -> Vec<Repair> {
     starts.into_iter().map(repair).collect()
 }
 
-/// Standard errors with the scatter from flight to flight that they do not explain: by the median of how far a flight
-/// lies beside the mean of its neighbors, which a few repairs do not move.
+/// Standard errors, scaled to the scatter between flights. The scale is the median deviation of a flight from the mean
+/// of its neighbors, which a few repairs do not move.
 fn scaled_errors(points: &[Point]) -> Vec<f64> {
     let beside = |three: &[Point]| {
         let share = (three[1].at - three[0].at) / (three[2].at - three[0].at);
@@ -70,11 +70,11 @@ fn scaled_errors(points: &[Point]) -> Vec<f64> {
     points.iter().map(|point| scale * point.error).collect()
 }
 
-/// The first places of all stretches but the first, by (FP1) and (FP2).
+/// The indices where new stretches begin, by (FP1) and (FP2).
 fn starts(points: &[Point], errors: &[f64]) -> Vec<usize> {
     let count = points.len();
     let price = LEAST_GAIN + GAIN_PER_LOG * (count.max(1) as f64).ln();
-    // For each number of flights from the first on the least sum, and where its last stretch begins.
+    // For each number of leading flights: the lowest sum, and where its last stretch begins.
     let mut best = vec![(f64::INFINITY, 0); count + 1];
     best[0] = (-price, 0);
     for start in 0..count {
@@ -102,7 +102,7 @@ fn starts(points: &[Point], errors: &[f64]) -> Vec<usize> {
     found
 }
 
-/// Whether the two flights from a place on are lower than the one before, or the last one where there are no two.
+/// Whether the two flights from an index on are lower than the one before it; at the end, one flight suffices.
 fn is_lower(points: &[Point], errors: &[f64], place: usize) -> bool {
     let before = place - 1;
     (place..points.len().min(place + 2)).all(|after| {
@@ -111,7 +111,7 @@ fn is_lower(points: &[Point], errors: &[f64], place: usize) -> bool {
     })
 }
 
-/// For every number of points from the first on the least squares of a non-decreasing series: adjacent pools.
+/// For each number of leading points, the least squares of a non-decreasing series (pool adjacent violators).
 fn non_decreasing<'p>(
     points: &'p [Point],
     errors: &'p [f64],

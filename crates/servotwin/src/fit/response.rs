@@ -1,12 +1,11 @@
-//! What the sensors of a twin show for given unknowns, and how that changes with each of them.
+//! Simulates the sensors of a twin for given unknowns, and their derivatives.
 //!
 //! (FR1)  r = (measured − twin)/σ, σ the deviation that a sample of the sensor carries
 //!
 //! (FR2)  J_k = (r(z) − r(z + h e_k))/h, in the end (r(z − h e_k) − r(z + h e_k))/2h
 //!
-//! One unknown is moved in every lane, so that all differences together take little longer than a run.
-//! A step ends on every sample, and therefore nearly the same steps are made in all lanes: the solver's
-//! errors are the same too, and vanish in the difference.
+//! Each lane moves one unknown, so that all differences take little longer than one run. A step ends on every sample,
+//! so all lanes make nearly the same steps. The solver's errors are then nearly equal and cancel in the difference.
 
 use super::linear::{Symmetric, dot};
 use super::record::Record;
@@ -17,28 +16,28 @@ use servotwin_model::program::Slot;
 use servotwin_model::signal::Piecewise;
 use std::sync::atomic::Ordering;
 
-/// How differences are taken.
+/// How derivatives are approximated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Difference {
-    /// To one side.
+    /// One-sided difference.
     Forward,
-    /// To both sides.
+    /// Two-sided difference.
     Central,
 }
 
-/// Residuals (FR1), sample after sample and record after record.
+/// Residuals (FR1), ordered by record, sample and sensor.
 pub type Residuals = Vec<f64>;
 
-/// The residuals around a point.
+/// The residuals and their derivatives at a point.
 #[derive(Clone, Debug)]
 pub struct Linear {
-    /// The point.
+    /// The unknowns at the point.
     pub z: Vec<f64>,
-    /// The residuals there.
+    /// The residuals at `z`.
     pub residuals: Residuals,
-    /// For each unknown how much the twin's sensors move, in their deviations (FR2).
+    /// For each unknown, the derivative of the twin's sensors, in their deviations (FR2).
     pub columns: Vec<Vec<f64>>,
-    /// JᵀJ: what the records know about the unknowns.
+    /// JᵀJ: the information of the records about the unknowns.
     pub information: Symmetric,
 }
 
@@ -48,18 +47,18 @@ impl Linear {
         Self { z, residuals, columns, information }
     }
 
-    /// Jᵀ r.
+    /// Computes Jᵀ r.
     pub fn pull(&self, residuals: &[f64]) -> Vec<f64> {
         self.columns.iter().map(|column| dot(column, residuals)).collect()
     }
 }
 
-/// (FR1); nothing of what is missing.
+/// A residual (FR1); zero for a missing value.
 pub(super) fn residual(measured: f64, twin: f64, deviation: f64) -> f64 {
     if measured.is_nan() { 0.0 } else { (measured - twin) / deviation }
 }
 
-/// Collects residuals.
+/// Collects the residuals of a run.
 struct Compare<'r> {
     measured: &'r [f64],
     deviations: &'r [f64],
@@ -102,7 +101,7 @@ impl<'s> Fit<'s> {
         self.variant_from(z, inputs, self.onset_s)
     }
 
-    /// A variant with given unknowns, whose faults begin at a moment, s.
+    /// A variant with given unknowns, whose faults begin at `onset_s`.
     pub(super) fn variant_from<'v>(
         &self,
         z: &[f64],
@@ -120,7 +119,7 @@ impl<'s> Fit<'s> {
         variant
     }
 
-    /// The residuals at some points; of a point where the solver could not go on, why.
+    /// The residuals at several points; an error where the solver failed.
     pub(super) fn residuals(
         &self,
         points: &[Vec<f64>],
@@ -133,7 +132,7 @@ impl<'s> Fit<'s> {
         Ok(all)
     }
 
-    /// The residuals of some variants of one record.
+    /// The residuals of several variants of one record.
     pub(super) fn run<'v>(
         &self,
         record: &Record,
@@ -173,7 +172,7 @@ impl<'s> Fit<'s> {
         Ok(found.into_iter().map(|one| one.expect("every variant ends")).collect())
     }
 
-    /// The residuals around a point.
+    /// The residuals and derivatives at a point.
     pub(super) fn linear(&self, z: &[f64], difference: Difference) -> Result<Linear, FitError> {
         let mut points = vec![z.to_vec()];
         let mut moves = Vec::new();
@@ -198,7 +197,7 @@ impl<'s> Fit<'s> {
     }
 }
 
-/// Appends the residuals of a further record; what could not be simulated stays so.
+/// Appends the residuals of another record; a failed simulation stays failed.
 pub(super) fn append(
     all: &mut [Result<Residuals, FitError>],
     more: Vec<Result<Residuals, FitError>>,
@@ -212,7 +211,7 @@ pub(super) fn append(
     }
 }
 
-/// The two ends of a difference, inside of the range.
+/// The two ends of a difference, inside the range.
 fn ends(unknown: &Unknown, z: f64, difference: Difference) -> [f64; 2] {
     let (low, high) = unknown.range;
     let h = unknown.step;

@@ -1,48 +1,47 @@
-//! The fit: unknowns that make the residuals and their own deviations from the prior least.
+//! The solver of the fit: minimizes the residuals and the unknowns' deviations from their priors.
 //!
 //! (FS1)  F = ½ |r|² + ½ Σ q_k z_k²,  q_k what is known before
 //!
 //! (FS2)  (JᵀJ + Q) δ = Jᵀ r − Q z,  every z between its bounds
 //!
-//! A Gauss–Newton step is tried in several lengths side by side, one a lane, so that a search along it
-//! costs no time. As long as a step gains what (FS2) promised, the next one keeps its J; the last
-//! ones have J from differences to both sides.
+//! A Gauss–Newton step is tried in several lengths, one per lane, so that the line search costs no time. While a step
+//! gains what (FS2) promised, the next one keeps its J. The last steps use a central-difference J.
 
 use super::linear::{Symmetric, dot};
 use super::response::{Difference, Linear, Residuals};
 use super::{Fit, FitError};
 
-/// The parts of a step that are tried together.
+/// The fractions of a step that are tried together.
 const LENGTHS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
-/// A fit has ended where a step would lower F by less than this: no unknown would move by more than a
-/// tenth of its standard error.
+/// A fit has converged when a step would reduce F by less than this: no unknown would move by more than a tenth of its
+/// standard error.
 const SMALL_GAIN: f64 = 0.005;
-/// A step that promises less than this is taken without a search: the solver's errors move F by about
-/// as much, but the slope of F by far less.
+/// A step that promises less than this is taken without a search: the solver's errors change F by about as much, but
+/// the slope of F by far less.
 const SURE_GAIN: f64 = 1.0;
-/// Steps with one J.
+/// Most steps with one J.
 const MOST_STEPS: usize = 4;
-/// Times that J is found anew.
+/// Most recomputations of J.
 const MOST_TURNS: usize = 6;
-/// Below this part of the promised gain the next step needs another J.
+/// Below this fraction of the promised gain, the next step needs a new J.
 const GOOD_GAIN: f64 = 0.5;
-/// A fit is given up where residuals are so many times the noise, by their mean square, ...
+/// A fit is given up if the mean square of the residuals exceeds the noise by this factor, ...
 const HOPELESS: f64 = 2.0;
-/// ... and another J takes away less than this part of F.
+/// ... and a new J reduces F by less than this fraction.
 const LEAST_PROGRESS: f64 = 0.05;
 
-/// Where a fit ended.
+/// The result of a fit.
 #[derive(Clone, Debug)]
 pub struct Minimum {
-    /// The residuals around the last point from which J was taken.
+    /// The linearization used last.
     pub linear: Linear,
-    /// The unknowns.
+    /// The unknowns at the minimum.
     pub z: Vec<f64>,
-    /// The residuals there.
+    /// The residuals at `z`.
     pub residuals: Residuals,
-    /// F.
+    /// F of (FS1).
     pub cost: f64,
-    /// Whether the last step was small enough.
+    /// Whether the last step was below the convergence limit.
     pub converged: bool,
     /// Steps that were taken.
     pub steps: usize,
@@ -53,18 +52,18 @@ impl Fit<'_> {
         self.unknowns.iter().map(|unknown| unknown.prior).collect()
     }
 
-    /// (FS1).
+    /// The objective F (FS1).
     pub(super) fn cost(&self, z: &[f64], residuals: &[f64]) -> f64 {
         let prior: f64 = self.unknowns.iter().zip(z).map(|(u, z)| u.prior * z * z).sum();
         0.5 * dot(residuals, residuals) + 0.5 * prior
     }
 
-    /// How far every unknown may still go, down and up.
+    /// How far every unknown may still move, down and up.
     pub(super) fn room(&self, z: &[f64]) -> Vec<(f64, f64)> {
         self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect()
     }
 
-    /// The step (FS2) from a point, and by how much it should lower F.
+    /// The step (FS2) from a point, and the promised reduction of F.
     pub(super) fn step(
         &self,
         curvature: &Symmetric,
@@ -74,7 +73,7 @@ impl Fit<'_> {
         self.step_within(curvature, z, pull, &self.room(z))
     }
 
-    /// The same where every unknown may go so far only.
+    /// The same with explicit limits for the step of each unknown.
     pub(super) fn step_within(
         &self,
         curvature: &Symmetric,
@@ -108,7 +107,7 @@ impl Fit<'_> {
         Ok(found)
     }
 
-    /// Steps that keep J, from where it was taken.
+    /// Takes steps with a constant J.
     fn steps_around(&self, linear: Linear) -> Result<Minimum, FitError> {
         let curvature = linear.information.plus_diagonal(&self.priors());
         let mut z = linear.z.clone();
@@ -134,7 +133,7 @@ impl Fit<'_> {
         Ok(Minimum { linear, z, residuals, cost, converged, steps })
     }
 
-    /// The best of several lengths of a step; `None` where F is below `bar` for none.
+    /// The best of several lengths of a step; `None` if none gives F below `bar`.
     fn best_of(
         &self,
         z: &[f64],

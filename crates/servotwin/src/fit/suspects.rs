@@ -1,17 +1,16 @@
-//! What a finding may be: faults, and a record whose times are wrong.
+//! Suspects of a finding: faults, and records with wrong times.
 //!
-//! With d the change of the twin's sensors for a fault, in their deviations, r the residuals of the fit,
-//! J and A = JᵀJ + Q those of the unknowns:
+//! Let d be the change of the twin's sensors due to a fault, in their deviations, r the residuals of the fit, and J and
+//! A = JᵀJ + Q those of the unknowns:
 //!
 //! (FF1)  score = dᵀr / √s,  s = dᵀd − (Jᵀd)ᵀ A⁻¹ (Jᵀd)
 //!
-//! It is a standard normal number for a specimen inside of its tolerances, and the most powerful one
-//! against this fault: what parameters could explain counts only as far as their tolerances allow it.
-//! dᵀr / s is the intensity that the fault would have.
+//! The score is a standard normal number for a specimen inside its tolerances, and the most powerful test against this
+//! fault. Effects that parameters could explain count only as far as their tolerances allow. dᵀr / s is the fault's
+//! estimated intensity.
 //!
-//! What a finding looks like is another question, and (FF1) is no answer far from health. So every
-//! suspect is then simulated in several sizes around the nominal twin, with residuals r, and judged
-//! by what tolerances leave of them:
+//! (FF1) is linear, so it cannot identify a finding far from the healthy state. Every suspect is therefore simulated at
+//! several sizes around the nominal twin, with residuals r, and judged by the residuals that tolerances leave:
 //!
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
@@ -26,54 +25,54 @@ use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::fmt;
 
-/// Largest score, in standard deviations, that chance is believed to make among a hundred suspects.
+/// Largest score that is attributed to chance among a hundred suspects, in standard deviations.
 pub const SCORE_LIMIT: f64 = 5.0;
 /// The intensity whose effect is compared.
 pub(super) const INTENSITY: f64 = 0.2;
-/// By what share a clock is fast for comparison: less time has passed than it says.
+/// The fraction by which a clock runs fast in the comparison: less time has passed than it shows.
 const FAST: f64 = 0.005;
-/// A clock that is less off is no finding.
+/// A smaller clock error is not a finding.
 const LEAST_CLOCK: f64 = 0.001;
 /// The intensities at which all suspects of a finding are simulated.
 const COARSE: [f64; 4] = [0.03, 0.12, 0.35, 0.8];
-/// The intensities at which the likeliest ones are.
+/// The intensities at which the likeliest suspects are simulated.
 const FINE: [f64; 12] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
-/// How many these are.
+/// The number of these suspects.
 const LIKELIEST: usize = 5;
-/// How many of them are fitted where one may have begun within the record.
+/// How many of them are fitted if one may have begun within the record.
 const FITTED: usize = 3;
-/// By how many samples sensors may come late.
+/// The simulated delays of sensors, samples.
 const DELAYS: [f64; 6] = [-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
-/// By which shares a clock may be fast.
+/// The simulated clock errors, as fractions; positive is fast.
 const CLOCKS: [f64; 6] = [-0.02, -0.01, -0.003, 0.003, 0.01, 0.02];
-/// In which parts of what they seem to be wrong times are tried: that is known to a sample.
+/// The factors around an estimated time error at which it is tried: the estimate is accurate to a sample.
 const AROUND: [f64; 9] = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2];
-/// Times that are wrong explain a record clearly better than a fault that leaves so many times as much.
+/// A time error explains a record clearly better than a fault if the fault leaves this many times as much.
 const CLEARLY: f64 = 2.0;
-/// So many suspects are simulated together: their samples are kept.
+/// Number of suspects simulated together: their samples are kept in memory.
 const AT_ONCE: usize = 8;
 
-/// The name of a clock that is fast, as a suspect.
+/// The name of the suspect *fast clock*.
 pub const CLOCK: &str = "clock";
-/// The name of sensors that come late, as a suspect.
+/// The name of the suspect *late sensors*.
 pub const DELAY: &str = "delay";
 
-/// Something that a finding may be.
+/// A possible cause of a finding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
     /// The fault's full name, or [`CLOCK`] or [`DELAY`].
     pub name: String,
-    /// (FF1); of a finding √(2 ΔF) by (FF2), ΔF what the suspect takes away.
+    /// (FF1); for a finding √(2 ΔF) by (FF2), where ΔF is the reduction of F by the suspect.
     pub score: f64,
-    /// The intensity that it would have; of a clock the share by which it is fast, of a delay seconds.
+    /// The estimated intensity; for a clock the fraction by which it is fast, for a delay seconds.
     pub intensity: f64,
-    /// When it began, where that was within the record.
+    /// When it began, if within the record.
     pub onset: Option<Onset>,
 }
 
 impl Suspect {
-    /// (FF1), with what of dᵀd tolerances leave: s. A fault that shows nothing, or nothing of its own, cannot be
-    /// suspected.
+    /// The score (FF1); `rest` is s, the part of dᵀd that tolerances leave. A fault without an effect of its own gets
+    /// score 0.
     pub(super) fn of(name: String, with: f64, square: f64, rest: f64) -> Self {
         if rest <= 1e-6 * square || square == 0.0 {
             return Suspect { name, score: 0.0, intensity: 0.0, onset: None };
@@ -81,7 +80,7 @@ impl Suspect {
         Suspect { name, score: with / rest.sqrt(), intensity: with / rest, onset: None }
     }
 
-    /// Whether chance does not explain it.
+    /// Whether the score exceeds chance.
     pub(super) fn is_finding(&self) -> bool {
         match self.name == CLOCK {
             true => self.score.abs() > SCORE_LIMIT && self.intensity.abs() > LEAST_CLOCK,
@@ -89,7 +88,7 @@ impl Suspect {
         }
     }
 
-    /// What it would be, as a sentence.
+    /// The suspect as a sentence.
     pub fn sentence(&self) -> String {
         let Self { name, intensity, .. } = self;
         let (size, is_more) = (intensity.abs(), *intensity > 0.0);
@@ -119,7 +118,7 @@ impl fmt::Display for Suspect {
 }
 
 impl Fit<'_> {
-    /// Every suspect's score, the largest first.
+    /// The scores of all suspects, the largest first.
     pub(super) fn suspects(
         &self,
         found: &Minimum,
@@ -170,7 +169,8 @@ impl Fit<'_> {
         Ok(all)
     }
 
-    /// What explains the records best, by (FF2); a fault that begins within the record before all others.
+    /// The suspects that explain the records best by (FF2). A fault that begins within the record comes before all
+    /// others.
     pub(super) fn likeliest(&self) -> Result<Vec<Suspect>, FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
         let linear = self.linear(&nominal, Difference::Forward)?;
@@ -195,7 +195,7 @@ impl Fit<'_> {
         Ok(all)
     }
 
-    /// The fault that began within the record, where it explains that better than any that is there from the first
+    /// The fault that began within the record, if it explains the record better than any fault present from the first
     /// sample on.
     fn begun(
         &self,
@@ -232,8 +232,7 @@ impl Fit<'_> {
         Ok(best.and_then(suspect))
     }
 
-    /// For each of some faults a first guess of when it began, and how far off that may be, s; none where there is no
-    /// single record.
+    /// For each fault, a first guess of its onset and the guess's error, s; `None` unless there is a single record.
     pub(super) fn onset_guesses(
         &self,
         faults: &[(usize, usize)],
@@ -253,7 +252,7 @@ impl Fit<'_> {
         Ok(costs.iter().map(|one| Some((one.begun?, moments.reach_s()))).collect())
     }
 
-    /// The faults with the least (FF2), that and the intensity with it; and those with the least (FO1).
+    /// The faults with the lowest (FF2), with cost and intensity, and those with the lowest (FO1).
     fn likeliest_faults(
         &self,
         linear: &Linear,
@@ -292,8 +291,8 @@ impl Fit<'_> {
         Ok(LikelyFaults { constant, begun })
     }
 
-    /// Whether a record whose times seem to be wrong shows a fault as likely: a valve that gives less follows late, too.
-    /// Such a record is fitted, and what it looks like is a finding; where times explain it clearly better, they are
+    /// Whether a fault explains a record with apparently wrong times equally well: a valve with low gain also follows
+    /// late. Such a record is fitted and gives a finding. If a time error explains it clearly better, the times are
     /// wrong.
     pub(super) fn is_rather_a_fault(
         &self,
@@ -314,7 +313,7 @@ impl Fit<'_> {
         Ok(fault < CLEARLY * times)
     }
 
-    /// The least (FF2) and (FO1) of each of some suspects, and at which intensity.
+    /// The lowest (FF2) and (FO1) of each suspect, with their intensities.
     fn costs(
         &self,
         linear: &Linear,
@@ -343,7 +342,7 @@ impl Fit<'_> {
         Ok(all)
     }
 
-    /// The least (FF2) and (FO1) of one suspect.
+    /// The lowest (FF2) and (FO1) of one suspect.
     fn costs_of(
         &self,
         linear: &Linear,
@@ -364,7 +363,7 @@ impl Fit<'_> {
         Ok(Costs { constant, begun })
     }
 
-    /// The least (FF2) of records whose times are changed by one of some sizes.
+    /// The lowest (FF2) of records whose times are changed by one of the sizes, with that size.
     fn retimed(
         &self,
         linear: &Linear,
@@ -394,14 +393,14 @@ impl Fit<'_> {
         Ok(least(&costs.collect::<Result<Vec<_>, _>>()?, &in_units))
     }
 
-    /// (FF2).
+    /// The cost (FF2) that the tolerances leave.
     fn explained(&self, linear: &Linear, residuals: &[f64]) -> Result<f64, FitError> {
         let curvature = linear.information.plus_diagonal(&self.priors());
         let (_, gain) = self.step(&curvature, &linear.z, &linear.pull(residuals))?;
         Ok(0.5 * dot(residuals, residuals) - gain)
     }
 
-    /// A twin that cannot be simulated explains nothing.
+    /// The cost (FF2); infinite for a twin that cannot be simulated.
     fn cost_of(
         &self,
         linear: &Linear,
@@ -415,7 +414,7 @@ impl Fit<'_> {
         format!("{}.{}", instance.id, instance.component.spec().faults[fault].name)
     }
 
-    /// The sums of (FF1) for some variants of a record; of one that cannot be simulated, none.
+    /// The sums of (FF1) for several variants of a record; variants that cannot be simulated contribute nothing.
     #[expect(clippy::too_many_arguments)]
     fn against<'v>(
         &self,
@@ -448,16 +447,16 @@ impl Fit<'_> {
     }
 }
 
-/// The least cost, and its intensity.
+/// The lowest cost, and its intensity.
 fn least(costs: &[f64], intensities: &[f64]) -> (f64, f64) {
     let pairs = costs.iter().copied().zip(intensities.iter().copied());
     pairs.min_by(|a, b| a.0.total_cmp(&b.0)).expect("an intensity")
 }
 
-/// A fault, its least (FF2), and at which intensity.
+/// A fault with its lowest (FF2) and the intensity there.
 type Likely = ((usize, usize), (f64, f64));
 
-/// Of one suspect the least (FF2) with its intensity, and the least (FO1).
+/// The lowest (FF2) of a suspect with its intensity, and its lowest (FO1).
 struct Costs {
     constant: (f64, f64),
     begun: Option<Guess>,
@@ -465,22 +464,22 @@ struct Costs {
 
 /// The likeliest faults, the likeliest first.
 struct LikelyFaults {
-    /// Those that are there from the first sample on.
+    /// Faults present from the first sample on.
     constant: Vec<Likely>,
-    /// Those that begin within the record.
+    /// Faults that begin within the record.
     begun: Vec<((usize, usize), Guess)>,
 }
 
-/// A record with other times.
+/// A record with changed times.
 struct Retimed {
     inputs: Vec<Piecewise>,
-    /// The time that passes while the record counts one.
+    /// The time that passes per unit of recorded time.
     stretch: f64,
     /// The size in the unit of [`Suspect::intensity`].
     size: f64,
 }
 
-/// Sensors that come so many samples late.
+/// Delays the sensors by a number of samples.
 fn delayed(record: &Record, samples: f64) -> Retimed {
     let by_s = samples * record.period_s;
     let later = |signal: &Piecewise| {
@@ -490,18 +489,18 @@ fn delayed(record: &Record, samples: f64) -> Retimed {
     Retimed { inputs: record.inputs.iter().map(later).collect(), stretch: 1.0, size: by_s }
 }
 
-/// A record whose clock is fast by a share.
+/// Simulates a record whose clock runs fast by a fraction.
 fn on_fast_clock(record: &Record, share: f64) -> Retimed {
     let stretch = 1.0 - share;
     Retimed { inputs: stretched(record, stretch), stretch, size: share }
 }
 
-/// Sensors on a clock of their own, on which they come later and later.
+/// Simulates sensors on a separate clock, on which they become increasingly late.
 fn drifting(record: &Record, share: f64) -> Retimed {
     Retimed { inputs: stretched(record, 1.0 + share), stretch: 1.0, size: share }
 }
 
-/// The inputs of a record in another time.
+/// The inputs of a record with stretched times.
 fn stretched(record: &Record, stretch: f64) -> Vec<Piecewise> {
     let slower = |signal: &Piecewise| {
         let breaks = signal.breaks_s().iter().map(|b| b * stretch).collect();
@@ -514,14 +513,14 @@ fn stretched(record: &Record, stretch: f64) -> Vec<Piecewise> {
     record.inputs.iter().map(slower).collect()
 }
 
-/// What suspects are compared with.
+/// The fit that suspects are compared with.
 #[derive(Clone, Copy)]
 struct Base<'f> {
     residuals: &'f [f64],
     linear: &'f Linear,
 }
 
-/// The sums of (FF1).
+/// The sums of (FF1) for one suspect.
 #[derive(Clone, Debug, Default)]
 struct Sums {
     /// dᵀr.
@@ -550,13 +549,13 @@ impl Sums {
     }
 }
 
-/// Sums (FF1) up while samples come.
+/// Accumulates (FF1) while samples arrive.
 struct Against<'f> {
     base: Base<'f>,
     record: &'f Record,
     deviations: &'f [f64],
     first: usize,
-    /// Where the next residual stands.
+    /// The index of the next residual.
     place: usize,
     step: f64,
     sums: Sums,

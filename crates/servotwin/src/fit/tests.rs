@@ -1,4 +1,4 @@
-//! Specimens with known parameters, and what a fit makes of their records.
+//! Fits records of specimens with known parameters.
 
 mod measure;
 mod onset;
@@ -14,15 +14,15 @@ use crate::system::imperfection::Imperfections;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
 
-/// What the calibration flies.
+/// The command of the calibration flight.
 const COMMAND: &str = "noise:rms=4deg,bandwidth=1Hz,seed=77";
 
-/// A record of a specimen, as a logger writes it: sensors with noise, commands as samples.
+/// A record of a specimen as a logger writes it: sensors with noise, commands as samples.
 fn record(study: &Study, specimen: Option<usize>, faults: Vec<FaultAt>, duration_s: f64) -> Record {
     flown(study, COMMAND, (specimen, specimen.unwrap_or(0)), faults, duration_s)
 }
 
-/// The same for a command, with other noise than in other flights of the specimen.
+/// The same with another command, and with different noise in each flight of the specimen.
 fn flown(
     study: &Study,
     command: &str,
@@ -33,7 +33,7 @@ fn flown(
     flown_as(study, command, who, Variant { faults, ..Variant::default() }, duration_s)
 }
 
-/// The same for a variant with faults, which may begin later.
+/// The same for a variant whose faults may begin later.
 fn flown_as(
     study: &Study,
     command: &str,
@@ -92,7 +92,7 @@ fn truth(study: &Study, unknowns: &[Unknown], specimen: usize) -> Vec<f64> {
     unknowns.iter().map(of).collect()
 }
 
-/// (inside of its 95 % interval, all) over specimens, and how many were refused.
+/// (estimates inside their 95 % interval, all estimates) over specimens, and the number of rejected fits.
 fn coverage(
     study: &Study,
     specimens: std::ops::Range<usize>,
@@ -155,11 +155,11 @@ fn the_record_and_not_the_prior_says_what_is_well_known() {
         assert!(fitted.known.error(k) < 0.3, "{}", fitted.known.error(k));
         assert!((fitted.z[k] - truth).abs() < 4.0 * fitted.known.error(k));
     }
-    // The error is what the record gives: twice the time, less of it.
+    // The error depends on the record: twice the duration gives a smaller one.
     let longer = Fit::of_study(&study, vec![record(&study, Some(3), vec![], 24.0)]);
     let longer = longer.solve().unwrap();
     assert!(longer.known.error(0) < 0.9 * fitted.known.error(0));
-    // Two records know more than one.
+    // Two records determine an unknown better than one.
     let both = vec![record(&study, Some(3), vec![], 12.0), record(&study, Some(3), vec![], 12.0)];
     let both = Fit::of_study(&study, both).solve().unwrap();
     let ratio = both.known.error(0) / fitted.known.error(0);
@@ -182,15 +182,15 @@ fn what_a_record_does_not_show_stays_and_what_is_the_same_trades_off() {
         )
     };
     problem.suspects.clear();
-    // No stop is ever reached; the number of steps of a converter is not in the equations.
+    // No stop is ever reached, and the converter's step is not part of the equations.
     problem.unknowns.push(tolerance("servo_valve.stop_stiffness_per_s2", 0.1));
-    // The flow of an edge is their product.
+    // The flow at an edge is their product.
     problem.unknowns.push(tolerance("servo_valve.width_pa_m", 0.03));
     problem.unknowns.push(Unknown { name: "copy".into(), ..problem.unknowns[3].clone() });
     let fitted = problem.solve().unwrap();
     assert_eq!(fitted.known.each[2], Knowledge::NotSeen);
     assert!(fitted.z[2].abs() < 1e-6 && (fitted.known.error(2) - 1.0).abs() < 1e-6);
-    // A copy later in the list overrides the one before: this one is not seen, that one is.
+    // A copy later in the list overrides the first: the first is not seen, the copy is.
     assert_eq!(fitted.known.each[3], Knowledge::NotSeen);
     assert_eq!(fitted.known.each[4], Knowledge::Known);
     let least = fitted.known.directions.last().unwrap();
@@ -237,7 +237,7 @@ fn a_fault_is_a_finding_and_no_update() {
 fn a_parameter_that_would_leave_its_tolerance_is_told() {
     let study = spring();
     let mut record = record(&study, None, vec![], 12.0);
-    // The null of the valve is shifted by six standard deviations.
+    // A null shift of the valve by six standard deviations.
     let faults = vec![fault(&study, "servo_valve.bias_positive", 0.1)];
     record.measured = self::record(&study, None, faults, 12.0).measured;
     let mut problem = Fit::of_study(&study, vec![record]);
@@ -285,7 +285,7 @@ fn the_intensity_of_a_fault_lies_in_its_interval() {
 #[test]
 fn a_gain_beyond_the_end_of_a_sensors_range_has_an_interval_to_the_largest() {
     let study = Study::default();
-    // A supply sensor shows no more than it does at a tenth: 207 bar.
+    // This supply sensor saturates at 207 bar already at an intensity of 0.1.
     let at = fault(&study, "actuator_1.sensor_supply.gain_high", 0.6);
     let mut problem = Fit::of_study(&study, vec![record(&study, Some(0), vec![at], 6.0)]);
     problem.suspects.clear();
@@ -312,8 +312,8 @@ fn a_fitted_twin_is_written_and_read_again() {
     assert!(text.contains("± ") && text.starts_with("# Fitted by servotwin"));
 }
 
-/// The largest difference of a fleet's unknowns from fits of their own, in standard errors, and how
-/// many of all true values lie inside of their 95 % intervals.
+/// The largest difference between a fleet's unknowns and individual fits, in standard errors, and how many true values
+/// lie inside their 95 % intervals.
 fn fleet_beside_fits(
     study: &Study,
     specimens: usize,
@@ -382,7 +382,7 @@ fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
             assert!(findings.iter().any(|f| matches!(f, FitFinding::Looks(_))), "{findings:?}");
         }
     }
-    // Where tolerances explain a fault its score vanishes with it: a bias within the null's tolerance.
+    // If tolerances explain a fault, its score vanishes: a bias within the null's tolerance.
     let small =
         record(&study, Some(5), vec![fault(&study, "servo_valve.bias_positive", 0.01)], 12.0);
     let found = fleet.judge(&[small.measured]).unwrap();
@@ -405,13 +405,13 @@ fn leaking(study: &Study, flights: usize, duration_s: f64) -> Vec<history::Log> 
 fn a_leak_that_grows_is_tracked_and_its_end_foretold() {
     let study = spring();
     let mut problem = Fit::of_study(&study, vec![]);
-    // Fewer suspects than there are, for time.
+    // Fewer suspects than usual, to save time.
     let ids = ["leakage_a.leakage", "leakage_b.leakage", "servo_valve.gain_low"];
     let suspects = ids.map(|id| study.system.program.find_fault(id).unwrap());
     problem.suspects.retain(|suspect| suspects.contains(suspect));
     assert_eq!(problem.suspects.len(), 3);
     let mut logs = leaking(&study, 51, 6.0);
-    // A log that is none leaves a gap.
+    // An unreadable log leaves a gap.
     logs[7].1 = Err(RecordError::NoTime);
     let history = problem.history(logs, &[]).unwrap();
     assert!(history.flights[0].is_healthy());
@@ -436,7 +436,7 @@ fn a_leak_that_grows_is_tracked_and_its_end_foretold() {
 fn a_parameter_that_drifts_inside_of_its_tolerance_is_an_update_and_told() {
     let study = spring();
     let problem = Fit { suspects: vec![], ..Fit::of_study(&study, vec![]) };
-    // Friction: two standard deviations of its tolerance in thirty flights.
+    // Friction grows by two standard deviations of its tolerance in thirty flights.
     let flight = |number: usize| {
         let mut worn = spring();
         let Unknown { moved: unknown::Moved::Parameters { members, .. }, .. } =
@@ -494,7 +494,7 @@ fn the_designed_flight_keeps_its_limits_and_tells_most() {
         assert!(largest <= amplitude * 1.001, "{}", design.command);
         assert!(fastest.fold(0.0, f64::max) <= rate * 1.01, "{}", design.command);
     }
-    // What was promised is what a fit of that flight knows.
+    // A fit of the designed flight reaches the predicted errors.
     let best = &found[0];
     let record = flown(&study, &best.command, (Some(5), 5), vec![], 12.0);
     let fitted = Fit { suspects: vec![], ..Fit::of_study(&study, vec![record]) };
@@ -503,13 +503,13 @@ fn the_designed_flight_keeps_its_limits_and_tells_most() {
         let ratio = fitted.known.error(k) / best.known.error(k);
         assert!((0.7..1.4).contains(&ratio), "{k}: {ratio}");
     }
-    // A tenth of the motion tells less.
+    // A tenth of the motion gives less information.
     let small = design::Limits { amplitude: 0.1 * amplitude, rate: 0.1 * rate, ..limits };
     assert!(problem.design(&rig, small).unwrap()[0].gain < best.gain);
 }
 
 mod records {
-    //! Records from which nothing can be learned, each with its own message.
+    //! Unusable records, each with its own message.
 
     use super::*;
     use crate::table::{Column, Table, Values};
@@ -531,7 +531,7 @@ mod records {
         table
     }
 
-    /// What a changed record is refused with.
+    /// The error with which a record is rejected.
     fn refusal(study: &Study, table: &Table) -> Option<RecordError> {
         let record = match Record::from_table("log", table, &study.system) {
             Ok(record) => record,
@@ -647,7 +647,7 @@ mod records {
             let errors = (a - b).abs() / clean.known.error(k);
             assert!(errors < 0.2, "{k}: {errors} standard errors");
         }
-        // Many are no accident.
+        // Many impossible values are not an accident.
         let many = changed(&good, "x_p_m", |row, v| if row % 20 == 0 { 1.0 } else { v });
         let Some(RecordError::Impossible(left_out)) = refusal(&study, &many) else { panic!() };
         assert!(left_out.to_string().contains("and 60 more"), "{left_out}");
@@ -664,11 +664,11 @@ mod records {
             let values = good.f64(name).unwrap();
             (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
         };
-        // The spool's sensor is off by what would be inches of its rms.
+        // The bias of the spool sensor makes its rms look like inches.
         let bias = 39.0 * rms("x_v_m");
         assert!(bias < study.system.readable(3).1, "{bias}");
         assert_eq!(refusal(&study, &changed(&good, "x_v_m", |_, v| v + bias)), None);
-        // Something else moves the ram, mostly against the command.
+        // A disturbance moves the ram, mostly against the command.
         let sway = 1.2 * rms("x_p_m");
         let swaying = changed(&good, "x_p_m", |row, v| sway * (0.031 * row as f64).sin() - v);
         assert_eq!(refusal(&study, &swaying), None);
@@ -694,7 +694,7 @@ mod records {
         let record = record(&study, Some(1), vec![], 40.0);
         let good = table(&study, &record);
         let samples = record.samples();
-        // The logger of the sensors runs fast by a percent: its values come ever later.
+        // The logger of the sensors runs fast by 1 %: its values come increasingly late.
         let shifted = |name: &str, from: &dyn Fn(usize) -> usize| {
             let values: Vec<f64> = good.f64(name).unwrap().into_owned();
             changed(&good, name, |row, _| values[from(row).min(samples - 1)])
@@ -709,7 +709,7 @@ mod records {
             panic!("{:?}", refusal(&study, &delayed))
         };
         assert!((by_s - 0.1).abs() < 0.011, "{by_s}");
-        // Both on one clock that runs fast by a percent: only the dynamics tell.
+        // Both are on one clock that runs fast by 1 %: only the dynamics reveal it.
         let fast = Record { period_s: record.period_s * 1.01, ..record };
         let inputs = fast.inputs.iter().map(|signal| {
             let breaks = signal.breaks_s().iter().map(|b| b * 1.01).collect();

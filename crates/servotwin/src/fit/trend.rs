@@ -1,77 +1,77 @@
-//! A wear that goes on over flights: its rate, and when it reaches a threshold.
+//! The trend of a wear over flights: its rate, and when it reaches a threshold.
 //!
-//! What is measured at flight n is a level x with a known standard error; the level goes on at a rate v, and
-//! the rate walks at random:
+//! The measurement at flight n is a level x with a known standard error. The level changes at a rate v, and the rate is
+//! a random walk:
 //!
 //! (FT1)  x' = x + v Δ,  v' = v + w,  w of variance q Δ;  y = x + e,  e of variance σ² s
 //!
-//! With q = 0 this is a straight line. q and s (how much larger errors are than they say, at least 1) are those
-//! under which the measured series is likeliest, found with a Kalman filter on a grid of q. The threshold is reached
-//! when the level's mean passes it, and no earlier and no later, with 95 %, than the ends of its band do.
+//! With q = 0 this is a straight line. The parameter s, at least 1, scales all errors to the observed scatter. q and s
+//! maximize the likelihood of the series, found with a Kalman filter on a grid of q. The threshold is reached when the
+//! mean level passes it; the 95 % interval ends where the ends of the level's band pass it.
 
-/// 95 % of a normal distribution lie within so many deviations.
+/// 95 % of a normal distribution lie within this many deviations.
 const NORMAL_95: f64 = 1.96;
-/// What is known of the first level and of the first rate: nothing, beside what flights show.
+/// Prior variance of the first level and rate, relative to their squared range: no prior knowledge.
 const VAGUE: f64 = 1e6;
-/// The grid of q, in parts of (range of the levels over their span)² for each flight; zero first.
+/// The grid of q per flight, in units of (range of the levels over their span)²; zero first.
 const WALKS: [f64; 8] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-/// By how much more likely a walk must be before a straight line is given up, as a difference of ln L.
+/// The gain in ln L that a random walk needs to replace the straight line.
 const CLEARLY: f64 = 1.92;
 /// The fewest flights that make a trend.
 const FEWEST: usize = 4;
-/// A prediction looks so many times as far as the history is long.
+/// Predictions extend to this multiple of the history's length.
 const HORIZON: f64 = 20.0;
 
 /// One flight's measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// When, in flights.
+    /// The flight number.
     pub at: f64,
-    /// The level.
+    /// The measured level.
     pub level: f64,
-    /// Its standard error.
+    /// The standard error of the level.
     pub error: f64,
 }
 
-/// Level and rate with their covariance.
+/// Level and rate with their covariance after a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// When, in flights.
+    /// The flight number.
     pub at: f64,
-    /// The level.
+    /// The estimated level.
     pub level: f64,
-    /// The rate for a flight.
+    /// The rate per flight.
     pub rate: f64,
     /// Variance of the level, covariance, variance of the rate.
     pub variance: [f64; 3],
 }
 
-/// A trend after the last flight.
+/// The trend of a series up to its last flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trend {
-    /// After each flight, from what was known then.
+    /// The state after each flight, using only the flights up to it.
     pub states: Vec<State>,
-    /// How much larger errors are than they say.
+    /// The factor s of (FT1), which scales the error variances.
     pub spread: f64,
-    /// q of (FT1), for a flight.
+    /// q of (FT1), per flight.
     pub walk: f64,
-    /// How far predictions look, in flights.
+    /// The prediction horizon, in flights.
     horizon: f64,
 }
 
 /// When a threshold is reached, in flights from the last one on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reached {
-    /// When the mean passes it; `None` if never within the horizon.
+    /// When the mean passes it; `None` if not within the horizon.
     pub expected: Option<f64>,
     /// The earliest time of the 95 % band.
     pub earliest: Option<f64>,
-    /// The latest; `None` if the band's lower end never does.
+    /// The latest time of the 95 % band; `None` if the band's lower end does not pass it.
     pub latest: Option<f64>,
 }
 
 impl State {
-    /// The state a while later, without measuring.
+    /// Predicts the state a number of flights later.
     fn after(&self, flights: f64, walk: f64) -> State {
         let [level, both, rate] = self.variance;
         let t = flights;
@@ -87,7 +87,7 @@ impl State {
         }
     }
 
-    /// The state with one more measurement of this variance; what was not expected of it, and the variance of that.
+    /// Updates the state with a measurement; also returns the innovation and its variance.
     fn measured(&self, level: f64, variance: f64) -> (State, f64, f64) {
         let [own, both, rate] = self.variance;
         let (surprise, expected) = (level - self.level, own + variance);
@@ -107,7 +107,7 @@ impl State {
 }
 
 impl Trend {
-    /// The trend of a series in the order of time; `None` for fewer than four flights, or none that differ in time.
+    /// The trend of a series ordered by time; `None` for fewer than four flights, or flights without a time span.
     pub fn of(points: &[Point]) -> Option<Trend> {
         let (first, last) = (points.first()?, points.last()?);
         let span = last.at - first.at;
@@ -126,18 +126,18 @@ impl Trend {
         Some(Trend { horizon: HORIZON * span, ..best.trend })
     }
 
-    /// Level and rate now.
+    /// The state after the last flight.
     pub fn last(&self) -> &State {
         self.states.last().expect("a trend has flights")
     }
 
-    /// The rate in its standard errors.
+    /// The rate divided by its standard error.
     pub fn significance(&self) -> f64 {
         let last = self.last();
         last.rate / last.variance[2].sqrt()
     }
 
-    /// The level so many flights from now, with its standard error.
+    /// The predicted level a number of flights from now, with its standard error.
     pub fn ahead(&self, flights: f64) -> (f64, f64) {
         let state = self.last().after(flights, self.walk);
         (state.level, state.variance[0].sqrt())
@@ -156,7 +156,7 @@ impl Trend {
     }
 }
 
-/// The first zero of a function that begins below it, to a thousandth of the horizon and then exactly.
+/// The first zero of a function that starts negative: a search on a grid, then bisection.
 fn first_passage(end: impl Fn(f64) -> f64, horizon: f64) -> Option<f64> {
     const STEPS: usize = 4000;
     if end(0.0) >= 0.0 {
@@ -178,7 +178,7 @@ struct Filtered {
     likelihood: f64,
 }
 
-/// The filter with one walk. Errors are scaled afterwards: all variances are in units of s.
+/// Runs the filter with one value of q. All variances are in units of s and are scaled afterwards.
 fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
     let first = points[0];
     let mut state = State {
@@ -191,7 +191,7 @@ fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
     for (number, point) in points.iter().enumerate() {
         let expected = state.after(point.at - state.at, walk);
         let (next, surprise, variance) = expected.measured(point.level, point.error.powi(2));
-        // The first two flights say where it begins and how fast, not how well it fits.
+        // The first two flights determine the initial level and rate; they carry no information about the fit.
         if number >= 2 {
             squares += surprise * surprise / variance;
             logarithms += variance.ln();
@@ -214,7 +214,7 @@ pub(super) mod tests {
     use super::*;
     use crate::signal::random::Random;
 
-    /// Flights 0, 1, 2 … with a level and normal errors.
+    /// Flights 0, 1, 2 … with a given level and normal errors.
     pub fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
         let mut random = Random::new(seed);
         let point = |n: usize| {

@@ -1,62 +1,62 @@
-//! What a fit may change: parameters that vary together, or the intensity of a fault.
+//! The unknowns of a fit: parameters that vary together, or the intensity of a fault.
 //!
-//! Every unknown is a number z. For parameters it counts standard deviations of their tolerance:
+//! Every unknown is a number z. For parameters, z counts standard deviations of their tolerance:
 //!
 //! (FU1)  p = p₀ + z σ  (absolute),  p = p₀ (1 + z σ)  (relative),  |z| ≤ 3
 //!
-//! and p stays inside what its component declares. For a fault z is its intensity.
+//! and p stays within the range that its component declares. For a fault, z is its intensity.
 
 use crate::study::{Study, Tolerance};
 use crate::system::System;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
 
-/// A specimen outside of so many standard deviations is not delivered.
+/// Specimens outside this many standard deviations are not delivered.
 pub const TOLERANCE_SIGMAS: f64 = 3.0;
-/// How far a parameter is moved to see what it does, in standard deviations of its tolerance: the
-/// errors of the solver must be small beside the difference.
+/// The step of differences for a parameter, in standard deviations of its tolerance. It must be large compared with the
+/// solver's errors.
 const PARAMETER_STEP: f64 = 0.5;
-/// The same for the intensity of a fault.
+/// The step of differences for the intensity of a fault.
 const FAULT_STEP: f64 = 0.05;
-/// What is known of an intensity before: nothing, but where a record says nothing either, the
-/// equations must have a solution.
+/// Prior of an intensity: nearly none, but the equations must have a solution even if the record carries no
+/// information.
 const FAULT_PRIOR: f64 = 1e-6;
 
-/// What an unknown moves.
+/// The quantity that an unknown changes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Moved {
     /// Parameters that vary together: (component, parameter, nominal value).
     Parameters {
-        /// The parameters.
+        /// (component, parameter, nominal value) of each.
         members: Vec<(usize, usize, f64)>,
         /// One standard deviation of the tolerance.
         sigma: f64,
-        /// Whether it is in the parameter's unit; otherwise a part of the nominal value.
+        /// Whether `sigma` is in the parameter's unit; otherwise it is a fraction of the nominal value.
         absolute: bool,
     },
     /// The intensity of a fault: (component, fault).
     Fault(usize, usize),
 }
 
-/// One number that is estimated.
+/// One number to be estimated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknown {
     /// Its first parameter, e.g. `actuator_1.servo_valve.width_pa_m`, or the fault.
     pub name: String,
-    /// The unit of the parameter; none for a fault.
+    /// The unit of its first parameter; [`Unit::None`] for a fault.
     pub unit: Unit,
-    /// What it moves.
+    /// The quantity that it changes.
     pub moved: Moved,
-    /// How much is known before, as 1/variance of z.
+    /// The prior information: 1/variance of z.
     pub prior: f64,
     /// The range of z.
     pub range: (f64, f64),
-    /// The step of differences, in z.
+    /// The step of finite differences, in z.
     pub step: f64,
 }
 
 impl Unknown {
-    /// The unknowns of all tolerances of a study, in its order.
+    /// The unknowns of all tolerances of a study, in the study's order.
     pub fn of_study(study: &Study) -> Vec<Self> {
         let tolerances = study.realism.iter().flat_map(|realism| realism.tolerances());
         tolerances.map(|tolerance| Self::tolerance(&study.system, tolerance)).collect()
@@ -87,7 +87,7 @@ impl Unknown {
         unknown
     }
 
-    /// The intensity of a fault, of which nothing is known before.
+    /// The intensity of a fault, without prior knowledge.
     pub fn fault(system: &System, component: usize, fault: usize) -> Self {
         let instance = &system.network().components[component];
         Self {
@@ -100,7 +100,7 @@ impl Unknown {
         }
     }
 
-    /// The tolerance, as far as all its parameters stay inside of what is allowed for them.
+    /// The range of z, limited so that all parameters stay within their declared ranges.
     fn declared_range(&self, system: &System) -> (f64, f64) {
         let Moved::Parameters { members, .. } = &self.moved else { return self.range };
         let (mut low, mut high) = self.range;
@@ -116,8 +116,7 @@ impl Unknown {
         (low.min(0.0), high.max(0.0))
     }
 
-    /// What a standard deviation is, in the unit of a parameter with this nominal value; for a fault
-    /// intensity itself.
+    /// One standard deviation in the unit of a parameter with this nominal value; 1 for a fault.
     pub fn per_sigma(&self, nominal: f64) -> f64 {
         match &self.moved {
             Moved::Parameters { sigma, absolute: true, .. } => *sigma,
@@ -139,8 +138,8 @@ impl Unknown {
         self.nominal() + z * self.per_sigma(self.nominal())
     }
 
-    /// By how many standard deviations of the tolerance its first parameter is off in some parameters; 0
-    /// where it is not among them, and for a fault.
+    /// The deviation of its first parameter in a list of overrides, in standard deviations of the tolerance; 0 if it is
+    /// not in the list, and for a fault.
     pub fn sigmas(&self, overrides: &[(usize, usize, f64)]) -> f64 {
         let Moved::Parameters { members, .. } = &self.moved else { return 0.0 };
         let (component, parameter, nominal) = members[0];
@@ -148,7 +147,7 @@ impl Unknown {
         own.map_or(0.0, |own| (own.2 - nominal) / self.per_sigma(nominal))
     }
 
-    /// Puts it into a variant.
+    /// Adds the unknown to a variant.
     pub fn apply(
         &self,
         z: f64,

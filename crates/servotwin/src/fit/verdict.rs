@@ -1,27 +1,27 @@
-//! What a fit comes to, in one sentence: healthy, a fault, times that are wrong, or nothing that explains the record.
+//! The verdict of a fit in one sentence: healthy, a fault, wrong times, or unexplained.
 
 use super::finding::MEAN_LIMIT;
 use super::intensity::{Diagnosed, intensity, intensity_and_onset};
 use super::suspects::{CLOCK, DELAY};
 use super::{Fit, FitError, FitFinding, FitResults, SensorFit, Suspect};
 
-/// A fault explains a record where it takes away at least this part of what the tolerances leave beyond noise.
+/// A fault explains a record if it removes at least this fraction of the excess over noise that the tolerances leave.
 const EXPLAINS: f64 = 0.5;
 
 /// The verdict of a fit.
 #[derive(Clone, Debug)]
 pub enum FitVerdict {
-    /// Parameters inside of their tolerances explain the records.
+    /// Parameters inside their tolerances explain the records.
     Healthy,
     /// A fault explains them.
     Fault(Box<Diagnosed>),
-    /// The clock or the times of the sensors are wrong.
+    /// The clock or the sensors' times are wrong.
     Times(Suspect),
-    /// Nothing explains them.
+    /// No fault and no time error explains them.
     Unexplained {
-        /// The fault that comes nearest, where there is one.
+        /// The fault that comes nearest, if any.
         nearest: Option<Box<Diagnosed>>,
-        /// A reading that shifts, as a clause; empty where none does.
+        /// A shift of a reading as a clause; empty without a shift.
         shift: String,
     },
 }
@@ -83,10 +83,10 @@ fn in_words(one: &Diagnosed) -> String {
 }
 
 impl Fit<'_> {
-    /// What a fit of this problem comes to. A fault is fitted for it, beside the tolerances.
+    /// The verdict on a fit of this problem. It may fit a fault in addition to the tolerances.
     ///
     /// # Errors
-    /// As [`Fit::solve`].
+    /// See [`Fit::solve`].
     pub fn verdict(&self, fitted: &FitResults) -> Result<FitVerdict, FitError> {
         if fitted.is_update() {
             return Ok(FitVerdict::Healthy);
@@ -114,8 +114,8 @@ impl Fit<'_> {
 }
 
 impl Fit<'_> {
-    /// The shift of the sensor whose mean is the largest, as a clause; empty where other sensors leave more than noise, so
-    /// that something moved with it.
+    /// The shift of the sensor with the largest mean, as a clause. Empty if other sensors also show more than noise,
+    /// because then the actuator moved as well.
     fn shift(&self, fitted: &FitResults) -> String {
         let mean = fitted.findings.iter().find_map(|finding| match finding {
             FitFinding::Mean(left) => Some(left),
@@ -133,7 +133,7 @@ impl Fit<'_> {
     }
 }
 
-/// Whether a fault leaves nothing but noise.
+/// Whether a fit with the fault leaves only noise.
 fn is_noise(one: &Diagnosed) -> bool {
     let is_left =
         |finding: &FitFinding| matches!(finding, FitFinding::Scatter(_) | FitFinding::Mean(_));

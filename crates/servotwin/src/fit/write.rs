@@ -1,5 +1,5 @@
-//! A fitted twin as a file: the system file with the fitted values, each with its standard error and
-//! how well it is known, and at the head where they come from.
+//! Writes a fitted twin as a system file: fitted values with standard errors and knowledge, and a head comment with
+//! their origin.
 
 use super::unknown::Moved;
 use super::{Fit, FitResults};
@@ -9,7 +9,7 @@ impl FitResults {
     /// The text of the system file with the fitted parameters.
     ///
     /// # Errors
-    /// A file that is laid out so that a parameter cannot be written into it.
+    /// The file's layout does not allow a parameter to be written.
     pub fn system_text(&self, problem: &Fit) -> Result<String, RewriteError> {
         let mut values = Vec::new();
         for (k, unknown) in problem.unknowns.iter().enumerate() {

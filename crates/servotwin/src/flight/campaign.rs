@@ -1,8 +1,7 @@
-//! Flights in lanes: every plant is observed, as its sensors show it, beside the virtual twin of its
-//! environment.
+//! Simulates flights in lanes: each plant's sensor values are observed together with the twin of its environment.
 //!
-//! In the setting *fitted* one specimen flies all flights of an environment, and the environment's twin is fitted to
-//! a calibration flight of it; otherwise every flight has a specimen of its own, beside the nominal twin.
+//! In the scenario *fitted*, one specimen flies all flights of an environment, and the environment's twin is fitted to
+//! its calibration flight. Otherwise every flight has another specimen, compared with the nominal twin.
 
 use super::plan::{self, Flight, Purpose};
 use crate::campaign::{Calibrating, CampaignError, ensemble};
@@ -17,38 +16,38 @@ use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-/// What watches a flight.
+/// Observes a flight.
 pub trait Observer: Send {
-    /// A sample: what the sensors show, what the twin says that they should, and the inputs; SI.
+    /// Takes a sample: the sensor values, the twin's expected values and the inputs; SI.
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
 }
 
-/// An actuator that was calibrated: its parameters that differ from the system's, and its twin's.
+/// A calibrated actuator: the deviating parameters of the plant and of its twin.
 struct Actuator {
     parameters: Vec<(usize, usize, f64)>,
     twin: Vec<(usize, usize, f64)>,
 }
 
-/// Flights of one purpose in one setting.
+/// Flights for one purpose in one scenario.
 pub struct FlightCampaign<'s> {
     study: &'s Study,
     environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
-    /// In which they are flown.
+    /// The scenario in which they are flown.
     pub setting: Setting,
     ensemble: Ensemble<'s>,
-    /// The flights.
+    /// All planned flights.
     pub plan: Vec<Flight>,
-    /// Those of them whose twins are there, by their places.
+    /// The indices of the flights whose twins were simulated.
     pub which: Vec<usize>,
-    /// For each environment the sensors and inputs of its twin, sample after sample.
+    /// For each environment, the twin's sensors and inputs, ordered by sample.
     twins: Vec<Vec<f64>>,
     /// The environments whose twins began without a steady state.
     moving_twins: BTreeSet<usize>,
     sensors: usize,
     imperfections: Imperfections,
-    /// For each environment the one that flies there; empty but in the setting fitted.
+    /// The actuator of each environment; empty except in the scenario *fitted*.
     calibrated: Vec<Actuator>,
 }
 
@@ -67,7 +66,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::where_it_is(study, flights, purpose, setting, |_| true, workers)
     }
 
-    /// The flights of one environment only, numbered as among all.
+    /// The flights of one environment only, with the same numbers as among all flights.
     ///
     /// # Errors
     /// Its twin cannot be simulated.
@@ -83,7 +82,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::where_it_is(study, flights, purpose, setting, own, workers)
     }
 
-    /// The flights of those environments that are chosen.
+    /// The flights of selected environments.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -103,7 +102,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::of(study, environments, (plan, which), lot, setting, workers)
     }
 
-    /// The same for flights and environments of one's own, of a purpose with a seed.
+    /// The same for given flights and environments, with a purpose and a seed.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -153,7 +152,7 @@ impl<'s> FlightCampaign<'s> {
         Ok(flown)
     }
 
-    /// An actuator for each environment, with its calibration flight.
+    /// Calibrates an actuator for each environment.
     fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
         let Some(realism) = &self.study.realism else {
             return Err(CampaignError::no_section(self.setting, self.study));
@@ -168,7 +167,7 @@ impl<'s> FlightCampaign<'s> {
             threads: workers.threads(),
             cancel: workers.cancel(),
         };
-        // Flights to be judged in have other noise than those that were learned from.
+        // Test flights have other noise than training flights.
         let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
         let noise = |place: usize| realism.noise(Lot::FlightsCalibrated, first + number(place));
         let found = calibrating.fit(&specimens, noise)?;
@@ -177,7 +176,7 @@ impl<'s> FlightCampaign<'s> {
         Ok(pairs.map(|(parameters, twin)| Actuator { parameters, twin }).collect())
     }
 
-    /// The samples of the twins by environment, and those that began without a steady state.
+    /// The samples of the twins by environment, and the environments whose twins began without a steady state.
     fn simulate_twins(&self) -> Result<(Vec<Vec<f64>>, BTreeSet<usize>), CampaignError> {
         let externals = self.study.system.program.externals();
         let inputs = externals.map(|slot| slot as Slot);
@@ -235,8 +234,8 @@ impl<'s> FlightCampaign<'s> {
         self.ensemble.sample_period_s
     }
 
-    /// Flies some of the planned flights, each with an observer of its own; `done` is called when
-    /// one has ended, one call at a time, in no particular order.
+    /// Simulates some of the planned flights, each with a separate observer. `done` is called when a flight ends, one
+    /// call at a time, in arbitrary order.
     pub fn fly<O: Observer>(
         &self,
         which: &[usize],
@@ -246,7 +245,7 @@ impl<'s> FlightCampaign<'s> {
         self.fly_altered(which, |_, _| (), observer, done);
     }
 
-    /// The same with plants that are altered first. Their twins know nothing of it.
+    /// The same with modified plants; their twins are unchanged.
     pub fn fly_altered<'f, O: Observer>(
         &'f self,
         which: &[usize],
@@ -286,7 +285,7 @@ impl<'s> FlightCampaign<'s> {
         }
     }
 
-    /// The number that specimen and noise come from.
+    /// The number from which specimen and noise are derived.
     fn specimen(&self, flight: &Flight) -> usize {
         flight.number + (self.seed as usize) * 1_000_000
     }

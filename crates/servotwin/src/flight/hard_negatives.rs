@@ -1,8 +1,8 @@
-//! Healthy windows that leave their bands, sought in many environments.
+//! Searches many environments for hard negatives: healthy windows that leave their bands.
 //!
-//! Trees and committee are only ever asked about windows that leave their bands, and of healthy ones hardly any does: a few
-//! hundred in all the healthy flights of a study, most of them in a few environments. What healthy specimens look like then
-//! is learned from further flights, one in each of many environments, from which nothing else is kept.
+//! Trees and committee are only asked about windows that leave their bands. Few healthy windows do: a few hundred in
+//! all healthy flights of a study, most of them in a few environments. Additional flights, one in each of many
+//! environments, provide more such windows; nothing else of them is kept.
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{Flight, Purpose};
@@ -13,13 +13,13 @@ use crate::parallel::Workers;
 use crate::study::{Flights, Setting, Study};
 use servotwin_diagnosis::sliding::{Sliding, Span};
 
-/// The twins of so many environments are held at a time.
+/// Number of environments whose twins are in memory at a time.
 const BATCH: usize = 200;
 
-/// Flies the further flights of a study, and adds those windows to the lessons of the others that leave the bands of these.
+/// Flies the additional flights of a study. Windows that leave the bands of `lessons` are added to `lessons`.
 ///
 /// # Errors
-/// A twin cannot be simulated; the work was cancelled.
+/// A twin cannot be simulated, or the run was cancelled.
 pub fn add(
     study: &Study,
     flights: &Flights,
@@ -61,16 +61,16 @@ pub fn add(
     Ok(())
 }
 
-/// Looks for windows that leave their bands, wherever a diagnosis would look.
+/// Searches for windows that leave their bands, at the places where a diagnosis looks.
 #[derive(Clone)]
 struct Seeking<'s> {
     kinds: &'s [Kind],
     bands: &'s [Vec<f64>],
     flight: Option<Flight>,
     scales: Vec<f64>,
-    /// Of residuals as they are.
+    /// Windows of the absolute residuals.
     absolute: Sliding,
-    /// And beyond a reference.
+    /// Windows of the baseline-corrected residuals.
     baseline_corrected: Option<(BaselineCorrected, Sliding)>,
     found: Vec<TrainingWindow>,
 }
@@ -99,7 +99,7 @@ impl<'s> Seeking<'s> {
         Seeking { kinds, bands, flight: None, scales, absolute, baseline_corrected, found: vec![] }
     }
 
-    /// Keeps the newest window of a kind if it is new and leaves its band.
+    /// Returns the newest window of a kind if it is new and leaves its band.
     fn look(&self, kind: usize, index: usize) -> Option<TrainingWindow> {
         let is_baseline_corrected = self.kinds[kind].is_baseline_corrected;
         let sliding = match &self.baseline_corrected {

@@ -1,4 +1,4 @@
-//! What the diagnosis says of a flight that is over: of a record, as [`crate::fit`] takes it.
+//! Replays a recorded flight through the diagnosis; records are those of [`crate::fit`].
 
 use super::runtime::RuntimeError;
 use super::watcher::Watcher;
@@ -8,18 +8,18 @@ use crate::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
 
-/// The most that was said of a record.
+/// The most severe finding in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplaySummary {
-    /// What.
+    /// The last finding with the highest severity.
     pub finding: Finding,
-    /// When that much was said first, s.
+    /// When this severity was first reached, s.
     pub at_s: f64,
-    /// The share of the samples that was flown outside of what the diagnoser's field was learned from.
+    /// The share of samples outside the range from which the conditional band was learned.
     pub outside: f64,
 }
 
-/// How much a finding says.
+/// The severity of a finding.
 fn weight(finding: &Finding) -> u32 {
     match (finding.phase, finding.state) {
         (Phase::Raised | Phase::Recovering, _) => 5,
@@ -31,10 +31,10 @@ fn weight(finding: &Finding) -> u32 {
     }
 }
 
-/// Lets a session watch a record from its begin to its end.
+/// Runs a session on a record from beginning to end.
 ///
 /// # Errors
-/// The diagnoser is not one for this study, or of other samples than the record's.
+/// The diagnoser does not fit the study, or has another sampling period than the record.
 pub fn replay_record(
     study: &Study,
     diagnoser: &Arc<Diagnoser>,

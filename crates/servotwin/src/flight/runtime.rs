@@ -1,4 +1,4 @@
-//! The twin and the diagnosis beside an actuator: one call for each sample.
+//! Runs the twin and the diagnosis beside an actuator, one call per sample.
 
 use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
@@ -9,29 +9,29 @@ use servotwin_model::program::Slot;
 use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
 use std::sync::Arc;
 
-/// Why the twin does not run.
+/// Why the twin cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum RuntimeError {
-    /// The diagnoser is not one for this system, or not sound.
+    /// The diagnoser does not fit this system, or is invalid.
     #[error("the diagnoser: {0}")]
     Diagnoser(#[from] Error),
-    /// It reads a sensor that the study does not have.
+    /// The diagnoser reads a sensor that the study does not have.
     #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
     Sensor {
-        /// The sensor.
+        /// The label of the sensor.
         name: String,
-        /// The study.
+        /// The name of the study.
         study: String,
     },
-    /// The diagnoser is for samples that are farther apart, or nearer.
+    /// The sampling period differs from the diagnoser's.
     #[error("the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s")]
     Period {
         /// Time between samples, s.
         period_s: f64,
-        /// What it should be, s.
+        /// The diagnoser's sampling period, s.
         needed_s: f64,
     },
-    /// The twin could not go on.
+    /// The simulation of the twin failed.
     #[error(
         "the twin cannot be simulated: {} at {:.4} s in {state}",
         .failure.cause, .failure.time_s
@@ -39,55 +39,54 @@ pub enum RuntimeError {
     Twin {
         /// The state to blame.
         state: String,
-        /// What happened.
+        /// The failure of the solver, with its time.
         failure: Failure,
     },
 }
 
-/// Everything that a runtime remembers, to go on later with the same bits.
+/// The complete state of a runtime, for resuming with the same bits.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
-    /// The twin's memory; `None` before the first sample.
+    /// The twin's state; `None` before the first sample.
     pub twin: Option<Snapshot>,
-    /// The diagnosis's.
+    /// The state of the diagnosis.
     pub session: State,
-    /// For each input the last value and difference on its bus.
+    /// For each input, the last value and difference on its bus.
     pub buses: Vec<(Option<f64>, f64)>,
 }
 
-/// A virtual twin, a diagnosis and what was done so far. Nothing is allocated by [`Runtime::push`]
-/// after the first sample.
+/// A twin, a diagnosis and the actions so far. [`Runtime::push`] does not allocate after the first sample.
 pub struct Runtime<'s> {
     study: &'s Study,
     twin: Twin<'s>,
     is_settled: bool,
-    /// Whether the twin takes compiled steps.
+    /// Whether the twin uses compiled steps.
     is_compiled: bool,
     session: Session,
-    /// Where the sensors of the diagnoser stand in the system.
+    /// The slots of the diagnoser's sensors in the system.
     slots: Vec<Slot>,
     expected: Vec<f64>,
     values: Vec<f64>,
-    /// The inputs as the twin was told, and where they come from.
+    /// The inputs as the twin received them, with their sources.
     accepted: Vec<Knot>,
     buses: Vec<Bus>,
     /// Parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
 }
 
-/// How inputs go from sample to sample: the command as a cubic, all others hold their value.
+/// How inputs are interpolated between samples: the command as a cubic; all others hold their value.
 pub fn between(study: &Study) -> Vec<Between> {
     let inputs = study.system.network().inputs.len();
     let of = |input| if input == study.command_input { Between::Cubic } else { Between::Hold };
     (0..inputs).map(of).collect()
 }
 
-/// The inputs of a system where nothing is said of them.
+/// The default inputs of a system.
 pub fn defaults(study: &Study) -> Vec<Knot> {
     study.system.network().inputs.iter().map(|input| Knot::from(input.default)).collect()
 }
 
-/// Where sensors stand in the system's variables, by their labels.
+/// The slots of sensors in the system's variables, by label.
 ///
 /// # Errors
 /// [`RuntimeError::Sensor`].
@@ -106,11 +105,11 @@ pub fn slots<'n>(
 }
 
 impl<'s> Runtime<'s> {
-    /// A twin of the study's system with some parameters of its own (component, parameter, value),
-    /// and a diagnosis, both before the first sample.
+    /// Creates a twin of the study's system with parameter overrides (component, parameter, value), and a diagnosis,
+    /// both before the first sample.
     ///
     /// # Errors
-    /// The diagnoser is not one for this study.
+    /// The diagnoser does not fit this study.
     pub fn new(
         study: &'s Study,
         diagnoser: Arc<Diagnoser>,
@@ -137,12 +136,12 @@ impl<'s> Runtime<'s> {
         })
     }
 
-    /// Takes one sample: the inputs of the system and what its sensors measured (NaN: missing), SI,
-    /// in the order of the system and of the diagnoser. Where an input is no number or out of its
-    /// range the twin keeps the value before, and the outcome says so.
+    /// Takes one sample: the inputs of the system and the sensor values (NaN means missing), SI, in the order of the
+    /// system and of the diagnoser. If an input is not a number or out of range, the twin keeps the previous value, and
+    /// the outcome reports it.
     ///
     /// # Errors
-    /// [`RuntimeError::Twin`]; the next sample starts the twin anew. A sample of other lengths is refused.
+    /// [`RuntimeError::Twin`]; the next sample restarts the twin. A sample of the wrong length is rejected.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
         let wrong = |what, expected, found| Error::LengthMismatch { what, expected, found };
         if inputs.len() != self.values.len() {
@@ -172,7 +171,7 @@ impl<'s> Runtime<'s> {
         Ok(self.session.push(&self.values, measured, &self.expected))
     }
 
-    /// Takes the compiled step as soon as somebody has compiled it: nobody waits for a compiler here.
+    /// Switches to the compiled step once it is available, without waiting for the compiler.
     fn take_compiled(&mut self) {
         if self.is_compiled {
             return;
@@ -193,28 +192,28 @@ impl<'s> Runtime<'s> {
         }
     }
 
-    /// Whether the twin takes compiled steps by now.
+    /// Whether the twin already uses compiled steps.
     pub fn is_compiled(&self) -> bool {
         self.is_compiled
     }
 
-    /// What the twin says that the sensors should show, as of the last sample.
+    /// The sensor values that the twin expects at the last sample.
     pub fn expected(&self) -> &[f64] {
         &self.expected
     }
 
-    /// A variable of the twin, as of the last sample.
+    /// A variable of the twin at the last sample.
     pub fn value(&self, slot: Slot) -> f64 {
         self.twin.value(slot)
     }
 
-    /// The diagnosis.
+    /// The session of the diagnosis.
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// Follows what the flight control computer does about a unit: from the next sample on the twin
-    /// has the parameters of the reaction. Its inputs come with the samples.
+    /// Follows a reaction of the flight control computer to a unit: from the next sample on, the twin has the
+    /// parameters of the reaction. Its inputs come with the samples.
     ///
     /// # Errors
     /// The reaction names a unit or a sensor that the diagnoser does not have.
@@ -231,23 +230,22 @@ impl<'s> Runtime<'s> {
         Ok(())
     }
 
-    /// A unit is on again, and judged.
+    /// Marks a unit as switched on again, so that it is judged.
     ///
     /// # Errors
-    /// There is no such unit.
+    /// The unit does not exist.
     pub fn release(&mut self, unit: usize) -> Result<(), RuntimeError> {
         Ok(self.session.release(unit)?)
     }
 
-    /// What follows has nothing to do with what was: twin and diagnosis begin anew, with what is off
-    /// still off.
+    /// Restarts twin and diagnosis, because later samples are unrelated to earlier ones. Units that are off stay off.
     pub fn restart(&mut self) {
         self.is_settled = false;
         self.buses.fill(Bus::default());
         self.session.restart();
     }
 
-    /// What it remembers.
+    /// The complete state.
     pub fn save(&self) -> Checkpoint {
         let twin = self.is_settled.then(|| {
             let mut snapshot = Snapshot::default();
@@ -258,10 +256,10 @@ impl<'s> Runtime<'s> {
         Checkpoint { twin, session: self.session.save(), buses }
     }
 
-    /// Goes on from what a runtime of the same study and diagnoser remembered.
+    /// Resumes from the state of a runtime with the same study and diagnoser.
     ///
     /// # Errors
-    /// It does not fit.
+    /// The state does not fit.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
         if checkpoint.buses.len() != self.buses.len() {
             return Err(Error::CorruptModel { broken: "the checkpoint has other inputs" }.into());

@@ -1,4 +1,4 @@
-//! What can be wrong with a signal.
+//! Errors in signals.
 
 use super::ALL;
 use super::spec::Range;
@@ -9,126 +9,126 @@ use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
 use std::borrow::Cow;
 
-/// What is wrong with a signal.
+/// Why a signal is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum SignalError {
-    /// There is no text, or nothing beside a ` + `.
+    /// The text is empty, or nothing stands next to a ` + `.
     #[error("a signal is missing; known kinds: {}", kinds())]
     Empty,
-    /// No such kind.
+    /// An unknown kind.
     #[error("unknown kind of signal '{given}'; known: {}", kinds())]
     UnknownKind {
-        /// What was written.
+        /// The kind as written.
         given: String,
     },
-    /// A table of a study file names no kind.
+    /// A table in a study file lacks the kind.
     #[error("a signal needs 'kind'; known: {}", kinds())]
     NoKind,
-    /// No such parameter.
+    /// An unknown parameter.
     #[error("{kind} has no parameter '{given}'; it has: {}", .known.join(", "))]
     UnknownParameter {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// What was written.
+        /// The parameter as written.
         given: String,
-        /// The parameters it has.
+        /// The parameters of the kind.
         known: Vec<&'static str>,
     },
-    /// Not of the form `name=value`.
+    /// An argument that is not of the form `name=value`.
     #[error("{kind}: '{given}' is not of the form name=value")]
     NoEqualSign {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// What was written.
+        /// The argument as written.
         given: String,
     },
     /// A parameter was given twice.
     #[error("{kind}: '{parameter}' is given twice")]
     Repeated {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
     },
-    /// A parameter that must be given was not.
+    /// A required parameter is missing.
     #[error("{kind}: '{parameter}' is missing, e.g. {example}")]
     Missing {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
-        /// A text that has it.
+        /// An example with the parameter.
         example: &'static str,
     },
     /// A value that does not begin with a number.
     #[error("{kind}: '{parameter}' needs a number, not '{given}'")]
     NotANumber {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
     },
-    /// A unit that the parameter cannot have.
+    /// A unit that does not suit the parameter.
     #[error(
         "{kind}: '{parameter}={given}' has a wrong unit; allowed: {}a plain number (SI)",
         .allowed.iter().map(|unit| format!("{unit}, ")).collect::<String>()
     )]
     WrongUnit {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
-        /// The units it can have.
+        /// The allowed units.
         allowed: Vec<String>,
     },
-    /// A word that is none of those possible.
+    /// An unknown word.
     #[error("{kind}: '{parameter}' cannot be '{given}'; it is {}", .known.join(" or "))]
     UnknownWord {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The word as written.
         given: String,
-        /// The words possible.
+        /// The allowed words.
         known: &'static [&'static str],
     },
-    /// A value outside its range.
+    /// A value outside the allowed range.
     #[error("{kind}: '{parameter}={given}' is out of range: {range}{}", in_brackets(.units))]
     OutOfRange {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// The parameter.
+        /// The name of the parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
-        /// The range, SI.
+        /// The allowed range, SI.
         range: Range,
         /// The unit of the range, or nothing.
         units: &'static str,
     },
-    /// Arguments that do not go together.
+    /// Arguments that are incompatible.
     #[error("{kind}: {reason}")]
     Impossible {
-        /// The kind.
+        /// The kind of signal.
         kind: &'static str,
-        /// What does not fit.
+        /// The reason.
         reason: Cow<'static, str>,
     },
     /// A run's duration that is not positive and finite.
     #[error("a run of {duration_s} s is impossible: greater than 0 is needed")]
     Duration {
-        /// The duration.
+        /// The duration of the run, s.
         duration_s: f64,
     },
-    /// The numbers make no function of time.
+    /// The numbers do not define a function of time.
     #[error(transparent)]
     Curve(#[from] CurveError),
-    /// A file of a recorded signal cannot be read.
+    /// The file of a recorded signal cannot be read.
     #[error(transparent)]
     Table(Box<TableError>),
     /// A column is in another unit than the input.
@@ -137,33 +137,33 @@ pub enum SignalError {
         .found.symbol(), symbol_or_none(*.wanted)
     )]
     ColumnUnit {
-        /// The column.
+        /// The name of the column.
         column: String,
-        /// The unit that its name tells.
+        /// The unit in its name.
         found: Unit,
         /// The unit of the input.
         wanted: Unit,
     },
-    /// The signal leaves what its input may be.
+    /// The signal leaves the range of its input.
     #[error("'{input}' becomes {}", beyond(*.value, *.min, *.max, *.unit))]
     Leaves {
-        /// The input.
+        /// The name of the input.
         input: String,
         /// The value farthest outside, SI.
         value: f64,
-        /// The least allowed.
+        /// The lower limit, SI.
         min: f64,
-        /// The largest allowed.
+        /// The upper limit, SI.
         max: f64,
-        /// The unit.
+        /// The SI unit of these values.
         unit: Unit,
     },
-    /// The rows of a file make no function of time.
+    /// The rows of a file do not define a function of time.
     #[error("{place}: {}", in_file(.error))]
     Rows {
-        /// The file, with the line where there is one.
+        /// The file, with the line if known.
         place: String,
-        /// What is wrong.
+        /// The problem.
         #[source]
         error: CurveError,
     },
@@ -181,7 +181,7 @@ fn symbol_or_none(unit: Unit) -> &'static str {
     if unit.symbol().is_empty() { "no unit" } else { unit.symbol() }
 }
 
-/// A value that leaves its range, in a unit that fits the range.
+/// A value outside its range, in a unit that suits the range.
 fn beyond(value: f64, min: f64, max: f64, unit: Unit) -> String {
     let bounds = [min.abs(), max.abs()].into_iter().filter(|bound| bound.is_finite());
     let read = Shown::of(unit, bounds.fold(0.0, f64::max));
@@ -190,7 +190,7 @@ fn beyond(value: f64, min: f64, max: f64, unit: Unit) -> String {
     format!("{value}, but allowed are {range}")
 }
 
-/// The place is known, so the number of the row is not repeated.
+/// Omits the row number, because the place is already known.
 fn in_file(error: &CurveError) -> String {
     match error {
         CurveError::Order { before_s, time_s, .. } => {

@@ -1,10 +1,9 @@
-//! Signals: what a command, a load or a boundary value does over time.
+//! Signals: commands, loads and boundary values as functions of time.
 //!
-//! A [`Signal`] is written as text on the command line or as tables in a study
-//! file, and becomes a [`Piecewise`] function for an input of a known unit and
-//! a run of a known duration. Terms joined by ` + ` are added.
+//! A [`Signal`] is written as text on the command line or as tables in a study file. For an input with a known unit and
+//! a run of known duration, it becomes a [`Piecewise`] function. Terms joined by ` + ` are added.
 //!
-//! A new kind is a file here and a line in [`ALL`].
+//! A new kind needs a file here and a line in [`ALL`].
 
 pub mod bus;
 mod constant;
@@ -44,7 +43,7 @@ pub static ALL: &[&dyn Kind] = &[
     &table::Recorded,
 ];
 
-/// The kind of a name.
+/// The kind with a given name.
 pub fn find(kind: &str) -> Option<&'static dyn Kind> {
     ALL.iter().copied().find(|k| k.spec().kind == kind)
 }
@@ -52,7 +51,7 @@ pub fn find(kind: &str) -> Option<&'static dyn Kind> {
 /// A number as the user wrote it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
-    /// The number in front of the unit.
+    /// The number before the unit.
     pub number: f64,
     /// The unit; `None` means SI.
     pub unit: Option<&'static NamedUnit>,
@@ -79,31 +78,30 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// What a parameter of a signal was given.
+/// The argument of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Argument {
     /// A number with or without a unit.
     Quantity(Quantity),
-    /// A word.
+    /// A word, e.g. a file name.
     Word(String),
 }
 
-/// One term of a signal: a kind with its arguments, checked but for what
-/// depends on the input's unit.
+/// One term of a signal: a kind with its arguments, checked as far as possible without the input's unit.
 #[derive(Clone)]
 pub struct Term {
     kind: &'static dyn Kind,
-    /// One place per declared parameter.
+    /// One entry per declared parameter.
     arguments: Vec<Option<Argument>>,
 }
 
 impl Term {
-    /// The kind.
+    /// The kind of signal.
     pub fn kind(&self) -> &'static dyn Kind {
         self.kind
     }
 
-    /// The arguments that were given, with their parameters' names.
+    /// The given arguments, with the names of their parameters.
     pub fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
         let parameters = self.kind.spec().parameters.iter();
         parameters.zip(&self.arguments).filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
@@ -133,12 +131,12 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// The terms, in the order they were written.
+    /// The terms as ordered in the text.
     pub fn terms(&self) -> &[Term] {
         &self.terms
     }
 
-    /// The files that it reads.
+    /// The names of the files that it reads.
     pub fn files(&self) -> Vec<String> {
         let arguments = self.terms.iter().flat_map(Term::arguments);
         let file = |(name, argument): (&str, &Argument)| match argument {
@@ -151,7 +149,7 @@ impl Signal {
     /// The function of time for an input of this unit, from 0 to `duration_s`.
     ///
     /// # Errors
-    /// A unit that the input does not have, a value outside its range.
+    /// A unit does not suit the input, or a value is out of range.
     pub fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
         if !(duration_s > 0.0 && duration_s.is_finite()) {
             return Err(SignalError::Duration { duration_s });
@@ -164,7 +162,7 @@ impl Signal {
     }
 }
 
-/// All kinds with their parameters, units, ranges and an example, for people.
+/// Help text: all kinds with parameters, units, ranges and an example.
 pub fn help() -> String {
     let kinds = ALL.iter().map(|kind| kind.spec().help());
     let units: Vec<&str> = units::usual().map(|unit| unit.symbol).collect();

@@ -12,14 +12,10 @@
 //!
 //! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
 //!
-//! with cubics through the samples and slopes. (Straight lines would have a
-//! corner at every sample; each corner excites the valve and costs the solver
-//! steps, twice as many in 90 s of the aileron, for frequencies that are not in
-//! the signal.) The factor c
-//! makes the rms of s over the first `window` seconds, after the limit and the
-//! fade-in, the one that was asked for. The values do not depend on the duration
-//! of the run.
-//! Without a limit the tanh is left out.
+//! with cubics through the samples and slopes. Straight lines would have a corner at every sample, and each corner
+//! excites the valve. In 90 s of the aileron they double the solver's steps, for frequencies that are not in the
+//! signal. The factor c gives s the requested rms over the first `window` seconds, after the limit and the fade-in. The
+//! values do not depend on the duration of the run. Without a limit, the tanh is left out.
 
 use super::error::SignalError;
 use super::random::Random;
@@ -32,12 +28,12 @@ use std::f64::consts::PI;
 /// Band-limited white noise.
 pub struct Noise;
 
-/// The limit of an angle: the travel of an aileron (physics 7.2).
+/// The default limit for angles: the travel of an aileron (physics 7.2).
 const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;
 
-/// The samples in the window, over which the factor of (SN3) is sought again and again.
+/// The most samples in the window, over which the factor of (SN3) is iterated.
 const MOST_IN_WINDOW: f64 = 1e6;
-/// How often that is at most.
+/// The most iterations for the factor.
 const MOST_ROUNDS: usize = 60;
 
 static SPEC: Spec = Spec {
@@ -63,7 +59,7 @@ static SPEC: Spec = Spec {
         Parameter {
             name: "seed",
             sort: Sort::Whole,
-            // Whole numbers are read as f64, exact up to 2⁵³.
+            // Integers are read as f64, exact up to 2⁵³.
             range: Range::Between(0.0, 9_007_199_254_740_992.0),
             fallback: Fallback::Number(1.0),
             summary: "another seed gives another realization",
@@ -136,7 +132,7 @@ fn filtered(seed: u64, bandwidth_hz: f64, sampling_hz: f64, count: usize) -> Vec
     samples.skip(settling).collect()
 }
 
-/// What (SN3) does to filtered samples.
+/// The limit and fade-in of (SN3).
 struct Shape {
     sampling_hz: f64,
     fade_s: f64,
@@ -154,7 +150,7 @@ impl Shape {
         filtered.iter().enumerate().map(|(k, y)| self.sample(k, factor * y)).collect()
     }
 
-    /// (SN4): all samples but the last two, which only give slopes.
+    /// The curve by (SN4): all samples but the last two, which only determine slopes.
     fn curve(&self, filtered: &[f64], factor: f64) -> Result<Piecewise, CurveError> {
         let values = self.samples(filtered, factor);
         let count = values.len() - 2;
@@ -162,10 +158,10 @@ impl Shape {
         Piecewise::hermite(&times_s, &values[..count], &slopes(&values, self.sampling_hz))
     }
 
-    /// The factor that gives the curve an rms over the window.
+    /// The factor that gives the curve the requested rms over the window.
     fn factor(&self, filtered: &[f64], rms: f64, window_s: f64) -> Result<f64, CurveError> {
         let mut factor = rms;
-        // The limit takes at most a third: each turn divides the error by two or more.
+        // The limit reduces the rms by at most a third: each iteration halves the error at least.
         for _ in 0..MOST_ROUNDS {
             let curve = self.curve(filtered, factor)?;
             let ratio = rms / curve.mean_square(0.0, window_s).sqrt();
@@ -214,15 +210,14 @@ impl Kind for Noise {
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));
         let seed = given.number("seed") as u64;
-        // Two samples more than needed, for the slopes at the end.
+        // Two additional samples determine the slopes at the end.
         let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run) + 2);
         let factor = shape.factor(&filtered[..window + 2], rms, window_s)?;
         Ok(shape.curve(&filtered[..run + 2], factor)?)
     }
 }
 
-/// Equation (SN4) at all samples but the last two; before the first there is
-/// rest.
+/// Slopes (SN4) at all samples but the last two; before the first sample, the first value holds.
 fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
     let at = |k: usize, back: usize| {
         if k < back { values[0] } else { values[k - back] }

@@ -1,16 +1,15 @@
-//! Normal deviates that are the same on every machine: by Box and Muller (1958)
-//! with the toolkit's own `ln` and `sin_cos`, from the generator of
-//! [`servotwin_diagnosis::random`].
+//! Normal deviates that are equal on every machine: the method of Box and Muller (1958), with the toolkit's own `ln`
+//! and `sin_cos`, from the generator of [`servotwin_diagnosis::random`].
 
 use servotwin_model::lanes::{Kernel, Level, dispatch};
 use servotwin_model::math::{ln, sin_cos};
 use servotwin_model::scalar::Lanes;
 use std::f64::consts::PI;
 
-/// Deviates made at once.
+/// Number of deviates generated at once.
 const READY: usize = 128;
 
-/// A source of normal deviates, made in lanes: the same whatever the lanes are.
+/// A generator of normal deviates, vectorized in lanes; results do not depend on the lanes.
 pub struct Random {
     bits: servotwin_diagnosis::random::Random,
     level: Level,
@@ -19,12 +18,12 @@ pub struct Random {
 }
 
 impl Random {
-    /// A source whose numbers depend on the seed alone.
+    /// A generator whose numbers depend only on the seed.
     pub fn new(seed: u64) -> Self {
         Self::of(servotwin_diagnosis::random::Random::new(seed))
     }
 
-    /// One of many sources of the same seed.
+    /// One of many independent generators with the same seed.
     pub fn stream(seed: u64, number: u64) -> Self {
         Self::of(servotwin_diagnosis::random::Random::stream(seed, number))
     }
@@ -44,7 +43,7 @@ impl Random {
         value
     }
 
-    /// An even deviate in (0, 1].
+    /// A uniform deviate in (0, 1].
     pub fn unit(&mut self) -> f64 {
         uniform(&mut self.bits)
     }
@@ -79,7 +78,7 @@ impl Kernel for Refill<'_> {
     }
 }
 
-/// Two normal deviates from two uniform ones: Box and Muller.
+/// Two normal deviates from two uniform ones (Box and Muller).
 #[inline(always)]
 fn deviates<V: Lanes>(first: V, second: V) -> (V, V) {
     let radius = (ln(first) * V::constant(-2.0)).sqrt();
@@ -111,7 +110,7 @@ mod tests {
         let n = 200_000;
         let values: Vec<f64> = (0..n).map(|_| random.normal()).collect();
         let moment = |k: i32| values.iter().map(|v| v.powi(k)).sum::<f64>() / f64::from(n);
-        // Three standard errors of each.
+        // Limits are three standard errors.
         assert!(moment(1).abs() < 0.007);
         assert!((moment(2) - 1.0).abs() < 0.01);
         assert!(moment(3).abs() < 0.026);

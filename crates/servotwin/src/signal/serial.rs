@@ -1,8 +1,8 @@
 //! Signals in study files.
 //!
-//! A signal is a text (`"step:size=10deg"`), a plain number (a constant, SI), a
-//! table (`{ kind = "step", size = "10deg", at = 0.1 }`) or a list of those,
-//! which are added. Written, it is a table or a list of tables.
+//! A signal is a text (`"step:size=10deg"`), a plain number (a constant, SI) or a table
+//! (`{ kind = "step", size = "10deg", at = 0.1 }`). A list of these is their sum. A signal is serialized as a table or
+//! a list of tables.
 
 use super::text::Builder;
 use super::{Argument, Signal, SignalError, Term};
@@ -96,7 +96,7 @@ impl<'de> Visitor<'de> for SignalVisitor {
     }
 }
 
-/// A text or a number, as text (Rust writes and reads `f64` without loss).
+/// A text or a number, stored as text (Rust writes and reads `f64` without loss).
 struct Plain(String);
 
 impl<'de> Deserialize<'de> for Plain {

@@ -1,6 +1,6 @@
-//! What a kind of signal declares, and how its arguments reach it.
+//! The declaration of a kind of signal, and access to its checked arguments.
 //!
-//! The parser, the help text, the ranges and the units all come from here.
+//! The parser, the help text, the ranges and the units all use these declarations.
 
 use super::error::SignalError;
 use super::units::Measure;
@@ -10,28 +10,28 @@ use servotwin_model::spec::Unit;
 use std::borrow::Cow;
 use std::fmt;
 
-/// What a parameter is.
+/// The type of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sort {
-    /// In the unit of the input that the signal drives.
+    /// A value in the unit of the input that the signal drives.
     Value,
-    /// In that unit per second.
+    /// A rate in that unit per second.
     Rate,
-    /// An angle.
+    /// An angle, rad.
     Angle,
-    /// A time.
+    /// A time, s.
     Time,
-    /// A frequency.
+    /// A frequency, Hz.
     Frequency,
-    /// A whole number that is not negative.
+    /// A nonnegative integer.
     Whole,
-    /// A name.
+    /// A free text, e.g. a file name.
     Text,
-    /// One of these words.
+    /// One of the given words.
     Choice(&'static [&'static str]),
 }
 
-/// The values allowed, in SI.
+/// The allowed values, in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// Any finite number.
@@ -66,36 +66,36 @@ impl fmt::Display for Range {
     }
 }
 
-/// What holds where a parameter is not given.
+/// The default of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fallback {
-    /// It must be given.
+    /// The parameter is required.
     Required,
-    /// This number, SI.
+    /// A number, SI.
     Number(f64),
-    /// This word.
+    /// A word.
     Word(&'static str),
-    /// The behavior of the kind without it, in words.
+    /// No value; describes the behavior without it.
     Without(&'static str),
 }
 
 /// A parameter of a kind of signal.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Its name.
+    /// Its name in text and files.
     pub name: &'static str,
-    /// What it is.
+    /// Its type.
     pub sort: Sort,
-    /// The values allowed.
+    /// The allowed values.
     pub range: Range,
-    /// What holds without it.
+    /// Its default.
     pub fallback: Fallback,
-    /// One line for people.
+    /// A one-line description.
     pub summary: &'static str,
 }
 
 impl Parameter {
-    /// What it measures for an input of `unit`; `None` for a word.
+    /// The unit of its values for an input in `unit`; `None` for a word.
     pub fn measure(&self, unit: Unit) -> Option<Measure> {
         match self.sort {
             Sort::Value => Some(Measure::of(unit)),
@@ -120,23 +120,23 @@ impl Parameter {
     }
 }
 
-/// Everything a kind of signal declares.
+/// The declaration of a kind of signal.
 #[derive(Debug)]
 pub struct Spec {
     /// Its name in text and files.
     pub kind: &'static str,
-    /// One line for people.
+    /// A one-line description.
     pub summary: &'static str,
-    /// A text that works for an angle.
+    /// A text that is valid for an angle.
     pub example: &'static str,
     /// Whether its value never jumps.
     pub continuous: bool,
-    /// Its parameters.
+    /// The parameters that it accepts.
     pub parameters: &'static [Parameter],
 }
 
 impl Spec {
-    /// The position of a parameter by name.
+    /// The index of a parameter by name.
     pub fn parameter(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|p| p.name == name)
     }
@@ -167,17 +167,17 @@ impl Spec {
 
 /// A kind of signal.
 pub trait Kind: Sync {
-    /// What it declares.
+    /// The declaration of the kind.
     fn spec(&self) -> &'static Spec;
 
     /// The function of time for checked arguments.
     ///
     /// # Errors
-    /// Arguments that are impossible together.
+    /// The arguments are incompatible.
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError>;
 }
 
-/// At most so many points make a signal.
+/// The most points of a signal.
 const MOST_POINTS: f64 = 1e7;
 
 /// Checked arguments, in SI.
@@ -186,7 +186,7 @@ pub struct Given<'a> {
     arguments: &'a [Option<Argument>],
     /// The unit of the input.
     pub unit: Unit,
-    /// How long the run is, s.
+    /// Duration of the run, s.
     pub duration_s: f64,
 }
 
@@ -212,7 +212,7 @@ impl<'a> Given<'a> {
         place.unwrap_or_else(|| panic!("{} declares no parameter '{name}'", self.spec.kind))
     }
 
-    /// A number that was given or has a default.
+    /// A number that is given or has a default; `None` otherwise.
     pub fn optional(&self, name: &str) -> Option<f64> {
         let place = self.place(name);
         match (&self.arguments[place], self.spec.parameters[place].fallback) {
@@ -227,7 +227,7 @@ impl<'a> Given<'a> {
         self.optional(name).expect("required parameters are checked when parsed")
     }
 
-    /// A word or a text that was given or has a default.
+    /// A word or text that is given or has a default.
     pub fn word(&self, name: &str) -> &str {
         let place = self.place(name);
         match (&self.arguments[place], self.spec.parameters[place].fallback) {
@@ -237,7 +237,7 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// That a number of points is not more than anybody can mean: memory is not endless.
+    /// Limits the number of points, to avoid exhausting memory.
     pub(super) fn few_points(&self, count: f64) -> Result<(), SignalError> {
         if count <= MOST_POINTS {
             return Ok(());
@@ -248,13 +248,13 @@ impl<'a> Given<'a> {
         )))
     }
 
-    /// The error for arguments that do not go together.
+    /// The error for incompatible arguments.
     pub(super) fn impossible(&self, reason: impl Into<Cow<'static, str>>) -> SignalError {
         SignalError::Impossible { kind: self.spec.kind, reason: reason.into() }
     }
 }
 
-/// Whether a quantity is in a unit of `measure`; a plain number always is.
+/// Checks that a quantity has a unit of `measure`; a plain number always passes.
 pub(super) fn check_unit(
     spec: &Spec,
     parameter: &Parameter,
@@ -272,7 +272,7 @@ pub(super) fn check_unit(
     })
 }
 
-/// Whether a quantity is in the parameter's range.
+/// Checks that a quantity is in the parameter's range.
 pub(super) fn check_range(
     spec: &Spec,
     parameter: &Parameter,

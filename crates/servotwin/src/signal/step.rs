@@ -24,7 +24,7 @@ static SPEC: Spec = Spec {
             name: "at",
             sort: Sort::Time,
             range: Range::NotNegative,
-            // Later than the rest from which a run begins, which would else be that after the jump.
+            // The default is after time zero: a step at zero would be part of the initial steady state.
             fallback: Fallback::Number(0.1),
             summary: "time of the step",
         },
@@ -38,8 +38,8 @@ impl Kind for Step {
 
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
         let (size, at_s) = (given.number("size"), given.number("at"));
-        // A jump at the very beginning still comes from rest: time −1 s is
-        // before every run and keeps the first value at zero.
+        // A step at time zero must still start from the state before it. A point at −1 s, before every run, keeps the
+        // first value at zero.
         let rest_s = if at_s > 0.0 { 0.0 } else { -1.0 };
         Ok(Piecewise::steps(&[rest_s, at_s], &[0.0, size])?)
     }

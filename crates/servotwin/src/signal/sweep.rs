@@ -1,5 +1,4 @@
-//! A sine whose frequency goes from one value to another (chirp), in Hermite
-//! cubics.
+//! A sine whose frequency changes from one value to another (chirp), in Hermite cubics.
 //!
 //! With x the time since the beginning, T the length, f_0 and f_1 the ends and
 //! L = ln(f_1/f_0)/T, the phase in periods is
@@ -88,7 +87,7 @@ enum Law {
 
 impl Law {
     fn new(law: &str, from_hz: f64, to_hz: f64, length_s: f64) -> Self {
-        // Equal ends have no logarithmic rate to divide by.
+        // With equal ends, the logarithmic rate would be zero, and the phase divides by it.
         if law == "linear" || from_hz == to_hz {
             Law::Linear { from_hz, growth_hz_s: (to_hz - from_hz) / length_s }
         } else {
@@ -96,7 +95,7 @@ impl Law {
         }
     }
 
-    /// Phase in periods and frequency.
+    /// Phase in periods, and frequency in Hz.
     fn at(self, x_s: f64) -> (f64, f64) {
         match self {
             Law::Linear { from_hz, growth_hz_s } => {
@@ -109,7 +108,7 @@ impl Law {
         }
     }
 
-    /// The longest piece by (SW3) where the frequency is that at `x_s`.
+    /// The longest piece allowed by (SW3) at the frequency of `x_s`.
     fn piece_s(self, x_s: f64) -> f64 {
         let omega = TAU * self.at(x_s).1;
         let (first, second, third) = match self {
@@ -154,7 +153,7 @@ impl Kind for Sweep {
         let mut x_s = 0.0;
         while x_s < length_s {
             push(x_s);
-            // The frequency is monotone: the bound is the larger of the ends'.
+            // The frequency is monotone, so the bound is the larger of those at the two ends.
             let h = law.piece_s(x_s);
             x_s += h.min(law.piece_s((x_s + h).min(length_s)));
         }

@@ -1,8 +1,7 @@
 //! A recorded signal: a column of a CSV or Parquet file over its time column.
 //!
-//! The unit of a column is the suffix of its name (`_rad`, `_pa`, also `_deg`,
-//! `_bar`, `_mm`); a name without one is taken as SI. Times are in seconds and
-//! strictly increasing.
+//! The unit of a column is the suffix of its name (`_rad`, `_pa`, also `_deg`, `_bar`, `_mm`); without a suffix, values
+//! are in SI. Times are in seconds and strictly increasing.
 
 use super::error::SignalError;
 use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};

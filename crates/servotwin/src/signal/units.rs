@@ -1,4 +1,4 @@
-//! The units that a signal's text may use.
+//! Units in the text of a signal.
 
 use crate::units::{self, NamedUnit, TABLE, word};
 use servotwin_model::spec::Unit;
@@ -6,14 +6,14 @@ use servotwin_model::spec::Unit;
 /// What a parameter measures: a unit, or that unit per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measure {
-    /// The unit.
+    /// The base unit.
     pub unit: Unit,
     /// Whether it is per second.
     pub per_second: bool,
 }
 
 impl Measure {
-    /// A unit itself; speeds are lengths or angles per second.
+    /// The measure of a unit; speeds become lengths or angles per second.
     pub fn of(unit: Unit) -> Self {
         let (unit, per_second) = match unit {
             Unit::MetrePerSecond => (Unit::Metre, true),

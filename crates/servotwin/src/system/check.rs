@@ -1,5 +1,5 @@
-//! What can only be said of a whole system: what is missing, what is unused,
-//! and what its compilation finds, told where the file says it.
+//! Checks that need the whole system: missing and unused items, and mistakes of the compilation, reported at their
+//! places in the file.
 
 use super::mistake::Mistake;
 use super::read::{Named, Reader};
@@ -12,14 +12,13 @@ use servotwin_model::spec::{PortKind, Unit};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Compiles what was read.
+/// Compiles the system that was read.
 pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
     let fluids = choose_fluids(reader);
     missing_parameters(&mut reader.scope, &mut reader.mistakes);
     signals(&reader.scope, &mut reader.mistakes);
     let mut program = None;
-    // With a component or a connection missing, everything beside it would
-    // seem open.
+    // If a component or connection is missing, everything next to it would seem open.
     if reader.scope.complete {
         match reader.scope.network(&fluids).compile() {
             Ok(compiled) => program = Some(compiled),
@@ -32,7 +31,7 @@ pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
     program.filter(|_| reader.mistakes.is_empty())
 }
 
-/// Gives every source its fluid, and lists the fluids.
+/// Assigns a fluid to every source, and lists the fluids.
 fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     let only = (reader.fluids.len() == 1).then_some(0);
     let mut told = BTreeSet::new();
@@ -71,7 +70,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     fluids.into_iter().map(Option::unwrap_or_default).collect()
 }
 
-/// What the liquid of a source is called: one by its own numbers, or by a table, as the file calls it.
+/// The name of a source's liquid; the file's name for liquids defined by numbers or by a table.
 fn liquid(part: &Part, fluids: &[Named<Option<Fluid>>]) -> String {
     let declared = part.fluid.map(|index| &fluids[index]);
     let kind = declared.and_then(|declared| declared.value.as_ref()).map(|fluid| fluid.kind);
@@ -85,7 +84,7 @@ fn temperature_k(part: &Part) -> Option<f64> {
     part.spec().parameter("temperature_k").map(|index| part.parameters[index])
 }
 
-/// Whether this was not told before: instances of an assembly share its places.
+/// Whether this was not reported before: instances of an assembly share its places.
 fn once(told: &mut BTreeSet<(usize, usize)>, at: &Span, which: usize) -> bool {
     told.insert((at.start, which))
 }
@@ -112,7 +111,7 @@ fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<Mistake>) {
     }
 }
 
-/// That every input feeds something, and nothing that has a source already.
+/// Checks that every input feeds something, and nothing that already has a source.
 fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
     let mut fed: Vec<(PortOf, usize)> = Vec::new();
     for (index, input) in scope.inputs.iter().enumerate() {
@@ -137,7 +136,7 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
     }
 }
 
-/// That an input's default is what a port may be.
+/// Checks that an input's default is within the range of a port.
 fn default_in_range(scope: &Scope, input: &Input, port: PortOf, mistakes: &mut Collector<Mistake>) {
     let spec = scope.parts[port.component].spec();
     let Some((min, max)) = spec.input_range(scope.port(port)) else { return };
@@ -159,7 +158,7 @@ fn unused(reader: &mut Reader) {
     }
 }
 
-/// Tells the mistakes of a network where the file makes them.
+/// Reports the mistakes of a network at their places in the file.
 fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     let Reader { scope, mistakes, .. } = reader;
     let key = |port: &PortOf| (port.component, port.port);
@@ -169,7 +168,7 @@ fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     let mut places: BTreeMap<(usize, usize, usize), usize> = BTreeMap::new();
     for mistake in found {
         if let network::Mistake::OpenPort(port) = mistake {
-            // One that is joined to a port of another kind is told as that.
+            // A port that is joined to a port of another kind is reported as that mistake.
             if joined.contains(&key(port)) {
                 continue;
             }
@@ -261,7 +260,7 @@ fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(Span,
     Some((input.unit_at.clone(), Mistake::MixedUnits { from, to: read }))
 }
 
-/// A source with its liquid and temperature.
+/// Describes a source with its liquid and temperature.
 fn told_fluid(part: &Part, fluids: &[Fluid]) -> String {
     let kind = part.fluid.map_or_else(|| Fluid::default().kind, |index| fluids[index].kind);
     match temperature_k(part) {

@@ -1,11 +1,11 @@
-//! What sensors show of what is simulated: their noise, and the steps of their converters.
+//! Imperfections of sensors: noise, and the steps of their converters.
 
 use super::System;
 use crate::signal::random::Random;
 use servotwin_model::components::Component;
 use servotwin_model::scalar::Primitive;
 
-/// Noise and quantisation of one sensor, in physical units.
+/// Noise and quantization of one sensor, in physical units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Imperfection {
     sigma: f64,
@@ -14,14 +14,13 @@ pub(crate) struct Imperfection {
 }
 
 impl Imperfection {
-    /// What the component of a sensor declares: `noise_sigma` in parts of its full scale, and
-    /// `bits` over the whole range.
+    /// Reads the sensor's component: `noise_sigma` is relative to its full scale, and `bits` divide the whole range.
     pub fn of(system: &System, sensor: usize) -> Self {
         let instance = &system.network().components[system.sensors[sensor].component];
         Self::of_component(instance.component, &instance.parameters)
     }
 
-    /// The same of a component with its parameters; none of one that is no sensor.
+    /// Reads a component with its parameters; without noise and steps if it is not a sensor.
     pub fn of_component(component: &dyn Component, parameters: &[f64]) -> Self {
         let Some(span) = component.span(parameters) else {
             return Self { sigma: 0.0, step: 0.0 };
@@ -33,43 +32,43 @@ impl Imperfection {
         Self { sigma: value("noise_sigma") * span.full_scale, step }
     }
 
-    /// The standard deviation that a sample carries, in physical units: noise, and quantisation as
-    /// an even distribution over a step.
+    /// The standard deviation of a sample, in physical units: noise, and quantization as a uniform distribution over a
+    /// step.
     pub fn deviation(self) -> f64 {
         (self.sigma * self.sigma + self.step * self.step / 12.0).sqrt()
     }
 
-    /// What the sensor shows of a value.
+    /// Adds noise to a value and quantizes it.
     fn apply(self, value: f64, noise: &mut Random) -> f64 {
         let noisy = value + self.sigma * noise.normal();
-        // Ties to even, without the call that the standard library's costs.
+        // Rounds ties to even, without the cost of the standard library's call.
         if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
     }
 }
 
-/// Those of some sensors, in their order.
+/// The imperfections of several sensors, in their order.
 #[derive(Clone, Debug)]
 pub(crate) struct Imperfections(Vec<Imperfection>);
 
 impl Imperfections {
-    /// Of some of a system's sensors, by their places.
+    /// The imperfections of a system's sensors, given by index.
     pub fn of(system: &System, sensors: &[usize]) -> Self {
         Self(sensors.iter().map(|&sensor| Imperfection::of(system, sensor)).collect())
     }
 
-    /// Makes what the sensors show of one sample.
+    /// Applies the imperfections to one sample of all sensors.
     pub fn apply(&self, sample: &mut [f64], noise: &mut Random) {
         for (value, imperfection) in sample.iter_mut().zip(&self.0) {
             *value = imperfection.apply(*value, noise);
         }
     }
 
-    /// What one of them shows of its samples.
+    /// Applies the imperfection of one sensor to its samples.
     pub fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut Random) {
         samples.iter_mut().for_each(|value| *value = self.0[place].apply(*value, noise));
     }
 
-    /// The same for samples one after the other.
+    /// Applies the imperfections to consecutive samples of all sensors.
     pub fn apply_to_all(&self, samples: &mut [f64], noise: &mut Random) {
         samples.chunks_exact_mut(self.0.len()).for_each(|sample| self.apply(sample, noise));
     }
@@ -94,7 +93,7 @@ mod tests {
             assert!((deviation / own.deviation() - 1.0).abs() < 0.03, "{place}: {deviation}");
             assert!(own.step > 0.0 && shown().all(|v| (v / own.step).fract() == 0.0));
         }
-        // One sample after the other is the same.
+        // Applying it sample by sample gives the same.
         let mut noise = Random::new(5);
         for expected in all.chunks_exact(sensors.len()) {
             let mut sample = vec![0.0; sensors.len()];

@@ -1,4 +1,4 @@
-//! What a system has, by name, and every fault that its components can have as a list and a table.
+//! Lists the names of a system, and every fault of its components as a list and a table.
 
 use super::System;
 use crate::nearest::UnknownName;
@@ -11,26 +11,26 @@ use servotwin_model::spec::Unit;
 pub struct ListedFault {
     /// The id, e.g. `actuator_1.servo_valve.clogging_pa`.
     pub id: String,
-    /// The component.
+    /// The id of the component.
     pub component: String,
     /// The component's kind.
     pub kind: &'static str,
-    /// What sort of fault it is.
+    /// The category of the fault.
     pub category: &'static str,
     /// The parameter that it changes.
     pub parameter: &'static str,
-    /// The parameter's unit.
+    /// The unit of `healthy` and `full`.
     pub unit: Unit,
     /// The parameter's value without the fault.
     pub healthy: f64,
     /// Its value at intensity 1.
     pub full: f64,
-    /// What it means.
+    /// A one-line description.
     pub summary: &'static str,
 }
 
 impl System {
-    /// Every fault, in the order of components.
+    /// All faults, in the order of components.
     pub fn fault_list(&self) -> Vec<ListedFault> {
         let mut list = Vec::new();
         let healthy = self.program.parameters(&[]);
@@ -55,7 +55,7 @@ impl System {
         list
     }
 
-    /// Every fault by its full name.
+    /// The full names of all faults.
     pub fn all_faults(&self) -> Vec<String> {
         let components = self.network().components.iter();
         let names = components.flat_map(|instance| {
@@ -68,17 +68,17 @@ impl System {
     /// A fault by its id, e.g. `actuator_1.servo_valve.clogging_pa`: (component, fault).
     ///
     /// # Errors
-    /// There is none.
+    /// The system has no such fault.
     pub fn find_fault(&self, id: &str) -> Result<(usize, usize), UnknownName> {
         let known = || self.all_faults();
         let found = self.program.find_fault(id);
         found.ok_or_else(|| UnknownName { what: "fault", given: id.into(), known: known() })
     }
 
-    /// The place of an input.
+    /// The index of an input.
     ///
     /// # Errors
-    /// There is none.
+    /// The system has no such input.
     pub fn find_input(&self, id: &str) -> Result<usize, UnknownName> {
         let inputs = &self.network().inputs;
         let known = || inputs.iter().map(|input| input.id.clone()).collect();
@@ -89,7 +89,7 @@ impl System {
     /// A parameter by its id, e.g. `actuator_1.cylinder.area_a_m2`: (component, parameter).
     ///
     /// # Errors
-    /// There is none.
+    /// The system has no such parameter.
     pub fn find_parameter(&self, id: &str) -> Result<(usize, usize), UnknownName> {
         let known = || self.all_parameters();
         let found = self.parameter(id);

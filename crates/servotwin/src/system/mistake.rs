@@ -1,32 +1,32 @@
-//! Everything that can be wrong with a system file, in words.
+//! Mistakes in a system file and their messages.
 
 use crate::document::{self, Explained, Quantity, suggest};
 use crate::units::word;
 use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::spec::Unit;
 
-/// What is wrong with a system file.
+/// A mistake in a system file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Mistake {
-    /// With any TOML file.
+    /// A mistake that any TOML file can have.
     #[error(transparent)]
     Document(#[from] document::Mistake),
     /// A name with letters that ids cannot have.
     #[error("'{name}' cannot be a name")]
     BadName { name: String },
-    /// A name that has a meaning of its own.
+    /// A reserved name.
     #[error("the name '{name}' has a meaning of its own")]
     ReservedName { name: String },
-    /// A liquid would be thicker at 100 °C than at 40 °C.
+    /// A liquid would not be thinner at 100 °C than at 40 °C.
     #[error("the fluid '{fluid}' is no thinner at 100 °C than at 40 °C")]
     ThickensWhenWarm { fluid: String },
     /// Two things have the same id.
     #[error("there are two things called '{id}'")]
     DuplicateId { id: String },
-    /// A word that is none of a list: a component's kind, a liquid, an assembly, a fluid.
+    /// An unknown word: a component's kind, a liquid, an assembly, a fluid.
     #[error("unknown {what} '{word}'")]
     UnknownWord {
-        /// What it should name, e.g. "kind of component".
+        /// What the word should name, e.g. "kind of component".
         what: &'static str,
         word: String,
         nearest: Option<String>,
@@ -38,13 +38,13 @@ pub(crate) enum Mistake {
     /// Both or neither of `kind` and `assembly`.
     #[error("component '{id}' needs either a 'kind' or an 'assembly'")]
     KindOrAssembly { id: String },
-    /// A parameter's name with another unit.
+    /// A parameter's name with another unit's suffix.
     #[error("{}", wrong_suffix(.key, .right, *.unit))]
     WrongSuffix {
         key: String,
         right: &'static str,
         unit: Unit,
-        /// The value converted to it.
+        /// The value in SI, if it can be converted.
         si: Option<f64>,
     },
     /// The name of a fault where a parameter is expected.
@@ -68,17 +68,17 @@ pub(crate) enum Mistake {
         id: String,
         kelvin: f64,
         liquid: String,
-        /// The temperatures that it holds for.
+        /// The temperatures at which the laws hold, K.
         range_k: (f64, f64),
     },
-    /// A liquid by its own numbers would be softer than any, at the temperature of its source.
+    /// The bulk modulus of a self-defined liquid would be too low at the temperature of its source.
     #[error("'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {}: allowed are {} … {} K", Quantity(*.pa, "Pa"), .range_k.0, .range_k.1)]
     FluidTooSoft {
         id: String,
         kelvin: f64,
-        /// The bulk modulus there.
+        /// The bulk modulus at that temperature, Pa.
         pa: f64,
-        /// The temperatures at which it is stiff enough.
+        /// The temperatures at which the bulk modulus is high enough, K.
         range_k: (f64, f64),
     },
     /// An end of a connection that names a component but no port.
@@ -96,7 +96,7 @@ pub(crate) enum Mistake {
     /// A connection of fewer than two ports.
     #[error("a connection joins at least two ports")]
     TooFewEnds,
-    /// A port twice in a connection.
+    /// A port that occurs twice in a connection.
     #[error("'{end}' stands twice in this connection")]
     RepeatedEnd { end: String },
     /// A connection names two inputs of the system.
@@ -111,28 +111,28 @@ pub(crate) enum Mistake {
     /// An input of the system feeds nothing.
     #[error("the input '{id}' feeds nothing")]
     InputUnused { id: String },
-    /// A unit that is unknown, or not of SI.
+    /// An unknown unit, or one outside SI.
     #[error("unknown unit '{word}'")]
     UnknownUnit {
         word: String,
-        /// What was meant.
+        /// The SI unit that may be meant.
         meant: Option<Unit>,
     },
-    /// A sensor that is no output of a component.
+    /// A sensor whose signal is not an output of a component.
     #[error("'{signal}' is no signal output of a component")]
     NoOutput {
         signal: String,
-        /// Outputs that it may have meant.
+        /// Outputs that may be meant.
         known: Vec<String>,
     },
-    /// A sensor whose noise is more than what its residuals are divided by.
+    /// A sensor whose noise exceeds its scale, by which residuals are divided.
     #[error("the scale of sensor '{sensor}' is {}, less than noise and steps of '{component}': {}", Quantity(*.scale, .unit.symbol()), Quantity(rounded(*.noise), .unit.symbol()))]
     ScaleBelowNoise {
         sensor: String,
         /// The component that it reads.
         component: String,
         scale: f64,
-        /// The standard deviation of its noise and its steps.
+        /// The standard deviation of noise and quantization.
         noise: f64,
         /// The full scale of the component.
         full_scale: Option<f64>,
@@ -142,10 +142,10 @@ pub(crate) enum Mistake {
     #[error("the {family} port '{end}' is connected to nothing")]
     OpenPort {
         end: String,
-        /// What flows through it.
+        /// The kind of port: hydraulic, mechanical or signal.
         family: &'static str,
         summary: &'static str,
-        /// The same in other instances of the assembly.
+        /// The same port in other instances of the assembly.
         also: Vec<String>,
     },
     /// A connection joins ports of different families.
@@ -155,7 +155,7 @@ pub(crate) enum Mistake {
         first: (String, &'static str),
         second: (String, &'static str),
     },
-    /// A signal of one unit meets an input of another.
+    /// A signal in one unit meets an input in another.
     #[error("'{}' is in {}, but '{}' reads {}", .from.0, quoted(.from.1), .to.0, quoted(.to.1))]
     MixedUnits { from: (String, Unit), to: (String, Unit) },
     /// Two components set the same pressure, motion or signal.
@@ -163,17 +163,17 @@ pub(crate) enum Mistake {
     TwoSources {
         first: String,
         second: String,
-        /// What flows through them.
+        /// The kind of port: hydraulic, mechanical or signal.
         family: &'static str,
     },
-    /// Nobody sets the pressure, motion or signal of a node.
+    /// Nothing sets the pressure, motion or signal of a node.
     #[error("nothing {} where {} meet", sets(.family), quote_all(.ends))]
     NoSource {
         ends: Vec<String>,
-        /// What flows through them.
+        /// The kind of port: hydraulic, mechanical or signal.
         family: &'static str,
     },
-    /// A circuit without source and tank.
+    /// A circuit without a source and a tank.
     #[error("the hydraulic circuit of '{id}' has neither a source nor a tank")]
     NoReference { id: String },
     /// The sources of one circuit disagree.
@@ -183,10 +183,10 @@ pub(crate) enum Mistake {
         first: String,
         second: String,
     },
-    /// Signals depend on each other with no state in between.
+    /// Signals depend on each other without a state in between.
     #[error("the signals of {} depend on each other at once", quote_all(.ids))]
     AlgebraicLoop { ids: Vec<String> },
-    /// Parameters that are impossible together.
+    /// Parameters that are impossible in combination.
     #[error("'{id}' is impossible: {reason}")]
     Impossible { id: String, reason: String },
     /// The system has no states.
@@ -197,7 +197,7 @@ pub(crate) enum Mistake {
     TooLarge,
 }
 
-/// What the component does that gives a node of this family its potential.
+/// The verb phrase for a component that sets a node's potential, by family.
 fn sets(family: &str) -> &'static str {
     match family {
         "hydraulic" => "sets the pressure",
@@ -206,7 +206,7 @@ fn sets(family: &str) -> &'static str {
     }
 }
 
-/// What is wrong with the name of a parameter of this unit.
+/// Describes the wrong name of a parameter with this unit.
 fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
     let symbol = unit.symbol();
     match right.strip_suffix(unit.suffix()) {
@@ -218,12 +218,12 @@ fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
     }
 }
 
-/// To three digits: more of them hide how large a number is.
+/// Rounds to three digits, which keeps the magnitude readable.
 fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// "sets" to "set".
+/// Turns "sets" into "set".
 fn both(verb: &str) -> String {
     verb.replacen("s ", " ", 1)
 }

@@ -1,8 +1,7 @@
 //! System files: a system of catalogue components as data.
 //!
-//! The format is described in `docs/system-format.md`. A file is read to a
-//! [`Network`] and compiled; every mistake is reported at its place, and as
-//! many as possible at once.
+//! `docs/system-format.md` describes the format. A file is read into a [`Network`] and compiled. Mistakes are reported
+//! at their places, as many as possible at once.
 //!
 //! ```
 //! use servotwin::system::System;
@@ -56,23 +55,23 @@ use std::path::Path;
 /// The format of system files that this version reads.
 pub const FORMAT: u32 = 1;
 
-/// The system that is used where none is named: an aileron with two actuators.
+/// The default system: an aileron with two actuators.
 const DEFAULT: (&str, &str) = built_in::SYSTEMS[0];
 
-/// A measured signal, compared with the virtual twin's.
+/// A measured signal, compared with the twin's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     /// The id, unique among sensors, e.g. `p_a_1`.
     pub id: String,
-    /// What figures and tables show, e.g. `p_A1`.
+    /// The display label, e.g. `p_A1`.
     pub label: String,
-    /// The component's output, as a program observes it.
+    /// The component's output, by its name in the program.
     pub signal: String,
-    /// The component.
+    /// The index of the component.
     pub component: usize,
     /// The unit of the signal.
     pub unit: Unit,
-    /// What residuals are divided by.
+    /// The scale that residuals are divided by, in the signal's unit.
     pub scale: f64,
 }
 
@@ -80,19 +79,19 @@ pub struct Sensor {
 pub struct System {
     /// The name in files and commands.
     pub name: String,
-    /// One line for people.
+    /// A one-line title.
     pub title: String,
     /// The compiled equations.
     pub program: Program,
     /// The measured signals, in the order of the file.
     pub sensors: Vec<Sensor>,
-    /// The file's text, to be kept beside results.
+    /// The file's text, stored with results.
     pub text: String,
-    /// Its program's compiled step.
+    /// The compiled step of its program.
     pub compiled: Compiled,
 }
 
-/// Why there is no system.
+/// Why a system cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SystemError {
     /// The file cannot be read.
@@ -101,25 +100,25 @@ pub enum SystemError {
     /// The file has mistakes.
     #[error(fmt = write_mistakes)]
     Mistakes {
-        /// The file, as it was named.
+        /// The file name as given.
         path: String,
-        /// All that were found, in the order of the file.
+        /// All mistakes, in the order of the file.
         mistakes: Vec<Diagnostic>,
     },
 }
 
 impl System {
-    /// Reads a system from a text; `path` is only shown in mistakes.
+    /// Parses a system; `path` appears only in messages.
     ///
     /// # Errors
-    /// Every mistake that was found.
+    /// All mistakes in the text.
     pub fn parse(text: &str, path: &str) -> Result<Self, SystemError> {
         if let Some(mistakes) = FileType::System.wanted(text) {
             return Err(SystemError::Mistakes { path: path.into(), mistakes });
         }
         let mut reader = read::Reader::new();
         reader.read(text);
-        // Of a file that could not be read at all, nothing more is said.
+        // If the file could not be read at all, further checks would only repeat that.
         let readable = !reader.scope.parts.is_empty() || reader.mistakes.is_empty();
         let program = if readable { check::compile(&mut reader) } else { None };
         match program {
@@ -152,7 +151,7 @@ impl System {
         self.program.network()
     }
 
-    /// A parameter by its full name, as component and parameter.
+    /// Finds a parameter by its full name, as component and parameter.
     pub fn parameter(&self, name: &str) -> Option<(usize, usize)> {
         let (id, parameter) = name.rsplit_once('.')?;
         let components = &self.network().components;
@@ -160,7 +159,7 @@ impl System {
         Some((component, components[component].component.spec().parameter(parameter)?))
     }
 
-    /// Every parameter by its full name.
+    /// The full names of all parameters.
     pub fn all_parameters(&self) -> Vec<String> {
         let components = self.network().components.iter();
         let names = components.flat_map(|instance| {
@@ -170,10 +169,10 @@ impl System {
         names.collect()
     }
 
-    /// Whether a parameter may have a value.
+    /// Checks whether a parameter may have a value.
     ///
     /// # Errors
-    /// Which values it may have, in words.
+    /// The allowed values, in words.
     pub fn allows(&self, component: usize, parameter: usize, value: f64) -> Result<(), String> {
         let instance = &self.network().components[component];
         let (min, max) = instance.range(parameter);
@@ -192,11 +191,10 @@ impl System {
         })
     }
 
-    /// Whether the system is possible with other values for some parameters: (component, parameter,
-    /// value).
+    /// Checks whether the system is possible with other parameter values: (component, parameter, value).
     ///
     /// # Errors
-    /// What is not, in words.
+    /// The impossible value or combination, in words.
     pub fn possible_with(&self, values: &[(usize, usize, f64)]) -> Result<(), String> {
         let mut network = self.network().clone();
         for &(component, parameter, value) in values {
@@ -223,10 +221,10 @@ impl System {
         })
     }
 
-    /// What a signal does to an input in a run of so many seconds.
+    /// Builds the input's course from a signal, for a run of `duration_s` seconds.
     ///
     /// # Errors
-    /// A signal that is none for this input, or leaves its range.
+    /// The signal does not fit this input, or leaves its range.
     pub fn driven(
         &self,
         input: usize,
@@ -245,15 +243,14 @@ impl System {
         Err(SignalError::Leaves { input, value, min, max, unit })
     }
 
-    /// The inputs as they are where a run gives no signal.
+    /// The default values of all inputs as constant signals.
     pub fn default_inputs(&self) -> Vec<Piecewise> {
         let inputs = self.network().inputs.iter();
         let constant = |value| Piecewise::constant(value).expect("defaults are finite");
         inputs.map(|input| constant(input.default)).collect()
     }
 
-    /// Between which values the reading of a sensor lies at all: what it spans, and as much again beyond either end,
-    /// for sensors that are at fault.
+    /// The plausible readings of a sensor: its range, extended by its width at both ends for faulty sensors.
     pub fn readable(&self, sensor: usize) -> (f64, f64) {
         let instance = &self.network().components[self.sensors[sensor].component];
         match instance.component.span(&instance.parameters) {
@@ -262,8 +259,7 @@ impl System {
         }
     }
 
-    /// Between which values what is told of an input lies at all: its range, and as much again beyond either end, for
-    /// sensors behind it.
+    /// The accepted values of an input: its range, extended by its width at both ends for the sensors that measure it.
     pub fn accepted_range(&self, input: usize) -> (f64, f64) {
         let (low, high) = self.network().input_range(input);
         (low - (high - low), high + (high - low))

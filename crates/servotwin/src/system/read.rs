@@ -1,5 +1,5 @@
-//! From TOML to a [`Scope`]: sections, components, connections, inputs and
-//! sensors. Every mistake is noted, and reading goes on.
+//! Reads TOML into a [`Scope`]: sections, components, connections, inputs and sensors. Mistakes are collected, and
+//! reading continues.
 
 use super::mistake::Mistake;
 use super::scope::{End, Input, Part, Scope};
@@ -17,11 +17,11 @@ use servotwin_model::spec::{
 };
 use toml::de::DeTable;
 
-/// The keys of a section that names components, beside the components.
+/// Keys of a component that cannot be component names.
 const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 
-/// The numbers of a fluid, in the order of [`set_fluid`]: of all kinds, then of `table` and `own`, then of `own`
-/// alone.
+/// The numbers of a fluid, in the order of [`set_fluid`]: first those of all kinds, then those of `table` and `own`,
+/// then those of `own` alone.
 pub(crate) static FLUID: [Parameter; 10] = [
     parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
     parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
@@ -35,14 +35,14 @@ pub(crate) static FLUID: [Parameter; 10] = [
     parameter("viscosity_100_m2_s", Unit::SquareMetrePerSecond, 6.8e-6, (1e-6, 5e-4), "at 100 °C"),
 ];
 
-/// What a bulk modulus may be, Pa.
+/// The allowed bulk modulus, Pa.
 const MODULUS_PA: (f64, f64) = (own::LEAST_BULK_MODULUS_PA, 1e10);
 
-/// How many of them every fluid has.
+/// Number of entries that every fluid has.
 pub(crate) const OF_ALL: usize = 3;
-/// How many one whose points give the bulk modulus.
+/// Number of entries for a table whose points give the bulk modulus.
 const WITH_SLOPE: usize = 4;
-/// How many one whose points do not.
+/// Number of entries for a table whose points do not.
 pub(crate) const WITH_MODULUS: usize = 6;
 
 fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
@@ -60,7 +60,7 @@ fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
     }
 }
 
-/// The numbers of a point of a fluid by table; the last is optional.
+/// The numbers of a point in a fluid table; the last is optional.
 pub(crate) static POINT: [Parameter; 4] = [
     required(
         "temperature_k",
@@ -89,7 +89,7 @@ pub(crate) static POINT: [Parameter; 4] = [
 ];
 const MODULUS: usize = 3;
 
-/// What a number of a point may be behind the same of the point before.
+/// The allowed range of a point's number, given that of the point before.
 fn allowed(index: usize, before: Option<f64>) -> (f64, f64) {
     let Parameter { min, max, .. } = POINT[index];
     match before {
@@ -99,7 +99,7 @@ fn allowed(index: usize, before: Option<f64>) -> (f64, f64) {
     }
 }
 
-/// Something declared under a name, with its place and whether it is used.
+/// A named declaration, with its place and whether it is used.
 pub(super) struct Named<T> {
     pub name: String,
     pub at: Span,
@@ -107,13 +107,13 @@ pub(super) struct Named<T> {
     pub value: T,
 }
 
-/// What an end of a connection names.
+/// The target of a connection's end.
 enum Resolved {
     Port(PortOf),
     Input(usize),
 }
 
-/// The whole file as far as it was understood.
+/// The parsed file, as far as it was understood.
 pub(super) struct Reader {
     pub mistakes: Collector<Mistake>,
     pub fluids: Vec<Named<Option<Fluid>>>,
@@ -122,7 +122,7 @@ pub(super) struct Reader {
     pub sensors: Vec<Sensor>,
     pub name: String,
     pub title: String,
-    /// Whether the file has a section that nobody reads.
+    /// Whether the file has an unknown section.
     misspelt: bool,
 }
 
@@ -130,7 +130,7 @@ fn names<'a>(all: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     all.into_iter().map(str::to_owned).collect()
 }
 
-/// A word that is none of those known.
+/// The mistake for an unknown word.
 fn unknown_word(what: &'static str, word: &str, known: Vec<String>) -> Mistake {
     let nearest = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
     Mistake::UnknownWord { what, word: word.into(), nearest, known }
@@ -167,7 +167,7 @@ impl Reader {
             let span = error.span().unwrap_or(0..0);
             self.mistakes.note(&span, document::Mistake::Syntax { message });
         }
-        // After a slip in the syntax, nothing can be said about the rest.
+        // After a syntax error, the rest of the file cannot be judged.
         if !errors.is_empty() {
             return;
         }
@@ -210,7 +210,7 @@ impl Reader {
             "sensors",
         ];
         self.only(root, "the file", &known);
-        // What stands in a misspelt section is missing everywhere else.
+        // The content of a misspelled section is missing everywhere else.
         self.misspelt = root.iter().any(|entry| !known.contains(&entry.key));
         match get(root, "name") {
             Some(entry) => {
@@ -259,7 +259,7 @@ impl Reader {
     }
 
     fn table<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a DeTable<'a>> {
-        // A section's value is its whole text: the key is the better place.
+        // A section's value is its whole text, so the key is the better place.
         entry.table().map_err(|mistake| self.mistakes.note(&entry.at, mistake)).ok()
     }
 
@@ -268,7 +268,7 @@ impl Reader {
         entry.number().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
     }
 
-    /// A number within a range.
+    /// Reads a number within a range.
     fn within(
         &mut self,
         entry: &Entry,
@@ -286,7 +286,7 @@ impl Reader {
         None
     }
 
-    /// A number within its declared range.
+    /// Reads a number within its declared range.
     fn declared(&mut self, entry: &Entry, declared: &Parameter) -> Option<f64> {
         self.within(entry, (declared.min, declared.max), declared.unit, declared.summary)
     }
@@ -363,7 +363,7 @@ impl Reader {
         sound.then_some(value)
     }
 
-    /// The points of a fluid by table.
+    /// Reads the points of a fluid table.
     fn points(
         &mut self,
         fluid: &Entry,
@@ -393,8 +393,8 @@ impl Reader {
         Table::new(points.into_iter().collect::<Option<_>>()?)
     }
 
-    /// A point, and what has been read of those `before`; its bulk modulus is that of `own` where no point
-    /// gives one.
+    /// Reads a point and updates `before`, the previous point's numbers. If no point gives a bulk modulus, that of
+    /// `own` is used.
     fn point(
         &mut self,
         entry: &Entry,
@@ -411,7 +411,7 @@ impl Reader {
             let meant = || meant.iter().flatten().any(|name| name == declared.name);
             values[index] = match (get(&all, declared.name), own) {
                 (Some(number), _) => {
-                    // A point at the wrong place is told by its temperature alone.
+                    // A misplaced point is reported by its temperature alone.
                     let ordered = index == 0 || values[0].is_some();
                     let last = before[index].filter(|_| ordered);
                     before[index] = possible(number, index).or(last);
@@ -437,7 +437,7 @@ impl Reader {
         })
     }
 
-    /// A bulk modulus that a law gives for a point.
+    /// Checks a bulk modulus that a law gives for a point.
     fn modulus(&mut self, point: &Entry, pa: f64) -> Option<f64> {
         let Parameter { name, min, max, unit, .. } = POINT[MODULUS];
         if (min..=max).contains(&pa) {
@@ -465,7 +465,7 @@ impl Reader {
         found
     }
 
-    /// The place of a declared fluid.
+    /// The index of a declared fluid.
     fn fluid_named(&mut self, entry: &Entry) -> Option<usize> {
         let word = self.text(entry)?;
         let found = self.fluids.iter().position(|fluid| fluid.name == word);
@@ -500,7 +500,7 @@ impl Reader {
         self.assemblies.push(Named { name, at, used: false, value: scope });
     }
 
-    /// A component of the system, or an instance of an assembly.
+    /// Reads a component of the system, or an instance of an assembly.
     fn component(&mut self, scope: &mut Scope, entry: &Entry) {
         let all = entry.table().map(entries).unwrap_or_default();
         match (get(&all, "assembly"), get(&all, "kind")) {
@@ -542,7 +542,7 @@ impl Reader {
         Some(())
     }
 
-    /// What an instance says about a component of its assembly.
+    /// Reads an instance's overrides of a component in its assembly.
     fn overrides(&mut self, content: &mut Scope, assembly: &str, entry: &Entry) {
         if entry.key == "fluid" {
             if let Some(fluid) = self.fluid_named(entry) {
@@ -569,7 +569,7 @@ impl Reader {
         self.settings(&mut content.parts[index], &all);
     }
 
-    /// A component of the catalogue.
+    /// Reads a component of the catalogue.
     fn part(&mut self, scope: &mut Scope, entry: &Entry) {
         self.good_name(entry.key, &entry.at);
         match self.built(entry) {
@@ -599,7 +599,7 @@ impl Reader {
         Some(part)
     }
 
-    /// Parameters, faults and fluid of a component.
+    /// Reads parameters, faults and fluid of a component.
     fn settings(&mut self, part: &mut Part, all: &[Entry]) {
         let spec = part.spec();
         for entry in all.iter().filter(|entry| entry.key != "kind") {
@@ -671,7 +671,7 @@ impl Reader {
         }
     }
 
-    /// A key that should be one of some numbers; gives the one that was meant.
+    /// Reports an unknown key among parameters; returns the parameter that was meant.
     fn unknown_number(
         &mut self,
         entry: &Entry,
@@ -737,7 +737,7 @@ impl Reader {
         }
     }
 
-    /// The ports and inputs of one connection.
+    /// Reads the ports and inputs of one connection.
     fn ends(&mut self, scope: &mut Scope, entry: &Entry) -> Option<(Vec<End>, Vec<usize>)> {
         let list = match entry.list() {
             Ok(list) => list,
@@ -767,7 +767,7 @@ impl Reader {
         Some((ends, inputs))
     }
 
-    /// What a name in a connection stands for.
+    /// Resolves a name in a connection.
     fn resolve(&mut self, scope: &Scope, entry: &Entry) -> Option<Resolved> {
         let word = self.text(entry)?;
         if let Some(input) = scope.input(word) {
@@ -809,7 +809,7 @@ impl Reader {
         None
     }
 
-    /// Lets an input feed a port.
+    /// Connects an input to a port.
     fn feed(&mut self, scope: &mut Scope, input: usize, end: End) {
         let id = || scope.port_id(end.port);
         let mistake = match scope.port(end.port).kind {
@@ -948,7 +948,7 @@ impl Reader {
         });
     }
 
-    /// That the scale of a sensor is more than its noise: residuals would be nothing else.
+    /// Checks that the scale of a sensor exceeds its noise: otherwise residuals would consist of noise.
     fn above_noise(&mut self, part: &Part, (id, scale, unit): (&str, f64, Unit), at: &Span) {
         let noise = Imperfection::of_component(part.component, &part.parameters).deviation();
         if part.sound && noise > scale {
@@ -960,7 +960,7 @@ impl Reader {
         }
     }
 
-    /// The output that a sensor names.
+    /// Finds the output that a sensor names.
     fn output(&mut self, scope: &Scope, entry: &Entry) -> Option<(PortOf, Unit)> {
         let word = self.text(entry)?;
         if scope.is_broken(word) {
@@ -999,14 +999,14 @@ impl Reader {
     }
 }
 
-/// A number of a point that is possible in itself. The next point is compared with it even where it is wrong
-/// behind the one before, so that one mistake is told once.
+/// A number of a point that is possible in itself. The next point is compared with it even if it contradicts the point
+/// before, so that one mistake is reported once.
 fn possible(entry: &Entry, index: usize) -> Option<f64> {
     let (min, max) = allowed(index, None);
     entry.number().ok().filter(|number| (min..=max).contains(number))
 }
 
-/// Whether one of some points has a bulk modulus.
+/// Whether any point gives a bulk modulus.
 fn gives_modulus(points: Option<&Entry>) -> bool {
     let list = points.and_then(|entry| entry.list().ok()).unwrap_or_default();
     let name = POINT[MODULUS].name;
@@ -1016,8 +1016,8 @@ fn gives_modulus(points: Option<&Entry>) -> bool {
     })
 }
 
-/// Marks a component whose parameter could not be read; one that is needed
-/// gets a number, so that it is not reported as missing.
+/// Marks a component whose parameter could not be read. A required parameter gets a placeholder, so that it is not
+/// reported as missing.
 fn unsound(part: &mut Part, parameter: usize) {
     part.sound = false;
     let declared = &part.spec().parameters[parameter];

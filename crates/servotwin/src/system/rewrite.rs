@@ -1,8 +1,8 @@
-//! A system file with other values for some parameters: the user's text with as few changes as possible.
+//! Writes new parameter values into the text of a system file, with as few changes as possible.
 //!
-//! A value that stands in the file is replaced where it stands; another is written as a new line after
-//! the first line of its component, or of the assembly's instance. What was written is read again:
-//! either it says what it should, or there is no text.
+//! A value in the file is replaced in place. A missing one is written as a new line after the first line of its
+//! component, or of the assembly's instance. The result is parsed again; if it differs from the intended system, an
+//! error is returned.
 
 use super::System;
 use crate::document::{Entry, entries};
@@ -12,17 +12,17 @@ use toml::de::DeTable;
 /// A parameter with its new value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewValue {
-    /// The component.
+    /// The index of the component.
     pub component: usize,
-    /// The parameter.
+    /// The index of the parameter.
     pub parameter: usize,
     /// Its value, SI.
     pub value: f64,
-    /// What stands behind it as a comment: one line.
+    /// A one-line comment written after the value.
     pub comment: String,
 }
 
-/// A text that cannot be changed so.
+/// The file's layout does not allow a parameter to be changed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "{component}.{parameter} cannot be written into the system file as it is laid out: give the component a section of \
@@ -31,11 +31,11 @@ pub struct NewValue {
 pub struct RewriteError {
     /// The component's id.
     pub component: String,
-    /// The parameter.
+    /// The name of the parameter.
     pub parameter: &'static str,
 }
 
-/// A piece of text in place of another.
+/// A replacement of a range of text.
 struct Edit {
     from: usize,
     to: usize,
@@ -43,10 +43,10 @@ struct Edit {
 }
 
 impl System {
-    /// The text of the system file with new values and a comment of several lines at its head.
+    /// The text of the system file with new values, and a head comment of several lines.
     ///
     /// # Errors
-    /// A parameter that cannot be written.
+    /// A parameter cannot be written.
     pub fn rewritten(&self, head: &[String], values: &[NewValue]) -> Result<String, RewriteError> {
         let (root, _) = DeTable::parse_recoverable(&self.text);
         let root = entries(root.get_ref());
@@ -56,8 +56,7 @@ impl System {
             let edit = self.edit(&components, new).ok_or_else(|| self.refusal(new))?;
             edits.push(edit);
         }
-        // From the end to the beginning, so that places stay true; of lines at one place the first
-        // stays first.
+        // Edits are applied from the end, so that earlier offsets stay valid; edits at one place keep their order.
         edits.reverse();
         edits.sort_by_key(|edit| std::cmp::Reverse(edit.from));
         let mut text = self.text.clone();
@@ -72,7 +71,7 @@ impl System {
         }
     }
 
-    /// That a system is this one with new values.
+    /// Checks that a parsed system equals this one with the new values.
     fn says(&self, read: &System, values: &[NewValue]) -> Result<(), RewriteError> {
         let mut wanted: Vec<Vec<f64>> = parameters(self.network());
         for new in values {
@@ -99,7 +98,7 @@ impl System {
     fn edit(&self, components: &[Entry], new: &NewValue) -> Option<Edit> {
         let instance = &self.network().components[new.component];
         let key = instance.component.spec().parameters[new.parameter].name;
-        // A component of the system, or of an assembly's instance.
+        // A component of the system, otherwise one of an assembly's instance.
         if let Some(own) = table(components, &instance.id) {
             return self.in_table(&own, key, key, new);
         }
@@ -111,7 +110,7 @@ impl System {
         }
     }
 
-    /// Replaces the value of a key, or writes it as `path` beside the first entry.
+    /// Replaces the value of a key, or inserts it as `path` next to the first entry.
     fn in_table(&self, own: &[Entry], key: &str, path: &str, new: &NewValue) -> Option<Edit> {
         let NewValue { value, comment, .. } = new;
         if let Some(there) = own.iter().find(|entry| entry.key == key && key == path) {
@@ -119,7 +118,7 @@ impl System {
             let line_end =
                 self.text[span.end..].find('\n').map_or(self.text.len(), |n| span.end + n);
             let rest = &self.text[span.end..line_end];
-            // Behind a value at the end of its line there is room for a comment.
+            // A value at the end of its line leaves room for a comment.
             let (to, behind) = match rest.trim_start().strip_prefix('#') {
                 Some(old) => (line_end, format!("  # {comment}; {}", old.trim())),
                 None if rest.trim().is_empty() => (line_end, format!("  # {comment}")),
@@ -181,7 +180,7 @@ mod tests {
         assert!(text.starts_with("# Fitted.\n# An aileron"));
         assert!(text.contains("servo_valve.width_pa_m = 0.00241  # ± 1\n"), "{text}");
         assert!(text.contains("gain_m_pa = 2.4e-10  # ± 1; [J]\n"), "{text}");
-        // Again, with the values that stand there now.
+        // Once more, replacing the values that were just written.
         let again = System::parse(&text, "again").unwrap();
         let values = [
             new(&again, "actuator_1.servo_valve", "width_pa_m", 2.42e-3),

@@ -1,5 +1,4 @@
-//! What a reader has understood so far: components, inputs and connections of
-//! a system or of an assembly, with their places in the file.
+//! The parsed content of a system or an assembly: components, inputs and connections, with their places in the file.
 
 use crate::document::Span;
 use servotwin_model::components::Component;
@@ -8,19 +7,19 @@ use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
 use servotwin_model::spec::{Port, Spec, Unit};
 use std::collections::BTreeMap;
 
-/// A component.
+/// A component as read from the file.
 #[derive(Clone)]
 pub(super) struct Part {
     pub id: String,
-    /// Where its name stands; of an assembly's component, in the assembly.
+    /// The place of its name; for an assembly's component, within the assembly.
     pub at: Span,
     pub component: &'static dyn Component,
-    /// NaN where an obligatory one is not given yet.
+    /// The values in SI; NaN where a required one is missing.
     pub parameters: Vec<f64>,
     pub faults: Vec<f64>,
-    /// The declared fluid that it names.
+    /// The index of its declared fluid.
     pub fluid: Option<usize>,
-    /// Whether all its values are as the file says.
+    /// Whether all its values could be read.
     pub sound: bool,
 }
 
@@ -35,22 +34,22 @@ impl Part {
     }
 }
 
-/// A port where a connection names it.
+/// A port with its place in a connection.
 #[derive(Clone)]
 pub(super) struct End {
     pub port: PortOf,
     pub at: Span,
 }
 
-/// An input from outside.
+/// An external input.
 #[derive(Clone)]
 pub(super) struct Input {
     pub id: String,
     pub at: Span,
     pub unit: Unit,
-    /// Where the unit stands.
+    /// The place of the unit.
     pub unit_at: Span,
-    /// NaN where the file gives none that can be read.
+    /// NaN if the file has no readable value.
     pub default: f64,
     pub targets: Vec<End>,
 }
@@ -59,14 +58,13 @@ pub(super) struct Input {
 #[derive(Clone, Default)]
 pub(super) struct Scope {
     pub parts: Vec<Part>,
-    /// Where in `parts` a component stands.
+    /// The index in `parts` of each component.
     places: BTreeMap<String, usize>,
     pub inputs: Vec<Input>,
     pub connections: Vec<Vec<End>>,
-    /// Names that are declared but could not be understood: what refers to
-    /// them is no further mistake.
+    /// Names that are declared but could not be read: references to them are not reported again.
     pub broken: Vec<String>,
-    /// Whether all connections are as the file says.
+    /// Whether all components and connections could be read.
     pub complete: bool,
 }
 
@@ -80,7 +78,7 @@ impl Scope {
     }
 
     pub fn add(&mut self, part: Part) {
-        // Of two with the same name the first counts; the second is a mistake.
+        // If a name occurs twice, the first counts; the second is a mistake.
         self.places.entry(part.id.clone()).or_insert(self.parts.len());
         self.parts.push(part);
     }
@@ -89,7 +87,7 @@ impl Scope {
         self.inputs.iter().position(|input| input.id == id)
     }
 
-    /// Whether a name belongs to something that could not be understood.
+    /// Whether a name belongs to a declaration that could not be read.
     pub fn is_broken(&self, name: &str) -> bool {
         let belongs = |broken: &String| {
             name.strip_prefix(broken.as_str())
@@ -102,7 +100,7 @@ impl Scope {
         self.part(id).is_some() || self.input(id).is_some() || self.broken.iter().any(|b| b == id)
     }
 
-    /// Takes in everything of an assembly under the name of its instance.
+    /// Includes all parts of an assembly under the name of its instance.
     pub fn include(&mut self, instance: &str, assembly: Scope) {
         let first = self.parts.len();
         let prefixed = |id: &str| format!("{instance}.{id}");
@@ -128,12 +126,12 @@ impl Scope {
         &self.parts[port.component].spec().ports[port.port]
     }
 
-    /// `component.port`.
+    /// The id of a port, `component.port`.
     pub fn port_id(&self, port: PortOf) -> String {
         format!("{}.{}", self.parts[port.component].id, self.port(port).name)
     }
 
-    /// All ports of a port's node, itself first.
+    /// All ports of a port's node, starting with itself.
     pub fn joined(&self, port: PortOf) -> Vec<PortOf> {
         let mut node = vec![port];
         let mut next = 0;
@@ -151,7 +149,7 @@ impl Scope {
         node
     }
 
-    /// Where the file names a port, or else its component.
+    /// The place where the file names a port, otherwise its component.
     pub fn mention(&self, port: PortOf) -> Span {
         let fed = self.inputs.iter().flat_map(|input| &input.targets);
         let mut ends = self.connections.iter().flatten().chain(fed);
@@ -159,7 +157,7 @@ impl Scope {
             .map_or_else(|| self.parts[port.component].at.clone(), |end| end.at.clone())
     }
 
-    /// The network, with the fluid of each component.
+    /// Builds the network, with the fluid of each component.
     pub fn network(&self, fluids: &[Fluid]) -> Network {
         let fluid =
             |part: &Part| part.fluid.map_or_else(Fluid::default, |index| fluids[index].clone());

@@ -1,4 +1,4 @@
-//! A connection that a stream goes to.
+//! The TCP connection of a live stream.
 
 use super::super::SinkError;
 use socket2::SockRef;
@@ -7,22 +7,21 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// A listener that takes nothing for so long is as good as lost.
+/// A listener that accepts no data for this long is treated as lost.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The most bytes that wait in the operating system. A slow listener would otherwise see what was minutes ago.
+/// The size of the operating system's send buffer, bytes. A larger one would let a slow listener fall minutes behind.
 const SEND_BUFFER: usize = 1 << 18;
 
-/// Takes what is written. Once the connection is lost that is noted, and whatever comes is dropped: what is written is
-/// never an error.
+/// Writes to the connection. After a loss, it records the reason and drops all data; writing never fails.
 pub(super) struct Live {
     socket: BufWriter<TcpStream>,
-    /// How many bytes were written.
+    /// Bytes written so far.
     position: u64,
     loss: Loss,
 }
 
-/// Why the connection was lost, once it is: the writer of the format keeps the connection to itself.
+/// The reason of a lost connection, once lost. It is shared because the MCAP writer owns the connection.
 pub(super) type Loss = Arc<OnceLock<String>>;
 
 impl Live {
@@ -34,7 +33,7 @@ impl Live {
         let connected = TcpStream::connect(address);
         let ready = connected.and_then(|socket| {
             socket.set_write_timeout(Some(PATIENCE))?;
-            // A system that keeps its own size is as good, but slower.
+            // A system that keeps its own buffer size works too, but with more delay.
             let _ = SockRef::from(&socket).set_send_buffer_size(SEND_BUFFER);
             Ok(socket)
         });
@@ -43,20 +42,20 @@ impl Live {
         Ok(Live { socket, position: 0, loss: Loss::default() })
     }
 
-    /// Where it is said that it was lost.
+    /// The shared reason of a loss.
     pub fn loss(&self) -> Loss {
         self.loss.clone()
     }
 
-    /// Says that nothing more comes.
+    /// Closes the sending side.
     pub fn end(self) {
-        // Of a connection that is lost already nobody hears it.
+        // On a lost connection this fails, and nobody is left to read it.
         let _ = self.socket.get_ref().shutdown(Shutdown::Write);
-        // What was not sent is not sent now, where it would have to wait once more.
+        // Unsent data is dropped: sending it could block again.
         let _ = self.socket.into_parts();
     }
 
-    /// Notes what went wrong; nothing is sent after the first.
+    /// Records the first error; nothing is sent after it.
     fn attempt(&mut self, send: impl FnOnce(&mut BufWriter<TcpStream>) -> io::Result<()>) {
         if self.loss.get().is_some() {
             return;
@@ -80,7 +79,7 @@ impl Write for Live {
     }
 }
 
-/// It knows where it is, and is nowhere else.
+/// Reports its position and supports no other seek: the stream is never sought.
 impl Seek for Live {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         match to {

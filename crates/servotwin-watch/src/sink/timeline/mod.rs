@@ -1,9 +1,9 @@
-//! The watch as one HTML file: states, commands, residuals with their bands, measured and twin, features,
-//! to be zoomed and hovered over. It needs no network, and its script is a few lines of its own.
+//! The watch as one HTML file for zooming and hovering: states, commands, residuals with bands, measurements, twin and
+//! features. It needs no network; the script is a few lines in the file.
 //!
-//! Memory and file do not grow with the length of the watch: every signal is kept as the least and
-//! the greatest value of at most [`BUCKETS`] equal parts of time; when these are used up, neighbours become one.
-//! No peak is lost, and a short watch is kept whole.
+//! Memory and file size do not grow with the length of the watch. Every signal is stored as minimum and maximum over at
+//! most [`BUCKETS`] equal parts of time; when these are full, neighbors are merged. No peak is lost, and a short watch
+//! is stored completely.
 
 mod series;
 
@@ -19,16 +19,16 @@ use servotwin_io::text::{escaped, spoken};
 use std::fmt::Write;
 use std::path::Path;
 
-/// The most parts of time that are kept.
+/// The most buckets that are kept.
 const BUCKETS: usize = 8192;
 
-/// The most changes, new beginnings and changes of bands that are kept.
+/// The most changes of the finding, restarts and band changes that are kept.
 const CHANGES: usize = 1000;
 
 const STYLE: &str = include_str!("timeline.css");
 const SCRIPT: &str = include_str!("timeline.js");
 
-/// Gathers what the file shows.
+/// Gathers the data of the file.
 #[derive(Debug)]
 pub struct Timeline {
     scene: Scene,
@@ -37,10 +37,10 @@ pub struct Timeline {
     twin: Vec<Series>,
     residuals: Vec<Series>,
     features: Vec<Series>,
-    /// Samples in a bucket.
+    /// Samples per bucket.
     width: usize,
     samples: usize,
-    /// The first sample of each stretch without a new beginning, with its time.
+    /// The first sample of each stretch between restarts, with its time.
     stretches: Vec<(usize, f64)>,
     last_s: f64,
     changes: Vec<(usize, f64, Finding)>,
@@ -51,7 +51,7 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Nothing gathered so far.
+    /// Creates an empty timeline.
     pub fn new(scene: Scene) -> Self {
         let empty = |count: usize| vec![Series::default(); count];
         let sensors = scene.sensors.len();
@@ -82,7 +82,7 @@ impl Timeline {
         Ok(files::write_atomically(path, |out| out.write_all(html.as_bytes()))?)
     }
 
-    /// The file's text.
+    /// The HTML text.
     pub fn html(&self, counts: &Counts) -> String {
         let title = escaped(&self.scene.title);
         let mut html = format!(
@@ -96,7 +96,7 @@ impl Timeline {
         );
         self.decisions(&mut html);
         self.stream(&mut html, counts);
-        // A text in JSON must not end the script.
+        // A text in JSON must not end the script element.
         let data = self.data().to_string().replace('<', "\\u003c");
         let _ = write!(
             html,
@@ -127,7 +127,7 @@ impl Timeline {
     }
 
     fn decisions(&self, html: &mut String) {
-        // The only unit of a study may have no name.
+        // A study with a single actuator may leave it unnamed.
         let has_units = self.changes.iter().any(|(_, _, f)| !f.unit_in_words().is_empty());
         let head = if has_units { "<th>Unit</th>" } else { "" };
         let _ = write!(
@@ -307,7 +307,7 @@ impl Sink for Timeline {
     }
 }
 
-/// The class by which a state has its colour.
+/// The CSS class that gives a state its color.
 fn class_of(state: State) -> &'static str {
     match state {
         State::NoData => "nodata",

@@ -1,8 +1,8 @@
-//! A signal as the least and the greatest value of equal parts of time, and as text for a script.
+//! A signal as minimum and maximum of equal parts of time, encoded as text for a script.
 
 use serde_json::{Value, json};
 
-/// The least and the greatest value of each bucket; NaN where there is none.
+/// Minimum and maximum of each bucket; NaN if empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
     buckets: Vec<(f32, f32)>,
@@ -18,14 +18,14 @@ impl Series {
         }
     }
 
-    /// Makes one bucket of every two.
+    /// Merges every two buckets into one.
     pub fn halve(&mut self) {
         let pairs = self.buckets.chunks(2);
         self.buckets = pairs.map(|pair| merged(pair[0], pair[pair.len() - 1])).collect();
     }
 
-    /// The values as 16-bit numbers between the least and the greatest of all, in base 64: least and
-    /// greatest of each bucket in turn, -32768 for none. One value that never changes has no data.
+    /// The values as 16-bit numbers scaled between the overall minimum and maximum, in base 64. Each bucket has its
+    /// minimum, then its maximum; -32768 means none. A constant signal has no data.
     pub fn json(&self, label: &str, unit: &str) -> Value {
         let finite = self.buckets.iter().filter(|(low, _)| !low.is_nan());
         let none = (f32::INFINITY, f32::NEG_INFINITY);
@@ -50,13 +50,13 @@ impl Series {
     }
 }
 
-/// Of two buckets the least and the greatest value; one without a value adds nothing.
+/// Minimum and maximum of two buckets; an empty one adds nothing.
 fn merged(one: (f32, f32), other: (f32, f32)) -> (f32, f32) {
-    // The smaller of a number and NaN is the number.
+    // `min` and `max` of a number and NaN return the number.
     (one.0.min(other.0), one.1.max(other.1))
 }
 
-/// Bytes as text.
+/// Encodes bytes in base 64.
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);

@@ -8,22 +8,22 @@ use std::fs::File;
 use std::io::{self, Read as _, Seek, SeekFrom};
 use std::path::Path;
 
-/// No block but one of data is larger.
+/// The largest block except data blocks, bytes.
 const MAX_BLOCK: u64 = 1 << 24;
 
-/// A name or a unit is cut behind so many characters.
+/// Longer names and units are cut, characters.
 const MAX_TEXT: usize = 512;
 
-/// So many blocks are followed at most.
+/// The most blocks that are followed.
 const MAX_BLOCKS: usize = 1 << 20;
 
-/// No zipped block becomes larger.
+/// The largest unzipped block, bytes.
 const MAX_UNZIPPED: u64 = 1 << 28;
 
-/// Data are read in parts of this size.
+/// Data are read in parts of this size, bytes.
 const PART: u64 = 1 << 20;
 
-/// A file whose groups are known.
+/// An open file with its groups.
 pub(super) struct Mdf {
     file: File,
     size: u64,
@@ -34,21 +34,21 @@ pub(super) struct Mdf {
 /// Channels that are recorded together.
 #[derive(Debug, Clone)]
 pub(super) struct ChannelGroup {
-    /// Where the data of its data group begin.
+    /// The address of the first data block of its data group.
     data: u64,
     record_id_bytes: usize,
     record_id: u64,
-    /// The lengths of the records of all groups with the same data, by their numbers.
+    /// The record lengths of all groups in the same data group, by record id.
     lengths: Vec<(u64, u64)>,
     pub records: u64,
     pub data_bytes: u64,
     pub invalidation_bytes: u64,
     pub channels: Vec<Channel>,
-    /// The channel with the time.
+    /// The index of the time channel.
     pub master: Option<usize>,
 }
 
-/// A channel.
+/// A channel, as stored in its CN block.
 #[derive(Debug, Clone)]
 pub(super) struct Channel {
     pub name: String,
@@ -65,7 +65,7 @@ pub(super) struct Channel {
     pub is_composed: bool,
 }
 
-/// A block that is not one of data: its links and what stands behind them.
+/// A block other than a data block: its links and its content.
 pub(super) struct Block {
     pub links: Vec<u64>,
     pub data: Vec<u8>,
@@ -108,7 +108,7 @@ impl Mdf {
         }
     }
 
-    /// The bytes of a part of the file.
+    /// Reads `length` bytes at an address.
     fn part(&mut self, at: u64, length: u64) -> Outcome<Vec<u8>> {
         if at.checked_add(length).is_none_or(|end| end > self.size) {
             return Err(format!("the file ends within a block ({length} bytes from byte {at})"));
@@ -130,7 +130,7 @@ impl Mdf {
         if fits { Ok((id, length, links)) } else { Err(damaged()) }
     }
 
-    /// A block of a kind.
+    /// Reads a block of a given kind.
     pub fn block(&mut self, at: u64, id: &[u8; 4]) -> Outcome<Block> {
         let (found, length, links) = self.head(at)?;
         if found != *id || length > MAX_BLOCK {
@@ -142,7 +142,7 @@ impl Mdf {
         Ok(Block { links: links.collect(), data: data.to_vec() })
     }
 
-    /// The text of a TX block; of an MD block that of its element `TX`.
+    /// The text of a TX block, or of the `TX` element of an MD block.
     fn text(&mut self, at: u64) -> Outcome<String> {
         if at == 0 {
             return Ok(String::new());
@@ -156,7 +156,7 @@ impl Mdf {
         Ok(text.chars().take(MAX_TEXT).collect())
     }
 
-    /// Notes that a block of a list is read; a list that comes back to itself has no end.
+    /// Marks a block as visited; a list that returns to a visited block is rejected as endless.
     fn visit(&mut self, at: u64) -> Outcome<()> {
         match self.visited.insert(at) && self.visited.len() <= MAX_BLOCKS {
             true => Ok(()),
@@ -198,7 +198,7 @@ impl Mdf {
         Ok(())
     }
 
-    /// Reads a group; the address of the next.
+    /// Reads a group; returns the address of the next.
     fn read_group(&mut self, at: u64, data: u64, record_id_bytes: usize) -> Outcome<u64> {
         let block = self.block(at, b"##CG")?;
         let damaged = || format!("a damaged group at byte {at}");
@@ -216,7 +216,7 @@ impl Mdf {
             channels: vec![],
             master: None,
         };
-        // Records of variable length (bit 0) have their length in front.
+        // Records of variable length (bit 0) begin with their length.
         if flags & 1 != 0 {
             return Err(
                 "a group of values of variable length; save it sorted, for example with asammdf"
@@ -260,7 +260,7 @@ impl Mdf {
         Ok(block.link(0))
     }
 
-    /// Gives the records of a group, without their numbers, in order.
+    /// Passes the records of a group, without their ids, to `take` in order.
     pub fn records(&mut self, group: &ChannelGroup, take: &mut dyn FnMut(&[u8])) -> Outcome<()> {
         self.visited.clear();
         let mut splitter = Splitter { group, rest: vec![], left: group.records };
@@ -272,7 +272,7 @@ impl Mdf {
         Ok(())
     }
 
-    /// The data blocks behind an address, in order.
+    /// Collects the data blocks behind an address, in order.
     fn list(&mut self, mut at: u64, parts: &mut Vec<u64>) -> Outcome<()> {
         while at != 0 {
             self.visit(at)?;
@@ -304,7 +304,7 @@ impl Mdf {
         Ok(())
     }
 
-    /// Gives the bytes of a data block in parts.
+    /// Passes the bytes of a data block to `take` in parts.
     fn data(&mut self, at: u64, take: &mut dyn FnMut(&[u8]) -> Outcome<()>) -> Outcome<()> {
         let (id, length, _) = self.head(at)?;
         match &id {
@@ -327,7 +327,7 @@ impl Mdf {
         let head = self.part(at + 24, 24)?;
         let number = |place| bytes(&head, place).map(u64::from_le_bytes).ok_or_else(damaged);
         let (wanted, packed) = (number(8)?, number(16)?);
-        // Nothing that is zipped becomes more than about a thousand times as long.
+        // Deflate expands by at most about a factor of 1000.
         if packed > length - 24 || wanted > MAX_UNZIPPED || wanted / 1100 > packed {
             return Err(damaged());
         }
@@ -347,7 +347,7 @@ impl Mdf {
     }
 }
 
-/// Rows of bytes from what was packed column by column; a last row that is not whole stands as it is.
+/// Restores rows from bytes packed column by column; an incomplete last row is stored as it is.
 fn transposed(packed: &[u8], columns: usize) -> Vec<u8> {
     let rows = packed.len() / columns;
     let (whole, rest) = packed.split_at(rows * columns);
@@ -359,11 +359,11 @@ fn transposed(packed: &[u8], columns: usize) -> Vec<u8> {
     found
 }
 
-/// Cuts bytes into records; one may begin in a block and end in the next.
+/// Splits bytes into records; a record may span two blocks.
 struct Splitter<'g> {
     group: &'g ChannelGroup,
     rest: Vec<u8>,
-    /// How many records are still to come.
+    /// How many records are still expected.
     left: u64,
 }
 
@@ -395,7 +395,7 @@ impl Splitter<'_> {
         Ok(())
     }
 
-    /// The number of the record at a place, and how long it is.
+    /// The id of the record at an offset, and the length of the id in bytes.
     fn record_id(&self, at: usize) -> Option<(u64, usize)> {
         let length = self.group.record_id_bytes;
         let number = self.rest.get(at..at + length)?;

@@ -1,9 +1,9 @@
-//! MDF 4 files (`.mf4`) of measurement systems: channel groups with rates of their own.
+//! Reads MDF 4 files (`.mf4`) of measurement systems, whose channel groups have separate rates.
 //!
-//! Read are groups whose master channel is a time, with channels of fixed length in records: integers and floats,
-//! linear, rational and tabulated conversions, invalidation bits, data in lists and zipped blocks. The column `time`
-//! is the master of every group, in seconds. Everything else is refused with its name, or is no column. Written
-//! from the published layout of ASAM MDF 4.1; every address and length is checked against the file.
+//! The reader supports groups whose master channel is a time, with channels of fixed length. It reads integers and
+//! floats, linear, rational and tabulated conversions, invalidation bits, data in lists and zipped blocks. The column
+//! `time` is the master of every group, in seconds. Everything else is rejected by name or skipped. The reader follows
+//! the published layout of ASAM MDF 4.1; every address and length is checked against the file.
 
 mod blocks;
 mod values;
@@ -17,13 +17,13 @@ use std::path::Path;
 /// The column with the times of all groups, s.
 const TIME: &str = "time";
 
-/// So many values of all wanted columns are read at most (1 GiB).
+/// The most values of all wanted columns that are read (1 GiB).
 const MAX_VALUES: u64 = 1 << 27;
 
-/// Opens a file that must have some columns.
+/// Opens a file that must have the wanted columns.
 ///
 /// # Errors
-/// It cannot be read, is damaged, lacks a column, or a wanted column is of a kind that is not read.
+/// The file cannot be read, is damaged or lacks a column, or a wanted column has an unsupported type.
 pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let address = path.display().to_string();
     let mut file = Mdf::open(path)?;
@@ -38,7 +38,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError
         let cause = format!("the times are the column '{TIME}', not '{name}'");
         return Err(SourceError::unreadable(&address, &cause));
     }
-    // For each group the places of its wanted channels.
+    // For each group, the row index and the channel of its wanted columns.
     let mut chosen: Vec<Vec<(usize, usize)>> = vec![vec![]; file.groups.len()];
     for (place, name) in wanted.names.iter().enumerate() {
         if let Some((_, group, channel)) = known.iter().find(|(known, ..)| known == name) {
@@ -76,7 +76,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     Ok(found)
 }
 
-/// The channels by their names in columns, with group and place. A name that several groups have gets the number of its
+/// The channels by column name, with group and index. A name that occurs in several groups gets the number of its
 /// group: `p#1` and `p#2`.
 fn named(file: &Mdf) -> Vec<(String, usize, usize)> {
     let mut count = std::collections::BTreeMap::<&str, usize>::new();
@@ -102,7 +102,7 @@ fn named(file: &Mdf) -> Vec<(String, usize, usize)> {
     found
 }
 
-/// Reads the times and some channels of a group.
+/// Reads the times and the chosen channels of a group.
 fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result<Group, String> {
     let group = file.groups[index].clone();
     let Some(master) = group.master else { return Err("a group has no time".into()) };
@@ -128,7 +128,7 @@ fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result
     let seconds = second.map_or(1.0, |(factor, _)| factor);
     let mut columns = columns.into_iter();
     let times = columns.next().unwrap_or_default();
-    // A factor of one keeps the bits.
+    // A factor of one preserves the bits.
     let times_s: Vec<f64> = times.into_iter().map(|time| time * seconds).collect();
     let columns = chosen.iter().map(|&(place, _)| place).zip(columns).collect();
     Ok(Group::new(Some(times_s), columns))

@@ -1,15 +1,15 @@
-//! The values of a channel: from the bits of a record to a number.
+//! Decodes the values of a channel: from the bits of a record to a number.
 
 use super::super::groups::bytes;
 use super::blocks::{Channel, ChannelGroup, Mdf};
 
-/// How a number is found in a record.
+/// How to extract a number from a record.
 pub(super) struct Decoder {
     shape: Shape,
     byte_offset: usize,
     bit_offset: u32,
     bits: u32,
-    /// The byte and the mask of the bit that makes a value invalid.
+    /// Byte and mask of the invalidation bit.
     invalid: Option<(usize, u8)>,
     is_invalid: bool,
     conversion: Conversion,
@@ -26,7 +26,7 @@ enum Shape {
     Float {
         is_big: bool,
     },
-    /// The number of the record, from 0.
+    /// The index of the record, from 0.
     Number,
 }
 
@@ -37,7 +37,7 @@ enum Conversion {
         factor: f64,
     },
     Rational([f64; 6]),
-    /// Keys and values; between keys on a line, or the nearest.
+    /// Keys and values; linear interpolation between keys, or the nearest key.
     Table {
         pairs: Vec<(f64, f64)>,
         is_line: bool,
@@ -46,7 +46,7 @@ enum Conversion {
 
 impl Decoder {
     /// # Errors
-    /// The channel or its conversion is of a kind that is not read.
+    /// The channel or its conversion has an unsupported type.
     pub(super) fn new(
         file: &mut Mdf,
         group: &ChannelGroup,
@@ -95,7 +95,7 @@ impl Decoder {
         })
     }
 
-    /// The value in a record with this number; NaN where it is invalid.
+    /// The value in a record with this index; NaN where it is invalid.
     pub(super) fn value(&self, record: &[u8], number: u64) -> f64 {
         let is_marked =
             |(at, mask): (usize, u8)| record.get(at).is_none_or(|byte| byte & mask != 0);
@@ -137,12 +137,12 @@ impl Conversion {
         }
         let block = file.block(at, b"##CC")?;
         let kind = block.data.first().copied().unwrap_or(u8::MAX);
-        // Behind the kind, counts and the range that was measured.
+        // The conversion's parameters follow its type, counts and physical range.
         let numbers = block.data.get(24..).unwrap_or_default().chunks_exact(8);
         let numbers: Vec<f64> =
             numbers.filter_map(|n| bytes(n, 0).map(f64::from_le_bytes)).collect();
         match (kind, &numbers[..]) {
-            // A value-to-text conversion is ignored: the number is read.
+            // A value-to-text conversion is ignored: the raw number is used.
             (0 | 7 | 8, _) => Ok(Conversion::None),
             (1, &[offset, factor, ..]) => Ok(Conversion::Linear { offset, factor }),
             (2, &[a, b, c, d, e, f, ..]) => Ok(Conversion::Rational([a, b, c, d, e, f])),
@@ -171,7 +171,7 @@ impl Conversion {
     }
 }
 
-/// The value of a table; beyond its ends that of the end.
+/// Looks up a value in a table; outside the keys, the nearest end applies.
 fn looked_up(pairs: &[(f64, f64)], raw: f64, is_line: bool) -> f64 {
     let above = pairs.partition_point(|(key, _)| *key < raw);
     let (Some(&high), true) = (pairs.get(above), above > 0) else {
@@ -184,7 +184,7 @@ fn looked_up(pairs: &[(f64, f64)], raw: f64, is_line: bool) -> f64 {
     let low = pairs[above - 1];
     match is_line {
         true => low.1 + (high.1 - low.1) * (raw - low.0) / (high.0 - low.0),
-        // Halfway the lower one counts.
+        // Halfway between two keys, the lower one applies.
         false if raw - low.0 > high.0 - raw => high.1,
         false => low.1,
     }

@@ -1,10 +1,10 @@
-//! The address of a subscription as people write it.
+//! The address of an MQTT subscription.
 
 use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// The usual time between two signs of life.
+/// The default keep-alive interval.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
 /// The broker and the topics of a subscription.
@@ -12,17 +12,17 @@ const KEEP_ALIVE: Duration = Duration::from_secs(10);
 pub struct Subscription {
     /// The host; an IPv6 address is in brackets.
     pub host: String,
-    /// The port.
+    /// The TCP port.
     pub port: u16,
-    /// User and password.
+    /// User name and password, if given.
     pub user: Option<(String, String)>,
-    /// The topics; `+` and `#` stand for any.
+    /// The topic filters; `+` and `#` are wildcards.
     pub filters: Vec<String>,
     /// The quality of service: 0 at most once, 1 at least once.
     pub qos: u8,
-    /// A broker that is silent for one and a half times this long is lost.
+    /// The keep-alive interval. A broker that is silent for one and a half times this long counts as lost.
     pub keep_alive: Duration,
-    /// Whether the connection is encrypted, and by which authority the broker is known.
+    /// `Some` for an encrypted connection: the certificates that authenticate the broker.
     pub tls: Option<Authority>,
 }
 
@@ -36,12 +36,12 @@ pub enum Authority {
 }
 
 impl Subscription {
-    /// How an address is written.
+    /// The form of an address, for messages.
     pub const FORM: &str = "mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=0 or 1&keep_alive=1…3600 in s\
         &ca=FILE for mqtts]";
 
-    /// `mqtt://[user:password@]host[:port]/topic[,topic…][?qos=1&keep_alive=10]`; without a port 1883, or 8883 where
-    /// it is `mqtts://`, which may also have `ca=FILE`.
+    /// Parses `mqtt://[user:password@]host[:port]/topic[,topic…][?qos=1&keep_alive=10]`. The default port is 1883, or
+    /// 8883 for `mqtts://`, which also accepts `ca=FILE`.
     pub fn parse(text: &str) -> Option<Self> {
         let (rest, is_tls) = match text.strip_prefix("mqtts://") {
             Some(rest) => (rest, true),
@@ -98,7 +98,7 @@ impl Subscription {
     }
 }
 
-/// `host`, `host:port`, `[v6]` or `[v6]:port`.
+/// Splits `host`, `host:port`, `[v6]` or `[v6]:port`.
 fn host_and_port(text: &str, usual: u16) -> Option<(String, u16)> {
     let end = if text.starts_with('[') {
         text.find(']')? + 1
@@ -116,7 +116,7 @@ fn host_and_port(text: &str, usual: u16) -> Option<(String, u16)> {
 
 impl fmt::Display for Subscription {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // No password in a title or a message.
+        // Titles and messages must not show the password.
         write!(out, "{}/{}", self.broker(), self.filters.join(","))
     }
 }

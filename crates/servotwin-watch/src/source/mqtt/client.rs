@@ -1,7 +1,7 @@
-//! The connection to a broker, kept by a thread of its own.
+//! Keeps the connection to a broker on a separate thread.
 //!
-//! The protocol is `rumqttc`'s (MQTT 3.1.1). This thread adds three things: a ping without an answer within half a
-//! keep-alive interval ends the connection, lost connections are made again with growing pauses, and both are news.
+//! `rumqttc` implements the protocol (MQTT 3.1.1). This thread adds three things. A ping without an answer within half
+//! a keep-alive interval ends the connection. Lost connections are restored with growing pauses. Both are reported.
 
 use super::super::PAUSE;
 use super::address::{Authority, Subscription};
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 /// The largest packet that is read, bytes.
 const MAX_PACKET: usize = 1 << 20;
 
-/// So many messages may wait to be read; then the broker waits.
+/// The most messages that wait to be read; beyond that, the broker waits.
 const WAITING: usize = 1024;
 
 /// How long a broker may take to answer.
@@ -33,20 +33,20 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 pub(super) enum News {
     /// The broker has accepted the subscription.
     Subscribed,
-    /// The connection is lost, or was not made: why.
+    /// The connection is lost or could not be made, with the reason.
     Lost(String),
-    /// A message.
+    /// A message of a subscribed topic.
     Message(Publish),
 }
 
-/// The thread's news; it ends when this is dropped.
+/// Receives the thread's reports; dropping it ends the thread.
 pub(super) struct Mailbox {
     news: Receiver<News>,
     closed: Arc<AtomicBool>,
 }
 
 impl Mailbox {
-    /// The next news, if any come within a pause.
+    /// The next report, if one arrives within [`PAUSE`].
     pub(super) fn next(&self) -> Result<News, std::sync::mpsc::RecvTimeoutError> {
         self.news.recv_timeout(PAUSE)
     }
@@ -58,10 +58,10 @@ impl Drop for Mailbox {
     }
 }
 
-/// Connects and subscribes, and does so again for ever.
+/// Connects and subscribes, and reconnects without limit.
 ///
 /// # Errors
-/// The file of certificates cannot be read or has none.
+/// The certificate file cannot be read or is empty.
 pub(super) fn start(subscription: &Subscription) -> Result<Mailbox, String> {
     let (client, mut connection) = Client::new(options(subscription)?, 10);
     let mut network = connection.eventloop.network_options();
@@ -85,7 +85,7 @@ pub(super) fn start(subscription: &Subscription) -> Result<Mailbox, String> {
 }
 
 fn options(subscription: &Subscription) -> Result<MqttOptions, String> {
-    // A name of our own: some brokers give none. Two watches of one moment differ in their process.
+    // Set a client name: some brokers assign none. The process id distinguishes two watches started at the same moment.
     let nanos = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let nanos = nanos.map_or(0, |since| since.subsec_nanos());
     let name = format!("servotwin{:05x}{nanos:08x}", std::process::id() & 0xf_ffff);
@@ -142,7 +142,7 @@ struct Keeper {
     send: SyncSender<News>,
     closed: Arc<AtomicBool>,
     is_connected: bool,
-    /// When the broker must have answered a ping or a subscription.
+    /// The deadline for answering a ping or a subscription.
     answer_by: Option<Instant>,
     pause: Duration,
 }
@@ -158,7 +158,7 @@ impl Keeper {
             };
             for news in news {
                 let is_lost = matches!(news, News::Lost(_));
-                // An outage is told once, however many attempts fail.
+                // An outage is reported once, however many attempts fail.
                 if !(is_lost && is_told) && self.send.send(news).is_err() {
                     return;
                 }
@@ -170,14 +170,14 @@ impl Keeper {
         }
     }
 
-    /// Drops the connection. What came through it before is told first.
+    /// Drops the connection. Packets received before the loss are reported first.
     fn lose(&mut self, mut cause: String) -> Vec<News> {
         let mut news = vec![];
         for event in std::mem::take(&mut self.connection.eventloop.state.events) {
             let Event::Incoming(packet) = event else { continue };
             match self.take(packet) {
                 Ok(found) => news.extend(found),
-                // The end of the connection follows from it.
+                // The connection ends because of this error.
                 Err(earlier) => {
                     cause = earlier;
                     break;
@@ -190,9 +190,9 @@ impl Keeper {
         news
     }
 
-    /// Takes one event of the connection, or finds that the broker is silent.
+    /// Handles one event of the connection, or detects a silent broker.
     fn step(&mut self) -> Result<Option<News>, String> {
-        // An attempt to connect has its own limit, and would begin anew if it were left.
+        // A connection attempt has its own time limit; abandoning it here would restart it.
         let event = match self.is_connected {
             false => self.connection.recv().map_err(|_| "the client has ended".to_owned())?,
             true => match self.connection.recv_timeout(PAUSE) {
@@ -203,7 +203,7 @@ impl Keeper {
         };
         let news = match event.map_err(|error| cause(&error))? {
             Event::Incoming(packet) => {
-                // Messages that waited stand before the answer to a ping.
+                // Queued messages arrive before the answer to a ping, so each packet extends its deadline.
                 self.answer_by = self.answer_by.map(|_| self.next_answer());
                 return self.take(packet);
             }
@@ -248,7 +248,7 @@ impl Keeper {
         }
     }
 
-    /// Until when a ping must be answered that is sent now.
+    /// The deadline for a ping sent now.
     fn next_answer(&self) -> Instant {
         Instant::now() + self.subscription.keep_alive / 2
     }
@@ -261,7 +261,7 @@ impl Keeper {
         }
     }
 
-    /// Waits before the next attempt, longer each time.
+    /// Waits before the next attempt; the pause grows each time.
     fn rest(&mut self) {
         let end = Instant::now() + self.pause;
         while Instant::now() < end && !self.closed.load(Ordering::Relaxed) {

@@ -1,7 +1,7 @@
-//! An MQTT subscription: every message is one or several lines.
+//! An MQTT subscription: every message has one or more lines.
 //!
-//! [`client`] keeps the connection, [`topics`] tells the messages of one topic from those of another, and retained
-//! messages are counted and left out: they are of a time before the watch.
+//! [`client`] keeps the connection, and [`topics`] separates the messages of different topics. Retained messages are
+//! counted and dropped, because they are older than the watch.
 
 mod address;
 mod client;
@@ -20,12 +20,12 @@ use topics::Topics;
 /// How long the columns of several topics are collected after the first message.
 const COLLECTING: Duration = Duration::from_secs(2);
 
-/// A subscription that is being served.
+/// An active subscription.
 pub struct Mqtt {
     subscription: Subscription,
     mailbox: Mailbox,
     topics: Topics,
-    /// The lines of the last message that were not read, with its topic.
+    /// The unread lines of the last message, with its topic.
     lines: VecDeque<Vec<u8>>,
     topic: String,
     place: u64,
@@ -36,7 +36,7 @@ impl Mqtt {
     /// Connects and subscribes.
     ///
     /// # Errors
-    /// The broker cannot be reached or refuses.
+    /// The broker is unreachable or rejects the subscription.
     pub fn open(subscription: &Subscription, wanted: &Wanted) -> Result<Self, SourceError> {
         Ok(Mqtt {
             mailbox: subscribed(subscription)?,
@@ -49,7 +49,7 @@ impl Mqtt {
         })
     }
 
-    /// Takes what the connection reports; `None` where it is a message with lines.
+    /// Handles the next report of the client; `None` for a message with lines.
     fn receive(&mut self) -> Result<Option<Read>, SourceError> {
         Ok(Some(match self.mailbox.next() {
             Err(RecvTimeoutError::Timeout) => Read::Pause,
@@ -106,18 +106,18 @@ fn subscribed(subscription: &Subscription) -> Result<Mailbox, SourceError> {
         match mailbox.next() {
             Ok(News::Subscribed) => return Ok(mailbox),
             Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
-            // What comes before the subscription is accepted is retained, or would have been missed.
+            // Messages before the acceptance are either retained or would have been missed anyway.
             Ok(News::Message(_)) | Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
         }
     }
 }
 
-/// The columns of the first message that names any; waits for it. Where several topics may send, those of all that do
-/// within two seconds: a column of two topics stands there as such, and once more for each topic.
+/// The columns of the first message that names any; waits for it. If several topics may send, the columns of all
+/// messages within two seconds are collected. A column of two topics is listed as such, and once more for each topic.
 ///
 /// # Errors
-/// The broker cannot be reached or refuses.
+/// The broker is unreachable or rejects the subscription.
 pub fn columns(subscription: &Subscription) -> Result<Vec<String>, SourceError> {
     let mailbox = subscribed(subscription)?;
     let mut found: Vec<(String, Vec<String>)> = vec![];

@@ -1,31 +1,31 @@
 //! Assigns columns to topics.
 //!
-//! A column `p` is the key `p` of whichever topic sends it, but of one only: a second topic with the same key is
-//! another unit, and the two are never mixed. `rig/one:p` and `one:p` are the key `p` of the topic `rig/one` alone.
-//! The time is sent with every topic.
+//! A column `p` is the key `p` of the one topic that sends it. A second topic with the same key is another actuator,
+//! and the two are never mixed. `rig/one:p` and `one:p` are the key `p` of the topic `rig/one` alone. The time is sent
+//! with every topic.
 
 use super::super::frame::{Flaw, Frames};
 use super::super::{MixedTopics, Read, Row, SourceError, Wanted};
 use super::Subscription;
 use std::collections::BTreeMap;
 
-/// So many topics are remembered; of more those are forgotten that have sent no column.
+/// The most topics that are remembered; beyond that, topics that have sent no column are forgotten.
 const MAX_TOPICS: usize = 4096;
 
-/// All topics that have sent anything.
+/// All topics that have sent a message.
 pub(super) struct Topics {
     wanted: Wanted,
     broker: String,
     has_several: bool,
     topics: BTreeMap<String, Topic>,
-    /// For each wanted column the topic that sends it.
+    /// For each wanted column, the topic that sends it.
     owners: Vec<Option<String>>,
 }
 
-/// The columns that are read from one topic.
+/// The columns read from one topic.
 struct Topic {
     frames: Frames,
-    /// The place of each of its columns among those wanted.
+    /// The index of each of its columns among those wanted.
     chosen: Vec<usize>,
     row: Row,
 }
@@ -41,7 +41,7 @@ impl Topics {
         }
     }
 
-    /// Reads a line of a topic.
+    /// Reads a line from a topic.
     ///
     /// # Errors
     /// Another topic sends the same column.
@@ -66,7 +66,7 @@ impl Topics {
         let is_empty = row.bad == 0
             && (0..row.values.len()).all(|place| Some(place) == time || row.values[place].is_nan());
         match read {
-            // A message of something else among several topics.
+            // An unrelated message in a subscription to several topics.
             Read::Row | Read::Flawed(Flaw::NoTime { .. }) if self.has_several && is_empty => {
                 Ok(Read::Nothing)
             }
@@ -83,13 +83,13 @@ impl Topics {
         self.topics.insert(name.to_owned(), Topic::new(name, &self.wanted, self.has_several));
     }
 
-    /// Notes which topic sends the values of a row.
+    /// Records which topic sends the values of a row.
     fn claim(&mut self, name: &str, row: &Row) -> Result<(), SourceError> {
         for place in 0..row.values.len() {
             if Some(place) == self.wanted.time || row.values[place].is_nan() {
                 continue;
             }
-            // Without a time two topics cannot be put side by side, whatever they send.
+            // Without a time column, values of two topics cannot be aligned, whatever they send.
             let owner = match self.wanted.time {
                 Some(_) => &self.owners[place],
                 None => self.owners.iter().find(|owner| owner.is_some()).unwrap_or(&None),
@@ -120,7 +120,8 @@ impl Topic {
         for name in &wanted.names {
             local.push(local_name(topic, name, has_several));
         }
-        // Where a column names the topic, another that does not is that of another topic.
+        // A column that names this topic takes precedence over one without a topic, which then belongs to another
+        // topic.
         for place in 0..local.len() {
             let Some((name, false)) = local[place] else { continue };
             if local.contains(&Some((name, true))) && wanted.time != Some(place) {
@@ -142,8 +143,8 @@ impl Topic {
     }
 }
 
-/// The key that a column has in the messages of a topic, and whether the column names this topic. `None` where it names
-/// another.
+/// The key of a column in the messages of a topic, and whether the column names this topic. `None` if it names another
+/// topic.
 fn local_name<'n>(topic: &str, column: &'n str, has_several: bool) -> Option<(&'n str, bool)> {
     let mut marks = column.match_indices(':').map(|(mark, _)| mark);
     match marks.find(|&mark| is_ending(topic, &column[..mark])) {
@@ -159,13 +160,13 @@ fn is_ending(topic: &str, text: &str) -> bool {
     before.is_some_and(|before| before.is_empty() || before.ends_with('/'))
 }
 
-/// The shortest ending of a topic that another does not have.
+/// The shortest ending of a topic that distinguishes it from another.
 fn short<'t>(topic: &'t str, other: &str) -> &'t str {
     let starts = topic.rmatch_indices('/').map(|(slash, _)| &topic[slash + 1..]);
     starts.filter(|end| !end.is_empty()).find(|end| !is_ending(other, end)).unwrap_or(topic)
 }
 
-/// The columns of some topics, each once; those of two topics once more with each topic.
+/// The columns of several topics, each once; a column of two topics is repeated with each topic.
 pub(super) fn union(found: &[(String, Vec<String>)]) -> Vec<String> {
     let mut names: Vec<String> = vec![];
     for name in found.iter().flat_map(|(_, names)| names) {
@@ -209,7 +210,7 @@ mod tests {
             read(&mut topics, "rig/one", r#"{"t": 1, "p": 2}"#),
             Ok((Read::Row, vec![1.0, 2.0]))
         );
-        // Another topic may send the time, and what is not wanted.
+        // Another topic may send the time and unwanted keys.
         assert_eq!(
             read(&mut topics, "rig/state", r#"{"t": 1, "on": true}"#).unwrap().0,
             Read::Nothing
@@ -227,7 +228,7 @@ mod tests {
         let found = read(&mut topics, "rig/pressure", r#"{"t": 1, "p": 2, "q": 0}"#).unwrap();
         assert_eq!((&found.0, found.1[0], found.1[1]), (&Read::Row, 1.0, 2.0));
         assert!(found.1[2].is_nan() && found.1[3].is_nan());
-        // Cells have a header for each topic, with its own columns.
+        // CSV lines have a header for each topic, with its own columns.
         assert_eq!(read(&mut topics, "rig/position", "x,p,t").unwrap().0, Read::Nothing);
         let found = read(&mut topics, "rig/position", "5,4,1").unwrap();
         assert_eq!((found.0, &found.1[2..]), (Read::Row, &[4.0, 5.0][..]));

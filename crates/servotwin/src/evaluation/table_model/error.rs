@@ -1,13 +1,13 @@
-//! What can be wrong with somebody's table.
+//! Errors in a user's table.
 
-/// Why a table cannot be learnt from, judged with or predicted.
+/// Why a table cannot be used for training, testing or prediction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableModelError {
     /// A row has no class or no group.
     #[error("{place}, column '{column}': the row has no {what}{}", and_more(*.rows))]
     Empty {
-        /// What it lacks, in words.
+        /// "class" or "group".
         what: &'static str,
         /// The column.
         column: String,
@@ -16,7 +16,7 @@ pub enum TableModelError {
         /// How many rows lack it.
         rows: usize,
     },
-    /// The column of the classes holds measured numbers.
+    /// The class column contains measured numbers.
     #[error(
         "column '{column}' holds {different} different numbers: that is measured, no class; make classes of it by \
          limits, for example {},{}",
@@ -25,18 +25,18 @@ pub enum TableModelError {
     NumericLabel {
         /// The column.
         column: String,
-        /// How many different numbers.
+        /// The number of distinct values.
         different: usize,
-        /// Two limits that would make three classes of them.
+        /// Two limits that would divide the values into three classes.
         limits: (f64, f64),
     },
-    /// Limits that make classes of numbers are not ascending, or leave one class only.
+    /// Limits that divide numbers into classes are not ascending, or leave only one class.
     #[error("the limits must ascend and leave at least two classes of column '{column}'")]
     Limits {
         /// The column.
         column: String,
     },
-    /// Hardly any class occurs twice.
+    /// Almost no class occurs twice.
     #[error(
         "column '{column}' holds {different} different texts in {rows} rows: hardly any class occurs twice, so there \
          is nothing to learn"
@@ -44,24 +44,24 @@ pub enum TableModelError {
     NamesNotClasses {
         /// The column.
         column: String,
-        /// How many different texts.
+        /// The number of distinct texts.
         different: usize,
-        /// In how many rows.
+        /// The number of rows.
         rows: usize,
     },
-    /// A text column named as a feature has too many different texts.
+    /// A text column named as a feature has too many distinct texts.
     #[error(
         "column '{column}' holds {different} different texts; at most {largest} can become features"
     )]
     TooManyCategories {
         /// The column.
         column: String,
-        /// How many.
+        /// The number of distinct texts.
         different: usize,
-        /// How many there may be.
+        /// The largest allowed number.
         largest: usize,
     },
-    /// The column of the split has no value that means test, or none that means training.
+    /// The split column has no value for test, or none for training.
     #[error(
         "column '{column}' must hold {}; it holds {}",
         needed_values(.test_value.as_deref()), .values.join(", ")
@@ -69,12 +69,12 @@ pub enum TableModelError {
     Split {
         /// The column.
         column: String,
-        /// The values it has, the first few.
+        /// Its first values.
         values: Vec<String>,
-        /// The value that means test, where one was given.
+        /// The value that marks test rows, if given.
         test_value: Option<String>,
     },
-    /// A group stands on both sides of a fixed split.
+    /// A group is on both sides of a fixed split.
     #[error(
         "'{group}' of column '{column}'{} is in training and in test: a group must stand on one side of the split",
         others(*.groups)
@@ -84,34 +84,34 @@ pub enum TableModelError {
         column: String,
         /// The first such group.
         group: String,
-        /// How many such groups.
+        /// The number of such groups.
         groups: usize,
     },
-    /// Nothing is left on one side of the split.
+    /// One side of the split is empty.
     #[error("no row is left for {side}")]
     NothingLeft {
-        /// Which side, in words.
+        /// The empty side, in words.
         side: &'static str,
     },
-    /// A value is missing, and the classifier cannot do without.
+    /// A value is missing, and the classifier does not support that.
     #[error("{place}, column '{column}': no value, and {reason}")]
     Missing {
         /// The column.
         column: String,
         /// The place in the file.
         place: String,
-        /// Why it cannot.
+        /// Why it is not supported.
         reason: &'static str,
     },
-    /// A class was given a weight, but does not occur.
+    /// A weight was given for a class that does not occur.
     #[error("a weight for class '{class}', but there are {}", .known.join(", "))]
     UnknownWeight {
         /// The class.
         class: String,
-        /// The classes there are.
+        /// The classes that occur.
         known: Vec<String>,
     },
-    /// A weight is no positive number.
+    /// A weight is not a positive number.
     #[error("the weight of class '{class}' is {weight}, it must be above 0")]
     Weight {
         /// The class.
@@ -119,13 +119,13 @@ pub enum TableModelError {
         /// The weight.
         weight: f64,
     },
-    /// One column was named for two things.
+    /// One column was named for two exclusive purposes.
     #[error("column '{column}' is named for two things that exclude each other")]
     UsedTwice {
         /// The column.
         column: String,
     },
-    /// Abstention needs probabilities, and the classifier gives none.
+    /// Abstention needs probabilities, but the classifier has none.
     #[error(
         "{classifier} gives no probabilities here, so it cannot abstain below one (AdaBoost gives none once classes \
          are weighted)"
@@ -134,12 +134,12 @@ pub enum TableModelError {
         /// The classifier.
         classifier: &'static str,
     },
-    /// There is no such row.
+    /// The table has no such row.
     #[error("there is no row {row}: the table has the rows 1 to {rows}")]
     NoRow {
         /// The row, from 1.
         row: usize,
-        /// How many there are.
+        /// The number of rows.
         rows: usize,
     },
 }

@@ -1,5 +1,4 @@
-//! How good a classifier is on rows held out: over all, for each class, for each group, and beside
-//! the answer that is right most often.
+//! Evaluates a classifier on held-out rows: overall, by class, by group, and against the most frequent class.
 
 use super::{HoldOut, Prepared};
 use crate::evaluation::EvaluationError;
@@ -11,62 +10,62 @@ use servotwin_learning::classifiers;
 use servotwin_learning::metrics::{Confusion, Rate, Score, cluster_bootstrap};
 use servotwin_learning::splits::Split;
 
-/// How often groups are drawn again for an interval.
+/// Number of bootstrap resamples of the groups for an interval.
 const RESAMPLES: usize = 2000;
 
-/// The seed of that.
+/// Seed of the bootstrap.
 const SEED: u64 = 1;
 
-/// A row, its class, and the class predicted.
+/// A row, its class, and the predicted class.
 pub(super) type Said = (usize, u32, u32);
 
-/// What the same answer for every row would be worth.
+/// The result of answering with one class for every row.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Baseline {
-    /// The most frequent class of the rows trained with; of the first split where they differ.
+    /// The most frequent class of the training rows; that of the first split if splits differ.
     pub class: String,
-    /// Share of the rows held out of which it is the class.
+    /// Its accuracy on the held-out rows.
     pub accuracy: Option<f64>,
 }
 
 /// The rows of one class.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClassResult {
-    /// The class.
+    /// The name of the class.
     pub class: String,
-    /// Share of its rows that were recognised.
+    /// Share of its rows that were recognized.
     pub recall: Rate,
-    /// Share of the rows said to be of the class that are.
+    /// Share of right answers among the rows predicted as this class.
     pub precision: Option<f64>,
 }
 
 /// The rows of one group.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GroupResult {
-    /// The group.
+    /// The name of the group.
     pub group: String,
     /// The classes in it.
     pub classes: Vec<String>,
-    /// Rows held out.
+    /// Number of held-out rows.
     pub rows: u64,
-    /// Of these predicted right.
+    /// Number of right predictions.
     pub right: u64,
 }
 
-/// How good a classifier is on rows held out.
+/// The result of a classifier on held-out rows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Judged {
-    /// The score over all rows held out. With groups the interval is made by drawing whole groups.
+    /// The score over all held-out rows. With groups, the interval comes from resampling whole groups.
     pub score: Score,
     /// Whether the intervals are over groups.
     pub intervals_over_groups: bool,
-    /// What the same answer for every row would be worth; `None` where nothing was trained.
+    /// The result of the most frequent class; `None` if nothing was trained.
     pub baseline: Option<Baseline>,
-    /// Every class that occurs.
+    /// Results by class.
     pub classes: Vec<ClassResult>,
-    /// Every group held out.
+    /// Results by held-out group.
     pub groups: Vec<GroupResult>,
-    /// What makes the result worth less than it looks.
+    /// Reasons why the result may be less good than it looks.
     pub warnings: Vec<String>,
 }
 
@@ -74,7 +73,7 @@ impl Prepared {
     /// Trains and tests a classifier over held-out rows.
     ///
     /// # Errors
-    /// As [`Prepared::splits`]; what training says.
+    /// See [`Prepared::splits`]; or training fails.
     pub fn validate(
         &self,
         settings: &classifiers::Settings,
@@ -94,19 +93,19 @@ impl Prepared {
         Ok(judged)
     }
 
-    /// What a model says about some rows.
+    /// The predictions of a model for the given rows.
     pub(super) fn predictions(&self, model: &Model, rows: &[usize]) -> Vec<Said> {
         let said = predicted(model, &self.samples, rows);
         let truth = rows.iter().map(|&row| self.samples.labels()[row]);
         rows.iter().zip(truth).zip(said).map(|((&row, truth), said)| (row, truth, said)).collect()
     }
 
-    /// The results of predictions, split by split.
+    /// Evaluates predictions, given by split.
     pub(super) fn judged(&self, splits: &[Vec<Said>], baseline: Option<Baseline>) -> Judged {
         let all: Vec<Said> = splits.concat();
         let mut confusion = Confusion::new(self.samples.classes());
         all.iter().for_each(|&(_, truth, said)| confusion.count(truth, Some(said)));
-        // Wilson's interval, or where there are groups an interval over these.
+        // Wilson's interval, or an interval over groups if there are any.
         let per_split = splits.iter().map(|split| Rate::of(split, is_right).share).collect();
         let names = self.samples.class_names().to_vec();
         let score = Score::new(names, self.rate(&all), &confusion, per_split);
@@ -120,7 +119,7 @@ impl Prepared {
         }
     }
 
-    /// The share of right predictions.
+    /// The share of right predictions, with its interval.
     fn rate(&self, predictions: &[Said]) -> Rate {
         let plain = Rate::of(predictions, is_right);
         let Some(groups) = self.groups.as_ref().filter(|_| !predictions.is_empty()) else {
@@ -166,7 +165,7 @@ impl Prepared {
         results
     }
 
-    /// The most frequent class of each split's training rows, on its test rows.
+    /// The most frequent class of each split's training rows, tested on its test rows.
     fn baseline(&self, splits: &[Split]) -> Baseline {
         let labels = self.samples.labels();
         let (mut right, mut of, mut first) = (0, 0, None);
@@ -183,7 +182,7 @@ impl Prepared {
         Baseline { class, accuracy: Rate::new(right, of).share }
     }
 
-    /// Classes that are tested in some split without having been trained there.
+    /// A warning about classes that are tested in a split without being trained there.
     fn never_trained(&self, splits: &[Split]) -> Option<String> {
         let labels = self.samples.labels();
         let mut missing = vec![false; self.samples.classes()];
@@ -206,7 +205,7 @@ fn is_right((_, truth, said): &Said) -> bool {
     truth == said
 }
 
-/// The class that a model says for some rows of samples.
+/// The class that a model predicts for each row.
 pub(super) fn predicted(model: &Model, samples: &Samples, rows: &[usize]) -> Vec<u32> {
     let mut values = vec![0.0; samples.features()];
     let mut scratch = vec![0.0; model.classes()];

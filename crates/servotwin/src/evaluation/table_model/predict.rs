@@ -1,4 +1,4 @@
-//! A trained classifier at work: judging labelled rows, predicting others, explaining one.
+//! Applies a trained classifier: testing on labeled rows, prediction, and explanation of a row.
 
 use super::columns::encode;
 use super::error::TableModelError;
@@ -12,11 +12,10 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Judges a trained classifier with a table; the intervals are over groups where there are some.
+/// Tests a trained classifier on a table; intervals are over groups if there are any.
 ///
 /// # Errors
-/// A column is missing or unfit, a class is not one that the model knows, or a value is missing that
-/// the model has not learnt to do without.
+/// A column is missing or invalid, the model does not know a class, or a value is missing that the model needs.
 pub fn evaluate_table(
     table: Table,
     model: &TableModel,
@@ -25,10 +24,10 @@ pub fn evaluate_table(
     judge_table(table, model, group).map(|(_, judged)| judged)
 }
 
-/// The same with the table as the classifier reads it.
+/// The same, and returns the prepared table.
 ///
 /// # Errors
-/// As [`evaluate_table`].
+/// See [`evaluate_table`].
 pub fn judge_table(
     table: Table,
     model: &TableModel,
@@ -80,14 +79,14 @@ pub fn judge_table(
 }
 
 impl TableModel {
-    /// The columns that an answer of the model may depend on.
+    /// The columns that the model's answers can depend on.
     pub fn columns_read(&self) -> BTreeSet<&str> {
         let read = self.inputs.iter().enumerate().filter(|(feature, _)| self.model.reads(*feature));
         read.map(|(_, input)| input.column()).collect()
     }
 }
 
-/// The features of a table as a model reads them; what it does not read need not be there.
+/// The features of a table as a model reads them; columns that it does not read may be absent.
 fn samples(
     mut table: Table,
     model: &TableModel,
@@ -104,7 +103,7 @@ fn samples(
     Ok(Samples::with_missing(model.features(), model.classes.clone(), values, codes)?)
 }
 
-/// The first place of a value that a model needs and a row lacks, as (feature, row).
+/// The first missing value that a model needs, as (feature, row).
 fn first_gap(samples: &Samples, model: &TableModel) -> Option<(usize, usize)> {
     let gap = |feature: usize| samples.column(feature).iter().position(|value| value.is_nan());
     let needed = |feature: &usize| !model.model.knows_missing() && model.model.reads(*feature);
@@ -116,12 +115,12 @@ fn missing(model: &TableModel, feature: usize, place: String) -> TableModelError
     TableModelError::Missing { column: model.inputs[feature].name(), place, reason }
 }
 
-/// Which rows a model cannot answer: a value is missing that its answer depends on, and training has not shown what such
-/// rows are. A tree needs only what it asks on the way of the row.
+/// Rows that a model cannot answer: a needed value is missing, and training had no rows without it. A tree needs only
+/// the features on the row's path.
 struct Gaps<'m> {
     model: &'m TableModel,
     needed: Vec<usize>,
-    /// Rows without an answer by the first feature that they lack.
+    /// Number of rows without an answer, by the first missing feature.
     rows: BTreeMap<usize, usize>,
 }
 
@@ -134,7 +133,7 @@ impl<'m> Gaps<'m> {
         Self { model, needed, rows: BTreeMap::new() }
     }
 
-    /// The feature that the model needs and a row lacks.
+    /// The first needed feature that a row lacks.
     fn lacks(&self, values: &[f64]) -> Option<usize> {
         let first = self.needed.iter().copied().find(|&feature| values[feature].is_nan())?;
         match &self.model.model {
@@ -162,25 +161,25 @@ impl<'m> Gaps<'m> {
     }
 }
 
-/// What a model says about a table.
+/// The predictions for a table.
 #[derive(Debug, Clone)]
 pub struct Predicted {
-    /// A row for each of its rows.
+    /// One row for each row of the input.
     pub table: Table,
-    /// Where little speaks for what is said, in words.
+    /// Warnings about predictions with little evidence.
     pub doubts: Vec<String>,
 }
 
-/// Rows about which a model has little to go by.
+/// Rows that give a model little evidence.
 struct Doubts<'m> {
-    /// The features that are numbers.
+    /// The indices of numeric features.
     numbers: Vec<usize>,
-    /// For each column of three texts or more their features: of two texts only one has a feature, so that it cannot be
-    /// told whether a row has the other one.
+    /// The features of each column with three or more texts. With two texts there is only one feature, so other texts
+    /// cannot be detected.
     texts: BTreeMap<&'m str, Vec<usize>>,
-    /// Rows with nothing that is known.
+    /// Number of rows without any known value.
     blank: usize,
-    /// Others, by a column with none of the texts that were learned.
+    /// Number of other rows whose text was not in training, by column.
     unseen: BTreeMap<&'m str, usize>,
 }
 
@@ -195,13 +194,13 @@ impl<'m> Doubts<'m> {
                 Input::Number { .. } | Input::Time { .. } => numbers.push(feature),
             }
         }
-        // It is one of the two, whatever else the row has.
+        // A column with two texts always has one of them, whatever the row contains.
         numbers.extend(texts.values().filter(|features| features.len() == 1).flatten());
         texts.retain(|_, features| features.len() > 1);
         Self { numbers, texts, blank: 0, unseen: BTreeMap::new() }
     }
 
-    /// Looks at the features of a row.
+    /// Checks the features of a row.
     fn look(&mut self, values: &[f64]) {
         let has_number = self.numbers.iter().any(|&feature| !values[feature].is_nan());
         let is_unseen = |features: &Vec<usize>| features.iter().all(|&f| values[f] != 1.0);
@@ -229,15 +228,15 @@ impl<'m> Doubts<'m> {
     }
 }
 
-/// What a model says about every row of a table, which needs no classes. The result has a column
-/// `row` (from 1), those to `keep`, `predicted`, a column for each class with its probability (`p:CLASS`, or
-/// `score:CLASS` where the classifier gives none), and for a tree `leaf` and `path`.
+/// Predicts every row of a table, which needs no class column. The result has a column `row` (from 1), the columns to
+/// `keep`, and `predicted`. Each class has a column with its probability (`p:CLASS`, or `score:CLASS` if the classifier
+/// has none). Trees add `leaf` and `path`.
 ///
-/// `predicted` is empty where the probability of the class decided is below `abstain_below`, and where a value is missing
-/// that the model needs; there the probabilities are NaN, and a tree's way ends at the question.
+/// `predicted` is empty if the probability of the decided class is below `abstain_below`, or if a value is missing that
+/// the model needs. In the latter case the probabilities are NaN, and a tree's path ends at the question.
 ///
 /// # Errors
-/// As [`evaluate_table`]; [`TableModelError::NoProbabilities`].
+/// See [`evaluate_table`]; [`TableModelError::NoProbabilities`].
 pub fn predict(
     table: Table,
     model: &TableModel,
@@ -303,8 +302,8 @@ pub fn predict(
     Ok(Predicted { table: result, doubts })
 }
 
-/// The last node of a row's way through a tree, and the way in words. Where a value is missing that the tree needs, the
-/// way ends at the node that asks for it.
+/// The last node of a row's path through a tree, and the path in words. If a needed value is missing, the path ends at
+/// the node that asks for it.
 fn way(model: &TableModel, tree: &Tree, values: &[f64], lacking: Option<usize>) -> (u32, String) {
     let is_asked = |node: usize| tree.split(node).is_some_and(|(asked, _)| Some(asked) == lacking);
     let mut path = tree.decision_path(values);
@@ -319,24 +318,23 @@ fn way(model: &TableModel, tree: &Tree, values: &[f64], lacking: Option<usize>) 
     (last.unwrap_or(0) as u32, said.join(" and "))
 }
 
-/// One question of a tree with its answer.
+/// A question of a tree with the row's answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
-    /// The column asked about.
+    /// The column in the question.
     pub column: String,
-    /// The text that the column was compared with; `None` for a number.
+    /// The text that the column is compared with; `None` for a number.
     pub is: Option<String>,
-    /// The value of the row; `None` where it has none.
+    /// The value of the row; `None` if missing.
     pub value: Option<f64>,
-    /// The threshold.
+    /// The threshold of the question.
     pub threshold: f64,
-    /// Whether the row went right: the value is above the threshold, or is missing and such rows
-    /// went right.
+    /// Whether the row went right: the value is above the threshold, or it is missing and missing values go right.
     pub right: bool,
 }
 
 impl Step {
-    /// Whether the question is only whether there is a value.
+    /// Whether the question only tests whether a value is present.
     pub fn asks_for_any(&self) -> bool {
         is_any_value(self.threshold)
     }
@@ -356,12 +354,12 @@ impl Step {
     }
 }
 
-/// Whether a threshold only asks whether there is a value at all.
+/// Whether a threshold only tests whether a value is present.
 fn is_any_value(threshold: f64) -> bool {
     threshold >= servotwin_diagnosis::numeric::MAX_VALUE
 }
 
-/// The question of an inner node, answered with yes by the rows that go left.
+/// The question of an inner node; rows that go left answer yes.
 pub fn question(input: &Input, threshold: f64, missing_left: bool, shown: &str) -> String {
     let missing = if missing_left { " or missing" } else { "" };
     match input {
@@ -371,7 +369,7 @@ pub fn question(input: &Input, threshold: f64, missing_left: bool, shown: &str) 
     }
 }
 
-/// The way of a row through a tree.
+/// The path of a row through a tree.
 fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
     let path: Vec<usize> = tree.decision_path(values).collect();
     let step = |pair: &[usize]| {
@@ -392,29 +390,28 @@ fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
     path.windows(2).filter_map(step).collect()
 }
 
-/// Why a model says what it says about one row.
+/// An explanation of a prediction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Explanation {
     /// The row, from 1.
     pub row: usize,
     /// Its place in the file.
     pub place: String,
-    /// The class in the table, where it has the column.
+    /// The class in the table, if it has the column.
     pub truth: Option<String>,
-    /// The class that the model says.
+    /// The predicted class.
     pub said: String,
-    /// Every class with its probability, or where the classifier gives none its score; the best
-    /// first.
+    /// Every class with its probability, or its score if the classifier has no probabilities; the best first.
     pub scores: Vec<(String, f64)>,
     /// Whether these are probabilities.
     pub probabilities: bool,
-    /// For a tree, its questions.
+    /// For a tree, the questions on the path.
     pub steps: Vec<Step>,
-    /// For a tree, the rows of each class that training had in the leaf.
+    /// For a tree, the number of training rows of each class in the leaf.
     pub leaf: Vec<(String, u32)>,
 }
 
-/// A threshold without what arithmetic has left in its last digits: it lies between two values of a table.
+/// Removes rounding errors from the last digits of a threshold, which lies between two values of a table.
 fn without_rounding(threshold: f64) -> f64 {
     format!("{threshold:.11e}").parse().unwrap_or(threshold)
 }
@@ -422,7 +419,7 @@ fn without_rounding(threshold: f64) -> f64 {
 /// Explains one row, counted from 1.
 ///
 /// # Errors
-/// As [`evaluate_table`]; [`TableModelError::NoRow`].
+/// See [`evaluate_table`]; [`TableModelError::NoRow`].
 pub fn explain(
     table: Table,
     model: &TableModel,

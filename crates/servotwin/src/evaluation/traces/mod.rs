@@ -1,6 +1,6 @@
-//! Features from foreign traces: measured and nominal signals as columns of a table.
+//! Computes features from a user's traces: measured and nominal signals as columns of a table.
 //!
-//! A small study file in TOML says which columns are what (docs/tables.md has worked examples):
+//! A small study file in TOML assigns the columns (`docs/tables.md` has worked examples):
 //! ```toml
 //! format = 1
 //! families = ["moments", "deviation"]  # all where not given
@@ -15,9 +15,9 @@
 //! [[sensors]]                          # or measured and nominal apart
 //! name = "p_A1"
 //! measured = "pressure_a_pa"
-//! nominal = "twin_pressure_a_pa"       # a column; or, to be learnt from the healthy rows,
+//! nominal = "twin_pressure_a_pa"       # a column; or, to be learned from the healthy rows,
 //! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
-//! scale = 206.84e5                     # where learnt, 100 deviations of healthy rows if not given
+//! scale = 206.84e5                     # where learned, 100 deviations of healthy rows if not given
 //! quantity = "pressure_a"              # `other` where not given
 //! unit = 1                             # 1 where not given
 //! ```
@@ -39,10 +39,10 @@ use std::collections::BTreeMap;
 /// The format of study files for traces that this version reads.
 const FORMAT: u32 = 1;
 
-/// Residuals may be so many scales: products of four of them, of which features are made, are still numbers.
+/// The largest residual, in scales: products of four residuals, used in features, remain finite.
 const FARTHEST: f64 = 1e50;
 
-/// What is in a table of traces.
+/// The study file for a table of traces.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TraceStudy {
@@ -84,45 +84,45 @@ fn first() -> usize {
     1
 }
 
-/// What is wrong with a study file for traces, or with traces under it.
+/// Why a study file for traces, or a table of traces, is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum TraceError {
-    /// The text is no such file; the message has line and column.
+    /// The text is not valid; the message has line and column.
     #[error(transparent)]
     Syntax(Box<toml::de::Error>),
-    /// Another format.
+    /// An unsupported format.
     #[error("format {0} is not known, this version reads {FORMAT}")]
     Format(u32),
-    /// A word is not known.
+    /// An unknown word.
     #[error("no {what} is named '{word}'{}", did_you_mean(.nearest))]
     Unknown {
-        /// What was looked for.
+        /// What the word should name.
         what: &'static str,
-        /// The word.
+        /// The unknown word.
         word: String,
-        /// The nearest known word.
+        /// The most similar known word.
         nearest: Option<String>,
     },
     /// A number is out of range.
     #[error("{what} must be {allowed}")]
     OutOfRange {
-        /// Which number.
+        /// The number.
         what: String,
-        /// What is allowed.
+        /// The allowed values.
         allowed: &'static str,
     },
     /// The file names no sensor and no residual.
     #[error("there is nothing to measure: name 'residuals' or add [[sensors]]")]
     NoSensors,
-    /// No window is full.
+    /// No window is complete.
     #[error("no window of {window_rows} rows fits: the longest run of rows has {longest}")]
     NoWindow {
-        /// Rows that a window needs.
+        /// Number of rows in a window.
         window_rows: usize,
-        /// The longest run of rows that belong together.
+        /// The longest run of contiguous rows.
         longest: usize,
     },
-    /// A nominal value is to be learnt, and nothing says from which rows.
+    /// A nominal value must be learned, but no row is marked as healthy.
     #[error(
         "the nominal value of '{sensor}' is to be learnt, but no row is healthy: name them in [healthy], or give \
          healthy traces"
@@ -131,16 +131,16 @@ pub enum TraceError {
         /// The sensor.
         sensor: String,
     },
-    /// A sensor has both a nominal column and one to be learnt, or its scale is to be learnt
-    /// without a nominal value.
+    /// A sensor has both a nominal column and a learned nominal value, or a learned scale without a learned nominal
+    /// value.
     #[error("sensor '{sensor}': {problem}")]
     Nominal {
         /// The sensor.
         sensor: String,
-        /// What is wrong.
+        /// The problem.
         problem: &'static str,
     },
-    /// A number is so large that squares of residuals have no end.
+    /// A number is so large that squares of residuals would overflow.
     #[error(
         "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; allowed is \
          {FARTHEST:e} times the scale of {scale:e}"
@@ -148,19 +148,19 @@ pub enum TraceError {
     TooFar {
         /// The column.
         column: String,
-        /// Where it stands.
+        /// Its place in the file.
         place: String,
-        /// The number.
+        /// The measured value.
         value: f64,
         /// Its nominal value.
         nominal: f64,
         /// The sensor's scale.
         scale: f64,
     },
-    /// The table is not as the file says.
+    /// The table does not match the study file.
     #[error(transparent)]
     Evaluation(EvaluationError),
-    /// Neither are the healthy traces that nominal values are to be learnt from.
+    /// The healthy traces do not match the study file.
     #[error(transparent)]
     Healthy(EvaluationError),
 }
@@ -179,7 +179,7 @@ impl TraceStudy {
     /// Reads the text of a study file.
     ///
     /// # Errors
-    /// [`TraceError`], but not about a table.
+    /// [`TraceError`], except errors about a table.
     pub fn parse(text: &str) -> Result<Self, TraceError> {
         let mut study: TraceStudy =
             toml::from_str(text).map_err(|error| TraceError::Syntax(Box::new(error)))?;
@@ -201,7 +201,7 @@ impl TraceStudy {
         Ok(study)
     }
 
-    /// Rows of a window.
+    /// Number of rows in a window.
     pub fn window_rows(&self) -> usize {
         self.window_rows
     }
@@ -267,19 +267,19 @@ impl TraceStudy {
         self.families.iter().map(one).collect()
     }
 
-    /// The sensors as families of features see them.
+    /// The sensors in the form that feature families use.
     ///
     /// # Errors
-    /// A quantity that is not known.
+    /// An unknown quantity.
     pub fn sensors(&self) -> Result<Sensors, TraceError> {
         self.seen()
     }
 
-    /// The features of every full window of a table of traces. What is to be learnt is learnt from
-    /// `healthy` traces where they are given, else from the rows that the study names.
+    /// The features of every complete window in a table of traces. Nominal values and scales are learned from `healthy`
+    /// traces if given, otherwise from the healthy rows of the study.
     ///
     /// # Errors
-    /// A column is missing or unfit, no window is full, or no row is healthy.
+    /// A column is missing or invalid, no window is complete, or no row is healthy.
     pub fn features(&self, traces: &Table, healthy: Option<&Table>) -> Result<Table, TraceError> {
         let columns = self.columns(traces, healthy)?;
         let kept = self.keep.iter().map(|name| traces.column(name).map(texts));
@@ -323,7 +323,7 @@ impl TraceStudy {
         Ok(table)
     }
 
-    /// Measured and nominal values and the scale of every sensor.
+    /// Measured values, nominal values and scale of every sensor.
     fn columns<'t>(
         &self,
         traces: &'t Table,
@@ -358,7 +358,7 @@ impl TraceStudy {
                         learnt.at(&inputs.iter().map(|column| column[row]).collect::<Vec<_>>())
                     };
                     let nominal = (0..traces.row_count()).map(at).collect();
-                    // The band of 3 % is then three deviations.
+                    // The band of 3 % then corresponds to three standard deviations.
                     let scale = Some(sensor.scale.unwrap_or(100.0 * learnt.deviation));
                     (Cow::Owned(nominal), scale)
                 }
@@ -384,7 +384,7 @@ impl TraceStudy {
         self.sensors.iter().map(one).collect()
     }
 
-    /// The rows in which every column of [healthy] holds what is said there.
+    /// The rows in which every column of [healthy] has the given value.
     fn healthy_rows(&self, traces: &Table) -> Result<Vec<usize>, TraceError> {
         let mut rows: Vec<usize> = (0..traces.row_count()).collect();
         for (name, value) in &self.healthy {
@@ -394,7 +394,7 @@ impl TraceStudy {
         Ok(rows)
     }
 
-    /// The first rows of the full windows.
+    /// The first rows of the complete windows.
     fn windows(&self, rows: usize, kept: &[Vec<String>]) -> Result<Vec<usize>, TraceError> {
         let (mut starts, mut start, mut longest) = (vec![], 0, 0);
         for row in 1..=rows {
@@ -413,7 +413,7 @@ impl TraceStudy {
     }
 }
 
-/// What is known of a sensor in every row.
+/// The signals of a sensor in all rows.
 struct SensorColumns<'t> {
     measured: Cow<'t, [f64]>,
     nominal: Cow<'t, [f64]>,

@@ -1,4 +1,4 @@
-//! What docs/fit.md says of the paper's study, measured. Minutes, therefore only when asked:
+//! Measures the results quoted in docs/fit.md for the paper's study. They take minutes and run only on request:
 //!
 //! ```sh
 //! cargo test --release -p servotwin --lib -- --ignored --nocapture measure_calibration_with_a_fault
@@ -20,7 +20,7 @@ fn percent(count: usize, of: usize) -> String {
     format!("{count} of {of}: {share:.1} % ({:.1} … {:.1})", 100.0 * rate.low, 100.0 * rate.high)
 }
 
-/// Flies the calibration flight of a study: each specimen with its fault, by its number.
+/// Flies the calibration flight of a study for numbered specimens, each with its fault.
 struct Rig<'s> {
     study: &'s Study,
     calibration: &'s Calibration,
@@ -33,7 +33,7 @@ impl<'s> Rig<'s> {
         Self { study, calibration, sensors: &study.measured[..study.base_sensors()] }
     }
 
-    /// The sensors' samples without noise; of what cannot be simulated, none.
+    /// The sensors' samples without noise; `None` for variants that cannot be simulated.
     fn simulated(&self, specimens: &[(usize, Option<FaultAt>)]) -> Vec<Option<Vec<f64>>> {
         let Self { study, calibration, sensors } = *self;
         let realism = study.realism.as_ref().unwrap();
@@ -60,7 +60,7 @@ impl<'s> Rig<'s> {
         all
     }
 
-    /// What sensors show of it.
+    /// The samples with noise and quantization of the sensors.
     fn shown(&self, specimen: usize, mut samples: Vec<f64>) -> Vec<f64> {
         let mut noise = self.study.realism.as_ref().unwrap().noise(Lot::Training, specimen);
         let imperfections = Imperfections::of(&self.study.system, self.sensors);
@@ -73,7 +73,7 @@ impl<'s> Rig<'s> {
         Record::logged("calibration flight", inputs, self.sensors.to_vec(), period_s, measured)
     }
 
-    /// The largest change of a sensor by its fault, in parts of its scale.
+    /// The largest change of a sensor due to its fault, as a fraction of its scale.
     fn effect(&self, faulty: &[f64], healthy: &[f64]) -> f64 {
         let scales = self.study.scales();
         let pairs = faulty.iter().zip(healthy).enumerate();
@@ -82,13 +82,13 @@ impl<'s> Rig<'s> {
     }
 }
 
-/// The faults of some intensities, each kind once for each of them.
+/// All faults with at least the given intensity.
 fn faults(study: &Study, least: f64) -> Vec<&FaultCase> {
     let is_strong = |fault: &&FaultCase| fault.at.intensity >= least - 1e-9;
     study.faults.iter().filter(is_strong).collect()
 }
 
-/// Where the effect of a fault on a sensor ends, in parts of its scale: noise is 0.2 %, the paper's band 3 %.
+/// Limits of the effect classes, as fractions of a sensor's scale: noise is 0.2 %, the paper's band 3 %.
 const EFFECTS: [f64; 5] = [0.002, 0.005, 0.01, 0.03, f64::INFINITY];
 
 #[test]
@@ -102,7 +102,7 @@ fn measure_calibration_with_a_fault() {
     let first = rig.simulated(&[(0, None)]).remove(0).expect("a healthy specimen flies");
     let problem = Fit::of_study(&study, vec![rig.record(rig.shown(0, first))]);
     let fleet = fleet::Fleet::new(&problem).unwrap();
-    // For each size of effect: variants, refused or reported, of these named rightly among the first.
+    // For each class of effect: variants with a fault, and those rejected or reported.
     let mut counts = [[0_usize; 2]; EFFECTS.len()];
     let (mut unstable, mut agree, mut solved) = (0, 0, 0);
     let mut missed = Vec::new();
@@ -192,7 +192,7 @@ fn measure_intensity() {
     let study = Study::default();
     let rig = Rig::new(&study);
     let all = faults(&study, 0.2);
-    // Neighbours are of one kind: a stride without a common factor meets all kinds and all intensities.
+    // Neighboring cases have the same kind: a stride without a common factor covers all kinds and intensities.
     let (stride, most) = (setting("STRIDE", 31), setting("VARIANTS", 246));
     let threads = setting("THREADS", 2);
     let (mut of, mut inside, mut near) = (0, 0, 0);

@@ -1,17 +1,17 @@
-//! Faults that begin within a record, and records in which none does.
+//! Faults that begin within a record, and records without an onset.
 
 use super::super::intensity::intensity_and_onset;
 use super::*;
 use crate::ensemble::Later;
 
-/// A record of a specimen in which a fault begins at a moment, s.
+/// A record of a specimen in which a fault begins at `at_s`.
 fn begun(study: &Study, specimen: usize, fault: FaultAt, at_s: f64, duration_s: f64) -> Record {
     let later = vec![Later { time_s: at_s, faults: vec![fault], ..Later::default() }];
     let variant = Variant { later, ..Variant::default() };
     flown_as(study, COMMAND, (Some(specimen), specimen), variant, duration_s)
 }
 
-/// What a fit says of a record first.
+/// Fits a record of a study.
 fn first(study: &Study, record: Record) -> (Fit<'_>, FitResults) {
     let problem = Fit::of_study(study, vec![record]);
     let fitted = problem.solve().unwrap();

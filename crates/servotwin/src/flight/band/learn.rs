@@ -1,32 +1,33 @@
-//! A field from traces of flights: factors of what it depends on, and the conformal scale. The equations are in
-//! [`super`].
+//! Learns a conditional band from traces of flights: factors of the covariates, and the conformal scale. The equations
+//! are in [`super`].
 
 use super::BandError;
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate};
 
-/// Rounds in which factors are fitted one after the other.
+/// Rounds in which the factors are fitted one after the other.
 const ROUNDS: usize = 8;
-/// A factor of a bin is 1 unless so many flights say otherwise: samples of one flight are of one specimen.
+/// Regularization: the factor of a bin stays near 1 unless this many flights show otherwise. Samples of one flight
+/// share a specimen, so flights are counted.
 const DOUBT: f64 = 8.0;
 
-/// What the sensors of one flight showed beside its twin.
+/// The residuals of one flight with the covariates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
-    /// The covariates, sample after sample.
+    /// The covariates, ordered by sample.
     pub points: Vec<f64>,
-    /// The scaled residuals, sample after sample.
+    /// The scaled residuals, ordered by sample.
     pub residuals: Vec<f64>,
 }
 
 impl Trace {
-    /// The same with some of its covariates.
+    /// The same trace with only some of its covariates.
     pub(super) fn with_covariates(&self, kept: &[usize], width: usize) -> Trace {
         let own = self.points.chunks_exact(width.max(1));
         let points = own.flat_map(|point| kept.iter().map(|&place| point[place])).collect();
         Trace { points, residuals: self.residuals.clone() }
     }
 
-    /// The points and residuals of its samples, of so many covariates and sensors.
+    /// The covariates and residuals of each sample, for given numbers of covariates and sensors.
     fn samples(&self, width: usize, sensors: usize) -> impl Iterator<Item = (&[f64], &[f64])> {
         let residuals = self.residuals.chunks_exact(sensors).enumerate();
         residuals.map(move |(k, residuals)| {
@@ -34,7 +35,7 @@ impl Trace {
         })
     }
 
-    /// max |r|/s over all samples and sensors.
+    /// The score max |r|/s over all samples and sensors.
     pub fn score(&self, field: &ConditionalBand) -> f64 {
         let mut most: f64 = 0.0;
         for (point, residuals) in self.samples(field.covariates.len(), field.base.len()) {
@@ -46,28 +47,28 @@ impl Trace {
         most
     }
 
-    /// Whether it leaves the band.
+    /// Whether the trace leaves the band.
     pub fn leaves(&self, field: &ConditionalBand) -> bool {
         self.score(field) > field.scale
     }
 }
 
-/// s of a sensor in some bins.
+/// The size s of a sensor in the given bins.
 fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
     let factors = field.factors[sensor].iter().zip(bins);
     factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
 }
 
-/// The share of healthy flights that leaves a band with this target and so many calibration flights: its mean over
-/// calibrations, and what 95 % of calibrations stay below. q is the k-th of n scores, so that the share has the
-/// distribution Beta(n + 1 − k, k), whatever distribution the scores have.
+/// The share of healthy flights that leaves a band with this target and number of calibration flights. Returns its mean
+/// over calibrations and its 95 % quantile. q is the k-th of n scores, so the share has the distribution Beta(n + 1 −
+/// k, k), whatever distribution the scores have.
 pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let place = (place_of(target, flights)).min(flights);
     let above = flights + 1 - place;
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        // Beta(a, b) is below x where of a + b − 1 draws with x at least a succeed.
+        // Beta(a, b) is below x if, of a + b − 1 draws with probability x, at least a succeed.
         match at_least(above, flights, middle) < 0.95 {
             true => low = middle,
             false => high = middle,
@@ -76,12 +77,12 @@ pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     (above as f64 / (flights as f64 + 1.0), high)
 }
 
-/// k: which of the scores is q, counted from one.
+/// k: the rank of the score that becomes q, counted from one.
 fn place_of(target: f64, flights: usize) -> usize {
     ((flights as f64 + 1.0) * (1.0 - target) - 1e-9).ceil() as usize
 }
 
-/// The probability that of so many draws with a probability at least `least` succeed.
+/// The probability that at least `least` of the draws succeed.
 fn at_least(least: usize, draws: usize, probability: f64) -> f64 {
     let (mut sum, mut logarithm) = (0.0, draws as f64 * (1.0 - probability).ln());
     let odds = (probability / (1.0 - probability)).ln();
@@ -92,10 +93,11 @@ fn at_least(least: usize, draws: usize, probability: f64) -> f64 {
     1.0 - sum
 }
 
-/// A band for some sensors: s from the first traces, q from the others. Without covariates it is the same everywhere.
+/// Learns a band for several sensors: s from the first traces, q from the others. Without covariates the band is
+/// constant.
 ///
 /// # Errors
-/// Too few calibration traces for the share.
+/// There are too few calibration traces for the share.
 pub fn learn(
     covariates: Vec<Covariate>,
     sensors: usize,
@@ -127,10 +129,10 @@ pub fn learn(
     Ok(field)
 }
 
-/// s of a sensor.
+/// Fits the size s of a sensor.
 fn fit(field: &mut ConditionalBand, sensor: usize, learning: &[Trace]) {
     let (width, sensors) = (field.covariates.len(), field.base.len());
-    // For each flight the bins of its samples and the squares of their residuals.
+    // For each flight, the bins of its samples and the squares of their residuals.
     let squares = |trace: &Trace| -> Vec<(Vec<usize>, f64)> {
         let of = |(point, residuals): (&[f64], &[f64])| {
             (field.bins(point), residuals[sensor] * residuals[sensor])
@@ -170,7 +172,7 @@ mod tests {
     use crate::signal::random::Random;
     use servotwin_diagnosis::conditional_band::Source;
 
-    /// Flights whose residual grows with the size of what is asked, and with their specimen.
+    /// Flights whose residual grows with the covariate and depends on the specimen.
     fn flights(count: usize, seed: u64) -> Vec<Trace> {
         let mut random = Random::new(seed);
         let mut flight = |_| {
@@ -200,13 +202,13 @@ mod tests {
     fn the_promised_share_leaves_the_band_and_the_field_sees_more() {
         let (learning, judged) = (flights(40, 1), flights(400, 2));
         let (mut left, mut seen, mut seen_fixed) = (0, 0, 0);
-        // The promise is of the mean over calibrations: ten of them.
+        // The guarantee applies to the mean over calibrations, so ten are averaged.
         for round in 0..10 {
             let calibration = flights(39, 100 + round);
             let field = learn(axis(), 1, &learning, &calibration, 0.1).unwrap();
             let fixed = learn(vec![], 1, &none(&learning), &none(&calibration), 0.1).unwrap();
             left += judged.iter().filter(|trace| trace.leaves(&field)).count();
-            // A bias that is large for small motions only.
+            // A bias that is only large for small motions.
             for trace in &judged {
                 let mut faulty = trace.clone();
                 faulty.residuals.iter_mut().for_each(|residual| *residual += 0.016);
@@ -242,7 +244,7 @@ mod tests {
         let with = |count| learn(axis(), 1, &learning, &flights(count, 3), 0.05);
         assert!(matches!(with(18), Err(BandError::TooFew { flights: 18, needed: 19 })));
         let field = with(19).unwrap();
-        // With 19 flights the band is the largest of their scores: none of them leaves it.
+        // With 19 flights, the band is the largest of their scores, so none of them leaves it.
         assert!(flights(19, 3).iter().all(|trace| !trace.leaves(&field)));
         assert_eq!(field.outside(&[0.5]), 0.0);
         assert!((field.outside(&[1.5]) - 0.5).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! The faults that are in no list to learn from, one line each.
+//! The unseen faults, which no training data contain, one line each.
 
 use super::effect::Effect::{
     Drift, Fault, InputTimes, Missing, Noise, Swing, Times, ToldFrozen, ToldMissing, ToldOff,
@@ -8,31 +8,31 @@ use super::effect::{On, other, own, whole};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::Quantity::{PressureA, Ram, Supply};
 
-/// What a command for the faulty actuator may be, to count as sensible.
+/// The command for the faulty actuator that counts as sensible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sensible {
-    /// To shut it down: it does not do what it should.
+    /// A shutdown: the actuator does not work properly.
     Shutdown,
-    /// Anything but that: only a sensor is wrong.
+    /// Any command except a shutdown: only a sensor is wrong.
     NoShutdown,
     /// Any command for a faulty actuator.
     Any,
-    /// None: no actuator is at fault.
+    /// No command: no actuator is at fault.
     Nothing,
 }
 
 /// A fault that no diagnosis was trained on.
 pub struct Foreign {
-    /// What it is.
+    /// The display title.
     pub title: &'static str,
-    /// Its strengths.
+    /// The strengths that are flown.
     pub strengths: &'static [f64],
-    /// These in words, with their unit.
+    /// The strengths in words, with their unit.
     pub strengths_in_words: &'static str,
-    /// What may be commanded.
+    /// The command that counts as sensible.
     pub sensible: Sensible,
-    /// What it does.
+    /// The effects at a strength.
     pub effects: fn(f64) -> Vec<On>,
 }
 
@@ -47,11 +47,11 @@ const fn foreign(
 
 use Sensible::{Any, NoShutdown, Nothing, Shutdown};
 
-/// A sensor with so narrow a band does not move any more, Hz.
+/// A sensor with this bandwidth is practically stuck, Hz.
 const STUCK_HZ: f64 = 1e-3;
 const ONCE: (&[f64], &str) = (&[1.0], "");
 
-/// Every one of them.
+/// All unseen faults.
 pub static ALL: &[Foreign] = &[
     foreign("stuck stroke sensor", ONCE, Any, |_| {
         vec![own(Value("sensor_ram.bandwidth_hz", STUCK_HZ))]

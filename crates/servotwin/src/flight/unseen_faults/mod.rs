@@ -1,8 +1,7 @@
-//! What the diagnosis says of faults that it was never trained on.
+//! Tests the diagnosis with faults that it was never trained on.
 //!
-//! Nobody expects the right name for what has none. What is expected is that the healthy actuator stays
-//! on, and that what is said makes sense: the right actuator, or that the fault is unknown, or that what
-//! the twin was told is wrong.
+//! The right name cannot be expected for an unknown fault. The requirement is that the healthy actuator stays on, and
+//! that the output is sensible: the right actuator, an unknown fault, or a wrong input of the twin.
 
 mod effect;
 mod list;
@@ -22,10 +21,10 @@ use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Foreign flights are numbered from here on: other specimens and noise than those of the others.
+/// The first number of these flights, so that specimens and noise differ from other flights.
 const FIRST: usize = 500_000;
 
-/// Of how many flights what was said; every flight counts once, with the most that was said in it.
+/// Number of flights by output; every flight counts once, by its most specific output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Words {
     /// A sensible command for an actuator at fault was raised first.
@@ -34,17 +33,17 @@ pub struct Words {
     pub other_command: u64,
     /// A command for a healthy actuator was raised first.
     pub wrong_actuator: u64,
-    /// No command, but the actuator at fault was named.
+    /// No command was raised, but the actuator at fault was named.
     pub actuator: u64,
-    /// Neither, but that it is like nothing known.
+    /// None of the above, but the fault was reported as unknown.
     pub unknown: u64,
-    /// Neither, but that an input is not to be believed.
+    /// None of the above, but an input was reported as invalid.
     pub environment_invalid: u64,
-    /// Neither, but that readings are missing.
+    /// None of the above, but readings were reported as missing.
     pub no_data: u64,
-    /// Only that something is wrong, or a healthy actuator was named without a command.
+    /// Only a detection was reported, or a healthy actuator was named without a command.
     pub detected: u64,
-    /// Nothing.
+    /// Nothing was reported.
     pub healthy: u64,
 }
 
@@ -65,54 +64,55 @@ impl Words {
     }
 }
 
-/// What was said of a foreign fault.
+/// The outcome of an unseen fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnseenFaultOutcome {
-    /// What it is.
+    /// The fault's title.
     pub title: String,
-    /// Its strengths, in words.
+    /// Its strengths in words.
     pub strengths: String,
-    /// What would be sensible.
+    /// The command that counts as sensible.
     pub sensible: Sensible,
-    /// Flights that were finished.
+    /// Number of completed flights.
     pub flights: u64,
-    /// Flights that could not be.
+    /// Number of failed flights.
     pub failed: u64,
-    /// What was said.
+    /// The outputs of the diagnosis.
     pub words: Words,
-    /// Shutdowns of an actuator at fault.
+    /// Number of shutdowns of an actuator at fault.
     pub shutdowns_at_fault: u64,
-    /// Shutdowns of a healthy actuator whose boundary sensors are right.
+    /// Number of shutdowns of a healthy actuator whose boundary sensors are right.
     pub shutdowns_healthy: u64,
-    /// Flights in which a healthy actuator was shut down because a boundary sensor (a supply or return pressure that its
-    /// twin reads) was wrong. `None` if none was wrong, and of results from before this was counted: there these
-    /// stand among `shutdowns_at_fault`.
+    /// Flights in which a healthy actuator was shut down because a boundary sensor (a supply or return pressure that
+    /// its twin reads) was wrong. `None` if no such sensor was wrong, and in results from before this was counted;
+    /// those count these flights in `shutdowns_at_fault`.
     #[serde(default)]
     pub shutdowns_behind_wrong_sensor: Option<u64>,
-    /// From the onset to the first word, whatever it was.
+    /// From the onset to the first output of any kind.
     pub first_word: Option<Latency>,
-    /// The flights in which a healthy actuator was to be shut down, its boundary sensors right or wrong: environment, unit,
-    /// strength.
+    /// Flights in which a shutdown of a healthy actuator was raised, whether its boundary sensors were right or wrong:
+    /// environment, unit, strength.
     pub wrong: Vec<String>,
 }
 
-/// What was said of all of them in a setting.
+/// The outcomes of all unseen faults in a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnseenFaultMetrics {
-    /// The setting's name.
+    /// The scenario's name.
     pub setting: String,
-    /// One for each fault that the study's system can have.
+    /// One for each fault that applies to the study's system.
     pub outcomes: Vec<UnseenFaultOutcome>,
 }
 
 impl UnseenFaultMetrics {
-    /// Shutdowns of a healthy actuator, of how many flights.
+    /// Number of shutdowns of a healthy actuator, and of flights.
     pub fn shutdowns_healthy(&self) -> (u64, u64) {
         let sum = |of: fn(&UnseenFaultOutcome) -> u64| self.outcomes.iter().map(of).sum();
         (sum(|outcome| outcome.shutdowns_healthy), sum(|outcome| outcome.flights))
     }
 
-    /// Flights in which a healthy actuator was shut down behind a wrong boundary sensor, of how many with such a sensor.
+    /// Number of flights with a healthy actuator shut down because of a wrong boundary sensor, and of flights with such
+    /// a sensor.
     pub fn shutdowns_behind_wrong_sensor(&self) -> (u64, u64) {
         let counted = self.outcomes.iter();
         let counted = counted.filter_map(|o| Some((o.shutdowns_behind_wrong_sensor?, o.flights)));
@@ -120,14 +120,14 @@ impl UnseenFaultMetrics {
     }
 }
 
-/// One flight with a foreign fault.
+/// One flight with an unseen fault.
 struct Case {
-    /// Its place in [`ALL`].
+    /// Its index in [`ALL`].
     foreign: usize,
     unit: usize,
     strength: f64,
     changes: Changes,
-    /// The plant's environment, where it is not the one that the twin is told.
+    /// The plant's environment, if it differs from the twin's.
     real: Option<Environment>,
     base: usize,
 }
@@ -160,7 +160,7 @@ impl Plan {
                     let effects = (fault.effects)(strength);
                     let Some(changes) = Changes::new(study, unit, &effects) else { continue };
                     for repeat in 0..flights.judge.foreign {
-                        // Eleven and seven have no divisor in common with the usual numbers.
+                        // Eleven and seven have no common divisor with the usual numbers.
                         let base = (11 * repeat + 7 * foreign + 5 * place + 3 * unit) % count;
                         let case = Case {
                             foreign,
@@ -191,7 +191,7 @@ impl Plan {
         };
         let base = &flights.judged[case.base];
         let [plant, twin] = case.changes.environments(base, &flight, study.sample_period_s);
-        // A plant that is not changed where its twin is has the environment as it was.
+        // If only the twin's environment changes, the plant keeps the original one.
         case.real = twin.is_some().then(|| plant.unwrap_or_else(|| base.clone()));
         if let Some(twin) = twin {
             flight.environment = self.told.len();
@@ -202,7 +202,7 @@ impl Plan {
     }
 }
 
-/// What was heard in a flight.
+/// The outputs collected in a flight.
 struct Listening {
     session: Session,
     touched: Touched,
@@ -219,7 +219,7 @@ struct Listening {
     off_healthy: bool,
 }
 
-/// What was found at any time since the onset.
+/// The findings at any time since the onset.
 #[derive(Default)]
 struct FindingFlags {
     actuator: bool,
@@ -230,7 +230,7 @@ struct FindingFlags {
 }
 
 impl FindingFlags {
-    /// Whether it is a word at all.
+    /// Updates the flags; returns whether anything was reported.
     fn listen(&mut self, outcome: &Outcome, is_concerned: impl Fn(usize) -> bool) -> bool {
         let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
         self.no_data |= lacks;
@@ -261,7 +261,7 @@ impl Observer for Listening {
             let is_guilty = is_late && self.at_fault.contains(&unit);
             let is_misinformed = is_late && self.misinformed.contains(&unit);
             let is_off = self.is_off[raised.action as usize];
-            // What was raised before the onset was raised of a healthy one, and may stay.
+            // A command raised before the onset accuses a healthy unit and may persist.
             let is_new_off = is_off && raised.sample == outcome.sample;
             self.off_at_fault |= is_off && is_guilty;
             self.off_misinformed |= is_new_off && is_misinformed;
@@ -333,10 +333,10 @@ impl Listening {
     }
 }
 
-/// Flies every foreign fault in some of the environments that are judged in, and tells what was said.
+/// Flies every unseen fault in some of the test environments, and evaluates the outputs.
 ///
 /// # Errors
-/// A twin cannot be simulated; what [`Diagnoser::check`] says stands for a study that does not fit.
+/// A twin cannot be simulated, or [`Diagnoser::check`] fails for a study that does not fit.
 pub fn judge(
     study: &Study,
     flights: &Flights,
