@@ -79,12 +79,13 @@ fn missing(material: &Material) -> Option<String> {
     let Material { study, results, flights, .. } = material;
     let is_there = |setting: Setting| results.of(Subject::of(setting)).is_some();
     let expected = Setting::ALL.into_iter().filter(|setting| setting.is_usual());
-    let mut missing: Vec<&str> = expected
+    let mut missing: Vec<String> = expected
         .filter(|setting| setting.is_possible(study) && !is_there(*setting))
-        .map(Setting::name)
+        .map(|setting| setting.name().to_owned())
         .collect();
     let has_flights = study.is_full && study.flights().is_ok_and(|flights| flights.is_some());
-    missing.extend((has_flights && flights.is_none()).then_some("flights"));
+    missing
+        .extend((has_flights && flights.is_none()).then(|| format!("{}s", material.words().run())));
     if !missing.is_empty() {
         let missing = missing.join(", ");
         return Some(format!("Not in this report yet: {missing}. servotwin study adds them."));

@@ -96,7 +96,7 @@ pub fn random_thirds(
     let judged = judged.into_iter().collect::<Result<Vec<_>, _>>()?;
     let accuracies = |stage: &str| {
         let results = judged.iter().flatten().map(|(result, _)| result);
-        results.filter_map(|result| Some(result.stage(stage)?.accuracy.share?)).collect()
+        results.filter_map(|result| result.stage(stage)?.accuracy.share).collect()
     };
     let stages =
         ["A", "B"].map(|stage| RandomThirds { stage: stage.into(), accuracies: accuracies(stage) });
