@@ -3,7 +3,7 @@
 //! Every sum that a derivative depends on has a row: its gradient with respect
 //! to the states, and to time through the external inputs. The pattern of each
 //! row is determined once. Evaluating a block with dual numbers
-//! gives its small dense Jacobian. [`SparseJacobian::chain`] multiplies these with the
+//! gives its small dense Jacobian. `SparseJacobian::chain` multiplies these with the
 //! rows of the inputs, entry by entry, in an order in which all sources are
 //! complete.
 

@@ -2,7 +2,7 @@
 //!
 //! The order of elimination is determined once per system by the smallest Markowitz cost
 //! (the number of updates that a pivot causes) on the diagonal. The numeric
-//! work then follows flat lists in [`crate::equal_length_groups`], the same for every lane.
+//! work then follows flat lists in `equal_length_groups`, the same for every lane.
 //! Every entry of the factors, and every unknown, is a number minus a sum of products.
 //! There is no pivoting for size: the matrix `I/(γh) − J` of a dissipative system has a
 //! dominant diagonal for small steps, and the solver's error control

@@ -5,7 +5,7 @@
 //!
 //! Data means a period with a value from a column. A sender that repeats one time forever sends rows but no data. If
 //! the program itself was suspended (a laptop that slept), the stream is not blamed: each check counts for at most
-//! [`LONGEST_CHECK`].
+//! `LONGEST_CHECK`.
 
 use serde::Serialize;
 use servotwin::observer::{Phase, State};

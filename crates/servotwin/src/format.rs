@@ -354,7 +354,7 @@ impl Value {
     }
 }
 
-/// A table as it should be: see [`Value::mended`].
+/// A table as it should be: see `Value::mended`.
 pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
     let there = keys.iter().filter_map(|key| {
         let value = table.remove(key.name);

@@ -1,6 +1,6 @@
 //! A system as C: one printer with two dialects.
 //!
-//! Tracing the compiled program with [`Symbol`](crate::symbol::Symbol)s records its operations.
+//! Tracing the compiled program with [`Symbol`]s records its operations.
 //! `printer` turns such a trace into statements, and a dialect spells the single operation.
 //!
 //! | function | dialect | purpose |

@@ -1,6 +1,6 @@
 //! Reads UDP datagrams, each with one or more lines.
 //!
-//! A separate thread receives them into a bounded queue, so that a busy diagnosis loses none. [`Senders`] decides which
+//! A separate thread receives them into a bounded queue, so that a busy diagnosis loses none. `Senders` decides which
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};

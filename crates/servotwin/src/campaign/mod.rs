@@ -1,6 +1,6 @@
 //! The campaign: simulates every fault in every operating case on all cores, directly into windows.
 //!
-//! One simulation serves all variants with the same signals ([`images`]), in all scenarios with the same plants
+//! One simulation serves all variants with the same signals (`images`), in all scenarios with the same plants
 //! ([`Setting::groups`]).
 //!
 //! Variants are written in *shards*. A shard is a Parquet file that appears when all its variants have ended. A resumed

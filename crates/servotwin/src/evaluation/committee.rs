@@ -2,7 +2,7 @@
 //! threshold below which they should abstain.
 //!
 //! Both come from rows that were left out of training, whole commands at a time. They give the temperature of every
-//! stage ([`calibration`]), and the threshold that the least certain answers do not reach.
+//! stage (`servotwin_learning::calibration`), and the threshold that the least certain answers do not reach.
 
 use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;

@@ -323,7 +323,7 @@ impl DataSet {
     /// uncertainty. Faults are also made weaker and stronger ([`Moving::spread`]). Apply bands first.
     ///
     /// # Errors
-    /// [`EvaluationError::Cancelled`], [`EvaluationError::Features`] for a value that is not finite.
+    /// [`EvaluationError::Cancelled`]; a value that is not finite.
     pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
         let rows = self.rows_where(Role::Training, |row| row.excess > LEAST_EXCESS);
         let specimens = self.specimens();

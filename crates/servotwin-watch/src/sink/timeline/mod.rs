@@ -2,7 +2,7 @@
 //! features. It needs no network; the script is a few lines in the file.
 //!
 //! Memory and file size do not grow with the length of the watch. Every signal is stored as minimum and maximum over at
-//! most [`BUCKETS`] equal parts of time; when these are full, neighbors are merged. No peak is lost, and a short watch
+//! most `BUCKETS` equal parts of time; when these are full, neighbors are merged. No peak is lost, and a short watch
 //! is stored completely.
 
 mod series;
