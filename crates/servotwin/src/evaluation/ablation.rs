@@ -1,5 +1,5 @@
-//! Which features and which tricks carry the result: a new command (or, without training commands,
-//! faults unseen at their intensity) with parts taken away.
+//! Ablation: which features and training techniques carry the result. The protocol is a new command. Without training
+//! commands it is a fault unseen at its intensity.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -12,40 +12,42 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::metrics::Rate;
 use servotwin_learning::splits::Split;
 
-/// The depths of the depth curve.
+/// Maximum tree depths of the depth curve.
 const DEPTHS: [usize; 4] = [3, 5, 7, 9];
 
-/// The result with a part taken away.
+/// The result of one variation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ablation {
-    /// What was done.
+    /// Title of the variation.
     pub title: String,
     /// Number of features.
     pub features: usize,
-    /// Accuracy of the actuator.
+    /// Accuracy of the actuator (stage A).
     pub actuator: Option<Rate>,
-    /// Accuracy of the command, the actuator known.
+    /// Accuracy of the command (stage B), given the true actuator.
     pub command: Option<Rate>,
-    /// All stages together.
+    /// Share of rows whose actuator, command and detail are all right.
     pub end_to_end: Option<Rate>,
-    /// Faults given to the wrong actuator, for the component that suffers most.
+    /// The component whose faults are most often given to the wrong actuator, with that rate.
     pub worst_component: Option<(String, Rate)>,
 }
 
-/// One variation: its title, which families, and its settings.
+/// One variation: title, feature families and training settings.
 struct Variation {
     title: String,
     families: Vec<String>,
-    /// Whether B and the stages below it read the other actuators' sensors too.
+    /// Whether stage B and the stages below it also read the other actuators' sensors.
     all_sensors_below: bool,
     settings: Settings,
 }
 
-/// Families alone, added one after the other, taken away one at a time; without the mirror, without
-/// pooling, without either; and every depth.
+/// Evaluates every variation:
+/// - each family alone, families added one by one, and all families but one;
+/// - without symmetric copies, without pooling, and without both;
+/// - every depth of `DEPTHS`.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn evaluate(
     data: &DataSet,
     settings: &Settings,
@@ -58,7 +60,7 @@ pub fn evaluate(
         return Ok(vec![]);
     }
     let list = variations(&data.families(), data.examples.names().actuators.len(), settings);
-    // One split is one training: the variations share the threads then.
+    // A single split is one training, so the variations share the threads instead.
     match splits.len() {
         1 => parallel::map(&list, workers, |variation| {
             one(data, variation, protocol, &splits, Workers::new(1))
@@ -95,7 +97,7 @@ fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Var
             list.push(with(format!("without {family}"), others.collect()));
         }
     }
-    // One unit alone has no others to look at, and nothing to share with them.
+    // A single actuator has no others to read and nothing to pool.
     if units > 1 {
         list.push(Variation {
             all_sensors_below: true,
@@ -114,7 +116,7 @@ fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Var
     list
 }
 
-/// Limits the depth of every CART tree.
+/// Limits the depth of every CART stage.
 fn limit(settings: &mut Settings, depth: usize) {
     for stage in [&mut settings.actuator, &mut settings.action, &mut settings.detail] {
         if let classifiers::Settings::Cart(cart) = stage {
@@ -138,7 +140,7 @@ fn one(
     let result = summary(protocol, &data, &outcomes, &[]);
     let share = |rate: &Rate| rate.share.unwrap_or(0.0);
     let worst = result.components.iter().max_by(|a, b| {
-        // Of equally bad ones the first in the alphabet.
+        // Ties: the first name in the alphabet.
         share(&a.wrong_actuator)
             .total_cmp(&share(&b.wrong_actuator))
             .then_with(|| b.component.cmp(&a.component))

@@ -1,4 +1,4 @@
-//! What silence buys: the committee answers only where it is sure, and where the trees agree.
+//! What abstention gains: the committee answers only where it is confident and the trees agree.
 
 use super::data_set::DataSet;
 use super::protocol::trial;
@@ -8,38 +8,38 @@ use servotwin_diagnosis::hierarchy::Question;
 use servotwin_diagnosis::panel::agree;
 use servotwin_learning::metrics::{Rate, Trial};
 
-/// Shares of the least certain answers that are left out.
+/// Shares of answers to withhold, least confident first.
 pub const SHARES: [f64; 7] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2];
 
-/// What is left when some answers are withheld.
+/// Rates when some answers are withheld.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Level {
-    /// Detected faults without an answer.
+    /// Share of detected faults without an answer.
     pub abstained: Rate,
-    /// Actuator and command are right, of the faults answered.
+    /// Of the faults answered: actuator and command are right.
     pub right_action: Rate,
-    /// The wrong actuator is shut down, of the faults answered.
+    /// Of the faults answered: the wrong actuator is shut down.
     pub wrong_actuator_shutdown: Rate,
-    /// A fault that needs a shutdown gets another answer, of such faults answered.
+    /// Of the answered faults that need a shutdown: the answer is wrong.
     pub shutdown_answered_wrongly: Rate,
 }
 
-/// The trade of silence against errors.
+/// The trade-off between abstention and errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Abstention {
-    /// For each of [`SHARES`] what is left without the least certain answers.
+    /// The rates for each of [`SHARES`].
     pub levels: Vec<Level>,
-    /// Where the answer needs the confidence that would have withheld 2 % on training commands left
+    /// Minimum confidence, and the rates with it. The threshold withholds 2 % of the answers on training commands left
     /// out of training.
     pub fixed: Option<(f64, Level)>,
-    /// Where the answer needs the trees to give the same.
+    /// The rates when the trees must agree.
     pub agreement: Level,
-    /// Where it needs both.
+    /// The rates with both conditions.
     pub both: Option<Level>,
 }
 
-/// Counts the trade over the outcomes of the committee, and of the trees on the same rows.
-/// `least` is a confidence chosen without looking at them.
+/// Computes the trade-off from the committee's outcomes and the trees' outcomes on the same rows. `least` is a
+/// confidence threshold chosen without these rows.
 pub fn evaluate(
     data: &DataSet,
     committee: &[Outcome],
@@ -49,7 +49,7 @@ pub fn evaluate(
 ) -> Abstention {
     let mut order: Vec<usize> = (0..committee.len()).collect();
     let confidence = |place: usize| committee[place].said.confidence;
-    // Stable: equally sure answers stay in the order of the rows.
+    // Stable sort: ties keep the order of the rows.
     order.sort_by(|&a, &b| confidence(a).total_cmp(&confidence(b)));
     let level = |answers: &dyn Fn(usize) -> bool| level(data, committee, answers, shutdowns);
     let share = |share: &f64| {

@@ -1,4 +1,4 @@
-//! Which kinds of fault are taken for each other.
+//! Which kinds of fault are confused with each other.
 
 use super::data_set::DataSet;
 use super::run::{Outcome, first_error};
@@ -6,34 +6,34 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Question;
 use std::collections::BTreeMap;
 
-/// A kind of fault taken for another.
+/// A kind of fault confused with another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Confused {
-    /// What it was, without the actuator.
+    /// The true kind, without the actuator.
     pub kind: String,
-    /// What fills the leaf in which it ended.
+    /// The dominant kind of the leaf in which the row ended.
     pub taken_for: String,
-    /// The question that was answered wrongly.
+    /// The question answered wrongly.
     pub question: Question,
-    /// How often.
+    /// Number of tests.
     pub count: u64,
     /// As a share of all tests of the kind.
     pub share: f64,
 }
 
-/// Kinds of fault that are taken for each other.
+/// Kinds of fault that are confused with each other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ambiguity {
     /// Pairs, the most frequent first.
     pub pairs: Vec<Confused>,
-    /// Kinds that hang together through pairs of at least [`GROUPING`] of a kind's tests.
+    /// Groups of kinds connected by pairs that confuse at least [`GROUPING`] of a kind's tests.
     pub groups: Vec<Vec<String>>,
 }
 
-/// A pair joins two kinds from this share of tests on.
+/// Minimum share of a kind's tests for a pair to join two kinds.
 pub const GROUPING: f64 = 0.05;
 
-/// Counts the confusions of outcomes that were traced.
+/// Counts the confusions in traced outcomes.
 pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {
     let mut tests = vec![0u64; data.kinds.len()];
     let mut counts: BTreeMap<(u32, u32, Question), u64> = BTreeMap::new();
@@ -47,7 +47,7 @@ pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {
     }
     let share = |kind: u32, count: u64| count as f64 / tests[kind as usize] as f64;
     let mut sorted: Vec<_> = counts.into_iter().collect();
-    // Stable: equally frequent pairs stay in the order of the kinds.
+    // Stable sort: ties keep the order of the kinds.
     sorted.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     let joined = sorted.iter().filter(|((kind, _, _), count)| share(*kind, *count) >= GROUPING);
     let groups = groups(data.kinds.len(), joined.map(|((a, b, _), _)| (*a as usize, *b as usize)));
@@ -65,7 +65,7 @@ pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {
     }
 }
 
-/// The connected sets of more than one member.
+/// The connected components with more than one member.
 fn groups(size: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Vec<Vec<usize>> {
     let mut root: Vec<usize> = (0..size).collect();
     for (a, b) in pairs {

@@ -1,54 +1,53 @@
 //! Bands learned from healthy specimens, one for each kind of sensor.
 //!
-//! The seed paper holds every scaled residual against one band of ±3 % (its equation (4)). Sensors
-//! differ: where specimens differ by their tolerances a spool leaves 3 % without any fault, and a
-//! supply pressure never comes near it. The largest residual x of a healthy record varies with specimen
-//! and command, nearly as a log-normal variable. With mean m and deviation s of ln x for each kind of
-//! sensor (like sensors of several actuators are pooled) the learned band is
+//! The seed paper compares every scaled residual with one band of ±3 % (its equation (4)). Sensors differ: with
+//! manufacturing tolerances a spool exceeds 3 % without a fault, and a supply pressure never comes near it. The largest
+//! residual x of a healthy record is nearly log-normal over specimens and commands. Each kind of sensor has a mean m
+//! and a standard deviation s of ln x, pooled over like sensors of all actuators. Its learned band is
 //!
 //! ```text
 //! b = exp(m + k s)
 //! ```
 //!
-//! with the one k, the same for all sensors, with which at most [`ALARMS`] of the healthy training records
-//! leave any band. So what is promised is the rate of false alarms of all sensors together, and nothing
-//! is assumed of how they hang together. It holds for flights like those of training.
+//! All sensors share one k, chosen so that at most [`ALARMS`] of the healthy training records leave any band. This
+//! bounds the false alarm rate of all sensors together without assumptions on their correlation. It holds for flights
+//! like those of training.
 //!
-//! Two rules keep a few strange records from widening every band. Records that began without a steady state do not
-//! teach. And no band is wider than [`MAX_OVER_LARGEST`] times the largest residual of the records that do.
+//! Two rules keep a few outliers from widening every band. Records that began without a steady state are excluded. No
+//! band is wider than [`MAX_OVER_LARGEST`] times the largest residual of the other records.
 
 use super::data_set::{DataSet, Row};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 
-/// The share of healthy training records that may leave a band.
+/// Share of the healthy training records that may leave a band.
 pub const ALARMS: f64 = 0.015;
 
-/// How many times as wide as the largest residual that taught it a band may be.
+/// Maximum width of a band relative to the largest residual in its training records.
 pub const MAX_OVER_LARGEST: f64 = 2.0;
 
 /// The band of a sensor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Band {
-    /// The sensor.
+    /// Name of the sensor.
     pub sensor: String,
     /// Half width, in parts of scale.
     pub half_width: f64,
-    /// Healthy records from which it was learned, like sensors pooled.
+    /// Number of healthy training records, pooled over like sensors.
     pub records: u64,
-    /// How many of them leave it.
+    /// Number of those records that leave the band.
     pub exceeded: u64,
 }
 
-/// The mean and deviation of the logarithm of largest residuals.
+/// Mean and standard deviation of the logarithm of the largest residuals.
 #[derive(Clone, Copy)]
 struct Spread {
     mean: f64,
     deviation: f64,
 }
 
-/// Learns the bands; `pools[i]` is the same for sensors that are alike. `None` without healthy
-/// specimens to learn from.
+/// Learns the bands; `pools[i]` is equal for like sensors. Returns `None` with fewer than two usable healthy rows,
+/// without sensors, or with too few `pools`.
 pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
     let teaches = |row: &Row| row.is_healthy && row.moved == 0 && !row.began_on_the_move;
     let rows = data.rows_where(Role::Training, teaches);
@@ -71,8 +70,8 @@ pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
     Some(sizes.map(band).collect())
 }
 
-/// The half width of the band of every sensor, learned from the largest residuals of healthy records, row by row.
-/// `None` of too few.
+/// The band half width of every sensor, learned from the largest residuals of healthy records, row by row. Returns
+/// `None` for fewer than two records.
 pub fn half_widths(largest: &[&[f64]], pools: &[usize]) -> Option<Vec<f64>> {
     let count = largest.first()?.len();
     if largest.len() < 2 || count == 0 || pools.len() < count {
@@ -83,7 +82,7 @@ pub fn half_widths(largest: &[&[f64]], pools: &[usize]) -> Option<Vec<f64>> {
     let logs = |sensor: usize| largest.iter().map(move |row| logarithm(row[sensor]));
     let of_pool = |sensor: usize| alike(sensor).flat_map(logs).collect::<Vec<f64>>();
     let spreads: Vec<Spread> = sensors.clone().map(|sensor| spread(&of_pool(sensor))).collect();
-    // By how many deviations the worst sensor of each record is above its mean.
+    // How many standard deviations the worst sensor of each record is above its mean.
     let worst = |row: &&[f64]| {
         let above = spreads.iter().zip(row.iter());
         let above = above.map(|(spread, size)| (logarithm(*size) - spread.mean) / spread.deviation);
@@ -100,13 +99,13 @@ pub fn half_widths(largest: &[&[f64]], pools: &[usize]) -> Option<Vec<f64>> {
     Some(sensors.clone().map(half_width).collect())
 }
 
-/// Nothing is smaller than the error of a simulation.
+/// ln of a size, floored at 1e-4, the error of a simulation.
 fn logarithm(size: f64) -> f64 {
     size.max(1e-4).ln()
 }
 
 fn spread(logs: &[f64]) -> Spread {
-    /// Records that are all alike differ by a hundredth.
+    /// Floor of the deviation, for records that are all alike.
     const LEAST: f64 = 0.01;
     let n = logs.len() as f64;
     let mean = logs.iter().sum::<f64>() / n;

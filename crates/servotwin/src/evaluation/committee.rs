@@ -1,8 +1,8 @@
-//! The committee: boosted trees at every place of the hierarchy, with probabilities that mean what
-//! they say, and the confidence below which they had better be silent.
+//! The committee: boosted trees at every stage of the hierarchy, with calibrated probabilities and a minimum confidence
+//! below which it should abstain.
 //!
-//! Both come from rows that were left out of training, whole commands at a time: the temperature of
-//! every stage ([`calibration`]), and the confidence that the least certain answers do not reach.
+//! Both come from rows left out of training, whole commands at a time: every stage's temperature
+//! (`servotwin_learning::calibration`), and the confidence threshold.
 
 use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;
@@ -16,37 +16,37 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::splits::{Split, grouped_k_fold};
 use std::collections::BTreeMap;
 
-/// Folds of commands.
+/// Number of folds over commands.
 const FOLDS: usize = 3;
 
-/// The share of answers on left-out commands that the least confidence withholds.
+/// Share of the answers on left-out commands that the minimum confidence withholds.
 pub const WITHHELD: f64 = 0.02;
 
 /// A trained committee.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Committee {
-    /// Boosted trees, calibrated.
+    /// Calibrated boosted trees.
     pub hierarchy: Hierarchy,
-    /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach; `None`
-    /// with too few commands to leave any out.
+    /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach. `None` with too few commands
+    /// to leave any out.
     pub least_confidence: Option<f64>,
 }
 
-/// How good the probabilities of the action are.
+/// Calibration quality of the confidences.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reliability {
-    /// Answers of like confidence: mean confidence, share of right ones, number.
+    /// For each confidence bin: mean confidence, share of right answers, number of answers.
     pub bins: Vec<(f64, f64, u64)>,
-    /// Mean squared distance of confidence from being right.
+    /// Brier score: mean squared difference between confidence and correctness (0 or 1).
     pub brier: f64,
-    /// Mean distance of confidence from the share of right answers, over the bins.
+    /// Expected calibration error: mean difference between confidence and the share of right answers, over the bins.
     pub calibration_error: f64,
 }
 
-/// Trains the committee with some rows and calibrates it with commands left out.
+/// Trains the committee on some rows and calibrates it on left-out commands.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn train(
     data: &DataSet,
     settings: &Settings,
@@ -89,14 +89,14 @@ pub fn train(
     Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
 }
 
-/// The part of all rows that are less sure than [`evidence_quantile`].
+/// Quantile level of [`evidence_quantile`].
 const LESS_SURE: f64 = 0.6;
 
-/// What two of five rows of a fault say at least against health, in nats: the quantile of `ln((1 − p)/p)` over the faults
-/// that taught, with p the probability that nothing is wrong.
+/// The `LESS_SURE` quantile of `ln((1 − p)/p)` over the training faults, in nats, with p the probability of health.
+/// Two of five fault rows give at least this evidence against health.
 ///
 /// # Errors
-/// [`EvaluationError::NothingDetectable`] where nothing taught.
+/// [`EvaluationError::NothingDetectable`] without a training row that has a fault.
 pub fn evidence_quantile(
     data: &DataSet,
     hierarchy: &Hierarchy,
@@ -119,7 +119,7 @@ pub fn evidence_quantile(
     Ok(nats[(nats.len() as f64 * LESS_SURE) as usize])
 }
 
-/// Scores and true classes of rows for every stage that is asked about them.
+/// For each stage id, the scores and true classes of the rows that reach the stage.
 type Seen = BTreeMap<String, (Vec<f64>, Vec<u32>)>;
 
 fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut Seen) {
@@ -142,7 +142,7 @@ fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut See
     }
 }
 
-/// The right class of a stage for a row that it is asked about, by its place among the stage's.
+/// Index of the row's true class among the stage's classes. `None` if the row does not reach the stage.
 fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
     let label = data.examples.labels()[row];
     let asks_on = stage.place.question != Question::Actuator;
@@ -158,7 +158,7 @@ fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
     stage.classes.iter().position(|known| *known == class).map(|class| class as u32)
 }
 
-/// How far the confidence of outcomes can be believed.
+/// Compares the confidences of outcomes with their correctness.
 pub fn reliability(outcomes: &[Outcome], is_right: impl Fn(&Outcome) -> bool) -> Reliability {
     const BINS: usize = 10;
     let mut bins = vec![(0.0, 0u64, 0u64); BINS];

@@ -1,4 +1,4 @@
-//! All classifiers by the same protocols, for the actuator (A) and the command (B).
+//! Compares all classifiers under the same protocols, for the actuator (stage A) and the command (stage B).
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -13,21 +13,21 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::metrics::{Prediction, Score, Trial};
 use servotwin_learning::splits::Split;
 
-/// Depth of the CART tree that is compared.
+/// Depth of the compared CART tree.
 const DEPTH: usize = 7;
 
-/// A classifier's result in one question under one protocol.
+/// One classifier's result on one stage under one protocol.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
-    /// Its id.
+    /// Id of the classifier.
     pub classifier: String,
-    /// Its name.
+    /// Display name of the classifier.
     pub title: String,
     /// The stage: `A` or `B`.
     pub stage: String,
-    /// The protocol.
+    /// The protocol under which it was tested.
     pub protocol: Protocol,
-    /// The score.
+    /// The score over all splits.
     pub score: Score,
 }
 
@@ -38,7 +38,7 @@ struct Job<'a> {
     split: &'a Split,
 }
 
-/// Every classifier with the settings that a study starts from; the tree with the paper's depth.
+/// Every classifier with the default settings of a study; the CART tree has the paper's depth.
 pub fn default_classifiers() -> Vec<classifiers::Settings> {
     let settings = |kind: &Kind| match classifiers::Settings::default_of(*kind) {
         classifiers::Settings::Cart(cart) => {
@@ -52,11 +52,11 @@ pub fn default_classifiers() -> Vec<classifiers::Settings> {
     ALL.iter().map(settings).collect()
 }
 
-/// Epochs of the perceptron where it is trained many times: as many as
-/// scikit-learn's in `golden/`, a quarter of the default.
+/// Epochs of the perceptron where it is trained many times. This is a quarter of the default, and as many as
+/// scikit-learn's in `golden/`.
 const EPOCHS: usize = 50;
 
-/// The same with the perceptron trained for fewer epochs.
+/// [`default_classifiers`] with fewer epochs for the perceptron.
 pub fn quick_classifiers() -> Vec<classifiers::Settings> {
     let mut list = default_classifiers();
     for settings in &mut list {
@@ -67,10 +67,10 @@ pub fn quick_classifiers() -> Vec<classifiers::Settings> {
     list
 }
 
-/// Compares classifiers; mirror images and pooling are as the hierarchy's settings say.
+/// Compares classifiers; symmetric copies and pooling follow the hierarchy's settings.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn evaluate(
     data: &DataSet,
     hierarchy: &Settings,
@@ -80,7 +80,7 @@ pub fn evaluate(
 ) -> Result<Vec<Compared>, EvaluationError> {
     let hierarchy = settled(data, hierarchy);
     let asks = |place: &Place| place.question != Question::Detail;
-    // Pooled stages need the views: without them every actuator has its own.
+    // Pooled stages need all views; without them every actuator has its own stages.
     let places = data.examples.places(data.examples.views() > 1);
     let places: Vec<Place> = places.into_iter().filter(asks).collect();
     let mut compared = vec![];

@@ -1,12 +1,12 @@
-//! The data sets of a setting as an evaluation sees them: features in every view, labels, groups.
+//! The data sets of one scenario as an evaluation reads them: features in every view, labels, groups.
 //!
-//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `actuator`,
-//! `command`, `detail`, `detectable`, `reflected`, `largest:<sensor>`,
-//! `f:<feature>` and, where the system has like actuators, `m:<feature>`, the same feature as it is seen from the
-//! second one, `m3:<feature>` from the third, and so on ([`servotwin_diagnosis::hierarchy`]). Rows whose `kind` is `healthy` have no fault; rows with a text in
-//! `failure` were not simulated to the end, and are counted and left out.
+//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `actuator`, `command`, `detail`,
+//! `detectable`, `reflected`, `largest:<sensor>` and `f:<feature>`. With like actuators there is also `m:<feature>`,
+//! the same feature viewed from the second one, `m3:<feature>` from the third, and so on
+//! ([`servotwin_diagnosis::hierarchy`]). Rows with the `kind` `healthy` have no fault. Rows with a text in `failure`
+//! were not simulated to the end; they are counted and left out.
 //!
-//! The rows on which a diagnosis is judged come first, then those from which it learns.
+//! Judged rows come first, then training rows.
 
 use super::error::EvaluationError;
 use super::flips::{Moved, Moving};
@@ -21,23 +21,23 @@ use servotwin_diagnosis::hierarchy::{HEALTHY, Names};
 use servotwin_learning::hierarchy::{Examples, Label};
 use std::sync::Arc;
 
-/// What an evaluation must know of a feature.
+/// Metadata of a feature.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FeatureInfo {
-    /// Its name.
+    /// Name of the feature.
     pub name: String,
-    /// The family that computes it.
+    /// The feature family that computes it.
     pub family: String,
-    /// The actuators it looks at, from 0.
+    /// Indices of the actuators whose sensors it reads, from 0.
     pub units: Vec<usize>,
-    /// Its unit.
+    /// Physical unit.
     pub unit: String,
-    /// Who should learn from it.
+    /// Which diagnoses should learn from it.
     pub teaches: Teaches,
 }
 
 impl FeatureInfo {
-    /// The features of a study; those that need its extra sensor only if asked for.
+    /// The features of a study; those that need the extra sensor only if `extra`.
     pub fn of_study(study: &Study, extra: bool) -> Vec<Self> {
         let features = data_features(study).into_iter().filter(|f| extra || !f.extra);
         let info = |f: crate::campaign::DataFeature| FeatureInfo {
@@ -51,40 +51,39 @@ impl FeatureInfo {
     }
 }
 
-/// What is known of a row besides its features and its label.
+/// Metadata of a row besides its features and label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// Whether the diagnosis is judged on it or learns from it.
+    /// Whether the row is judged or used for training.
     pub role: Role,
-    /// Its number in its data set.
+    /// Row number in its own table.
     pub variant: usize,
-    /// Place in [`DataSet::cases`].
+    /// Index into [`DataSet::cases`].
     pub case: u32,
-    /// Place in [`DataSet::flown`].
+    /// Index into [`DataSet::flown`].
     pub flown: u32,
-    /// Place in [`DataSet::faults`].
+    /// Index into [`DataSet::faults`].
     pub fault: u32,
-    /// Place in [`DataSet::kinds`].
+    /// Index into [`DataSet::kinds`].
     pub kind: u32,
-    /// Place in [`DataSet::intensities`]: the study's intensity that it belongs to.
+    /// Index into [`DataSet::intensities`]: the study's nominal intensity.
     pub intensity: u32,
-    /// Its own intensity.
+    /// The actual intensity of this variant.
     pub own_intensity: f64,
-    /// Which of several moves of its window within its uncertainty it is, from 1; 0 for the window as it
-    /// was. Moved rows are learned from, never judged.
+    /// Number of the augmented copy, from 1; 0 for the original window. Copies are used for training, never judged.
     pub moved: usize,
-    /// How many times as large the fault of its window was made.
+    /// Factor by which the copy scales the fault; 1 for the original.
     pub factor: f64,
-    /// Whether it has no fault.
+    /// Whether the row has no fault.
     pub is_healthy: bool,
-    /// Whether it shows the signals of another row with the actuators moved round.
+    /// Whether the row is a symmetric copy: the signals of another row with the actuators permuted.
     pub reflected: bool,
-    /// Whether its simulation began without a steady state. Such a row teaches no band.
+    /// Whether the simulation began without a steady state. Bands are not learned from such rows.
     pub began_on_the_move: bool,
-    /// The largest size that each residual had, in parts of scale, in the order of
-    /// [`DataSet::sensors`]; empty where the data set does not say.
+    /// Largest residual of each sensor, in parts of scale, in the order of [`DataSet::sensors`]. Empty if the data set
+    /// does not hold them.
     pub largest: Vec<f64>,
-    /// The largest residual in parts of its band.
+    /// Largest residual in parts of its band.
     pub excess: f64,
 }
 
@@ -95,24 +94,24 @@ impl Row {
     }
 }
 
-/// Which training rows teach, by their largest residual in parts of its band.
+/// Which training rows are used, by their largest residual in parts of its band.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrainingFilter {
-    /// Faults above this teach.
+    /// Use faults above this.
     pub faults: f64,
-    /// Copies with a weaker fault above this do.
+    /// Use copies with a weaker fault above this.
     pub weaker: f64,
-    /// Healthy specimens above this do.
+    /// Use healthy specimens above this.
     pub healthy: f64,
-    /// How many moves of each window teach beside it.
+    /// Maximum number of augmented copies of each window.
     pub moves: usize,
-    /// Whether those with a stronger fault do.
+    /// Whether to use copies with a stronger fault.
     pub stronger: bool,
 }
 
 impl Default for TrainingFilter {
-    /// Detected faults, and healthy specimens that nearly were, with all their moves but those with
-    /// stronger faults.
+    /// Detected faults and healthy specimens that nearly left a band, with all their copies except those with stronger
+    /// faults.
     fn default() -> Self {
         TrainingFilter {
             faults: 1.0,
@@ -136,37 +135,37 @@ impl TrainingFilter {
     }
 }
 
-/// Data sets ready to be learnt from.
+/// Data sets ready for training and judging.
 #[derive(Debug, Clone)]
 pub struct DataSet {
-    /// The features.
+    /// The features, in the order of the columns.
     pub features: Vec<FeatureInfo>,
-    /// All rows; shared, because they are large, by data sets that differ in bands only.
+    /// Features and labels of all rows. Shared, because data sets that differ only in bands use the same values.
     pub examples: Arc<Examples>,
-    /// The same rows.
+    /// Metadata of the same rows.
     pub rows: Vec<Row>,
-    /// The sensors whose largest residuals are known.
+    /// Sensors with known largest residuals.
     pub sensors: Vec<String>,
     /// Operating cases, in the order of their first rows.
     pub cases: Vec<String>,
-    /// Commands flown, likewise.
+    /// Input commands, in the order of their first rows.
     pub flown: Vec<String>,
     /// Faults with their actuator, sorted.
     pub faults: Vec<String>,
-    /// Faults without it, sorted.
+    /// Faults without the actuator, sorted.
     pub kinds: Vec<String>,
     /// Intensities, ascending.
     pub intensities: Vec<f64>,
-    /// Rows that were not simulated to the end.
+    /// Number of rows that were not simulated to the end.
     pub failed: usize,
-    /// Features that have one value in all rows with a fault.
+    /// Features with one value in all rows with a fault.
     pub constant: Vec<String>,
 }
 
-/// Rows that are farther inside their bands teach nothing, and need no moves.
+/// Rows farther inside their bands than this are not used for training and need no copies.
 const LEAST_EXCESS: f64 = 0.5;
 
-/// One row of a table: which table, and which row.
+/// A row of a table with the role of the table.
 #[derive(Clone, Copy)]
 struct Origin<'t> {
     role: Role,
@@ -175,18 +174,18 @@ struct Origin<'t> {
 }
 
 impl DataSet {
-    /// Some commands by name, as places in the names of all; those that no row has are left out.
+    /// Indices of the named actions; names that no row has are left out.
     pub fn commands(&self, names: &[String]) -> Vec<u32> {
         let known = self.examples.names().actions.iter().enumerate();
         known.filter(|(_, name)| names.contains(name)).map(|(place, _)| place as u32).collect()
     }
 
-    /// Reads the tables of one setting. `units` are the actuators in the order in which the features
-    /// count them; without, they are sorted by name. `urgency` are the commands, the most urgent first;
-    /// others follow by name.
+    /// Reads the tables of one scenario. `units` are the actuators in the order of the features. If it lacks an
+    /// actuator of the tables, actuators are sorted by name. `urgency` lists actions, the most urgent first; others
+    /// follow by name.
     ///
     /// # Errors
-    /// A column is missing or of another kind, a feature is NaN or infinite, or there is no fault.
+    /// A column is missing or has the wrong type, a feature is NaN or infinite, or there is no fault.
     pub fn new(
         tables: &[(Role, Table)],
         features: Vec<FeatureInfo>,
@@ -250,7 +249,7 @@ impl DataSet {
             reflected: reflected[place],
             began_on_the_move: moving[place],
             largest: largest.iter().map(|column| column[place]).collect(),
-            // What the data set says, until other bands are given.
+            // The flag in the data set counts until bands are set.
             excess: if detectable[place] { f64::INFINITY } else { 0.0 },
         };
         Ok(DataSet {
@@ -268,16 +267,16 @@ impl DataSet {
         })
     }
 
-    /// The rows of a role that a choice allows.
+    /// The rows of a role that satisfy `choice`.
     pub fn rows_where(&self, role: Role, choice: impl Fn(&Row) -> bool) -> Vec<usize> {
         let wanted = |row: &usize| self.rows[*row].role == role && choice(&self.rows[*row]);
         (0..self.rows.len()).filter(wanted).collect()
     }
 
-    /// The judged rows of faults that are detected, and so diagnosed.
+    /// The judged rows with a detected fault.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`].
+    /// [`EvaluationError::NothingDetectable`] if there are none.
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
         let rows = self.rows_where(Role::Judged, |row| !row.is_healthy && row.is_detected());
         match rows.is_empty() {
@@ -291,16 +290,16 @@ impl DataSet {
         self.rows_where(Role::Judged, |row| !row.is_healthy)
     }
 
-    /// Whether there are rows to learn from apart from those that are judged.
+    /// Whether there are separate training rows.
     pub fn has_training(&self) -> bool {
         self.rows.iter().any(|row| row.role == Role::Training)
     }
 
-    /// The rows that the diagnosis which users are handed learns from: those of the training commands
-    /// that teach, or of all cases where there are none.
+    /// The rows that train the delivered diagnosis: the training rows that pass the filter. Without training commands,
+    /// judged rows are used.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`].
+    /// [`EvaluationError::NothingDetectable`] if none of them has a fault.
     pub fn learnt_from(&self, lessons: TrainingFilter) -> Result<Vec<usize>, EvaluationError> {
         let role = if self.has_training() { Role::Training } else { Role::Judged };
         let rows = self.rows_where(role, |row| lessons.teaches(row));
@@ -311,7 +310,7 @@ impl DataSet {
         }
     }
 
-    /// The same data with a band for each sensor of [`DataSet::sensors`].
+    /// The same data with a band for each of [`DataSet::sensors`].
     pub fn with_bands(&self, bands: &[f64]) -> Self {
         let mut data = self.clone();
         for row in &mut data.rows {
@@ -321,12 +320,12 @@ impl DataSet {
         data
     }
 
-    /// The same data with every training row once more for each draw, its window moved within its
-    /// uncertainty, so that trees do not learn what no sensor shows; and faults also weaker and stronger
-    /// than they were ([`Moving::spread`]). Bands should have been given before.
+    /// The same data with augmented copies of every training row, one for each draw. Each copy disturbs the window
+    /// within its uncertainty, so that trees do not learn what no sensor shows. Faults are also made weaker and
+    /// stronger ([`Moving::spread`]). Set the bands first.
     ///
     /// # Errors
-    /// [`EvaluationError::Cancelled`], [`EvaluationError::Features`] for a value that is not finite.
+    /// [`EvaluationError::Cancelled`].
     pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
         let rows = self.rows_where(Role::Training, |row| row.excess > LEAST_EXCESS);
         let specimens = self.specimens();
@@ -361,7 +360,7 @@ impl DataSet {
         Ok(DataSet { rows, examples: Arc::new(examples), ..self.clone() })
     }
 
-    /// For each case the training rows without a fault.
+    /// For each case, the training rows without a fault.
     fn specimens(&self) -> Vec<Vec<usize>> {
         let mut specimens = vec![vec![]; self.cases.len()];
         for row in self.rows_where(Role::Training, |row| row.is_healthy && row.moved == 0) {
@@ -370,7 +369,7 @@ impl DataSet {
         specimens
     }
 
-    /// The same data without some rows.
+    /// The same data without the rows that `drop` selects.
     pub fn without(&self, drop: impl Fn(&Row) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
         DataSet {
@@ -380,10 +379,10 @@ impl DataSet {
         }
     }
 
-    /// The same data set with the features only that a choice allows.
+    /// The same data with only the features that `choice` selects.
     ///
     /// # Errors
-    /// [`EvaluationError::NoFeatures`].
+    /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn with_features(
         &self,
         choice: impl Fn(&FeatureInfo) -> bool,
@@ -400,44 +399,43 @@ impl DataSet {
         })
     }
 
-    /// The same data set with the features only that a diagnosis of records should learn from.
+    /// The same data with only the features for a diagnosis of whole records.
     ///
     /// # Errors
-    /// [`EvaluationError::NoFeatures`].
+    /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn taught(&self) -> Result<Self, EvaluationError> {
         self.with_features(|feature| feature.teaches.of_records())
     }
 
-    /// The same data set with the features only that a diagnosis of windows that slide should learn from.
+    /// The same data with only the features for a diagnosis of sliding windows.
     ///
     /// # Errors
-    /// [`EvaluationError::NoFeatures`].
+    /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
         self.with_features(|feature| feature.teaches.of_windows())
     }
 
-    /// The same data set, of which a committee reads what it should learn from.
+    /// The same data, hiding the features that the committee should not learn from.
     ///
     /// # Errors
-    /// None for a data set that could be read.
+    /// None for a data set that was read successfully.
     pub fn for_committee(&self) -> Result<Self, EvaluationError> {
         let columns = 0..self.features.len();
         let hidden = columns.filter(|&column| !self.features[column].teaches.of_windows());
         Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
     }
 
-    /// The same data set with the stages below A reading the sensors of all
-    /// actuators and what compares them.
+    /// The same data with the stages below A reading every feature: the sensors of all actuators and their comparisons.
     ///
     /// # Errors
-    /// None for a data set that could be read.
+    /// None for a data set that was read successfully.
     pub fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
         let all = (0..self.features.len()).collect();
         let read = vec![all; self.examples.names().actuators.len()];
         Ok(DataSet { examples: Arc::new(self.examples.reading(read)?), ..self.clone() })
     }
 
-    /// The families of the features, in the order of the features.
+    /// The feature families, in the order of the features.
     pub fn families(&self) -> Vec<String> {
         let mut families: Vec<String> = vec![];
         for feature in &self.features {
@@ -448,7 +446,7 @@ impl DataSet {
         families
     }
 
-    /// The component of a kind: all but the last word.
+    /// The component of a kind: its name without the last dot-separated part.
     pub fn component(&self, kind: u32) -> &str {
         let kind = &self.kinds[kind as usize];
         kind.rsplit_once('.').map_or(kind, |(component, _)| component)
@@ -469,7 +467,7 @@ fn has_view(table: &Table, view: usize, features: &[FeatureInfo]) -> bool {
     features.iter().all(|feature| known.contains(view_column(view, &feature.name).as_str()))
 }
 
-/// The sensors whose largest residuals every table has.
+/// The sensors with largest residuals, if all tables list the same ones; otherwise none.
 fn known_sensors(tables: &[(Role, Table)]) -> Vec<String> {
     let prefix = largest_column("");
     let of = |table: &Table| -> Vec<String> {
@@ -480,7 +478,7 @@ fn known_sensors(tables: &[(Role, Table)]) -> Vec<String> {
     if same { first } else { vec![] }
 }
 
-/// A column over the rows of several tables.
+/// One column over the rows of several tables.
 fn gather<'t, T: Clone + 't>(
     origins: &[Origin<'t>],
     column: impl Fn(&'t Table) -> Result<&'t [T], EvaluationError>,
@@ -510,7 +508,7 @@ fn numbers(origins: &[Origin], name: &str) -> Result<Vec<f64>, EvaluationError> 
     Ok(values)
 }
 
-/// Texts numbered in the order in which they first occur.
+/// Distinct texts in the order of first occurrence, and the index of each text.
 fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     let mut names: Vec<String> = vec![];
     let code = |text: &String| match names.iter().position(|name| name == text) {
@@ -524,7 +522,7 @@ fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     (names, codes)
 }
 
-/// Texts, sorted and numbered.
+/// Distinct texts, sorted, and the index of each text.
 fn coded(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     let mut names = texts.to_vec();
     names.sort();
@@ -533,7 +531,7 @@ fn coded(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     (names, codes)
 }
 
-/// Numbers, sorted and numbered.
+/// Distinct numbers, ascending, and the index of each number.
 fn coded_numbers(numbers: &[f64]) -> (Vec<f64>, Vec<u32>) {
     let mut names = numbers.to_vec();
     names.sort_by(f64::total_cmp);
@@ -585,7 +583,7 @@ fn labels(origins: &[Origin], names: &Names) -> Result<Vec<Label>, EvaluationErr
     Ok((0..origins.len()).map(label).collect())
 }
 
-/// For each actuator the features of its own sensors; all, where it has none.
+/// For each actuator, the features of its own sensors. An actuator that is alone or has no own features gets all.
 fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
     let own = |actuator: usize| {
         let is_own = |column: &usize| features[*column].units == [actuator];

@@ -1,33 +1,33 @@
-//! What is detected at all: which faults leave the band, and from which intensity on.
+//! Detection: which faults leave the band, and from which intensity on.
 
 use super::data_set::DataSet;
 use super::protocol::trial;
 use serde::{Deserialize, Serialize};
 use servotwin_learning::metrics::Rate;
 
-/// Detection over a data set.
+/// Detection results of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
-    /// Faults that leave the band.
+    /// Share of the faults that leave the band.
     pub detected: Rate,
-    /// Faults excluded from training because they do not.
+    /// Share of the faults that do not, and are excluded from training.
     pub excluded: Rate,
-    /// Variants that were not simulated to the end.
+    /// Number of variants that were not simulated to the end.
     pub failed: usize,
-    /// Detection of each kind against intensity.
+    /// Detection against intensity, for each kind.
     pub curves: Vec<Curve>,
-    /// The least intensity detected, for each fault in each case.
+    /// The least detected intensity, for each fault in each case.
     pub least: Vec<Least>,
 }
 
-/// Detection of a kind of fault against intensity.
+/// Detection of one kind of fault against intensity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// The fault, without the actuator.
     pub kind: String,
-    /// The detail it belongs to.
+    /// The fault class (detail) to which it belongs.
     pub detail: String,
-    /// Intensities and the share detected at each, over cases and actuators.
+    /// Each intensity and the share detected there, over cases and actuators.
     pub points: Vec<(f64, Rate)>,
 }
 
@@ -38,18 +38,17 @@ pub struct Least {
     pub fault: String,
     /// The operating case.
     pub case: String,
-    /// The least intensity that is detected together with all greater ones; `None` if the greatest
-    /// is not.
+    /// The least intensity from which on every intensity is detected. `None` if the greatest is not.
     pub intensity: Option<f64>,
 }
 
-/// The share of faults that are detected, or not.
+/// The share of faults that are detected, or with `false` the share that are not.
 pub fn share(data: &DataSet, is_detected: bool) -> Rate {
     let holds = |row: usize| trial(data, row, data.rows[row].is_detected() == is_detected);
     Rate::clustered(&data.faults().into_iter().map(holds).collect::<Vec<_>>())
 }
 
-/// Detection over a data set.
+/// Computes the detection results of a data set.
 pub fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
     Detection {
@@ -61,7 +60,7 @@ pub fn evaluate(data: &DataSet) -> Detection {
     }
 }
 
-/// The kinds of some rows, ascending.
+/// The distinct kinds of some rows, ascending.
 fn kinds(data: &DataSet, rows: &[usize]) -> Vec<u32> {
     let mut kinds: Vec<u32> = rows.iter().map(|&row| data.rows[row].kind).collect();
     kinds.sort_unstable();

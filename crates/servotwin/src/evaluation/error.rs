@@ -1,4 +1,4 @@
-//! What can be wrong with an evaluation.
+//! Errors of evaluations.
 
 use super::table_model::TableModelError;
 use crate::files::FileError;
@@ -6,11 +6,11 @@ use crate::sanitize;
 use crate::table::TableError;
 use std::path::PathBuf;
 
-/// Why there is no evaluation or no model.
+/// Why an evaluation or a training fails.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
-    /// The table cannot be read, or a column is not as it must be.
+    /// The table cannot be read, or a column is missing or has the wrong type.
     #[error(transparent)]
     Table(#[from] TableError),
     /// A file cannot be read or written.
@@ -19,10 +19,10 @@ pub enum EvaluationError {
     /// Training or prediction refused the data.
     #[error(transparent)]
     Diagnosis(#[from] servotwin_diagnosis::Error),
-    /// A table that somebody brings does not serve.
+    /// A user's table cannot be used for training or prediction.
     #[error(transparent)]
     TableModel(#[from] TableModelError),
-    /// It was stopped from elsewhere.
+    /// The caller cancelled the work.
     #[error("stopped")]
     Cancelled,
     /// The data set has no row with a fault.
@@ -41,7 +41,7 @@ pub enum EvaluationError {
     OneClass {
         /// The column of the labels.
         column: String,
-        /// The class.
+        /// The only class found.
         class: String,
     },
     /// No column is left to learn from.
@@ -52,36 +52,36 @@ pub enum EvaluationError {
     TooFewGroups {
         /// The column of the groups.
         column: String,
-        /// Number of groups.
+        /// Number of groups found.
         found: usize,
-        /// Number needed.
+        /// Number of groups needed.
         needed: usize,
     },
-    /// A stored model cannot be understood.
+    /// A stored model is not valid JSON of a model.
     #[error("{path}: no model of servotwin: {source}")]
     Model {
         /// The file.
         path: PathBuf,
-        /// What the reader of JSON says.
+        /// Error of the JSON reader.
         source: serde_json::Error,
     },
-    /// A stored model's parts do not fit each other.
+    /// The parts of a stored model are inconsistent.
     #[error("{path}: {source}")]
     CorruptModel {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// The inconsistency found.
         source: servotwin_diagnosis::Error,
     },
-    /// The table to test with is not as the other one.
+    /// An error in the test table.
     #[error("the table to test with: {0}")]
     InTest(Box<EvaluationError>),
-    /// A class in a table that the model does not know.
+    /// The table holds a class that the model does not know.
     #[error(transparent)]
     UnknownClass(Box<UnknownClass>),
 }
 
-/// A class that a model was not trained with.
+/// A class that the model was not trained with.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "{place}: column '{column}' holds '{}', which the model was not trained with; it knows {}",
@@ -89,18 +89,18 @@ pub enum EvaluationError {
     sanitize::list(known)
 )]
 pub struct UnknownClass {
-    /// The column.
+    /// Name of the class column.
     pub column: String,
     /// The class found.
     pub class: String,
-    /// Where: its line or row.
+    /// Line or row of the table.
     pub place: String,
-    /// Those the model knows.
+    /// The classes that the model knows.
     pub known: Vec<String>,
 }
 
 impl EvaluationError {
-    /// The same of the table that stands at a place: behind the first they are to test with.
+    /// Wraps errors of the second and later tables in [`Self::InTest`]; the first table is the training table.
     pub(crate) fn of_table(place: usize) -> impl Fn(EvaluationError) -> EvaluationError {
         move |error| match place {
             0 => error,

@@ -1,9 +1,8 @@
-//! Answers that change when every feature moves within its uncertainty.
+//! Answers that change when a window is disturbed within its uncertainty.
 //!
-//! What a window holds is uncertain by the noise and quantisation of its sensors and by the solver's
-//! error ([`augmentation::disturbed`]). The judged windows are moved so, their features computed anew, and
-//! the answers compared. A question of a tree whose answer depends on what no sensor shows flips; one
-//! that can be defended does not.
+//! Sensor noise, quantization and the solver's error make a window uncertain ([`augmentation::disturbed`]). This module
+//! disturbs the judged windows, recomputes their features and compares the answers. A tree question flips if its answer
+//! depends on what no sensor shows; a sound one does not.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -19,86 +18,85 @@ use servotwin_diagnosis::residual::Window;
 use servotwin_learning::augmentation;
 use servotwin_learning::metrics::Rate;
 
-/// The least factor by which a fault is made weaker to learn from it, and the largest by which it is
-/// made stronger. Factors between are equally likely by their logarithms.
+/// Limits of the factors that scale a fault for training, drawn log-uniformly between 1 and the limit.
 const WEAKEST: f64 = 0.2;
 const STRONGEST: f64 = 3.0;
 
-/// A weaker fault, a stronger one and the fault as it is take turns.
+/// Draws alternate between the original fault, a weaker one and a stronger one.
 const ROUND: usize = 3;
 
-/// Windows of the rows of a data set, and how they may move.
+/// The windows of a data set's rows, and how to disturb them.
 pub struct Moving<'w> {
     /// The sensors, in the order of the windows.
     pub sensors: Sensors,
     /// The window of every row.
     pub windows: &'w [Window],
-    /// What a sample carries of noise and quantisation, in parts of scale, for each sensor.
+    /// Noise and quantization of a sample for each sensor, in parts of scale.
     pub noise: Vec<f64>,
-    /// What the solver's error is, in parts of scale.
+    /// Solver error, in parts of scale.
     pub lasting: f64,
-    /// For each feature of the data set its place among all features.
+    /// For each feature of the data set, its index among all features.
     pub columns: Vec<usize>,
-    /// How far windows are moved, in parts of their uncertainty: for each round of three draws, the
-    /// last for all beyond.
+    /// Scale of the disturbance, in parts of the uncertainty, for each round of three draws. The last one holds for all
+    /// later rounds.
     pub reaches: &'static [f64],
-    /// How often each window is moved.
+    /// Number of disturbed copies of each window.
     pub draws: usize,
-    /// The seed.
+    /// Random seed.
     pub seed: u64,
 }
 
-/// A window as it might have been.
+/// A disturbed copy of a window.
 pub struct Moved {
-    /// The window.
+    /// The disturbed window.
     pub window: Window,
-    /// How many times as large its fault is.
+    /// Factor by which the fault is scaled.
     pub factor: f64,
 }
 
 /// How often the answer to a question changed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Share {
-    /// Changed.
+    /// Number of changed answers.
     pub count: u64,
-    /// Of so many moves.
+    /// Number of disturbed copies.
     pub of: u64,
 }
 
-/// How often one question of a tree got another answer.
+/// How often the answer to one tree question changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitFlips {
-    /// The stage.
+    /// Id of the stage.
     pub stage: String,
-    /// The node.
+    /// Index of the node.
     pub node: usize,
-    /// The feature asked for.
+    /// The feature that the question compares.
     pub feature: String,
-    /// The threshold.
+    /// Threshold of the question, in the feature's unit.
     pub threshold: f64,
-    /// Median standard deviation of the feature over the rows that were asked.
+    /// Median standard deviation of the feature over the rows that reached the node.
     pub uncertainty: f64,
-    /// How often its answer changed.
+    /// How often the answer changed.
     pub flips: Share,
 }
 
-/// Answers that changed.
+/// How often answers changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Flips {
-    /// Moves of each window.
+    /// Number of disturbed copies of each window.
     pub draws: usize,
-    /// The share of moves after which the actuator is another one.
+    /// Share of the copies whose actuator changed.
     pub actuator: Rate,
-    /// Actuator or command.
+    /// Share of the copies whose actuator or command changed.
     pub action: Rate,
-    /// Any part of the answer.
+    /// Share of the copies whose answer changed in any part.
     pub answer: Rate,
-    /// Each question of each tree, among the rows that were asked it; the worst first.
+    /// Every question of every tree, over the rows that reached it; the most frequent flips first.
     pub splits: Vec<SplitFlips>,
 }
 
 impl Share {
-    /// As a number.
+    /// The share of changed answers; 0 without copies.
     pub fn share(&self) -> f64 {
         if self.of > 0 { self.count as f64 / self.of as f64 } else { 0.0 }
     }
@@ -121,15 +119,15 @@ impl Moving<'_> {
         (0..views).map(of).collect()
     }
 
-    /// The windows of a row as they might have been, its fault as it is.
+    /// Disturbed copies of a row's window, with the original fault.
     pub fn moved(&self, row: usize) -> Vec<Window> {
         let mut errors = Random::new(self.seed_of(row));
         let window = &self.windows[row];
         (0..self.draws).map(|draw| self.disturbed(window, draw, &mut errors)).collect()
     }
 
-    /// Likewise, but of three draws one with a weaker fault (in one of the `specimens`, rows without a
-    /// fault) and one with a stronger fault.
+    /// Disturbed copies of a row's window. Of three copies, one has a weaker fault and one a stronger fault. Scaled
+    /// faults are placed into a random one of `specimens`, rows without a fault.
     pub fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
         let mut errors = Random::new(self.seed_of(row));
         let mut choices = Choices::stream(self.seed_of(row), 1);
@@ -166,19 +164,19 @@ impl Moving<'_> {
     }
 }
 
-/// What was seen of one row.
+/// Answers and questions of one row.
 struct Seen {
     row: usize,
-    /// For each move whether the actuator changed, actuator or command, any part of the answer.
+    /// For each copy: whether the actuator, the actuator or command, or any part of the answer changed.
     changes: Vec<[bool; 3]>,
     /// For each question asked: stage, node, changes, standard deviation of the feature.
     questions: Vec<(usize, usize, Share, f64)>,
 }
 
-/// Moves the windows of some rows and asks again.
+/// Disturbs the windows of some rows and compares the answers.
 ///
 /// # Errors
-/// [`EvaluationError::Cancelled`]; a hierarchy of other features.
+/// [`EvaluationError::Cancelled`], or a hierarchy with other features.
 pub fn evaluate(
     data: &DataSet,
     hierarchy: &Hierarchy,
@@ -240,7 +238,7 @@ fn seen(
     Ok(seen)
 }
 
-/// How often the answer to a node's question changes, and how much its feature varies.
+/// How often the answer at a node changes, and the standard deviation of its feature.
 fn question(
     stage: &Stage,
     node: usize,

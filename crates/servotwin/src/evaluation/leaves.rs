@@ -9,51 +9,51 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::hierarchy::Settings;
 use std::collections::BTreeMap;
 
-/// A leaf that does not hold one class only.
+/// A leaf that holds more than one class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorstLeaf {
-    /// The stage.
+    /// Id of the stage.
     pub stage: String,
-    /// The node.
+    /// Index of the node.
     pub node: usize,
-    /// The class decided there.
+    /// The class that the leaf decides.
     pub class: String,
-    /// Share of that class.
+    /// Share of that class, from 0 to 1.
     pub purity: f64,
-    /// Training rows in the leaf, mirror images included.
+    /// Number of training rows in the leaf, symmetric copies included.
     pub rows: u32,
-    /// The questions that lead there: feature, whether above the threshold, threshold.
+    /// The questions on the path to the leaf, from the root.
     pub conditions: Vec<Condition>,
-    /// Kinds of fault in the leaf, with their class, the most frequent first.
+    /// The kinds of fault in the leaf with their class, the most frequent first.
     pub contents: Vec<Content>,
 }
 
-/// A question on the way to a leaf, and its answer.
+/// A question on the path to a leaf, and its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Condition {
-    /// The feature.
+    /// The feature that the question compares.
     pub feature: String,
-    /// Whether its value is above the threshold.
+    /// Whether the path continues above the threshold.
     pub above: bool,
-    /// The threshold.
+    /// The threshold, in the feature's unit.
     pub threshold: f64,
 }
 
-/// Rows of one kind in a leaf.
+/// The rows of one kind in a leaf.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Content {
     /// The kind of fault.
     pub kind: String,
-    /// Its class.
+    /// The true class of the rows.
     pub class: String,
     /// Number of rows.
     pub rows: u32,
 }
 
-/// The least pure leaves of every tree, at most `count` of each stage.
+/// The least pure leaves of every tree, at most `count` for each stage.
 ///
 /// # Errors
-/// [`servotwin_diagnosis::Error::NotFinite`].
+/// [`EvaluationError::NothingDetectable`], and errors of the samples.
 pub fn worst(
     data: &DataSet,
     settings: &Settings,
@@ -100,7 +100,7 @@ fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) ->
         else {
             break;
         };
-        // Preorder: everything below the right child comes behind it.
+        // Preorder: all nodes below the right child have higher indices.
         let above = node >= right;
         let feature = feature_name(hierarchy, stage, feature);
         conditions.push(Condition { feature, above, threshold });

@@ -1,11 +1,12 @@
-//! How good the diagnosis is, measured so that it cannot fool us.
+//! Measures how good the diagnosis is, with protocols that avoid optimistic results.
 //!
-//! [`evaluate`] takes the data sets of a setting and gives an [`Evaluation`]: what is detected at all,
-//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, all
-//! classifiers, which features carry the result, which faults are taken for each other, what
-//! silence buys, and which answers hang on less than a sensor shows; and it looks
-//! into the [`Hierarchy`] that [`train`] makes. The same data sets, settings and seeds give the
-//! same bytes, on any number of threads.
+//! [`evaluate`] takes the data sets of one scenario and returns an [`Evaluation`]. It covers:
+//! - detection;
+//! - the nine trees and the committee under every protocol, and the seed paper's trees as a baseline;
+//! - comparison of classifiers, ablation, confusions, abstention and sensitivity to disturbances;
+//! - the structure of the [`Hierarchy`] from [`train`].
+//!
+//! The same data sets, settings and seeds give the same bytes on any number of threads.
 
 pub mod ablation;
 pub mod abstention;
@@ -49,35 +50,34 @@ use servotwin_learning::tree::Criterion;
 
 use crate::study::Role;
 
-/// What is evaluated, and how.
+/// Settings of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// How the nine trees are trained.
+    /// Training settings of the nine trees.
     pub training: Training,
-    /// How the committee is trained.
+    /// Training settings of the committee.
     pub committee: Training,
-    /// Which training rows teach the committee; `holding` says which teach the trees.
+    /// Training rows of the committee; those of the trees are in `holding`.
     pub committee_lessons: TrainingFilter,
     /// How rows are held out.
     pub holding: Holding,
-    /// How rows are held out where classifiers are compared.
+    /// How rows are held out in the comparison of classifiers.
     pub comparison_holding: Holding,
-    /// The commands that switch their actuator off, as the study says.
+    /// The actions of the study that shut their actuator down.
     pub shutdowns: Vec<String>,
-    /// Whether a fault is detected where a residual leaves the band learned from healthy specimens;
-    /// otherwise the seed paper's band of 3 % counts.
+    /// Whether bands learned from healthy specimens decide detection. Otherwise the seed paper's band of 3 % does.
     pub learned_bands: bool,
-    /// The family of features that the seed paper has.
+    /// The feature family of the seed paper.
     pub baseline_family: String,
     /// The protocols of the nine trees.
     pub protocols: Vec<Protocol>,
     /// The protocols of the committee.
     pub committee_protocols: Vec<Protocol>,
-    /// The classifiers to compare; none for no comparison.
+    /// The classifiers to compare; empty for no comparison.
     pub classifiers: Vec<classifiers::Settings>,
-    /// Whether to take parts away.
+    /// Whether to run the ablation.
     pub ablation: bool,
-    /// Whether to train the trees on fewer commands, too.
+    /// Whether to train the trees also on fewer commands.
     #[serde(default = "yes")]
     pub learning_curve: bool,
 }
@@ -100,7 +100,7 @@ impl Default for Settings {
                 ..TrainingFilter::default()
             },
             holding: Holding::default(),
-            // Folds of a third: as much to learn from as in the random third.
+            // Three folds, so that as much is left for training as in the random third.
             comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
             shutdowns: vec![],
             learned_bands: false,
@@ -114,7 +114,7 @@ impl Default for Settings {
     }
 }
 
-/// The protocols of a quick study: the paper's, and one for each thing that a diagnosis may not have seen.
+/// The protocols of a quick study: the paper's, and one for each kind of novelty.
 const QUICK_PROTOCOLS: [Protocol; 5] = [
     Protocol::RandomThird,
     Protocol::Grouped,
@@ -124,7 +124,7 @@ const QUICK_PROTOCOLS: [Protocol; 5] = [
 ];
 
 impl Settings {
-    /// What a quick study leaves of an evaluation.
+    /// Reduces the evaluation to that of a quick study.
     pub fn quick(mut self) -> Self {
         self.protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
         self.committee_protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
@@ -132,7 +132,7 @@ impl Settings {
     }
 }
 
-/// The nine trees of a depth.
+/// Training settings of the nine trees with a given depth.
 pub fn trees(criterion: Criterion, depth: usize) -> Training {
     Training::all(classifiers::Settings::Cart(classifiers::cart::Settings {
         criterion,
@@ -142,75 +142,74 @@ pub fn trees(criterion: Criterion, depth: usize) -> Training {
     }))
 }
 
-/// The trees' size: what has to be flown.
+/// Size of a stage's model, which the flight software must hold.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageSize {
-    /// The stage.
+    /// Id of the stage.
     pub stage: String,
-    /// Nodes, leaves included; `None` unless it is a tree.
+    /// Number of nodes, leaves included; `None` unless the model is a tree.
     pub nodes: Option<usize>,
-    /// Questions on the longest way.
+    /// Number of questions on the longest path.
     pub depth: Option<usize>,
-    /// The features it asks for, with the share of the impurity decrease each bought.
+    /// Features in use with their share of the impurity decrease, the largest first.
     pub importances: Vec<(String, f64)>,
 }
 
-/// What is done with fault-free specimens.
+/// False alarms on fault-free specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FalseAlarms {
     /// Specimens that left the paper's band of 3 %.
     pub paper_alarms: Rate,
     /// Specimens that left the band in use.
     pub alarms: Rate,
-    /// Specimens that left it and were not found healthy by the trees.
+    /// Specimens that left the band in use and that the trees do not call healthy.
     pub trees: Rate,
-    /// Specimens of which the trees would shut an actuator down.
+    /// Specimens in which the trees would shut an actuator down.
     pub tree_shutdowns: Rate,
-    /// Likewise of the committee.
+    /// Specimens that left the band in use and that the committee does not call healthy.
     pub committee: Rate,
-    /// Likewise.
+    /// Specimens in which the committee would shut an actuator down.
     pub committee_shutdowns: Rate,
 }
 
-/// Everything measured on the data sets of a setting.
+/// All results of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// What is detected at all, by the band in use.
+    /// Detection with the band in use.
     pub detection: detection::Detection,
-    /// The share of faults that the paper's band of 3 % detects.
+    /// Share of the faults that the paper's band of 3 % detects.
     pub paper_detection: Rate,
-    /// The bands learned from healthy specimens.
+    /// Bands learned from healthy specimens.
     pub bands: Option<Vec<Band>>,
     /// Number of features.
     pub features: usize,
-    /// Features that are constant, and so say nothing.
+    /// Constant features, which carry no information.
     pub constant_features: Vec<String>,
     /// The nine trees under every protocol.
     pub protocols: Vec<ProtocolResult>,
-    /// The committee under those with training commands.
+    /// The committee under its protocols.
     pub committee: Vec<ProtocolResult>,
-    /// Trees and committee on a new command where the paper's band of 3 % detects, if it is not in
-    /// use.
+    /// Trees and committee on a new command with the paper's band of 3 %, if it is not in use.
     pub paper_band: Vec<ProtocolResult>,
-    /// The trees on a new command, by the number of commands they learned from.
+    /// The trees on a new command, by the number of training commands.
     pub commands: Vec<(usize, ProtocolResult)>,
-    /// The seed paper's trees: its features, nothing mirrored or pooled.
+    /// The seed paper's trees: its features, no symmetric copies, no pooling.
     pub baseline: Vec<ProtocolResult>,
-    /// What silence buys.
+    /// What abstention gains.
     pub abstention: Option<Abstention>,
-    /// How far the committee's confidence can be believed.
+    /// Calibration quality of the committee's confidence.
     pub reliability: Option<Reliability>,
-    /// Answers of the trees and of the committee that hang on less than a sensor shows.
+    /// Answers of the trees and of the committee that change within the uncertainty.
     pub flips: Option<(Flips, Flips)>,
-    /// The classifiers compared.
+    /// Results of the classifier comparison.
     pub classifiers: Vec<comparison::Compared>,
-    /// What each part carries.
+    /// Results of the ablation.
     pub ablation: Vec<ablation::Ablation>,
-    /// Which faults are taken for each other.
+    /// Which kinds of fault are confused.
     pub ambiguity: ambiguity::Ambiguity,
     /// The least pure leaves of the final trees.
     pub worst_leaves: Vec<leaves::WorstLeaf>,
-    /// The final trees.
+    /// Sizes of the final trees.
     pub stages: Vec<StageSize>,
     /// False alarms; `None` without fault-free specimens.
     pub false_alarms: Option<FalseAlarms>,
@@ -222,22 +221,21 @@ impl Evaluation {
         self.protocols.iter().find(|result| result.protocol == protocol)
     }
 
-    /// The committee's.
+    /// The committee's result under a protocol.
     pub fn committee(&self, protocol: Protocol) -> Option<&ProtocolResult> {
         self.committee.iter().find(|result| result.protocol == protocol)
     }
 
-    /// The trees' result under the hardest protocol of all that were possible: a new command, or
-    /// else a fault unseen at its intensity.
+    /// The trees' result under the hardest available protocol: a new command, or else a fault unseen at its intensity.
     pub fn headline(&self) -> Option<&ProtocolResult> {
         self.protocol(Protocol::NewCommand).or_else(|| self.protocol(Protocol::Grouped))
     }
 }
 
-/// The worst leaves shown of each tree.
+/// Number of worst leaves shown for each tree.
 const WORST_LEAVES: usize = 3;
 
-/// The protocols under which the committee is judged.
+/// The default protocols of the committee.
 const OF_COMMITTEE: [Protocol; 4] = [
     Protocol::NewCommand,
     Protocol::NewCommandAndFault,
@@ -245,17 +243,17 @@ const OF_COMMITTEE: [Protocol; 4] = [
     Protocol::StrongToWeak,
 ];
 
-/// The protocols under which the seed paper's trees are judged.
+/// The protocols of the seed paper's trees.
 const OF_BASELINE: [Protocol; 4] =
     [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut, Protocol::LeaveCommandOut];
 
-/// Numbers of training commands for the curve.
+/// Numbers of training commands in the learning curve.
 const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
 
-/// What a setting's diagnosis consists of.
+/// The trained diagnosis of one scenario.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trained {
-    /// The bands in use, if learned.
+    /// The learned bands, if in use.
     pub bands: Option<Vec<Band>>,
     /// The nine trees.
     pub trees: Hierarchy,
@@ -263,7 +261,7 @@ pub struct Trained {
     pub committee: Committee,
 }
 
-/// The data with the band that the settings want, and the bands that can be learned from it.
+/// The data with the band that the settings choose, and the bands learned from the data.
 pub fn banded(
     data: &DataSet,
     settings: &Settings,
@@ -280,11 +278,10 @@ pub fn banded(
     }
 }
 
-/// Trains trees and committee with all rows that there are to learn from, detected by the band in
-/// use.
+/// Trains trees and committee on all training rows, detected with the band in use.
 ///
 /// # Errors
-/// [`EvaluationError::NothingDetectable`] and what training says.
+/// [`EvaluationError::NothingDetectable`] and errors of training.
 pub fn train(
     data: &DataSet,
     settings: &Settings,
@@ -299,26 +296,26 @@ pub fn train(
     Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
 }
 
-/// What an evaluation needs besides data and settings.
+/// Inputs of an evaluation besides data and settings.
 pub struct Context<'c> {
-    /// The diagnosis that was trained with all rows.
+    /// The diagnosis trained on all rows.
     pub trained: &'c Trained,
-    /// For each sensor with a band a number that is the same for like sensors.
+    /// For each sensor with a band, a pool index that like sensors share.
     pub pools: &'c [usize],
-    /// The same data with every feature, also those that teach nothing, for the paper's trees.
+    /// The same data with every feature, for the paper's trees.
     pub all_features: &'c DataSet,
-    /// The windows, to be moved within their uncertainty.
+    /// The windows to disturb within their uncertainty.
     pub moving: Option<&'c Moving<'c>>,
-    /// Who works.
+    /// The threads to use.
     pub workers: Workers<'c>,
-    /// Is told what is being done, and roughly how much is done, from 0 to 1.
+    /// Receives the current activity and the approximate progress from 0 to 1.
     pub progress: &'c dyn Fn(&str, f64),
 }
 
-/// Evaluates the data sets of a setting, piece by piece.
+/// Evaluates the data sets of one scenario, piece by piece.
 ///
 /// # Errors
-/// [`EvaluationError::NothingDetectable`] and what training says.
+/// [`EvaluationError::NothingDetectable`] and errors of training.
 pub fn evaluate(
     data: &DataSet,
     settings: &Settings,
@@ -329,8 +326,7 @@ pub fn evaluate(
     Ok(piece::joined(found.collect::<Result<_, _>>()?))
 }
 
-/// The judged faults that trees and committee are asked about once more: detected, and where mirror
-/// images count once, no mirror image. Nothing where they were learned from.
+/// The judged faults for abstention and flips: detected and no symmetric copies. Empty without separate training rows.
 fn unseen(data: &DataSet) -> Vec<usize> {
     if !data.has_training() {
         return vec![];
@@ -339,7 +335,7 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     data.rows_where(Role::Judged, wanted)
 }
 
-/// What silence buys, and how far the confidence can be believed.
+/// The results of abstention, and the calibration of the confidence.
 fn silence(
     data: &DataSet,
     settings: &Settings,
@@ -369,7 +365,7 @@ fn flips(
     Ok(Some((of(&trained.trees)?, of(&trained.committee.hierarchy)?)))
 }
 
-/// The trees on new commands, learned from the first so many of the training commands.
+/// The trees on new commands, trained on the first 1, 2, 4, … training commands.
 fn commands(
     data: &DataSet,
     settings: &Settings,
@@ -391,7 +387,7 @@ fn commands(
     Ok(curve)
 }
 
-/// The paper's trees: its family of features, each actuator for itself, no mirror images.
+/// The paper's trees: its feature family, one tree for each actuator, no symmetric copies.
 fn baseline(
     data: &DataSet,
     settings: &Settings,
@@ -433,7 +429,7 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
     }
 }
 
-/// What trees and committee do with healthy specimens that left the band.
+/// Answers of trees and committee for healthy specimens that left the band.
 fn false_alarms(
     unbanded: &DataSet,
     data: &DataSet,

@@ -1,10 +1,9 @@
-//! Models in files: JSON that says what it is.
+//! Model files: self-describing JSON.
 //!
-//! A hierarchy's file holds, in this order, `format`, `names` (features, actuators, commands,
-//! details) and `stages`; every number in a stage is a place in one of these lists. A CART model has
-//! one entry per node in each of its arrays; a node whose `feature` is 4294967295 is a leaf; a row
-//! goes `left` where its value is not above the `threshold`. Numbers are written so that reading
-//! gives the same bits.
+//! A hierarchy's file holds, in this order, `format`, `names` (features, actuators, commands, details) and `stages`.
+//! Every number in a stage is an index into one of these lists. A CART model has one entry per node in each of its
+//! arrays. A node whose `feature` is 4294967295 is a leaf. A row goes `left` where its value is at most the
+//! `threshold`. Numbers are written so that reading restores the same bits.
 
 use super::error::EvaluationError;
 use super::table_model::TableModel;
@@ -16,10 +15,7 @@ use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::Panel;
 use std::path::Path;
 
-/// Writes a value as JSON, atomically; the same value gives the same bytes.
-///
-/// # Errors
-/// [`EvaluationError::File`].
+/// Writes a value as JSON, atomically. The same value gives the same bytes.
 pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), EvaluationError> {
     let path = path.as_ref();
     let text = to_json(path, value)?;
@@ -38,8 +34,8 @@ fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationErro
 /// Reads a value from JSON.
 ///
 /// # Errors
-/// [`EvaluationError::File`], also where it is not what the manifest beside it says; [`EvaluationError::Model`] with line
-/// and column.
+/// [`EvaluationError::File`], also if the file differs from its manifest; [`EvaluationError::Model`] with line and
+/// column.
 pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, EvaluationError> {
     let path = path.as_ref();
     manifest::check(path)?;
@@ -87,7 +83,7 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
     Ok(hierarchy)
 }
 
-/// Reads a classifier for tables and checks it.
+/// Reads a table model and checks it.
 ///
 /// # Errors
 /// As [`read`]; [`EvaluationError::CorruptModel`].

@@ -1,5 +1,5 @@
-//! An evaluation in pieces, of which each is computed by itself, be it on another machine, and what joins
-//! them. Numbers that go through a piece's text are the same bits.
+//! Splits an evaluation into pieces that can run on different machines, and joins their results. Numbers keep their
+//! bits when a piece is stored as text.
 
 use super::ablation::{self, Ablation};
 use super::ambiguity::{self, Ambiguity};
@@ -21,42 +21,42 @@ pub enum Piece {
     Trees(Protocol),
     /// The committee under a protocol.
     Committee(Protocol),
-    /// The trees that learned from fewer commands.
+    /// The trees trained on fewer commands.
     Commands,
-    /// Trees and committee where the paper's band detects.
+    /// Trees and committee with the paper's band.
     PaperBand,
     /// The seed paper's trees.
     Baseline,
-    /// All classifiers.
+    /// The comparison of classifiers.
     Classifiers,
-    /// What each part carries.
+    /// The ablation.
     Ablation,
-    /// What was trained with all rows, and what it was trained with.
+    /// The final diagnosis trained on all rows, and its data.
     Trained,
 }
 
-/// What came of a piece.
+/// The result of a piece.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Found {
-    /// Of the trees: the result, if the protocol was possible, and what was taken for what.
+    /// The trees' result, if the protocol was possible, and the confusions if traced.
     Trees(Option<(ProtocolResult, Option<Ambiguity>)>),
-    /// Of the committee.
+    /// The committee's result, if the protocol was possible.
     Committee(Option<ProtocolResult>),
-    /// By the number of commands.
+    /// Results by the number of commands.
     Commands(Vec<(usize, ProtocolResult)>),
-    /// Where the paper's band detects.
+    /// Results with the paper's band.
     PaperBand(Vec<ProtocolResult>),
-    /// Of the seed paper's trees.
+    /// Results of the seed paper's trees.
     Baseline(Vec<ProtocolResult>),
-    /// Of all classifiers.
+    /// Results of the classifier comparison.
     Classifiers(Vec<Compared>),
-    /// What each part carries.
+    /// Results of the ablation.
     Ablation(Vec<Ablation>),
-    /// Everything else, with nothing of the pieces above.
+    /// Everything else; the fields of the pieces above are empty.
     Trained(Box<Evaluation>),
 }
 
-/// The pieces of an evaluation.
+/// The pieces of an evaluation, in order.
 pub fn all(settings: &Settings) -> Vec<Piece> {
     let has_several = settings.protocols.len() > 1;
     let trees = settings.protocols.iter().map(|&protocol| Piece::Trees(protocol));
@@ -71,10 +71,10 @@ pub fn all(settings: &Settings) -> Vec<Piece> {
     pieces
 }
 
-/// The evaluation whose pieces these are, in their order.
+/// Joins the results of all pieces, given in order.
 ///
 /// # Panics
-/// If [`Found::Trained`] is not among them.
+/// If [`Found::Trained`] is missing.
 pub fn joined(found: Vec<Found>) -> Evaluation {
     let is_rest = |found: &Found| matches!(found, Found::Trained(_));
     let (rest, pieces): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_rest);
@@ -101,7 +101,7 @@ pub fn joined(found: Vec<Found>) -> Evaluation {
     all
 }
 
-/// Data with its band and settings: what every piece begins with.
+/// The inputs that all pieces share: banded data and settings.
 pub struct Bench<'b> {
     settings: &'b Settings,
     context: &'b Context<'b>,
@@ -112,7 +112,7 @@ pub struct Bench<'b> {
 }
 
 impl<'b> Bench<'b> {
-    /// The bench of an evaluation.
+    /// Prepares the data for the pieces.
     pub fn new(data: &DataSet, settings: &'b Settings, context: &'b Context<'b>) -> Self {
         let unbanded = match data.sensors.is_empty() {
             true => data.clone(),
@@ -126,7 +126,7 @@ impl<'b> Bench<'b> {
     /// Evaluates a piece.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`] and what training says.
+    /// [`EvaluationError::NothingDetectable`] and errors of training.
     pub fn evaluate(&self, piece: Piece) -> Result<Found, EvaluationError> {
         let Self { settings, data, training, .. } = self;
         let workers = self.context.workers;
@@ -177,7 +177,7 @@ impl<'b> Bench<'b> {
                 Found::Classifiers(compared)
             }
             Piece::Ablation => {
-                // A family less is a family less, with moved windows or without.
+                // The ablation needs no augmented copies.
                 let still = data.without(|row| row.moved > 0);
                 Found::Ablation(ablation::evaluate(&still, training, settings.holding, workers)?)
             }
@@ -198,7 +198,7 @@ impl<'b> Bench<'b> {
         protocol::evaluate(protocol, data, training, holding, shutdowns, context.workers)
     }
 
-    /// On new commands, with what was trained with all training rows.
+    /// Judges an already trained hierarchy on new commands.
     fn judged_trained(
         &self,
         trained: (&Training, &Hierarchy),
@@ -236,7 +236,7 @@ impl<'b> Bench<'b> {
         })
     }
 
-    /// Tells what is being done, and roughly how much of all is done.
+    /// Reports the current activity and the approximate total progress.
     fn tell(&self, piece: Piece) {
         let place = |protocol| self.settings.protocols.iter().position(|p| *p == protocol);
         let (what, share) = match piece {

@@ -1,20 +1,19 @@
-//! The protocols: how rows are held out, and what is reported of each.
+//! The protocols: how rows are held out, and which results are counted.
 //!
-//! A protocol is only as honest as the likeness of its training and test rows. Some divide the
-//! judged cases among themselves, from the kindest to the hardest:
-//! - a random third, as the seed paper: nearly every test row has a neighbour of the same fault and
-//!   intensity in another operating case. Only the same fault of another actuator in the same case
-//!   stays on the same side: without tolerances it is the row's exact mirror image, and a hierarchy
-//!   that learns from mirror images would have seen the test row;
-//! - groups of one kind and one intensity stay together, mirror images included;
-//! - one intensity, one operating case (its command flies on at the other load), one command, one
-//!   command and one load are left out;
-//! - one kind of fault is left out, for the stage that finds the actuator.
+//! A protocol is only as demanding as its test rows are unlike its training rows. Some protocols split the judged
+//! cases, here from easiest to hardest:
+//! - A random third, as in the seed paper. Nearly every test row has a neighbor of the same fault and intensity in
+//!   another operating case. The same fault of another actuator in the same case stays on the same side. Without
+//!   tolerances it is the row's symmetric copy, so training on symmetric copies would leak the test row.
+//! - Groups of one kind and one intensity stay together, symmetric copies included.
+//! - One intensity, one operating case, one command, or one command and one load are left out. The command of a
+//!   left-out case stays in training at the other load.
+//! - One kind of fault is left out, for the stage that finds the actuator.
 //!
-//! The others learn from the training commands of the study, of which no judged case has any:
+//! The others learn from the study's training commands, which no judged case uses:
 //! - a new command;
-//! - a new command and a fault never seen at its intensity, or at its neighbours' either;
-//! - a new command, with only weak faults to learn from and strong ones to judge, and the reverse.
+//! - a new command and a fault unseen at its intensity, or also at the neighboring intensities;
+//! - a new command, with weak faults for training and strong ones for judging, and the reverse.
 
 use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;
@@ -47,19 +46,19 @@ pub enum Protocol {
     LeaveCommandAndLoadOut,
     /// One kind of fault at a time, for the stage that finds the actuator.
     LeaveKindOut,
-    /// Learnt from the training commands.
+    /// Trained on the training commands.
     NewCommand,
-    /// Learnt from the training commands without the judged kind at the judged intensity.
+    /// Trained on the training commands without the judged kind at the judged intensity.
     NewCommandAndFault,
-    /// Without the judged kind at the judged intensity and its neighbours.
+    /// Trained on the training commands without the judged kind at the judged intensity and its neighbors.
     NewCommandAndNeighbours,
-    /// Learnt from weak faults of the training commands, judged on strong ones.
+    /// Trained on weak faults of the training commands, judged on strong ones.
     WeakToStrong,
-    /// The reverse.
+    /// Trained on strong faults of the training commands, judged on weak ones.
     StrongToWeak,
 }
 
-/// Every protocol: those among the judged cases, then those with training commands.
+/// Every protocol: those that split the judged cases, then those with training commands.
 pub const ALL: [Protocol; 12] = [
     Protocol::RandomThird,
     Protocol::Grouped,
@@ -75,22 +74,22 @@ pub const ALL: [Protocol; 12] = [
     Protocol::StrongToWeak,
 ];
 
-/// The strongest of the weak faults.
+/// Maximum intensity of weak faults.
 pub const WEAK: f64 = 0.5;
 
-/// The weakest of the strong ones.
+/// Minimum intensity of strong training faults.
 pub const STRONG: f64 = 0.6;
 
-/// How often and how finely rows are held out.
+/// Repeats, folds, seed and training filter of the splits.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Holding {
     /// Number of random thirds.
     pub repeats: usize,
     /// Number of folds of groups.
     pub folds: usize,
-    /// The seed.
+    /// Random seed.
     pub seed: u64,
-    /// Which training rows teach.
+    /// Which training rows are used.
     pub lessons: TrainingFilter,
 }
 
@@ -101,7 +100,7 @@ impl Default for Holding {
 }
 
 impl Protocol {
-    /// What it is called.
+    /// Title for reports.
     pub fn title(self) -> &'static str {
         match self {
             Protocol::RandomThird => "a random third held out",
@@ -121,7 +120,7 @@ impl Protocol {
         }
     }
 
-    /// How much of the hierarchy makes sense under it.
+    /// Which stages the protocol can judge.
     pub fn scope(self) -> Scope {
         match self {
             Protocol::LeaveKindOut => Scope::Actuator,
@@ -135,13 +134,13 @@ impl Protocol {
         self >= Protocol::NewCommand
     }
 
-    /// Whether every detected fault is tested once.
+    /// Whether every detected fault is tested exactly once.
     fn tests_all_once(self) -> bool {
         use Protocol::{LeaveCommandAndLoadOut, LeaveKindOut, RandomThird};
         !matches!(self, RandomThird | LeaveKindOut | LeaveCommandAndLoadOut)
     }
 
-    /// The faults that it judges, detected or not.
+    /// Whether it judges this fault, detected or not.
     fn judges(self, data: &DataSet, row: &Row) -> bool {
         let weak = data.intensities[row.intensity as usize] <= WEAK;
         match self {
@@ -151,10 +150,10 @@ impl Protocol {
         }
     }
 
-    /// The splits; none where there are too few groups to leave one out, or no training commands.
+    /// The splits. Empty with too few groups to leave one out, or without training commands.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`] and what making splits says.
+    /// [`EvaluationError::NothingDetectable`] and errors of the splitting.
     pub fn splits(self, data: &DataSet, holding: Holding) -> Result<Vec<Split>, EvaluationError> {
         match self.needs_training() {
             true => self.splits_with_training(data, holding),
@@ -198,7 +197,7 @@ impl Protocol {
         if !data.has_training() {
             return Ok(vec![]);
         }
-        // Where only weak faults are known, stronger ones are guessed from them, and still weaker ones are too many.
+        // With weak faults only, stronger copies extrapolate from them, and the many still weaker copies are dropped.
         let lessons = match self {
             Protocol::WeakToStrong => {
                 TrainingFilter { stronger: true, weaker: holding.lessons.faults, ..holding.lessons }
@@ -252,18 +251,18 @@ fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
     rows.iter().any(|&row| !data.rows[row].is_healthy)
 }
 
-/// The number of a kind at an intensity.
+/// Index of a kind at an intensity.
 fn cluster(data: &DataSet, row: &Row) -> u32 {
     row.kind * data.intensities.len() as u32 + row.intensity
 }
 
-/// One case of a share that is counted over rows.
+/// One trial of a rate over rows.
 pub fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
     let row = &data.rows[row];
     Trial { cluster: cluster(data, row), kind: row.kind, holds }
 }
 
-/// For every case the cases that share neither its command nor its load.
+/// One split for each case: train on the cases that share neither its command nor its load.
 fn command_and_load_left_out(data: &DataSet, rows: &[usize]) -> Vec<Split> {
     let load = |case: u32| data.cases[case as usize].rsplit_once('/').map(|(_, load)| load);
     let apart = |row: usize, case: u32, flown: u32| {
@@ -280,7 +279,7 @@ fn command_and_load_left_out(data: &DataSet, rows: &[usize]) -> Vec<Split> {
     cases.iter().map(split).filter(|split| !split.train.is_empty()).collect()
 }
 
-/// Random thirds in which rows of a group stay together.
+/// Random thirds that keep the rows of a group together.
 fn thirds(groups: &[u32], repeats: usize, seed: u64) -> Result<Vec<Split>, EvaluationError> {
     let mut names = groups.to_vec();
     names.sort_unstable();
@@ -321,76 +320,75 @@ fn count_groups(groups: &[u32]) -> usize {
     groups.len()
 }
 
-/// One stage of the hierarchy, asked about the rows that are truly its own.
+/// The score of one stage on the rows whose truth reaches the stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageScore {
-    /// The paper's letter, with the actuator's number where only its rows are counted.
+    /// The paper's letter, with the actuator's number if only its rows are counted.
     pub id: String,
     /// What the stage decides.
     pub question: Question,
     /// The actuator whose rows are counted; `None` for all.
     pub actuator: Option<String>,
-    /// The command within which details are told apart.
+    /// The command within which details are distinguished.
     pub command: Option<String>,
-    /// The score.
+    /// The score over all splits.
     pub score: Score,
 }
 
-/// What errors would do to the aircraft. Every rate but one is of detected faults.
+/// Consequences of errors for the aircraft. All rates but [`Safety::missed_shutdown_of_all`] refer to detected faults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Safety {
     /// The fault is given to the wrong actuator.
     pub wrong_actuator: Rate,
     /// A healthy actuator is shut down because another one has a fault.
     pub wrong_actuator_shutdown: Rate,
-    /// A fault that needs a shutdown does not get it (of the detected faults that need one).
+    /// A fault that needs a shutdown does not get it, of the detected faults that need one.
     pub missed_shutdown: Rate,
-    /// The same of all faults that need one, those that were never detected included; `None` where
-    /// a protocol does not test every fault once.
+    /// The same, of all faults that need one, undetected faults included. `None` unless the protocol tests every fault
+    /// once.
     pub missed_shutdown_of_all: Option<Rate>,
-    /// The right actuator is shut down where less would do (of the faults that need no shutdown).
+    /// The right actuator is shut down unnecessarily, of the faults that need no shutdown.
     pub needless_shutdown: Rate,
 }
 
-/// Errors by the component that is broken.
+/// Errors by faulty component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentScore {
     /// The component, without the actuator.
     pub component: String,
     /// Its faults are given to the wrong actuator.
     pub wrong_actuator: Rate,
-    /// Its faults shut the healthy actuator down.
+    /// Its faults shut a healthy actuator down.
     pub wrong_actuator_shutdown: Rate,
     /// Actuator, command and detail are right.
     pub right: Rate,
 }
 
-/// What a protocol says about a hierarchy.
+/// A hierarchy's result under a protocol.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProtocolResult {
-    /// Which protocol.
+    /// The protocol.
     pub protocol: Protocol,
-    /// What it is called.
+    /// Title for reports.
     pub title: String,
     /// Number of splits.
     pub splits: usize,
     /// Each stage by itself: first over all actuators, then for each.
     pub stages: Vec<StageScore>,
-    /// All stages together: actuator, command and detail are right (isolation rate of what was
-    /// detected).
+    /// All stages together: actuator, command and detail are right (isolation rate of detected faults).
     pub end_to_end: Option<Rate>,
-    /// Actuator and command are right: all that the flight control computer acts on.
+    /// Actuator and command are right, which is all that the flight control computer uses.
     pub right_action: Option<Rate>,
-    /// Detected and isolated, as a share of all faults, the undetectable ones included.
+    /// Detected and isolated faults, as a share of all faults.
     pub isolated_of_all: Option<f64>,
-    /// What errors would do.
+    /// Consequences of errors, if the study has shutdown actions.
     pub safety: Option<Safety>,
     /// Errors by component.
     pub components: Vec<ComponentScore>,
 }
 
 impl ProtocolResult {
-    /// The score of a stage by its letter.
+    /// The score of the stage with this id.
     pub fn stage(&self, id: &str) -> Option<&Score> {
         self.stages.iter().find(|stage| stage.id == id).map(|stage| &stage.score)
     }
@@ -399,11 +397,10 @@ impl ProtocolResult {
 /// A protocol's result, and the outcome of every held-out row, split by split.
 pub type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
 
-/// Runs a protocol; with the outcomes from which the result was counted. `None` where the data set
-/// has too few groups for it.
+/// Runs a protocol and returns its result with the outcomes. `None` if the data set has too few groups for it.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn evaluate(
     protocol: Protocol,
     data: &DataSet,
@@ -421,11 +418,11 @@ pub fn evaluate(
     Ok(Some((result, outcomes)))
 }
 
-/// The same for [`Protocol::NewCommand`] with a hierarchy that was trained with those settings and all
-/// training rows: nothing is trained again.
+/// Judges an already trained hierarchy under [`Protocol::NewCommand`]. It must have been trained with these settings on
+/// all training rows.
 ///
 /// # Errors
-/// What making splits and asking say.
+/// Errors of the splitting and of the diagnosis.
 pub fn evaluate_trained(
     data: &DataSet,
     (settings, hierarchy): (&Settings, &Hierarchy),
@@ -439,7 +436,7 @@ pub fn evaluate_trained(
     Ok(Some(summary(protocol, data, &outcomes, shutdowns)))
 }
 
-/// The splits with what is judged in each, none where nothing is.
+/// The splits that have rows to judge.
 fn judged_splits(
     protocol: Protocol,
     data: &DataSet,
@@ -452,7 +449,7 @@ fn judged_splits(
     }
     let mut splits = protocol.splits(data, holding)?;
     if settings.mirror && settings.pool && data.examples.views() > 1 {
-        // Such a hierarchy treats a row and its mirror image alike: they count once.
+        // Such a hierarchy treats a row and its symmetric copy alike, so they count once.
         for split in &mut splits {
             split.test.retain(|&row| !data.rows[row].reflected);
         }
@@ -539,7 +536,7 @@ struct Counting<'a> {
     protocol: Protocol,
     data: &'a DataSet,
     outcomes: Vec<&'a Outcome>,
-    /// The commands that switch their actuator off.
+    /// The actions that shut their actuator down.
     shutdowns: Vec<u32>,
 }
 
@@ -567,7 +564,7 @@ impl<'a> Counting<'a> {
         Rate::clustered(&self.trials(among, holds))
     }
 
-    /// The missed shutdowns of all faults: those of detected ones, and every fault not detected.
+    /// The missed shutdowns of all faults: those of detected faults, and every undetected fault.
     fn missed_of_all(&self, missed: &[Trial]) -> Option<Rate> {
         if !self.protocol.tests_all_once() {
             return None;

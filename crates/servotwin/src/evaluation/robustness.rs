@@ -1,5 +1,4 @@
-//! Trained on one setting, tested on another: what a diagnosis learned in a kinder world is worth in
-//! a harder one.
+//! Trains on one scenario and tests on another: how well a diagnosis transfers to a harder scenario.
 
 use super::data_set::DataSet;
 use super::protocol::{self, Protocol, ProtocolResult};
@@ -7,33 +6,33 @@ use super::{EvaluationError, Trained, run};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 
-/// One pair of settings.
+/// The result for one pair of scenarios.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cross {
-    /// Where it was trained.
+    /// Scenario of the training.
     pub trained: String,
-    /// Where it was tested.
+    /// Scenario of the test.
     pub tested: String,
     /// The nine trees on new commands.
     pub trees: ProtocolResult,
-    /// The committee.
+    /// The committee on new commands.
     pub committee: ProtocolResult,
 }
 
-/// A scenario with its model.
+/// A scenario with its data and model.
 pub struct Tested {
-    /// The scenario.
+    /// Name of the scenario.
     pub name: String,
     /// Its data set, with the band in use.
     pub data: DataSet,
-    /// The model that was trained in it.
+    /// The model trained on it.
     pub trained: Trained,
 }
 
-/// Tests the model of each scenario on the judged rows of every scenario. Nothing without training commands.
+/// Tests the model of each scenario on the judged rows of every scenario. Empty if a scenario has no training commands.
 ///
 /// # Errors
-/// [`servotwin_diagnosis::Error::LengthMismatch`] for scenarios of other features.
+/// [`servotwin_diagnosis::Error::LengthMismatch`] if the scenarios have different features.
 pub fn evaluate(
     scenarios: &[&Tested],
     shutdowns: &[String],

@@ -1,7 +1,7 @@
-//! Training and testing a hierarchy over the splits of a protocol.
+//! Trains and tests a hierarchy over the splits of a protocol.
 //!
-//! Everything that is reported of a protocol is counted from [`Outcome`]s: what was said of each
-//! test row by the hierarchy that was trained with the split's other rows.
+//! All results of a protocol are counted from [`Outcome`]s: the answers for each test row by the hierarchy trained on
+//! the split's training rows.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -14,36 +14,36 @@ use servotwin_learning::hierarchy::Settings;
 use servotwin_learning::splits::Split;
 use std::collections::BTreeMap;
 
-/// How much of the hierarchy is trained.
+/// Which stages are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
     /// Every stage.
     All,
     /// Only the stage that finds the actuator.
     Actuator,
-    /// Every stage; for wrong answers also with which kind of fault the row was confused.
+    /// Every stage; wrong answers also record the kind of fault they were confused with.
     AllTracing,
 }
 
-/// What was said of a test row.
+/// The answers for a test row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// The row.
+    /// Index of the row.
     pub row: usize,
-    /// What the hierarchy says, each stage relying on the one above.
+    /// The hierarchy's diagnosis; each stage relies on the one above.
     pub said: Diagnosis,
-    /// The command said where the actuator is known.
+    /// The command answered when the true actuator is given.
     pub command: Option<u32>,
-    /// The detail said where actuator and command are known.
+    /// The detail answered when the true actuator and command are given.
     pub detail: Option<u32>,
-    /// Where the hierarchy errs: the kind of fault that fills the leaf in which the row ended.
+    /// For a wrong answer, the dominant kind of fault in the leaf where the row ended.
     pub confused_with: Option<u32>,
 }
 
-/// Trains on each split's training rows and asks about its test rows; one list per split.
+/// Trains on each split's training rows and diagnoses its test rows; one list per split.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn run(
     data: &DataSet,
     settings: &Settings,
@@ -52,13 +52,13 @@ pub fn run(
     workers: Workers,
 ) -> Result<Vec<Vec<Outcome>>, EvaluationError> {
     let settings = &settled(data, settings);
-    // The threads share the splits, or the stages of a single one.
+    // The threads share the splits, or the stages of a single split.
     let within = if splits.len() == 1 { workers } else { Workers::new(1) };
     let one = |split: &Split| run_split(data, settings, split, scope, within);
     parallel::map(splits, workers, one)?.into_iter().collect()
 }
 
-/// The settings without what the data set cannot give: views.
+/// The settings, without symmetric copies and pooling if the data set lacks views.
 pub fn settled(data: &DataSet, settings: &Settings) -> Settings {
     let has_views = data.examples.views() == data.examples.names().actuators.len();
     Settings {
@@ -85,10 +85,10 @@ fn run_split(
     Ok(outcomes)
 }
 
-/// Trains every stage with some rows, several at a time.
+/// Trains every stage on some rows, several stages at a time.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn fit(
     data: &DataSet,
     settings: &Settings,
@@ -118,10 +118,10 @@ fn fit_scope(
     }
 }
 
-/// What a trained hierarchy says of rows.
+/// Diagnoses rows with a trained hierarchy.
 ///
 /// # Errors
-/// [`servotwin_diagnosis::Error::LengthMismatch`] for a hierarchy of other features.
+/// [`servotwin_diagnosis::Error::LengthMismatch`] for a hierarchy with other features.
 pub fn ask(
     data: &DataSet,
     hierarchy: &Hierarchy,
@@ -131,7 +131,7 @@ pub fn ask(
     rows.iter().map(|&row| asking.ask(row)).collect()
 }
 
-/// A hierarchy being asked about one row after the other.
+/// Diagnoses one row after the other.
 struct Asking<'a> {
     data: &'a DataSet,
     hierarchy: &'a Hierarchy,
@@ -169,8 +169,8 @@ impl<'a> Asking<'a> {
     }
 }
 
-/// For each wrong outcome, the kind of fault that is most frequent among the training rows that
-/// share the leaf and have the class decided there.
+/// Sets the confused kind of each wrong outcome: the most frequent kind among the leaf's training rows of the decided
+/// class.
 fn trace(
     data: &DataSet,
     settings: &Settings,
@@ -198,7 +198,7 @@ fn trace(
     Ok(())
 }
 
-/// The question that is the first to be answered wrongly.
+/// The first question answered wrongly.
 pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
     let truth = data.examples.labels()[outcome.row];
     let actuator = Some(truth.actuator).filter(|_| !data.rows[outcome.row].is_healthy);
@@ -215,7 +215,7 @@ pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
     }
 }
 
-/// For each leaf of a tree the most frequent kind of fault among the training rows of its class.
+/// For each leaf of a tree, the most frequent kind of fault among the training rows of its class.
 fn leaf_kinds(
     data: &DataSet,
     settings: &Settings,

@@ -1,4 +1,4 @@
-//! Which columns of a table become features, how, and why the others do not.
+//! Chooses which columns of a table become features, and records why the others do not.
 
 use super::Selection;
 use super::error::TableModelError;
@@ -9,44 +9,44 @@ use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A text column with more different texts makes no features.
+/// Maximum number of distinct texts in a text column that becomes features.
 pub const MOST_CATEGORIES: usize = 32;
 
-/// Fewer rows than this never look like an index.
+/// Minimum number of rows for a column to be recognized as an index.
 const FEWEST_INDEX_ROWS: usize = 8;
 
-/// A column with at most so many different values that tell the class by themselves is named.
+/// Maximum number of distinct values of a column that is checked for determining the class.
 const FEW_VALUES: usize = 64;
 
-/// Why a column of a data set is not learned from.
+/// Why a column of a data set is excluded.
 const NO_FEATURE: &str =
     "is no feature of the data set: it says what was simulated or how it was detected";
 
-/// Where a feature of a model comes from.
+/// The source of a feature.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Input {
     /// A column with numbers, or with true (1) and false (0).
     Number {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
-    /// A column with times as text: seconds.
+    /// A column with times as text, converted to seconds.
     Time {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
-    /// One text of a column with text: 1 in its rows, 0 in all others.
+    /// One text of a text column: 1 in rows with this text, otherwise 0.
     Category {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// The text.
+        /// The text that gives 1.
         value: String,
     },
 }
 
 impl Input {
-    /// The column it reads.
+    /// The column that the feature reads.
     pub fn column(&self) -> &str {
         match self {
             Input::Number { column } | Input::Time { column } | Input::Category { column, .. } => {
@@ -64,16 +64,16 @@ impl Input {
     }
 }
 
-/// A column that is not used, and why.
+/// A column that is not used, and the reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Unused {
-    /// The column.
+    /// Name of the column.
     pub column: String,
-    /// Why, in words.
+    /// The reason as text.
     pub reason: String,
 }
 
-/// What [`choose`] found.
+/// The result of [`choose`].
 #[derive(Debug, Default)]
 pub(super) struct Chosen {
     pub inputs: Vec<Input>,
@@ -81,7 +81,7 @@ pub(super) struct Chosen {
     pub warnings: Vec<String>,
 }
 
-/// Chooses the features: those named, or else all columns that can tell something about a row.
+/// Chooses the features: the named columns, or else all columns that may carry information.
 pub(super) fn choose(
     table: &Table,
     selection: &Selection,
@@ -168,7 +168,7 @@ fn is_number(text: &str) -> bool {
     text.trim().is_empty() || text.trim().replace(',', ".").parse::<f64>().is_ok()
 }
 
-/// The features that a column makes; the number of its different texts where they are too many.
+/// The features of a column, or the number of distinct texts if there are too many.
 fn inputs_of(
     column: &Column,
     selection: &Selection,
@@ -191,7 +191,7 @@ fn inputs_of(
         };
     }
     if different.len() == 2 {
-        // The second text says all that the first would.
+        // The second text alone carries the information.
         different.pop_first();
     }
     let input = |value| Input::Category { column: name(), value };
@@ -203,7 +203,7 @@ fn are_times(texts: &[String]) -> bool {
     given.peek().is_some() && given.all(|text| moment::seconds(text).is_some())
 }
 
-/// Why a column can tell nothing.
+/// Why a column carries no information, if so.
 fn useless(column: &Column) -> Option<&'static str> {
     const EMPTY: &str = "has no value in any row";
     const CONSTANT: &str = "has the same value in every row";
@@ -224,7 +224,7 @@ fn useless(column: &Column) -> Option<&'static str> {
     }
 }
 
-/// Why a column should not be learnt from although it could be.
+/// Why a column should not be used although it could be: it looks like an index or repeats the label.
 fn suspicion(column: &Column, labels: &[u32]) -> Option<&'static str> {
     if let Some(numbers) = numbers(column) {
         if rises_evenly(&numbers) {
@@ -243,7 +243,7 @@ fn suspicion(column: &Column, labels: &[u32]) -> Option<&'static str> {
     repeats.then_some("repeats the label: one value for each class")
 }
 
-/// A warning where every value of a column occurs with one class only.
+/// A warning if every value of a column occurs with one class only.
 fn tells_the_class(column: &Column, labels: &[u32]) -> Option<String> {
     let of_value = classes_of_values(column, labels, FEW_VALUES)?;
     let sure = of_value.len() >= 2
@@ -257,8 +257,8 @@ fn tells_the_class(column: &Column, labels: &[u32]) -> Option<String> {
     })
 }
 
-/// For each value the class that it occurs with, `None` where there are several; `None` at all for
-/// more than `most` values.
+/// Maps each value to the class with which it occurs, or to `None` for several classes. Returns `None` for more than
+/// `most` values.
 fn classes_of_values(
     column: &Column,
     labels: &[u32],
@@ -320,9 +320,8 @@ fn text_at(values: &Values, row: usize) -> String {
     }
 }
 
-/// Takes the features out of tables with the same columns, one below the other: column-major values,
-/// NaN where there is none. A column is let go of as soon as it has been read for the last time, so
-/// that a large table is never there twice.
+/// Encodes the features of tables with the same columns, stacked vertically. Values are column-major; missing ones are
+/// NaN. Releases each column after its last use, so that a large table is never held twice.
 pub(super) fn encode(tables: &mut [Table], inputs: &[Input]) -> Result<Vec<f64>, EvaluationError> {
     let rows: usize = tables.iter().map(Table::row_count).sum();
     let mut values = Vec::with_capacity(inputs.len() * rows);

@@ -1,39 +1,39 @@
-//! What can be wrong with somebody's table.
+//! Errors of user tables.
 
-/// Why a table cannot be learnt from, judged with or predicted.
+/// Why a table cannot be used for training, judging or prediction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableModelError {
     /// A row has no class or no group.
     #[error("{place}, column '{column}': the row has no {what}{}", and_more(*.rows))]
     Empty {
-        /// What it lacks, in words.
+        /// The missing item, as text.
         what: &'static str,
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The place in the file, such as `line 17`.
         place: String,
-        /// How many rows lack it.
+        /// Number of rows without it.
         rows: usize,
     },
-    /// The column of the classes holds measured numbers.
+    /// The class column holds measured numbers.
     #[error(
         "column '{column}' holds {different} different numbers: that is measured, no class; make classes of it by \
          limits, for example {},{}",
         .limits.0, .limits.1
     )]
     NumericLabel {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// How many different numbers.
+        /// Number of distinct numbers.
         different: usize,
-        /// Two limits that would make three classes of them.
+        /// Two suggested limits, which would give three classes.
         limits: (f64, f64),
     },
-    /// Limits that make classes of numbers are not ascending, or leave one class only.
+    /// The limits for classes are not ascending, or leave only one class.
     #[error("the limits must ascend and leave at least two classes of column '{column}'")]
     Limits {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
     /// Hardly any class occurs twice.
@@ -42,39 +42,39 @@ pub enum TableModelError {
          is nothing to learn"
     )]
     NamesNotClasses {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// How many different texts.
+        /// Number of distinct texts.
         different: usize,
-        /// In how many rows.
+        /// Number of rows.
         rows: usize,
     },
-    /// A text column named as a feature has too many different texts.
+    /// A text column named as a feature has too many distinct texts.
     #[error(
         "column '{column}' holds {different} different texts; at most {largest} can become features"
     )]
     TooManyCategories {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// How many.
+        /// Number of distinct texts.
         different: usize,
-        /// How many there may be.
+        /// Maximum number allowed.
         largest: usize,
     },
-    /// The column of the split has no value that means test, or none that means training.
+    /// The split column has no value for test, or none for training.
     #[error(
         "column '{column}' must hold {}; it holds {}",
         needed_values(.test_value.as_deref()), .values.join(", ")
     )]
     Split {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// The values it has, the first few.
+        /// Its first few values.
         values: Vec<String>,
-        /// The value that means test, where one was given.
+        /// The value for test, if given.
         test_value: Option<String>,
     },
-    /// A group stands on both sides of a fixed split.
+    /// A group is on both sides of a fixed split.
     #[error(
         "'{group}' of column '{column}'{} is in training and in test: a group must stand on one side of the split",
         others(*.groups)
@@ -84,62 +84,62 @@ pub enum TableModelError {
         column: String,
         /// The first such group.
         group: String,
-        /// How many such groups.
+        /// Number of such groups.
         groups: usize,
     },
-    /// Nothing is left on one side of the split.
+    /// One side of the split has no rows.
     #[error("no row is left for {side}")]
     NothingLeft {
-        /// Which side, in words.
+        /// The empty side, as text.
         side: &'static str,
     },
-    /// A value is missing, and the classifier cannot do without.
+    /// A value is missing, and the classifier cannot handle missing values.
     #[error("{place}, column '{column}': no value, and {reason}")]
     Missing {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The place in the file.
         place: String,
-        /// Why it cannot.
+        /// Why the classifier needs the value.
         reason: &'static str,
     },
-    /// A class was given a weight, but does not occur.
+    /// A weight is given for a class that does not occur.
     #[error("a weight for class '{class}', but there are {}", .known.join(", "))]
     UnknownWeight {
-        /// The class.
+        /// Name of the class.
         class: String,
-        /// The classes there are.
+        /// The classes that occur.
         known: Vec<String>,
     },
-    /// A weight is no positive number.
+    /// A weight is not positive.
     #[error("the weight of class '{class}' is {weight}, it must be above 0")]
     Weight {
-        /// The class.
+        /// Name of the class.
         class: String,
-        /// The weight.
+        /// The rejected weight.
         weight: f64,
     },
-    /// One column was named for two things.
+    /// One column is named for two exclusive roles.
     #[error("column '{column}' is named for two things that exclude each other")]
     UsedTwice {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
-    /// Abstention needs probabilities, and the classifier gives none.
+    /// Abstention needs probabilities, but the classifier gives none.
     #[error(
         "{classifier} gives no probabilities here, so it cannot abstain below one (AdaBoost gives none once classes \
          are weighted)"
     )]
     NoProbabilities {
-        /// The classifier.
+        /// Title of the classifier.
         classifier: &'static str,
     },
-    /// There is no such row.
+    /// The row does not exist.
     #[error("there is no row {row}: the table has the rows 1 to {rows}")]
     NoRow {
-        /// The row, from 1.
+        /// The requested row, from 1.
         row: usize,
-        /// How many there are.
+        /// Number of rows in the table.
         rows: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! How rows are held out. Rows of one group never stand on both sides.
+//! Ways to hold rows out. All rows of one group stay on one side.
 
 use super::Prepared;
 use super::error::TableModelError;
@@ -6,41 +6,41 @@ use crate::evaluation::EvaluationError;
 use servotwin_diagnosis::Error;
 use servotwin_learning::splits::{Split, grouped_k_fold, stratified_k_fold};
 
-/// How rows of a table are held out.
+/// How the rows of a table are held out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum HoldOut {
-    /// Folds: of groups where there is a group column, else with equal shares of the classes.
+    /// Folds over groups, or without a group column, folds stratified by class.
     Folds {
         /// Number of folds.
         folds: usize,
-        /// The seed.
+        /// Random seed.
         seed: u64,
     },
-    /// The last part of each class, in the order of the table: for series in time. With groups the
-    /// last groups of each class that together hold at least the part.
+    /// The last share of each class in table order, for time series. With groups: the last groups of each class that
+    /// hold at least this share.
     Last {
-        /// The part, between 0 and 1.
+        /// The share, between 0 and 1.
         share: f64,
     },
-    /// What the column of the split or the second table says.
+    /// The sides given by the split column or the second table.
     Fixed,
 }
 
-/// Where a row stands in a fixed split.
+/// The side of a row in a fixed split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
     Train,
     Test,
-    /// On neither side, such as rows kept for validation.
+    /// Neither side, for example rows reserved for validation.
     Neither,
 }
 
-/// Words that mean test where the value is not given, and what means training beside each.
+/// Default words for test, each with its counterpart for training.
 const WORDS: [(&str, &str); 4] =
     [("test", "train"), ("testing", "training"), ("true", "false"), ("1", "0")];
 
-/// The sides that a column of a split says. With `train` among its values only these rows train,
-/// otherwise all that are not tested.
+/// The sides given by a split column. If `train` is among its values, only these rows train; otherwise all rows not
+/// tested do.
 pub(super) fn sides(
     texts: &[String],
     column: &str,
@@ -52,7 +52,7 @@ pub(super) fn sides(
     let has = |word: &str| values.iter().any(|value| value.eq_ignore_ascii_case(word));
     let words = match test_value {
         Some(value) => Some((value, "train")),
-        // Among many numbers 0 and 1 are no sides.
+        // 0 and 1 are sides only if they are the only values.
         None => WORDS.into_iter().find(|(test, train)| {
             let is_number = *test == "1";
             has(test) && has(train) && (!is_number || values.len() == 2)
@@ -77,11 +77,11 @@ pub(super) fn sides(
 }
 
 impl Prepared {
-    /// The splits of a way of holding out.
+    /// The splits of a hold-out method.
     ///
     /// # Errors
-    /// [`EvaluationError::TooFewGroups`], a share out of range, a group on both sides of a fixed
-    /// split, or nothing left on a side.
+    /// [`EvaluationError::TooFewGroups`], a share out of range, a group on both sides of a fixed split, or an empty
+    /// side.
     pub fn splits(&self, hold_out: HoldOut) -> Result<Vec<Split>, EvaluationError> {
         let splits = match (hold_out, &self.groups) {
             (HoldOut::Folds { folds, seed }, Some(groups)) => {
@@ -157,7 +157,7 @@ impl Prepared {
     }
 }
 
-/// The last groups of some rows that hold at least so many of them; never all groups.
+/// The last groups that together hold at least `needed` of the rows; never all groups.
 fn last_groups(rows: &[usize], codes: &[u32], needed: usize) -> Vec<u32> {
     // The groups in the order of their first rows.
     let mut order: Vec<u32> = vec![];

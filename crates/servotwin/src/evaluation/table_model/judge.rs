@@ -1,5 +1,4 @@
-//! How good a classifier is on rows held out: over all, for each class, for each group, and beside
-//! the answer that is right most often.
+//! Judges a classifier on held-out rows: overall, for each class, for each group, and against the majority class.
 
 use super::{HoldOut, Prepared};
 use crate::evaluation::EvaluationError;
@@ -11,62 +10,62 @@ use servotwin_learning::classifiers;
 use servotwin_learning::metrics::{Confusion, Rate, Score, cluster_bootstrap};
 use servotwin_learning::splits::Split;
 
-/// How often groups are drawn again for an interval.
+/// Number of bootstrap resamples for an interval.
 const RESAMPLES: usize = 2000;
 
-/// The seed of that.
+/// Random seed of the bootstrap.
 const SEED: u64 = 1;
 
-/// A row, its class, and the class predicted.
+/// Row index, true class, predicted class.
 pub(super) type Said = (usize, u32, u32);
 
-/// What the same answer for every row would be worth.
+/// The baseline that always predicts the most frequent class.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Baseline {
-    /// The most frequent class of the rows trained with; of the first split where they differ.
+    /// The most frequent class among the training rows; that of the first split if splits differ.
     pub class: String,
-    /// Share of the rows held out of which it is the class.
+    /// Share of the held-out rows with the most frequent class of their split.
     pub accuracy: Option<f64>,
 }
 
-/// The rows of one class.
+/// The result for one class.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClassResult {
     /// The class.
     pub class: String,
-    /// Share of its rows that were recognised.
+    /// Share of its rows that are recognized.
     pub recall: Rate,
-    /// Share of the rows said to be of the class that are.
+    /// Share of the rows predicted as this class that belong to it.
     pub precision: Option<f64>,
 }
 
-/// The rows of one group.
+/// The result for one group.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GroupResult {
     /// The group.
     pub group: String,
     /// The classes in it.
     pub classes: Vec<String>,
-    /// Rows held out.
+    /// Number of held-out rows.
     pub rows: u64,
-    /// Of these predicted right.
+    /// Number of them predicted correctly.
     pub right: u64,
 }
 
-/// How good a classifier is on rows held out.
+/// A classifier's results on held-out rows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Judged {
-    /// The score over all rows held out. With groups the interval is made by drawing whole groups.
+    /// The score over all held-out rows. With groups, the interval comes from a bootstrap over groups.
     pub score: Score,
-    /// Whether the intervals are over groups.
+    /// Whether the intervals come from a bootstrap over groups.
     pub intervals_over_groups: bool,
-    /// What the same answer for every row would be worth; `None` where nothing was trained.
+    /// The majority baseline; `None` if nothing was trained.
     pub baseline: Option<Baseline>,
-    /// Every class that occurs.
+    /// Results for every class.
     pub classes: Vec<ClassResult>,
-    /// Every group held out.
+    /// Results for every held-out group.
     pub groups: Vec<GroupResult>,
-    /// What makes the result worth less than it looks.
+    /// Reasons why the result may be optimistic.
     pub warnings: Vec<String>,
 }
 
@@ -74,7 +73,7 @@ impl Prepared {
     /// Trains and tests a classifier over held-out rows.
     ///
     /// # Errors
-    /// As [`Prepared::splits`]; what training says.
+    /// As [`Prepared::splits`], and errors of training.
     pub fn validate(
         &self,
         settings: &classifiers::Settings,
@@ -94,19 +93,19 @@ impl Prepared {
         Ok(judged)
     }
 
-    /// What a model says about some rows.
+    /// A model's predictions for some rows.
     pub(super) fn predictions(&self, model: &Model, rows: &[usize]) -> Vec<Said> {
         let said = predicted(model, &self.samples, rows);
         let truth = rows.iter().map(|&row| self.samples.labels()[row]);
         rows.iter().zip(truth).zip(said).map(|((&row, truth), said)| (row, truth, said)).collect()
     }
 
-    /// The results of predictions, split by split.
+    /// Computes the results from predictions, split by split.
     pub(super) fn judged(&self, splits: &[Vec<Said>], baseline: Option<Baseline>) -> Judged {
         let all: Vec<Said> = splits.concat();
         let mut confusion = Confusion::new(self.samples.classes());
         all.iter().for_each(|&(_, truth, said)| confusion.count(truth, Some(said)));
-        // Wilson's interval, or where there are groups an interval over these.
+        // Wilson interval, or an interval over groups if there are some.
         let per_split = splits.iter().map(|split| Rate::of(split, is_right).share).collect();
         let names = self.samples.class_names().to_vec();
         let score = Score::new(names, self.rate(&all), &confusion, per_split);
@@ -166,7 +165,7 @@ impl Prepared {
         results
     }
 
-    /// The most frequent class of each split's training rows, on its test rows.
+    /// The most frequent class of each split's training rows, scored on its test rows.
     fn baseline(&self, splits: &[Split]) -> Baseline {
         let labels = self.samples.labels();
         let (mut right, mut of, mut first) = (0, 0, None);
@@ -183,7 +182,7 @@ impl Prepared {
         Baseline { class, accuracy: Rate::new(right, of).share }
     }
 
-    /// Classes that are tested in some split without having been trained there.
+    /// A warning about classes tested in a split without being trained there.
     fn never_trained(&self, splits: &[Split]) -> Option<String> {
         let labels = self.samples.labels();
         let mut missing = vec![false; self.samples.classes()];
@@ -206,7 +205,7 @@ fn is_right((_, truth, said): &Said) -> bool {
     truth == said
 }
 
-/// The class that a model says for some rows of samples.
+/// The class that a model predicts for each of some rows.
 pub(super) fn predicted(model: &Model, samples: &Samples, rows: &[usize]) -> Vec<u32> {
     let mut values = vec![0.0; samples.features()];
     let mut scratch = vec![0.0; model.classes()];

@@ -7,23 +7,23 @@ use crate::evaluation::{EvaluationError, UnknownClass};
 use crate::table::{Column, Table, Values};
 use std::collections::BTreeSet;
 
-/// More different numbers than this are measured, unless they are whole.
+/// Maximum number of distinct fractional numbers in a class column.
 const MOST_NUMBERS: usize = 20;
 
-/// More different whole numbers than this are measured, too.
+/// Maximum number of distinct whole numbers in a class column.
 const MOST_WHOLE_NUMBERS: usize = 100;
 
-/// Texts or numbers with a code for every row.
+/// Distinct texts or numbers, with a code for every row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coded {
-    /// The names, in the order of their codes: numbers ascending, texts by the alphabet.
+    /// The names in the order of their codes: numbers ascending, texts alphabetically.
     pub names: Vec<String>,
     /// The code of every row.
     pub codes: Vec<u32>,
 }
 
 impl Coded {
-    /// Numbers the different texts.
+    /// Codes the distinct texts.
     pub(super) fn of(texts: &[String]) -> Self {
         let different: BTreeSet<&String> = texts.iter().collect();
         let mut names: Vec<String> = different.into_iter().cloned().collect();
@@ -46,7 +46,7 @@ impl Coded {
     }
 }
 
-/// The classes of all rows of tables with the same columns; only those of the first may be learnt.
+/// The classes of all rows of tables with the same columns. Later tables may hold only classes of the first.
 pub(super) fn classes(tables: &[Table], selection: &Selection) -> Result<Coded, EvaluationError> {
     let name = &selection.label;
     if !selection.label_limits.is_empty() {
@@ -75,7 +75,7 @@ pub(super) fn classes(tables: &[Table], selection: &Selection) -> Result<Coded, 
     Ok(all)
 }
 
-/// The places of classes among those that are known.
+/// The index of each class among the known names.
 pub(super) fn known(
     table: &Table,
     classes: &[String],
@@ -96,7 +96,7 @@ pub(super) fn known(
     classes.iter().enumerate().map(place).collect()
 }
 
-/// A label that is measured has more different numbers than classes could be.
+/// Rejects a label column with too many distinct numbers for classes.
 fn refuse_measured(column: &Column) -> Result<(), EvaluationError> {
     let numbers = match &column.values {
         Values::Text(_) | Values::Flag(_) => return Ok(()),
@@ -119,7 +119,7 @@ fn refuse_measured(column: &Column) -> Result<(), EvaluationError> {
     }
 }
 
-/// The names of the classes that limits make of numbers.
+/// The names of the classes between limits.
 pub(super) fn limit_names(limits: &[f64]) -> Vec<String> {
     let first = limits.first().map(|limit| format!("up to {limit}"));
     let between = limits.windows(2).map(|pair| format!("{} to {}", pair[0], pair[1]));
@@ -127,7 +127,7 @@ pub(super) fn limit_names(limits: &[f64]) -> Vec<String> {
     first.into_iter().chain(between).chain(last).collect()
 }
 
-/// Numbers as classes: up to the first limit, to the second …
+/// Converts numbers to classes by limits; a number equal to a limit belongs to the lower class.
 pub(super) fn limited(
     tables: &[Table],
     name: &str,
@@ -148,7 +148,7 @@ pub(super) fn limited(
     }
 }
 
-/// The texts of a column in which no row may be empty.
+/// The texts of a column that must have a value in every row.
 pub(super) fn filled(
     table: &Table,
     name: &str,
@@ -165,7 +165,7 @@ pub(super) fn filled(
     }
 }
 
-/// The weight of each class for rows to train with.
+/// The weight of each class in training.
 pub(super) fn weights(
     class_weights: &ClassWeights,
     names: &[String],
@@ -199,7 +199,7 @@ pub(super) fn weights(
     Ok(weights)
 }
 
-/// Warnings about classes and groups that make a result worth less than it looks.
+/// Warnings about classes and groups that make a result optimistic.
 pub(super) fn warnings(classes: &Coded, groups: &Coded, column: &str) -> Vec<String> {
     let mut groups_of_class = vec![BTreeSet::new(); classes.names.len()];
     let mut classes_of_group = vec![BTreeSet::new(); groups.names.len()];

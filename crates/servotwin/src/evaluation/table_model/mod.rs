@@ -1,8 +1,8 @@
-//! Any table of features: training a classifier from it, judging one with it, predicting rows.
+//! Classifiers for any feature table: training, judging and prediction.
 //!
-//! A row is an example; a column holds the class, another (if there is one) the group, another (if
-//! there is one) says which rows test. [`prepare`] chooses the features among the others, and says
-//! which columns it does not use and why; [`Prepared`] trains and judges.
+//! Each row is an example. One column holds the class, an optional one the group, and an optional one marks test rows.
+//! [`prepare`] chooses the features among the other columns and reports which columns it leaves out and why.
+//! [`Prepared`] trains and judges.
 
 mod columns;
 mod error;
@@ -33,46 +33,46 @@ use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::{self, Fit};
 
-/// The word that a stored table model begins with.
+/// Format string of a stored table model.
 pub const FORMAT: &str = "servotwin classifier 2";
 
-/// How much the rows of each class weigh in training.
+/// Weights of the classes in training.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum ClassWeights {
-    /// Every row the same.
+    /// Every row has the same weight.
     #[default]
     Equal,
-    /// Every class the same, whatever its number of rows.
+    /// Every class has the same total weight.
     Balanced,
-    /// Classes with the weight of their rows; 1 for those not given.
+    /// Row weights for the named classes; 1 for all others.
     Given(Vec<(String, f64)>),
 }
 
-/// Which columns are what.
+/// The roles of the columns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Selection {
     /// The column with the class.
     pub label: String,
-    /// Limits that make classes of a label that is measured; none for a label that is a class.
+    /// Limits that divide a measured label into classes; empty if the label is a class already.
     pub label_limits: Vec<f64>,
-    /// The column with the group; rows of one group never stand on both sides of a split.
+    /// The column with the group. All rows of a group stay on one side of a split.
     pub group: Option<String>,
-    /// The column that says which rows train and which test.
+    /// The column that marks training and test rows.
     pub split: Option<String>,
-    /// The value of that column that means test; none for `test` beside `train` and the like.
+    /// The value of that column that marks test rows. Without it, word pairs such as `test` and `train` apply.
     pub test_value: Option<String>,
-    /// The columns to learn from; none for all other columns that can tell something.
+    /// The feature columns; empty for all other columns that may carry information.
     pub features: Vec<String>,
-    /// Columns not to learn from.
+    /// Columns to leave out.
     pub ignored: Vec<String>,
-    /// Columns with numbers that are names: every number becomes a feature of its own.
+    /// Columns whose numbers are names: every number becomes a feature of its own.
     pub categorical: Vec<String>,
-    /// How much the rows of each class weigh in training.
+    /// Weights of the classes in training.
     pub class_weights: ClassWeights,
 }
 
 impl Selection {
-    /// The columns that are no features in any case.
+    /// The columns that can never be features.
     fn reserved(&self) -> Vec<&str> {
         let others = [&self.group, &self.split];
         std::iter::once(self.label.as_str())
@@ -81,31 +81,31 @@ impl Selection {
     }
 }
 
-/// A classifier with the names that its numbers stand for.
+/// A classifier with the names of its features and classes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableModel {
-    /// [`FORMAT`].
+    /// Must equal [`FORMAT`].
     pub format: String,
     /// The column with the class.
     pub label: String,
-    /// Limits that make the classes of a measured label.
+    /// Limits that divide a measured label into classes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub label_limits: Vec<f64>,
-    /// Where its features come from, in the order of the model.
+    /// The source of each feature, in the order of the model.
     pub inputs: Vec<Input>,
     /// The classes, in the order of the model.
     pub classes: Vec<String>,
-    /// How much a row of each class weighed in training; empty where all weighed the same.
+    /// The row weight of each class in training; empty if all were equal.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub class_weights: Vec<f64>,
-    /// The classifier.
+    /// The trained classifier.
     pub model: Model,
 }
 
 impl TableModel {
-    /// Whether its scores are probabilities. The votes of AdaBoost are not once classes were weighted: they follow the
-    /// weights, but no rule says how.
+    /// Whether the scores are probabilities. AdaBoost's votes are not if classes were weighted, because no rule
+    /// corrects them.
     pub fn gives_probabilities(&self) -> bool {
         let votes = matches!(self.model, Model::Adaboost(_));
         self.model.scores() == Scores::Shares && (self.class_weights.is_empty() || !votes)
@@ -113,9 +113,9 @@ impl TableModel {
 
     /// Writes one score for each class.
     ///
-    /// Class weights shift what is decided. Probabilities do not follow them: a share in the weighted rows is divided
-    /// by the weight of its class, and the shares are scaled to the sum 1, which gives the shares in the rows as they
-    /// were (the shift of priors after Elkan, 2001, with the priors of training).
+    /// Class weights shift the decision, but not the probabilities. Each share is divided by the weight of its class,
+    /// and the shares are scaled to the sum 1. This restores the shares of the unweighted rows (prior correction after
+    /// Elkan, 2001, with the priors of training).
     ///
     /// # Panics
     /// As [`Classifier::scores_into`].
@@ -131,10 +131,10 @@ impl TableModel {
         }
     }
 
-    /// Checks that the parts fit each other; for models that come from outside.
+    /// Checks that the parts are consistent, for models from outside.
     ///
     /// # Errors
-    /// What [`Classifier::check`] says, or that a length is wrong.
+    /// Errors of [`Classifier::check`], a wrong length, another format, or a class weight that is not positive.
     pub fn check(&self) -> Result<(), Error> {
         let same = |what, expected, found| match expected == found {
             true => Ok(()),
@@ -155,7 +155,7 @@ impl TableModel {
         }
     }
 
-    /// The names of its features.
+    /// The names of the features.
     pub fn features(&self) -> Vec<String> {
         self.inputs.iter().map(Input::name).collect()
     }
@@ -164,13 +164,13 @@ impl TableModel {
 /// The groups of the rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Groups {
-    /// The column.
+    /// Name of the group column.
     pub column: String,
-    /// The groups.
+    /// Group names, and a code for every row.
     pub coded: Coded,
 }
 
-/// A table made ready to learn from.
+/// A table prepared for training.
 #[derive(Debug)]
 pub struct Prepared {
     samples: Samples,
@@ -178,20 +178,19 @@ pub struct Prepared {
     selection: Selection,
     groups: Option<Groups>,
     sides: Option<Vec<Side>>,
-    /// The origin of each table with its first row.
+    /// For each table, its first row and its origin.
     origins: Vec<(usize, Origin)>,
-    /// The columns that are not used, and why.
+    /// The unused columns with reasons.
     pub unused: Vec<Unused>,
-    /// What makes results worth less than they look.
+    /// Reasons why results may be optimistic.
     pub warnings: Vec<String>,
 }
 
-/// Makes a table ready to learn from: its features, classes and groups. A second table, of rows to
-/// test with only, must have the same columns, and no class that the first has not.
+/// Prepares a table for training: features, classes and groups. A second table holds test rows only. It must have the
+/// same columns and no class that the first lacks.
 ///
 /// # Errors
-/// A column is missing or holds something else than it must, a row has no class or group, there is
-/// only one class, or no feature.
+/// A column is missing or has the wrong content, a row has no class or group, or there is only one class or no feature.
 pub fn prepare(
     table: Table,
     test: Option<Table>,
@@ -254,16 +253,15 @@ impl Prepared {
         self.groups.as_ref()
     }
 
-    /// Where the features come from.
+    /// The source of each feature.
     pub fn inputs(&self) -> &[Input] {
         &self.inputs
     }
 
-    /// Trains a classifier: with all rows, or where the split is fixed with those that are not held
-    /// out.
+    /// Trains a classifier on all rows, or with a fixed split on its training rows.
     ///
     /// # Errors
-    /// What training says.
+    /// Errors of training.
     pub fn train(&self, settings: &classifiers::Settings) -> Result<TableModel, EvaluationError> {
         let rows: Vec<usize> = match &self.sides {
             Some(sides) => (0..sides.len()).filter(|&row| sides[row] == Side::Train).collect(),
@@ -283,15 +281,15 @@ impl Prepared {
         })
     }
 
-    /// How much a row of each class weighs where some rows train.
+    /// The row weight of each class when some rows train.
     fn weights_of_classes(&self, rows: &[usize]) -> Result<Vec<f64>, EvaluationError> {
         let codes = rows.iter().map(|&row| self.samples.labels()[row]);
         let names = self.samples.class_names();
         Ok(labels::weights(&self.selection.class_weights, names, codes)?)
     }
 
-    /// Trains with some of the rows. Trees leave out rows without weight, so that for them the table
-    /// is not copied.
+    /// Trains on some of the rows. Classifiers that learn from missing values get weight 0 for the other rows, which
+    /// avoids copying the table.
     fn fit(
         &self,
         settings: &classifiers::Settings,
@@ -321,7 +319,7 @@ impl Prepared {
         Ok(settings.fit(&weighted)?)
     }
 
-    /// A missing value at its place in the file.
+    /// Adds the place in the file to an error about a missing value.
     fn in_words(&self, error: Error, rows: &[usize]) -> EvaluationError {
         match error {
             Error::Missing { column, row } => {

@@ -1,15 +1,15 @@
-//! Thresholds between values that 32-bit numbers cannot tell apart.
+//! Detects thresholds between values that 32-bit numbers cannot distinguish.
 
 use super::{Prepared, TableModel};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use std::collections::BTreeMap;
 
-/// Rows of 32-bit numbers that lie as near to a threshold on their way as such numbers resolve, by the feature. Whether
-/// they are above it was lost when they were rounded.
+/// Counts rows with 32-bit values that round to a threshold on their path, by feature. Rounding lost on which side of
+/// the threshold they were.
 #[derive(Debug)]
 pub(super) struct Undecided {
-    /// Whether all values of a feature are 32-bit numbers.
+    /// For each feature, whether all its values are 32-bit numbers.
     is_short: Vec<bool>,
     rows: BTreeMap<usize, usize>,
 }
@@ -22,7 +22,7 @@ impl Undecided {
         Undecided { is_short, rows: BTreeMap::new() }
     }
 
-    /// Looks at the way of a row through a tree.
+    /// Checks the path of a row through a tree.
     pub(super) fn look(&mut self, tree: &Tree, values: &[f64]) {
         let is_undecided = |&(feature, threshold): &(usize, f64)| {
             let value = values[feature];
@@ -34,7 +34,7 @@ impl Undecided {
         }
     }
 
-    /// How many rows there are, in words.
+    /// The counts as messages.
     pub(super) fn said(&self, model: &TableModel) -> Vec<String> {
         let said = |(&feature, &rows): (&usize, &usize)| {
             let rows = if rows == 1 { "1 row has".into() } else { format!("{rows} rows have") };
@@ -49,8 +49,8 @@ impl Undecided {
 }
 
 impl Prepared {
-    /// Warnings about thresholds of a model that lie closer to their neighbors than a 32-bit number resolves: one for each
-    /// column. The same rows from a file with 32-bit numbers may get other answers.
+    /// Warns about thresholds whose neighboring values are equal as 32-bit numbers, one warning for each column. The
+    /// same rows from a float32 file may get other answers.
     pub fn hairline_warnings(&self, model: &TableModel) -> Vec<String> {
         let mut splits = model.model.splits();
         splits.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));

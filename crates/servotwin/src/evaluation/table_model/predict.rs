@@ -1,4 +1,4 @@
-//! A trained classifier at work: judging labelled rows, predicting others, explaining one.
+//! Uses a trained classifier: judges labeled rows, predicts others, explains one.
 
 use super::columns::encode;
 use super::error::TableModelError;
@@ -12,11 +12,10 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Judges a trained classifier with a table; the intervals are over groups where there are some.
+/// Judges a trained classifier on a table; with groups, the intervals are over groups.
 ///
 /// # Errors
-/// A column is missing or unfit, a class is not one that the model knows, or a value is missing that
-/// the model has not learnt to do without.
+/// A column is missing or unsuitable, the model does not know a class, or the model needs a missing value.
 pub fn evaluate_table(
     table: Table,
     model: &TableModel,
@@ -25,7 +24,7 @@ pub fn evaluate_table(
     judge_table(table, model, group).map(|(_, judged)| judged)
 }
 
-/// The same with the table as the classifier reads it.
+/// As [`evaluate_table`], and also returns the table as the classifier reads it.
 ///
 /// # Errors
 /// As [`evaluate_table`].
@@ -80,14 +79,14 @@ pub fn judge_table(
 }
 
 impl TableModel {
-    /// The columns that an answer of the model may depend on.
+    /// The columns that can influence the model's answer.
     pub fn columns_read(&self) -> BTreeSet<&str> {
         let read = self.inputs.iter().enumerate().filter(|(feature, _)| self.model.reads(*feature));
         read.map(|(_, input)| input.column()).collect()
     }
 }
 
-/// The features of a table as a model reads them; what it does not read need not be there.
+/// The features of a table in the model's order. Columns that the model does not read may be missing.
 fn samples(
     mut table: Table,
     model: &TableModel,
@@ -104,7 +103,7 @@ fn samples(
     Ok(Samples::with_missing(model.features(), model.classes.clone(), values, codes)?)
 }
 
-/// The first place of a value that a model needs and a row lacks, as (feature, row).
+/// The first missing value that the model needs, as (feature, row).
 fn first_gap(samples: &Samples, model: &TableModel) -> Option<(usize, usize)> {
     let gap = |feature: usize| samples.column(feature).iter().position(|value| value.is_nan());
     let needed = |feature: &usize| !model.model.knows_missing() && model.model.reads(*feature);
@@ -116,12 +115,12 @@ fn missing(model: &TableModel, feature: usize, place: String) -> TableModelError
     TableModelError::Missing { column: model.inputs[feature].name(), place, reason }
 }
 
-/// Which rows a model cannot answer: a value is missing that its answer depends on, and training has not shown what such
-/// rows are. A tree needs only what it asks on the way of the row.
+/// Finds rows that a model cannot answer: a needed value is missing, and training had no missing values. A tree needs
+/// only the values on the row's path.
 struct Gaps<'m> {
     model: &'m TableModel,
     needed: Vec<usize>,
-    /// Rows without an answer by the first feature that they lack.
+    /// Number of rows without an answer, by the first feature that they lack.
     rows: BTreeMap<usize, usize>,
 }
 
@@ -134,7 +133,7 @@ impl<'m> Gaps<'m> {
         Self { model, needed, rows: BTreeMap::new() }
     }
 
-    /// The feature that the model needs and a row lacks.
+    /// The first feature that the model needs and the row lacks.
     fn lacks(&self, values: &[f64]) -> Option<usize> {
         let first = self.needed.iter().copied().find(|&feature| values[feature].is_nan())?;
         match &self.model.model {
@@ -162,25 +161,25 @@ impl<'m> Gaps<'m> {
     }
 }
 
-/// What a model says about a table.
+/// A model's predictions for a table.
 #[derive(Debug, Clone)]
 pub struct Predicted {
-    /// A row for each of its rows.
+    /// One row for each input row.
     pub table: Table,
-    /// Where little speaks for what is said, in words.
+    /// Warnings about weakly supported predictions.
     pub doubts: Vec<String>,
 }
 
-/// Rows about which a model has little to go by.
+/// Counts rows for which the model has little information.
 struct Doubts<'m> {
-    /// The features that are numbers.
+    /// The features that hold numbers or have only two texts.
     numbers: Vec<usize>,
-    /// For each column of three texts or more their features: of two texts only one has a feature, so that it cannot be
-    /// told whether a row has the other one.
+    /// Features of each column with three or more texts. A column with two texts has only one feature, which cannot
+    /// reveal an unknown text.
     texts: BTreeMap<&'m str, Vec<usize>>,
-    /// Rows with nothing that is known.
+    /// Number of rows without any known value.
     blank: usize,
-    /// Others, by a column with none of the texts that were learned.
+    /// Number of other rows with an unknown text, by column.
     unseen: BTreeMap<&'m str, usize>,
 }
 
@@ -195,13 +194,13 @@ impl<'m> Doubts<'m> {
                 Input::Number { .. } | Input::Time { .. } => numbers.push(feature),
             }
         }
-        // It is one of the two, whatever else the row has.
+        // A column with two texts always counts as a value.
         numbers.extend(texts.values().filter(|features| features.len() == 1).flatten());
         texts.retain(|_, features| features.len() > 1);
         Self { numbers, texts, blank: 0, unseen: BTreeMap::new() }
     }
 
-    /// Looks at the features of a row.
+    /// Checks the features of a row.
     fn look(&mut self, values: &[f64]) {
         let has_number = self.numbers.iter().any(|&feature| !values[feature].is_nan());
         let is_unseen = |features: &Vec<usize>| features.iter().all(|&f| values[f] != 1.0);
@@ -229,12 +228,12 @@ impl<'m> Doubts<'m> {
     }
 }
 
-/// What a model says about every row of a table, which needs no classes. The result has a column
-/// `row` (from 1), those to `keep`, `predicted`, a column for each class with its probability (`p:CLASS`, or
-/// `score:CLASS` where the classifier gives none), and for a tree `leaf` and `path`.
+/// Predicts every row of a table, which needs no class column. The result has the columns `row` (from 1), those to
+/// `keep`, `predicted`, and one for each class: `p:CLASS` with its probability, or `score:CLASS` if the classifier
+/// gives none. For a tree it also has `leaf` and `path`.
 ///
-/// `predicted` is empty where the probability of the class decided is below `abstain_below`, and where a value is missing
-/// that the model needs; there the probabilities are NaN, and a tree's way ends at the question.
+/// `predicted` is empty if the probability of the decided class is below `abstain_below`, or if a needed value is
+/// missing. In the latter case the probabilities are NaN, and a tree's path ends at the question without a value.
 ///
 /// # Errors
 /// As [`evaluate_table`]; [`TableModelError::NoProbabilities`].
@@ -303,8 +302,8 @@ pub fn predict(
     Ok(Predicted { table: result, doubts })
 }
 
-/// The last node of a row's way through a tree, and the way in words. Where a value is missing that the tree needs, the
-/// way ends at the node that asks for it.
+/// The last node on a row's path through a tree, and the path as text. If a needed value is missing, the path ends at
+/// the node that compares it.
 fn way(model: &TableModel, tree: &Tree, values: &[f64], lacking: Option<usize>) -> (u32, String) {
     let is_asked = |node: usize| tree.split(node).is_some_and(|(asked, _)| Some(asked) == lacking);
     let mut path = tree.decision_path(values);
@@ -322,21 +321,20 @@ fn way(model: &TableModel, tree: &Tree, values: &[f64], lacking: Option<usize>) 
 /// One question of a tree with its answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
-    /// The column asked about.
+    /// Name of the compared column.
     pub column: String,
-    /// The text that the column was compared with; `None` for a number.
+    /// The text compared with; `None` for a number.
     pub is: Option<String>,
-    /// The value of the row; `None` where it has none.
+    /// The row's value; `None` if missing.
     pub value: Option<f64>,
-    /// The threshold.
+    /// Threshold in the unit of the column.
     pub threshold: f64,
-    /// Whether the row went right: the value is above the threshold, or is missing and such rows
-    /// went right.
+    /// Whether the row goes right: its value is above the threshold, or it is missing and missing values go right.
     pub right: bool,
 }
 
 impl Step {
-    /// Whether the question is only whether there is a value.
+    /// Whether the question only checks that a value exists.
     pub fn asks_for_any(&self) -> bool {
         is_any_value(self.threshold)
     }
@@ -356,12 +354,12 @@ impl Step {
     }
 }
 
-/// Whether a threshold only asks whether there is a value at all.
+/// Whether a threshold only checks that a value exists.
 fn is_any_value(threshold: f64) -> bool {
     threshold >= servotwin_diagnosis::numeric::MAX_VALUE
 }
 
-/// The question of an inner node, answered with yes by the rows that go left.
+/// The question of an inner node; rows that go left answer yes.
 pub fn question(input: &Input, threshold: f64, missing_left: bool, shown: &str) -> String {
     let missing = if missing_left { " or missing" } else { "" };
     match input {
@@ -371,7 +369,7 @@ pub fn question(input: &Input, threshold: f64, missing_left: bool, shown: &str) 
     }
 }
 
-/// The way of a row through a tree.
+/// The questions and answers on a row's path through a tree.
 fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
     let path: Vec<usize> = tree.decision_path(values).collect();
     let step = |pair: &[usize]| {
@@ -392,29 +390,28 @@ fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
     path.windows(2).filter_map(step).collect()
 }
 
-/// Why a model says what it says about one row.
+/// The explanation of one prediction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Explanation {
     /// The row, from 1.
     pub row: usize,
-    /// Its place in the file.
+    /// The place in the file.
     pub place: String,
-    /// The class in the table, where it has the column.
+    /// The class in the table, if given.
     pub truth: Option<String>,
-    /// The class that the model says.
+    /// The predicted class.
     pub said: String,
-    /// Every class with its probability, or where the classifier gives none its score; the best
-    /// first.
+    /// Every class with its probability, or with its score if the classifier gives none; the highest first.
     pub scores: Vec<(String, f64)>,
-    /// Whether these are probabilities.
+    /// Whether the scores are probabilities.
     pub probabilities: bool,
-    /// For a tree, its questions.
+    /// For a tree, the questions on the path.
     pub steps: Vec<Step>,
-    /// For a tree, the rows of each class that training had in the leaf.
+    /// For a tree, the training rows of each class in the leaf.
     pub leaf: Vec<(String, u32)>,
 }
 
-/// A threshold without what arithmetic has left in its last digits: it lies between two values of a table.
+/// Rounds a threshold to 12 significant digits, which removes the rounding error of the midpoint.
 fn without_rounding(threshold: f64) -> f64 {
     format!("{threshold:.11e}").parse().unwrap_or(threshold)
 }

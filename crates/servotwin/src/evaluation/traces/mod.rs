@@ -1,25 +1,25 @@
-//! Features from foreign traces: measured and nominal signals as columns of a table.
+//! Computes features from external traces: measured and nominal signals as columns of a table.
 //!
-//! A small study file in TOML says which columns are what (docs/tables.md has worked examples):
+//! A small TOML study file gives the roles of the columns (docs/tables.md has worked examples):
 //! ```toml
 //! format = 1
-//! families = ["moments", "deviation"]  # all where not given
-//! window_rows = 10                     # rows in a window; a shorter rest is left out
-//! segments = 2                         # parts of a window, each with features of its own
-//! keep = ["mode"]                      # copied to the features; a window ends where one changes
-//! residuals = ["r1", "r2"]             # columns that are residuals already
+//! families = ["moments", "deviation"]  # all if not given
+//! window_rows = 10                     # rows in a window; a shorter remainder is dropped
+//! segments = 2                         # parts of a window, each with its own features
+//! keep = ["mode"]                      # copied to the result; a window ends where one changes
+//! residuals = ["r1", "r2"]             # columns that already hold residuals
 //!
-//! [healthy]                            # the rows to learn a nominal value from: all of it holds
+//! [healthy]                            # rows to learn nominal values from: all conditions hold
 //! mode = "none"
 //!
-//! [[sensors]]                          # or measured and nominal apart
+//! [[sensors]]                          # or measured and nominal separately
 //! name = "p_A1"
 //! measured = "pressure_a_pa"
-//! nominal = "twin_pressure_a_pa"       # a column; or, to be learnt from the healthy rows,
+//! nominal = "twin_pressure_a_pa"       # a column; or, learned from the healthy rows,
 //! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
-//! scale = 206.84e5                     # where learnt, 100 deviations of healthy rows if not given
-//! quantity = "pressure_a"              # `other` where not given
-//! unit = 1                             # 1 where not given
+//! scale = 206.84e5                     # default if learned: 100 deviations of healthy rows
+//! quantity = "pressure_a"              # default: `other`
+//! unit = 1                             # default: 1
 //! ```
 
 mod nominal;
@@ -36,13 +36,13 @@ use servotwin_diagnosis::residual::Window;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// The format of study files for traces that this version reads.
+/// The supported format of trace study files.
 const FORMAT: u32 = 1;
 
-/// Residuals may be so many scales: products of four of them, of which features are made, are still numbers.
+/// Maximum residual in scales. Products of four residuals, which features need, stay finite.
 const FARTHEST: f64 = 1e50;
 
-/// What is in a table of traces.
+/// Describes a table of traces.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TraceStudy {
@@ -84,21 +84,21 @@ fn first() -> usize {
     1
 }
 
-/// What is wrong with a study file for traces, or with traces under it.
+/// Errors of a trace study file, or of traces that do not match it.
 #[derive(Debug, thiserror::Error)]
 pub enum TraceError {
-    /// The text is no such file; the message has line and column.
+    /// The text is not a valid study file; the message has line and column.
     #[error(transparent)]
     Syntax(Box<toml::de::Error>),
-    /// Another format.
+    /// The format is not supported.
     #[error("format {0} is not known, this version reads {FORMAT}")]
     Format(u32),
     /// A word is not known.
     #[error("no {what} is named '{word}'{}", did_you_mean(.nearest))]
     Unknown {
-        /// What was looked for.
+        /// The kind of word expected.
         what: &'static str,
-        /// The word.
+        /// The unknown word.
         word: String,
         /// The nearest known word.
         nearest: Option<String>,
@@ -106,9 +106,9 @@ pub enum TraceError {
     /// A number is out of range.
     #[error("{what} must be {allowed}")]
     OutOfRange {
-        /// Which number.
+        /// Name of the number.
         what: String,
-        /// What is allowed.
+        /// The allowed range.
         allowed: &'static str,
     },
     /// The file names no sensor and no residual.
@@ -117,50 +117,49 @@ pub enum TraceError {
     /// No window is full.
     #[error("no window of {window_rows} rows fits: the longest run of rows has {longest}")]
     NoWindow {
-        /// Rows that a window needs.
+        /// Number of rows in a window.
         window_rows: usize,
-        /// The longest run of rows that belong together.
+        /// Length of the longest run of contiguous rows, in rows.
         longest: usize,
     },
-    /// A nominal value is to be learnt, and nothing says from which rows.
+    /// A nominal value must be learned, but there are no healthy rows.
     #[error(
         "the nominal value of '{sensor}' is to be learnt, but no row is healthy: name them in [healthy], or give \
          healthy traces"
     )]
     NoHealthyRows {
-        /// The sensor.
+        /// Name of the sensor.
         sensor: String,
     },
-    /// A sensor has both a nominal column and one to be learnt, or its scale is to be learnt
-    /// without a nominal value.
+    /// A sensor has both a nominal column and a regression, or it lacks a usable scale.
     #[error("sensor '{sensor}': {problem}")]
     Nominal {
-        /// The sensor.
+        /// Name of the sensor.
         sensor: String,
-        /// What is wrong.
+        /// The problem, as text.
         problem: &'static str,
     },
-    /// A number is so large that squares of residuals have no end.
+    /// A residual is so large that its powers overflow.
     #[error(
         "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; allowed is \
          {FARTHEST:e} times the scale of {scale:e}"
     )]
     TooFar {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// Where it stands.
+        /// The place in the file.
         place: String,
-        /// The number.
+        /// The measured value.
         value: f64,
-        /// Its nominal value.
+        /// The nominal value.
         nominal: f64,
         /// The sensor's scale.
         scale: f64,
     },
-    /// The table is not as the file says.
+    /// The table does not match the study file.
     #[error(transparent)]
     Evaluation(EvaluationError),
-    /// Neither are the healthy traces that nominal values are to be learnt from.
+    /// The table of healthy traces does not match the study file.
     #[error(transparent)]
     Healthy(EvaluationError),
 }
@@ -176,10 +175,10 @@ impl<E: Into<EvaluationError>> From<E> for TraceError {
 }
 
 impl TraceStudy {
-    /// Reads the text of a study file.
+    /// Parses a study file.
     ///
     /// # Errors
-    /// [`TraceError`], but not about a table.
+    /// A [`TraceError`] about the file; tables are not read here.
     pub fn parse(text: &str) -> Result<Self, TraceError> {
         let mut study: TraceStudy =
             toml::from_str(text).map_err(|error| TraceError::Syntax(Box::new(error)))?;
@@ -201,7 +200,7 @@ impl TraceStudy {
         Ok(study)
     }
 
-    /// Rows of a window.
+    /// Number of rows in a window.
     pub fn window_rows(&self) -> usize {
         self.window_rows
     }
@@ -267,19 +266,19 @@ impl TraceStudy {
         self.families.iter().map(one).collect()
     }
 
-    /// The sensors as families of features see them.
+    /// The sensors in the form that the feature families read.
     ///
     /// # Errors
-    /// A quantity that is not known.
+    /// A quantity is unknown.
     pub fn sensors(&self) -> Result<Sensors, TraceError> {
         self.seen()
     }
 
-    /// The features of every full window of a table of traces. What is to be learnt is learnt from
-    /// `healthy` traces where they are given, else from the rows that the study names.
+    /// The features of every full window of a table of traces. Nominal values are learned from `healthy` traces if
+    /// given, otherwise from the rows that the study names.
     ///
     /// # Errors
-    /// A column is missing or unfit, no window is full, or no row is healthy.
+    /// A column is missing or unsuitable, no window is full, or no row is healthy.
     pub fn features(&self, traces: &Table, healthy: Option<&Table>) -> Result<Table, TraceError> {
         let columns = self.columns(traces, healthy)?;
         let kept = self.keep.iter().map(|name| traces.column(name).map(texts));
@@ -323,7 +322,7 @@ impl TraceStudy {
         Ok(table)
     }
 
-    /// Measured and nominal values and the scale of every sensor.
+    /// The measured values, nominal values and scale of every sensor.
     fn columns<'t>(
         &self,
         traces: &'t Table,
@@ -358,7 +357,7 @@ impl TraceStudy {
                         learnt.at(&inputs.iter().map(|column| column[row]).collect::<Vec<_>>())
                     };
                     let nominal = (0..traces.row_count()).map(at).collect();
-                    // The band of 3 % is then three deviations.
+                    // With this scale, a band of 3 % is three standard deviations.
                     let scale = Some(sensor.scale.unwrap_or(100.0 * learnt.deviation));
                     (Cow::Owned(nominal), scale)
                 }
@@ -384,7 +383,7 @@ impl TraceStudy {
         self.sensors.iter().map(one).collect()
     }
 
-    /// The rows in which every column of [healthy] holds what is said there.
+    /// The rows that meet every condition of [healthy].
     fn healthy_rows(&self, traces: &Table) -> Result<Vec<usize>, TraceError> {
         let mut rows: Vec<usize> = (0..traces.row_count()).collect();
         for (name, value) in &self.healthy {
@@ -413,7 +412,7 @@ impl TraceStudy {
     }
 }
 
-/// What is known of a sensor in every row.
+/// The columns and scale of one sensor.
 struct SensorColumns<'t> {
     measured: Cow<'t, [f64]>,
     nominal: Cow<'t, [f64]>,

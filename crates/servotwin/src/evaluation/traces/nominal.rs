@@ -1,27 +1,26 @@
-//! What a sensor should show, learnt from rows in which nothing is wrong.
+//! Nominal value of a sensor, learned from healthy rows.
 //!
 //! ```text
 //! y = a + Σ b_j (x_j − mean x_j)      a, b by least squares over the healthy rows
 //! ```
 //!
-//! Without inputs x that is the mean. An input that the others determine (or a constant one) adds
-//! nothing and gets b = 0.
+//! Without inputs x this is the mean. A constant or linearly dependent input gets b = 0.
 
-/// A pivot smaller than this part of an input's own variance is nothing but rounding.
+/// Pivots below this fraction of an input's own variance are rounding error.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// A learnt nominal value.
+/// A learned regression for the nominal value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nominal {
     offset: f64,
     means: Vec<f64>,
     slopes: Vec<f64>,
-    /// Standard deviation of measured less nominal over the healthy rows.
+    /// Standard deviation of measured minus nominal over the healthy rows.
     pub deviation: f64,
 }
 
 impl Nominal {
-    /// Learns from columns, in the healthy rows; there must be at least one.
+    /// Fits the regression to the healthy rows of some columns; `healthy` must not be empty.
     pub fn learn(measured: &[f64], inputs: &[&[f64]], healthy: &[usize]) -> Self {
         let mean = |column: &[f64]| {
             healthy.iter().map(|&row| column[row]).sum::<f64>() / healthy.len() as f64
@@ -34,7 +33,7 @@ impl Nominal {
         };
         let input = |place: usize| (inputs[place], means[place]);
         let count = inputs.len();
-        // One row per input: its covariances with all inputs and with what is measured.
+        // One row per input: its covariances with all inputs and with the measured signal.
         let rows = (0..count).map(|i| {
             let others = (0..count).map(|j| covariance(input(i), input(j)));
             others.chain([covariance(input(i), (measured, offset))]).collect()
@@ -50,15 +49,15 @@ impl Nominal {
         nominal
     }
 
-    /// The nominal value for values of the inputs.
+    /// The nominal value for given inputs.
     pub fn at(&self, inputs: &[f64]) -> f64 {
         let terms = self.slopes.iter().zip(&self.means).zip(inputs);
         self.offset + terms.map(|((slope, mean), input)| slope * (input - mean)).sum::<f64>()
     }
 }
 
-/// Solves symmetric equations, one row each with its right side at the end, by elimination with the
-/// largest remaining diagonal as pivot; unknowns that the others determine are zero.
+/// Solves symmetric equations by elimination with the largest remaining relative diagonal as pivot. Each row ends with
+/// its right side. Linearly dependent unknowns are zero.
 fn solve(mut rows: Vec<Vec<f64>>) -> Vec<f64> {
     let count = rows.len();
     let own: Vec<f64> = (0..count).map(|i| rows[i][i]).collect();
