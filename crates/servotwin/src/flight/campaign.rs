@@ -1,8 +1,8 @@
-//! Flights in lanes: every plant is observed, as its sensors show it, beside the virtual twin of its
+//! Simulates flights in lanes. Every plant is observed through its sensors, together with the virtual twin of its
 //! environment.
 //!
-//! In the setting *fitted* one specimen flies all flights of an environment, and the environment's twin is fitted to
-//! a calibration flight of it; otherwise every flight has a specimen of its own, beside the nominal twin.
+//! In the scenario *fitted*, one specimen flies all flights of an environment, and the environment's twin is fitted to
+//! a calibration flight of it. Otherwise every flight has its own specimen and a nominal twin.
 
 use super::plan::{self, Flight, Purpose};
 use crate::campaign::{Calibrating, CampaignError, ensemble};
@@ -17,43 +17,43 @@ use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-/// What watches a flight.
+/// Observes a flight.
 pub trait Observer: Send {
-    /// A sample: what the sensors show, what the twin says that they should, and the inputs; SI.
+    /// Receives a sample in SI units: the sensor readings, the twin's values for them, and the inputs.
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
 }
 
-/// An actuator that was calibrated: its parameters that differ from the system's, and its twin's.
+/// A calibrated actuator: the parameters that differ from the system's, for the actuator and for its twin.
 struct Actuator {
     parameters: Vec<(usize, usize, f64)>,
     twin: Vec<(usize, usize, f64)>,
 }
 
-/// Flights of one purpose in one setting.
+/// The flights of one purpose in one scenario.
 pub struct FlightCampaign<'s> {
     study: &'s Study,
     environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
-    /// In which they are flown.
+    /// The scenario of all flights.
     pub setting: Setting,
     ensemble: Ensemble<'s>,
-    /// The flights.
+    /// All planned flights.
     pub plan: Vec<Flight>,
-    /// Those of them whose twins are there, by their places.
+    /// Indices of the flights whose twins are simulated.
     pub which: Vec<usize>,
-    /// For each environment the sensors and inputs of its twin, sample after sample.
+    /// For each environment, its twin's sensors and inputs, one sample after the other.
     twins: Vec<Vec<f64>>,
     /// The environments whose twins began without a steady state.
     moving_twins: BTreeSet<usize>,
     sensors: usize,
     imperfections: Imperfections,
-    /// For each environment the one that flies there; empty but in the setting fitted.
+    /// For each environment, its actuator; empty except in the scenario fitted.
     calibrated: Vec<Actuator>,
 }
 
 impl<'s> FlightCampaign<'s> {
-    /// Plans the flights and simulates their twins. The extra sensor of a study is not observed.
+    /// Plans the flights and simulates their twins. The study's extra sensor is not observed.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -67,10 +67,10 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::where_it_is(study, flights, purpose, setting, |_| true, workers)
     }
 
-    /// The flights of one environment only, numbered as among all.
+    /// The flights of one environment only, with their numbers in the full plan.
     ///
     /// # Errors
-    /// Its twin cannot be simulated.
+    /// The twin cannot be simulated.
     pub fn in_environment(
         study: &'s Study,
         flights: &'s Flights,
@@ -83,7 +83,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::where_it_is(study, flights, purpose, setting, own, workers)
     }
 
-    /// The flights of those environments that are chosen.
+    /// The flights of the selected environments.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -103,7 +103,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::of(study, environments, (plan, which), lot, setting, workers)
     }
 
-    /// The same for flights and environments of one's own, of a purpose with a seed.
+    /// A campaign with custom flights and environments; `lot` is a purpose and a seed.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -153,7 +153,7 @@ impl<'s> FlightCampaign<'s> {
         Ok(flown)
     }
 
-    /// An actuator for each environment, with its calibration flight.
+    /// Calibrates one actuator for each environment.
     fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
         let Some(realism) = &self.study.realism else {
             return Err(CampaignError::no_section(self.setting, self.study));
@@ -168,7 +168,7 @@ impl<'s> FlightCampaign<'s> {
             threads: workers.threads(),
             cancel: workers.cancel(),
         };
-        // Flights to be judged in have other noise than those that were learned from.
+        // Judged flights have other noise than training flights.
         let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
         let noise = |place: usize| realism.noise(Lot::FlightsCalibrated, first + number(place));
         let found = calibrating.fit(&specimens, noise)?;
@@ -177,7 +177,7 @@ impl<'s> FlightCampaign<'s> {
         Ok(pairs.map(|(parameters, twin)| Actuator { parameters, twin }).collect())
     }
 
-    /// The samples of the twins by environment, and those that began without a steady state.
+    /// The samples of the twins by environment, and the environments that began without a steady state.
     fn simulate_twins(&self) -> Result<(Vec<Vec<f64>>, BTreeSet<usize>), CampaignError> {
         let externals = self.study.system.program.externals();
         let inputs = externals.map(|slot| slot as Slot);
@@ -235,8 +235,8 @@ impl<'s> FlightCampaign<'s> {
         self.ensemble.sample_period_s
     }
 
-    /// Flies some of the planned flights, each with an observer of its own; `done` is called when
-    /// one has ended, one call at a time, in no particular order.
+    /// Simulates some of the planned flights, each with its own observer. Calls `done` at the end of each flight, one
+    /// call at a time, in no particular order.
     pub fn fly<O: Observer>(
         &self,
         which: &[usize],
@@ -246,7 +246,7 @@ impl<'s> FlightCampaign<'s> {
         self.fly_altered(which, |_, _| (), observer, done);
     }
 
-    /// The same with plants that are altered first. Their twins know nothing of it.
+    /// As [`Self::fly`], but alters the plants first. Their twins do not have the change.
     pub fn fly_altered<'f, O: Observer>(
         &'f self,
         which: &[usize],
@@ -286,7 +286,7 @@ impl<'s> FlightCampaign<'s> {
         }
     }
 
-    /// The number that specimen and noise come from.
+    /// The number that seeds specimen and noise.
     fn specimen(&self, flight: &Flight) -> usize {
         flight.number + (self.seed as usize) * 1_000_000
     }

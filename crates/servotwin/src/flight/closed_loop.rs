@@ -1,5 +1,5 @@
-//! A plant in which a fault begins, the twin in real time, the diagnosis, and a flight control
-//! computer that carries out what is raised: the seed paper's figure 2 at work.
+//! Closed loop: a plant in which a fault begins, the real-time twin, the diagnosis, and a flight control computer that
+//! carries out raised actions. This is figure 2 of the seed paper.
 
 use super::runtime::{self, Runtime, RuntimeError};
 use crate::signal::bus::Bus;
@@ -12,69 +12,69 @@ use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{Knot, Settings, Twin};
 use std::sync::Arc;
 
-/// What is flown.
+/// The flight to simulate.
 pub struct Scenario<'s> {
-    /// The study.
+    /// The study with system and reactions.
     pub study: &'s Study,
     /// One signal for each input of the system.
     pub inputs: Vec<Piecewise>,
-    /// When faults begin, s; none for a healthy flight.
+    /// Onset of each fault in s, and the fault; empty for a healthy flight.
     pub faults: Vec<(f64, FaultAt)>,
-    /// How long the flight is, s.
+    /// Duration of the flight, s.
     pub duration_s: f64,
-    /// Which specimen flies; `None` for one without tolerances.
+    /// Number of the specimen; `None` for a plant without tolerances.
     pub specimen: Option<usize>,
-    /// Whether what is raised is carried out.
+    /// Whether raised actions are carried out.
     pub reacts: bool,
 }
 
-/// What the flight control computer did.
+/// An action of the flight control computer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Action {
-    /// When, s.
+    /// Time, s.
     pub time_s: f64,
-    /// Why.
+    /// The raised action.
     pub raised: Raised,
-    /// What.
+    /// The reaction to it.
     pub reaction: Reaction,
 }
 
-/// What changed in what the diagnosis says.
+/// A change in the diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
-    /// When, s.
+    /// Time, s.
     pub time_s: f64,
-    /// What was found.
+    /// The new finding.
     pub finding: Finding,
-    /// The state of the alarm.
+    /// The new state of the alarm.
     pub alarm: Alarm,
-    /// Its confidence.
+    /// The confidence, from 0 to 1.
     pub confidence: f64,
 }
 
-/// A flight that was flown.
+/// The record of a flight.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     /// Times of the samples, s.
     pub time_s: Vec<f64>,
-    /// What was asked for, one list for each of the slots.
+    /// The kept plant variables, one list per slot.
     pub plant: Vec<Vec<f64>>,
-    /// The inputs as they were given, one list each.
+    /// The inputs, one list each.
     pub inputs: Vec<Vec<f64>>,
-    /// What sensors showed, one list each.
+    /// The sensor readings, one list each.
     pub measured: Vec<Vec<f64>>,
-    /// What the twin expected of them.
+    /// The twin's values for the sensors, one list each.
     pub twin: Vec<Vec<f64>>,
-    /// What the diagnosis said, when it changed.
+    /// The changes in the diagnosis.
     pub changes: Vec<Change>,
-    /// What was done.
+    /// The actions taken.
     pub actions: Vec<Action>,
 }
 
-/// Flies a scenario, with some of the plant's variables kept.
+/// Flies a scenario and records the plant variables in `keep`.
 ///
 /// # Errors
-/// The diagnoser does not fit the study; plant or twin cannot be simulated.
+/// The diagnoser does not match the study, or plant or twin cannot be simulated.
 pub fn fly(
     scenario: &Scenario,
     diagnoser: &Arc<Diagnoser>,
@@ -116,17 +116,17 @@ struct Flight<'f> {
     plant: Twin<'f>,
     /// The plant's parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
-    /// How many faults have begun.
+    /// Number of faults that have begun.
     begun: usize,
     slots: Vec<Slot>,
     imperfections: Imperfections,
     noise: Random,
     runtime: Runtime<'f>,
-    /// The inputs at the sample, as they come over their buses.
+    /// The inputs at the sample, as their buses send them.
     inputs: Vec<f64>,
     buses: Vec<Bus>,
     knots: Vec<Knot>,
-    /// Inputs that the flight control computer has set.
+    /// Inputs set by the flight control computer.
     set: Vec<(usize, f64)>,
     measured: Vec<f64>,
     last: Option<(Finding, Alarm)>,
@@ -167,7 +167,7 @@ impl<'f> Flight<'f> {
         })
     }
 
-    /// One sample of everything: what changed in what is said.
+    /// Advances everything by one sample and returns the change in the diagnosis, if any.
     fn sample(&mut self, k: usize) -> Result<Option<Change>, RuntimeError> {
         let time_s = k as f64 * self.period_s;
         for (value, signal) in self.inputs.iter_mut().zip(&self.scenario.inputs) {
@@ -219,7 +219,7 @@ impl<'f> Flight<'f> {
         self.plant.load(&program.parameters_with(&self.overrides, &faults));
     }
 
-    /// Carries out what is raised, if that is new: from the next sample on.
+    /// Carries out a newly raised action from the next sample on.
     fn react(&mut self, k: usize) -> Result<Option<Action>, RuntimeError> {
         let raised = self.runtime.session().outcome().raised;
         let Some(raised) = raised.filter(|raised| self.done != Some(raised.sample)) else {

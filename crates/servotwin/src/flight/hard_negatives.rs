@@ -1,8 +1,8 @@
-//! Healthy windows that leave their bands, sought in many environments.
+//! Hard negatives: healthy windows that leave their bands, collected in many environments.
 //!
-//! Trees and committee are only ever asked about windows that leave their bands, and of healthy ones hardly any does: a few
-//! hundred in all the healthy flights of a study, most of them in a few environments. What healthy specimens look like then
-//! is learned from further flights, one in each of many environments, from which nothing else is kept.
+//! Trees and committee only judge windows that leave their bands, and hardly any healthy window does. All healthy
+//! flights of a study give only a few hundred, most of them from a few environments. Additional flights, one in each of
+//! many environments, supply more of them; nothing else is kept from these flights.
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{Flight, Purpose};
@@ -13,13 +13,14 @@ use crate::parallel::Workers;
 use crate::study::{Flights, Setting, Study};
 use servotwin_diagnosis::sliding::{Sliding, Span};
 
-/// The twins of so many environments are held at a time.
+/// Maximum number of environments whose twins are held at a time.
 const BATCH: usize = 200;
 
-/// Flies the further flights of a study, and adds those windows to the lessons of the others that leave the bands of these.
+/// Flies the additional flights of a study and adds their out-of-band windows to `lessons`. The bands come from
+/// `lessons`.
 ///
 /// # Errors
-/// A twin cannot be simulated; the work was cancelled.
+/// A twin cannot be simulated, or the work was cancelled.
 pub fn add(
     study: &Study,
     flights: &Flights,
@@ -61,16 +62,16 @@ pub fn add(
     Ok(())
 }
 
-/// Looks for windows that leave their bands, wherever a diagnosis would look.
+/// Collects out-of-band windows at every place where a diagnosis judges one.
 #[derive(Clone)]
 struct Seeking<'s> {
     kinds: &'s [Kind],
     bands: &'s [Vec<f64>],
     flight: Option<Flight>,
     scales: Vec<f64>,
-    /// Of residuals as they are.
+    /// Windows of unmodified residuals.
     absolute: Sliding,
-    /// And beyond a reference.
+    /// The baseline and the windows of baseline-corrected residuals.
     baseline_corrected: Option<(BaselineCorrected, Sliding)>,
     found: Vec<TrainingWindow>,
 }
@@ -99,7 +100,7 @@ impl<'s> Seeking<'s> {
         Seeking { kinds, bands, flight: None, scales, absolute, baseline_corrected, found: vec![] }
     }
 
-    /// Keeps the newest window of a kind if it is new and leaves its band.
+    /// Returns the newest window of a kind if it has ended now, is full and leaves its band.
     fn look(&self, kind: usize, index: usize) -> Option<TrainingWindow> {
         let is_baseline_corrected = self.kinds[kind].is_baseline_corrected;
         let sliding = match &self.baseline_corrected {

@@ -1,8 +1,7 @@
-//! How fast, how sure, how often wrong: the diagnosis judged over many flights.
+//! Judges the diagnosis over many flights: latency, isolation and errors.
 //!
-//! Every flight is of an environment, a specimen and noise from which nothing was learned. The same
-//! flights are watched with several rates of false alarms asked for, which gives the trade of alarms
-//! against latency.
+//! Every flight has an environment, a specimen and noise that were not used for training. Several target false alarm
+//! rates are evaluated on the same flights, which gives the trade-off of false alarms against latency.
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Onset, Purpose};
@@ -15,94 +14,94 @@ use servotwin_diagnosis::panel::SensorBand;
 use servotwin_learning::metrics::{Rate, Trial};
 use std::sync::Arc;
 
-/// The rates of false alarms that are asked for beside the diagnoser's own, per hour.
+/// Target false alarm rates in addition to the diagnoser's own, per hour.
 const ASKED_PER_H: [f64; 2] = [1.0, 1e-6];
 
-/// Intensities from which on latencies are held against their limit.
+/// Minimum intensity of faults whose latency has a limit.
 pub const STRONG: f64 = 0.5;
 
-/// When something happened, s after the onset of the fault: how much of it, and by when.
+/// Distribution of the delay of an event, in s after the onset of the fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Latency {
-    /// Of how many flights it is known.
+    /// Number of flights with the event.
     pub flights: u64,
-    /// Half of them.
+    /// Median.
     pub median_s: f64,
-    /// 95 % of them.
+    /// 95 % quantile.
     pub p95_s: f64,
-    /// All.
+    /// Maximum.
     pub longest_s: f64,
-    /// The share of *all visible* faults of the class by so many seconds.
+    /// Pairs of a time in s and the share of *all visible* faults of the class with the event by then.
     pub by_s: Vec<(f64, f64)>,
 }
 
-/// What became of the flights with faults of one command.
+/// Results of the flights with faults of one command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassMetrics {
-    /// The command.
+    /// The command that the faults require.
     pub command: String,
-    /// The least and the largest intensity.
+    /// Minimum and maximum intensity.
     pub intensities: [f64; 2],
-    /// Flights.
+    /// Number of flights.
     pub flown: u64,
-    /// Those in which the fault was visible at all.
+    /// Share of flights in which the fault became visible.
     pub visible: Rate,
-    /// Of the visible ones: the right command for the right actuator was raised first.
+    /// Of the visible faults: the right command for the right actuator was raised first.
     pub isolated: Rate,
-    /// A command that is less urgent or more, for the right actuator, was raised first.
+    /// Of the visible faults: another command for the right actuator was raised first.
     pub other_command: Rate,
-    /// A command for the wrong actuator was raised first.
+    /// Of the visible faults: a command for the wrong actuator was raised first.
     pub wrong_actuator: Rate,
-    /// The wrong actuator was to be shut down, first or later.
+    /// Number of flights that raised a shutdown of the wrong actuator after the onset.
     pub wrong_shutdown: u64,
-    /// No command was ever raised.
+    /// Of the visible faults: no command was raised.
     pub silent: Rate,
-    /// From the onset to the first of the windows that made it visible.
+    /// From the onset to the end of the first window that made the fault visible.
     pub detection: Option<Latency>,
     /// From the onset to the right command.
     pub isolation: Option<Latency>,
-    /// From when the fault was visible to the right command.
+    /// From visibility to the right command.
     pub isolation_since_visible: Option<Latency>,
 }
 
-/// What became of flights without a fault, and of the time before faults.
+/// Results of flights without a fault, and of the time before faults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HealthyMetrics {
-    /// Hours.
+    /// Flight hours.
     pub hours: f64,
-    /// Commands raised.
+    /// Number of commands raised.
     pub alarms: u64,
-    /// Shutdowns raised.
+    /// Number of shutdowns raised.
     pub shutdowns: u64,
     /// Alarms per hour.
     pub alarms_per_h: f64,
-    /// The upper end of the 95 % interval of that (one-sided, Poisson).
+    /// One-sided upper 95 % bound of the alarm rate (Poisson).
     pub alarms_per_h_upper: f64,
-    /// How often windows left their bands as if a fault was visible; `None` of results from before this was counted.
+    /// How often windows left their bands as a visible fault does; `None` in results that predate this count.
     #[serde(default)]
     pub visible_by_chance: Option<u64>,
 }
 
-/// One point of the trade.
+/// One point of the trade-off.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TradePoint {
-    /// False alarms per hour that the decision was asked for.
+    /// Target false alarm rate of the decision, per hour.
     pub asked_per_h: f64,
-    /// Healthy flights.
+    /// Results without a fault.
     pub healthy: HealthyMetrics,
-    /// Visible, strong shutdown faults: when they were isolated.
+    /// Isolation latency of visible, strong shutdown faults.
     pub isolation: Option<Latency>,
-    /// The share of visible, strong shutdown faults that were never isolated.
+    /// Share of visible, strong shutdown faults that were never isolated.
     pub missed: Rate,
-    /// Shutdowns of the wrong actuator in all flights.
+    /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
 }
 
-/// So many flights without a steady state are named in a line; the results file names all of them.
+/// Maximum number of flights named in one line; the results file names all.
 const MAX_NAMED: usize = 10;
 
 impl FlightMetrics {
-    /// Names the flights to learn from that began without a steady state; `None` where all began at rest.
+    /// Names the training flights that began without a steady state; `None` if there are none.
     pub fn without_steady_state(&self) -> Option<String> {
         let moving = &self.on_the_move_to_learn;
         let name = |one: &MovingFlight| format!("{} (environment {})", one.flight, one.environment);
@@ -122,79 +121,79 @@ impl FlightMetrics {
     }
 }
 
-/// The figures of merit in one setting.
+/// The figures of merit in one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightMetrics {
-    /// The setting's name.
+    /// Name of the scenario.
     pub setting: String,
-    /// Flights with a fault.
+    /// Number of flights with a fault.
     pub flights: u64,
-    /// Flights that could not be simulated to the end, which are left out.
+    /// Number of judged flights that could not be simulated to the end; they are left out.
     pub failed: u64,
-    /// The same of the flights to learn from.
+    /// Number of training flights that could not be simulated to the end.
     #[serde(default)]
     pub failed_to_learn: u64,
-    /// Flights to learn from that began without a steady state, which teach nothing.
+    /// Training flights that began without a steady state, which are not used.
     #[serde(default)]
     pub on_the_move_to_learn: Vec<MovingFlight>,
-    /// How soon 95 % of the visible, strong shutdown faults are to be isolated, s since the onset.
+    /// Isolation time limit for 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
-    /// How many of them are.
+    /// Share of these faults isolated within the limit.
     pub in_time: Rate,
-    /// How many of them were visible by then: little could isolate the others.
+    /// Share of these faults visible within the limit; the others could hardly be isolated in time.
     pub visible_in_time: Rate,
-    /// How many of them are isolated within that time from when they were visible.
+    /// Share of these faults isolated within the limit, counted from visibility.
     pub in_time_since_visible: Rate,
-    /// By command: all intensities, then the strong ones.
+    /// Results by command: first for all intensities, then for strong faults.
     pub classes: Vec<ClassMetrics>,
-    /// By way of beginning, shutdown faults of strong intensity.
+    /// Results by kind of onset, for strong shutdown faults.
     pub onsets: Vec<(String, ClassMetrics)>,
-    /// Without a fault.
+    /// Results without a fault.
     pub healthy: HealthyMetrics,
-    /// Shutdowns of the wrong actuator, in all flights.
+    /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
-    /// Alarms against latency.
+    /// The trade-off of false alarms against latency.
     pub trade: Vec<TradePoint>,
-    /// Kinds of fault that raised a shutdown of the wrong actuator, with how often.
+    /// Kinds of fault that raised a shutdown of the wrong actuator, with the number of flights.
     pub wrong_kinds: Vec<(String, u64)>,
 }
 
-/// What the diagnosis is worth where a sensor gives nothing.
+/// Results of the diagnosis without the readings of one sensor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MissingSensorMetrics {
-    /// The setting's name.
+    /// Name of the scenario.
     pub setting: String,
-    /// The sensor that is missing from the beginning of every flight.
+    /// The sensor that is missing in every flight from the start.
     pub sensor: String,
-    /// Flights with a fault.
+    /// Number of flights with a fault.
     pub flights: u64,
-    /// Visible, strong shutdown faults that are isolated in time, and that are isolated at all.
+    /// Share of visible, strong shutdown faults isolated within the limit.
     pub in_time: Rate,
-    /// Likewise, at any time.
+    /// Share of these faults isolated at any time.
     pub isolated: Rate,
-    /// Without a fault.
+    /// Results without a fault.
     pub healthy: HealthyMetrics,
-    /// Shutdowns of the wrong actuator, in all flights.
+    /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
 }
 
-/// What one session said in one flight.
+/// The commands of one session in one flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct RaisedLog {
-    /// Every command when it was raised.
+    /// Every newly raised command.
     raised: Vec<Raised>,
 }
 
-/// What is remembered of flights that were watched.
+/// Records of watched flights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WatchedFlights {
     ended: Vec<Remembered>,
-    /// Flights that could not be finished.
+    /// Number of flights that could not be simulated to the end.
     failed: u64,
 }
 
 impl WatchedFlights {
-    /// Adds what is remembered of other flights.
+    /// Adds the records of other flights.
     pub fn add(&mut self, other: WatchedFlights) {
         self.ended.extend(other.ended);
         self.failed += other.failed;
@@ -203,38 +202,38 @@ impl WatchedFlights {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
-    /// The flight's number.
+    /// Number of the flight.
     number: usize,
     seen: Option<u64>,
     by_chance: u64,
     stories: Vec<RaisedLog>,
 }
 
-/// What is remembered of a flight: the diagnoser's own session first, then those of other rates.
+/// The record of a flight: the diagnoser's own session first, then the sessions with other target rates.
 struct Ended {
     flight: Flight,
-    /// The sample since which the fault is visible.
+    /// The sample from which on the fault is visible.
     seen: Option<u64>,
-    /// How often one would have been called visible before there was one.
+    /// Number of chance detections before the onset.
     by_chance: u64,
     stories: Vec<RaisedLog>,
 }
 
 struct Watching {
     sessions: Vec<(Session, RaisedLog)>,
-    /// A sensor that gives nothing.
+    /// Index of a sensor without readings.
     missing: Option<usize>,
-    /// What it leaves of a sample.
+    /// The sample without that sensor's reading.
     measured: Vec<f64>,
     onset: u64,
-    /// For each length of a window.
+    /// For each window length, the current run of out-of-band windows.
     out_of_band: Vec<OutOfBand>,
     seen: Option<u64>,
-    /// How often one was before the onset.
+    /// Number of chance detections before the onset.
     by_chance: u64,
 }
 
-/// Windows in a row that left a band.
+/// Consecutive windows that left a band.
 #[derive(Clone, Copy, Default)]
 struct OutOfBand {
     windows: u32,
@@ -243,9 +242,9 @@ struct OutOfBand {
 }
 
 impl OutOfBand {
-    /// Takes the window of so many panes that ends at a sample (`None`: all that was ever measured). When there are
-    /// enough in a row, once, the sample at which the first of them ended: the first and the last have no sample in
-    /// common, for by chance one sample leaves a band, and that is in every window for a window's length.
+    /// Takes the window that ends at a sample; `panes` is `None` if it never forgets. Returns the end of the run's
+    /// first window, once, when the run is long enough. Then its first and last windows share no sample. This rejects a
+    /// single out-of-band sample, which affects all windows that contain it.
     fn take(&mut self, index: u64, has_left: bool, panes: Option<u32>) -> Option<u64> {
         if !has_left {
             self.windows = 0;
@@ -259,7 +258,7 @@ impl OutOfBand {
 }
 
 impl Watching {
-    /// A fault is visible from the first of windows in a row that left a band.
+    /// Makes a fault visible from the first window of a long enough out-of-band run.
     fn look(&mut self, index: u64) {
         let Some((session, _)) = self.sessions.first() else { return };
         let diagnoser = session.diagnoser();
@@ -315,10 +314,10 @@ impl Observer for Watching {
     }
 }
 
-/// Flies the planned flights of a setting, watched by a diagnoser.
+/// Flies the planned flights of a scenario and watches them with a diagnoser.
 ///
 /// # Errors
-/// What [`Diagnoser::check`] says.
+/// Errors of [`Diagnoser::check`].
 pub fn watch(
     flown: &FlightCampaign,
     diagnoser: &Diagnoser,
@@ -333,11 +332,10 @@ pub fn watch(
     Ok(watched(flown, &sessions, None, progress))
 }
 
-/// Flies the planned flights of a setting, watched by a diagnoser to which a sensor gives nothing, and judges what
-/// was said.
+/// Flies the planned flights of a scenario without the readings of one sensor, and judges the diagnosis.
 ///
 /// # Errors
-/// What [`Diagnoser::check`] says.
+/// Errors of [`Diagnoser::check`].
 pub fn without(
     study: &Study,
     flown: &FlightCampaign,
@@ -363,7 +361,7 @@ pub fn without(
     })
 }
 
-/// Lets sessions watch the planned flights.
+/// Watches the planned flights with several sessions.
 fn watched(
     flown: &FlightCampaign,
     sessions: &[Session],
@@ -400,7 +398,7 @@ fn watched(
     watched
 }
 
-/// What is remembered of flights, by the flights of their plan.
+/// Combines records with the flights of their plan.
 fn ended(plan: &[Flight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
     remembered.sort_by_key(|remembered| remembered.number);
     let of = |Remembered { number, seen, by_chance, stories }| Ended {
@@ -412,8 +410,7 @@ fn ended(plan: &[Flight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
     remembered.into_iter().map(of).collect()
 }
 
-/// Judges what was said in all flights that there are to be judged in, against the latency that is asked
-/// for.
+/// Judges the records of all judged flights against the latency limit.
 pub fn merit(
     study: &Study,
     flights: &Flights,
@@ -428,30 +425,30 @@ pub fn merit(
     judged.merit((setting, limit_s), failed)
 }
 
-/// The diagnoser's own rate first.
+/// The target rates, the diagnoser's own first.
 fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
     let own = diagnoser.decision.false_alarms_per_h;
     let others = ASKED_PER_H.into_iter().filter(|rate| *rate != own);
     std::iter::once(own).chain(others).collect()
 }
 
-/// What became of a flight with a fault.
+/// The outcome of a flight with a fault.
 struct FlightOutcome {
     kind: String,
-    /// Faults of one kind at one intensity hang together, and so do those of one kind.
+    /// Cluster for intervals: faults of one kind at one intensity are correlated, as are those of one kind.
     cluster: u32,
     kind_number: u32,
-    /// Seconds from the onset to the first of the windows that made it visible, and to the right command.
+    /// Seconds from the onset to the end of the first window that made the fault visible, and to the right command.
     seen_s: Option<f64>,
     isolated_s: Option<f64>,
-    /// Actuator and command raised first after the onset, against those of the fault.
+    /// Whether the first command after the onset has the right actuator, and the right action too.
     first: Option<(bool, bool)>,
-    /// The wrong actuator was to be shut down at any time.
+    /// Whether a shutdown of the wrong actuator was raised after the onset.
     is_wrong_shutdown: bool,
 }
 
 impl FlightOutcome {
-    /// How long it took to isolate what was visible.
+    /// Time from visibility to isolation, s.
     fn waited_s(&self) -> Option<f64> {
         Some((self.isolated_s? - self.seen_s?).max(0.0))
     }
@@ -607,7 +604,7 @@ impl Judged<'_> {
         })
     }
 
-    /// The share of visible, strong faults of a command of which something holds.
+    /// The share of visible, strong faults of a command that satisfy `holds`.
     fn share(&self, command: &str, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
         let is_of = |flight: &Flight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
@@ -658,12 +655,12 @@ impl Judged<'_> {
     }
 }
 
-/// In how many flights the wrong actuator was to be shut down.
+/// Number of flights with a shutdown of the wrong actuator.
 fn wrong_shutdowns(outcomes: &[FlightOutcome]) -> u64 {
     outcomes.iter().filter(|outcome| outcome.is_wrong_shutdown).count() as u64
 }
 
-/// The share of flights of which something holds; its interval is that of whole clusters.
+/// The share of flights that satisfy `holds`, with an interval over clusters.
 fn rate(outcomes: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
     let trial = |outcome: &&FlightOutcome| Trial {
         cluster: outcome.cluster,
@@ -673,7 +670,7 @@ fn rate(outcomes: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool) -> 
     Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
 }
 
-/// Times at which the share of faults is told, s.
+/// Times at which the share of faults is reported, s.
 const TIMES_S: [f64; 10] = [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0];
 
 pub(super) fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Latency> {
@@ -719,19 +716,19 @@ mod tests {
 
     #[test]
     fn windows_in_a_row_are_enough_where_the_first_and_the_last_share_no_sample() {
-        // One sample leaves a band, in the last of five panes: it is in five windows.
+        // One out-of-band sample in the last of five panes affects five windows.
         let mut by_chance = OutOfBand::default();
         for index in 0..20 {
             let has_left = (4..9).contains(&index);
             assert_eq!(by_chance.take(index, has_left, Some(5)), None, "{index}");
         }
-        // Since the tenth one they all do; a gap makes the count begin anew.
+        // From the tenth window on all are out of band; a gap restarts the count.
         let mut lasts = OutOfBand::default();
         let taken = (0..30).map(|index| lasts.take(index, index >= 10 && index != 14, Some(5)));
         let seen: Vec<(u64, u64)> =
             (0..).zip(taken).filter_map(|(index, first)| Some((index, first?))).collect();
         assert_eq!(seen, [(20, 15)]);
-        // What never forgets needs no second window.
+        // A window that never forgets needs no second one.
         assert_eq!(OutOfBand::default().take(7, true, None), Some(7));
     }
 

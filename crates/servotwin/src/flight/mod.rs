@@ -1,18 +1,17 @@
-//! The hybrid twin at work: flights in which a fault begins, a twin that steps beside the plant,
-//! and a diagnosis that runs.
+//! The hybrid twin in flight: a fault begins, a twin steps in parallel with the plant, and a diagnosis runs.
 //!
 //! - [`plan`]: which fault begins when, in which environment, in which specimen
-//! - [`campaign`]: flights in lanes, each observed beside the twin of its environment
-//! - [`windows`]: which windows are looked at
-//! - [`training_windows`]: what the diagnosis learns from: windows of flights, one table for each kind
+//! - [`campaign`]: flights in lanes, each observed together with the twin of its environment
+//! - [`windows`]: which windows are judged
+//! - [`training_windows`]: training data: windows of flights, one table for each kind
 //! - [`train`]: bands, trees and committee for each kind: a diagnoser
-//! - [`runtime`]: a twin and a diagnosis beside an actuator, one call for each sample
-//! - [`watcher`]: the runtime beside a log or a live stream
-//! - [`replay`]: what it says of a flight that is over
-//! - [`closed_loop`]: a plant beside the runtime, and a flight control computer that reacts
-//! - [`judge`]: how fast, how sure, how often wrong it is
-//! - [`band`]: the confidence band as a field over what is asked, with a promise
-//! - [`unseen_faults`]: what it says of faults that it was never trained on
+//! - [`runtime`]: a twin and a diagnosis in parallel with an actuator, one call for each sample
+//! - [`watcher`]: the runtime on a log or a live stream
+//! - [`replay`]: the diagnosis of a recorded flight
+//! - [`closed_loop`]: a plant, the runtime, and a flight control computer that reacts
+//! - [`judge`]: latency, isolation rate and errors
+//! - [`band`]: the conditional band with its guarantee
+//! - [`unseen_faults`]: the diagnosis of faults without training data
 
 pub mod band;
 pub mod campaign;

@@ -1,4 +1,4 @@
-//! Which flights there are: fault, intensity, onset, environment, specimen.
+//! Plans flights: fault, intensity, onset, environment, specimen.
 
 use crate::ensemble::Later;
 use crate::signal::random::Random;
@@ -11,30 +11,30 @@ use servotwin_model::program::FaultAt;
 pub enum Onset {
     /// At once.
     Step,
-    /// It grows to its intensity over [`DRIFT_S`].
+    /// Grows to its intensity over [`DRIFT_S`].
     Drift,
-    /// It comes and goes, every [`PULSE_S`].
+    /// Comes and goes; each phase lasts [`PULSE_S`].
     Intermittent,
 }
 
-/// How long a fault takes that grows, s.
+/// Time that a drifting fault takes to reach its intensity, s.
 pub const DRIFT_S: f64 = 4.0;
-/// Steps in which it grows.
+/// Number of steps of the drift.
 const DRIFT_STEPS: u32 = 40;
-/// How long an intermittent fault is there, and away, s.
+/// Duration of each phase of an intermittent fault, s.
 pub const PULSE_S: f64 = 1.0;
 
-/// What flights are for.
+/// The purpose of flights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// The diagnosis learns from them.
+    /// Training flights.
     Learn,
-    /// It is judged in them.
+    /// Judged flights.
     Judge,
 }
 
 impl Purpose {
-    /// Specimens and noise of one purpose are not those of the other.
+    /// The lot of specimens and noise; the two purposes share none.
     pub fn lot(self) -> Lot {
         match self {
             Purpose::Learn => Lot::FlightsLearned,
@@ -42,7 +42,7 @@ impl Purpose {
         }
     }
 
-    /// Its environments.
+    /// The environments of this purpose.
     pub fn environments(self, flights: &Flights) -> &[Environment] {
         match self {
             Purpose::Learn => &flights.learned,
@@ -50,7 +50,7 @@ impl Purpose {
         }
     }
 
-    /// How many flights it has.
+    /// Numbers of flights, repeats and environments of this purpose.
     pub fn size(self, flights: &Flights) -> Size {
         match self {
             Purpose::Learn => flights.learn,
@@ -62,24 +62,24 @@ impl Purpose {
 /// One flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
-    /// Its number: of its specimen and its noise.
+    /// Number of the flight, which seeds specimen and noise.
     pub number: usize,
-    /// Its environment.
+    /// Index of its environment.
     pub environment: usize,
-    /// The fault, a place in [`Study::faults`]; `None` for a healthy flight.
+    /// Index of the fault in [`Study::faults`]; `None` for a healthy flight.
     pub fault: Option<usize>,
-    /// The fault's intensity; 0 without one.
+    /// Intensity of the fault; 0 without one.
     pub intensity: f64,
-    /// When it begins, s; infinite without one.
+    /// Onset of the fault, s; infinite without one.
     pub onset_s: f64,
-    /// How it begins.
+    /// How the fault begins.
     pub onset: Onset,
-    /// How long the flight is, s.
+    /// Duration of the flight, s.
     pub duration_s: f64,
 }
 
-/// All flights of a purpose: first those with a fault, then the healthy ones. Environments take
-/// turns in a way that no fault meets the same one twice.
+/// All flights of a purpose: first those with a fault, then the healthy ones. Environments alternate so that a fault
+/// does not meet the same one twice.
 pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight> {
     let size = purpose.size(flights);
     let environments = size.environments;
@@ -124,7 +124,7 @@ pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight
     list
 }
 
-/// Every row is also seen from the other units where they are alike, so in learning the units take turns.
+/// With like actuators every row is also viewed from the others, so in training the actuators alternate.
 fn is_turn(study: &Study, fault: usize, repeat: usize) -> bool {
     if !study.has_like_units() {
         return true;
@@ -135,7 +135,7 @@ fn is_turn(study: &Study, fault: usize, repeat: usize) -> bool {
         == study.faults[fault].unit
 }
 
-/// Where a flight stands in its plan.
+/// Position of a flight in the plan.
 struct Slot {
     number: usize,
     fault: usize,
@@ -150,7 +150,7 @@ fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) ->
     let onset_s = from + (to - from) * random.unit();
     let of_study = study.faults[fault].at.intensity;
     let training = study.training.as_ref().filter(|_| purpose == Purpose::Learn);
-    // Seven has no divisor in common with the usual numbers of intensities and environments.
+    // Seven is coprime to the usual numbers of intensities and environments.
     let environment =
         (7 * fault + 11 * repeat + fault / study.intensities.len().max(1)) % environments;
     Flight {
@@ -169,7 +169,7 @@ fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) ->
 }
 
 impl Flight {
-    /// What the fault is from each moment on, as [`crate::ensemble::Variant::later`] wants it.
+    /// The states of the fault over time, for [`crate::ensemble::Variant::later`].
     pub fn later(&self, study: &Study) -> Vec<Later> {
         let Some(fault) = self.fault else { return vec![] };
         let at = |time_s: f64, share: f64| {
@@ -193,7 +193,7 @@ impl Flight {
         }
     }
 
-    /// The share of its intensity that the fault has at a time.
+    /// The fault's intensity at a time, as a share of its final intensity.
     pub fn share(&self, time_s: f64) -> f64 {
         let age = time_s - self.onset_s;
         match self.onset {

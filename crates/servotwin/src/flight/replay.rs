@@ -1,4 +1,4 @@
-//! What the diagnosis says of a flight that is over: of a record, as [`crate::fit`] takes it.
+//! Replays a record, as [`crate::fit`] reads it, through the diagnosis.
 
 use super::runtime::RuntimeError;
 use super::watcher::Watcher;
@@ -8,18 +8,18 @@ use crate::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
 
-/// The most that was said of a record.
+/// The most significant finding of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplaySummary {
-    /// What.
+    /// The finding.
     pub finding: Finding,
-    /// When that much was said first, s.
+    /// First time at which a finding of this weight occurred, s.
     pub at_s: f64,
-    /// The share of the samples that was flown outside of what the diagnoser's field was learned from.
+    /// Share of the samples outside the training range of the conditional band.
     pub outside: f64,
 }
 
-/// How much a finding says.
+/// Rank of a finding by significance.
 fn weight(finding: &Finding) -> u32 {
     match (finding.phase, finding.state) {
         (Phase::Raised | Phase::Recovering, _) => 5,
@@ -31,10 +31,10 @@ fn weight(finding: &Finding) -> u32 {
     }
 }
 
-/// Lets a session watch a record from its begin to its end.
+/// Runs the diagnosis over a whole record.
 ///
 /// # Errors
-/// The diagnoser is not one for this study, or of other samples than the record's.
+/// The diagnoser does not match the study, or its sample period differs from the record's.
 pub fn replay_record(
     study: &Study,
     diagnoser: &Arc<Diagnoser>,

@@ -1,4 +1,4 @@
-//! The twin and the diagnosis beside an actuator: one call for each sample.
+//! Twin and diagnosis in parallel with an actuator: one call for each sample.
 
 use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
@@ -9,85 +9,84 @@ use servotwin_model::program::Slot;
 use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
 use std::sync::Arc;
 
-/// Why the twin does not run.
+/// Why the runtime fails.
 #[derive(Debug, thiserror::Error)]
 pub enum RuntimeError {
-    /// The diagnoser is not one for this system, or not sound.
+    /// The diagnoser does not match this system, or is corrupt.
     #[error("the diagnoser: {0}")]
     Diagnoser(#[from] Error),
-    /// It reads a sensor that the study does not have.
+    /// The diagnoser reads a sensor that the study does not have.
     #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
     Sensor {
-        /// The sensor.
+        /// Label of the sensor.
         name: String,
-        /// The study.
+        /// Name of the study.
         study: String,
     },
-    /// The diagnoser is for samples that are farther apart, or nearer.
+    /// The diagnoser needs another sample period.
     #[error("the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s")]
     Period {
         /// Time between samples, s.
         period_s: f64,
-        /// What it should be, s.
+        /// The period that the diagnoser needs, s.
         needed_s: f64,
     },
-    /// The twin could not go on.
+    /// The twin cannot be simulated.
     #[error(
         "the twin cannot be simulated: {} at {:.4} s in {state}",
         .failure.cause, .failure.time_s
     )]
     Twin {
-        /// The state to blame.
+        /// The state that caused the failure.
         state: String,
-        /// What happened.
+        /// Cause and time of the failure.
         failure: Failure,
     },
 }
 
-/// Everything that a runtime remembers, to go on later with the same bits.
+/// The complete state of a runtime; restoring it continues with the same bits.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
-    /// The twin's memory; `None` before the first sample.
+    /// State of the twin; `None` before the first sample.
     pub twin: Option<Snapshot>,
-    /// The diagnosis's.
+    /// State of the diagnosis.
     pub session: State,
-    /// For each input the last value and difference on its bus.
+    /// For each input, the last value and difference on its bus.
     pub buses: Vec<(Option<f64>, f64)>,
 }
 
-/// A virtual twin, a diagnosis and what was done so far. Nothing is allocated by [`Runtime::push`]
-/// after the first sample.
+/// A virtual twin, a diagnosis, and the reactions so far. [`Runtime::push`] does not allocate after the first sample.
 pub struct Runtime<'s> {
     study: &'s Study,
     twin: Twin<'s>,
     is_settled: bool,
-    /// Whether the twin takes compiled steps.
+    /// Whether the twin uses compiled steps.
     is_compiled: bool,
     session: Session,
-    /// Where the sensors of the diagnoser stand in the system.
+    /// Slots of the diagnoser's sensors in the system.
     slots: Vec<Slot>,
     expected: Vec<f64>,
     values: Vec<f64>,
-    /// The inputs as the twin was told, and where they come from.
+    /// The inputs that the twin accepted, and their buses.
     accepted: Vec<Knot>,
     buses: Vec<Bus>,
     /// Parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
 }
 
-/// How inputs go from sample to sample: the command as a cubic, all others hold their value.
+/// The interpolation of each input between samples: cubic for the command, hold for all others.
 pub fn between(study: &Study) -> Vec<Between> {
     let inputs = study.system.network().inputs.len();
     let of = |input| if input == study.command_input { Between::Cubic } else { Between::Hold };
     (0..inputs).map(of).collect()
 }
 
-/// The inputs of a system where nothing is said of them.
+/// The default values of the system's inputs.
 pub fn defaults(study: &Study) -> Vec<Knot> {
     study.system.network().inputs.iter().map(|input| Knot::from(input.default)).collect()
 }
 
-/// Where sensors stand in the system's variables, by their labels.
+/// The slots of sensors with these labels.
 ///
 /// # Errors
 /// [`RuntimeError::Sensor`].
@@ -106,11 +105,11 @@ pub fn slots<'n>(
 }
 
 impl<'s> Runtime<'s> {
-    /// A twin of the study's system with some parameters of its own (component, parameter, value),
-    /// and a diagnosis, both before the first sample.
+    /// A twin of the study's system and a diagnosis, both before the first sample. `overrides` are the twin's own
+    /// parameters (component, parameter, value).
     ///
     /// # Errors
-    /// The diagnoser is not one for this study.
+    /// The diagnoser does not match this study.
     pub fn new(
         study: &'s Study,
         diagnoser: Arc<Diagnoser>,
@@ -137,12 +136,13 @@ impl<'s> Runtime<'s> {
         })
     }
 
-    /// Takes one sample: the inputs of the system and what its sensors measured (NaN: missing), SI,
-    /// in the order of the system and of the diagnoser. Where an input is no number or out of its
-    /// range the twin keeps the value before, and the outcome says so.
+    /// Takes one sample in SI units: the system's inputs in the order of the system, and the measured values in the
+    /// order of the diagnoser (NaN: missing). If an input is not finite or out of range, the twin holds the last value,
+    /// and the outcome reports it.
     ///
     /// # Errors
-    /// [`RuntimeError::Twin`]; the next sample starts the twin anew. A sample of other lengths is refused.
+    /// [`RuntimeError::Twin`]; the next sample then restarts the twin. [`RuntimeError::Diagnoser`] for a sample of
+    /// wrong length.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
         let wrong = |what, expected, found| Error::LengthMismatch { what, expected, found };
         if inputs.len() != self.values.len() {
@@ -172,7 +172,7 @@ impl<'s> Runtime<'s> {
         Ok(self.session.push(&self.values, measured, &self.expected))
     }
 
-    /// Takes the compiled step as soon as somebody has compiled it: nobody waits for a compiler here.
+    /// Uses the compiled step once it is available, and never waits for the compiler.
     fn take_compiled(&mut self) {
         if self.is_compiled {
             return;
@@ -193,31 +193,31 @@ impl<'s> Runtime<'s> {
         }
     }
 
-    /// Whether the twin takes compiled steps by now.
+    /// Whether the twin uses compiled steps by now.
     pub fn is_compiled(&self) -> bool {
         self.is_compiled
     }
 
-    /// What the twin says that the sensors should show, as of the last sample.
+    /// The twin's values for the sensors at the last sample.
     pub fn expected(&self) -> &[f64] {
         &self.expected
     }
 
-    /// A variable of the twin, as of the last sample.
+    /// A variable of the twin at the last sample.
     pub fn value(&self, slot: Slot) -> f64 {
         self.twin.value(slot)
     }
 
-    /// The diagnosis.
+    /// The diagnosis session.
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// Follows what the flight control computer does about a unit: from the next sample on the twin
-    /// has the parameters of the reaction. Its inputs come with the samples.
+    /// Follows a reaction of the flight control computer to an actuator. The twin uses the reaction's parameters from
+    /// the next sample on. The reaction's inputs arrive with the samples.
     ///
     /// # Errors
-    /// The reaction names a unit or a sensor that the diagnoser does not have.
+    /// The reaction names an actuator or a sensor that the diagnoser does not have.
     pub fn follow(&mut self, unit: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
         self.overrides.extend(reaction.parameters.iter().copied());
         let program = &self.study.system.program;
@@ -231,23 +231,23 @@ impl<'s> Runtime<'s> {
         Ok(())
     }
 
-    /// A unit is on again, and judged.
+    /// Reports that an actuator is on again and must be judged.
     ///
     /// # Errors
-    /// There is no such unit.
+    /// There is no such actuator.
     pub fn release(&mut self, unit: usize) -> Result<(), RuntimeError> {
         Ok(self.session.release(unit)?)
     }
 
-    /// What follows has nothing to do with what was: twin and diagnosis begin anew, with what is off
-    /// still off.
+    /// Restarts twin and diagnosis, because the next sample does not continue the last one. Actuators that are off stay
+    /// off.
     pub fn restart(&mut self) {
         self.is_settled = false;
         self.buses.fill(Bus::default());
         self.session.restart();
     }
 
-    /// What it remembers.
+    /// Saves the state.
     pub fn save(&self) -> Checkpoint {
         let twin = self.is_settled.then(|| {
             let mut snapshot = Snapshot::default();
@@ -258,10 +258,10 @@ impl<'s> Runtime<'s> {
         Checkpoint { twin, session: self.session.save(), buses }
     }
 
-    /// Goes on from what a runtime of the same study and diagnoser remembered.
+    /// Restores the state of a runtime with the same study and diagnoser.
     ///
     /// # Errors
-    /// It does not fit.
+    /// The checkpoint does not match, or holds values that are not finite.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
         if checkpoint.buses.len() != self.buses.len() {
             return Err(Error::CorruptModel { broken: "the checkpoint has other inputs" }.into());

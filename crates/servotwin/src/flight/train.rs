@@ -1,4 +1,4 @@
-//! Trees, committee and bands for each kind of windows, learned from flights.
+//! Trains bands, trees and committee from flights, for each kind of window.
 
 use super::windows::{self, Kind};
 use crate::evaluation::data_set::Row;
@@ -19,52 +19,53 @@ use servotwin_learning::hierarchy::Settings as Training;
 use servotwin_learning::novelty;
 use servotwin_learning::tree::Criterion;
 
-/// An input may leave the range of the flights that were learned from by this part of its width.
+/// Margin of an input's valid range beyond the training flights, in parts of their range.
 const MARGIN: f64 = 0.25;
 
-/// Questions on the longest way of a tree of flights: windows of many environments are more different
-/// than records of one command, and of fewer questions those that come last are not asked for every actuator.
+/// Maximum depth of the trees. Windows of many environments differ more than records of one command. With fewer
+/// questions, some actuators would lack the late ones.
 const DEPTH: usize = 11;
 
-/// Of the healthy windows that were sought because they leave their bands every so many-th teaches the trees: neighbours
-/// are alike, and a tree counts rows.
+/// The trees use only every so many-th hard negative, because neighboring windows are alike and trees count rows.
 const TREES_EVERY: usize = 10;
 
-/// The committee's trees are the most and the deepest that there may be: some hundred thousand windows of flights teach much
-/// more than 60 trees of depth 4, which are enough for records, can hold. They then learn a little faster, too.
+/// Learning rate of the committee, which has the maximum number and depth of trees. The 60 trees of depth 4 for records
+/// cannot hold some hundred thousand windows. The rate is slightly higher to match.
 const LEARNING_RATE: f64 = 0.2;
 
-/// What evidence against health is reduced by in every window where specimens differ by their tolerances, in nats, and of a
-/// command that switches off. In 42 hours of 500 healthy specimens under the most violent commands (tuning flights) the most
-/// that any gathered for such a command was then 0.26 of its limit. Other commands do less harm, and warnings are for what
-/// shows little: with 6 a tenth of them is raised.
+/// Allowances subtracted from the evidence against health in every window with tolerances, in nats: for any action, and
+/// for a shutdown. In 42 hours of 500 healthy specimens under the most violent commands (tuning flights), the evidence
+/// for a shutdown stayed below 0.26 of its limit. Other actions do less harm, and warnings cover weak faults: with 6
+/// nats only a tenth of the warnings is raised.
 const ALLOWANCES_NATS: (f64, f64) = (3.0, 5.0);
 
-/// The cost of any other false alarm then: every window counts in full, the same evidence more than twice as much, so the
-/// limit of about 16 nats is as much higher.
+/// Cost of a false alarm of any other action with tolerances. Every window counts in full, so the same evidence more
+/// than doubles. The limit of about 16 nats is raised in proportion.
 const WITH_TOLERANCES_COST: f64 = 3e8;
 
-/// So much is left of what two of five windows of a fault say against health: a diagnosis that learned from few flights is
-/// never as sure as one that learned from many, and would raise nothing. With the full sizes they say 9.4 nats or more, so
-/// that all is taken off.
+/// Evidence against health that the allowances leave in two of five fault windows, in nats. A diagnosis trained on few
+/// flights is less certain and would otherwise raise nothing. At full size these windows give 9.4 nats or more, so the
+/// full allowances apply.
 const LEFT_NATS: f64 = 2.0;
 
-/// The same in windows of what residuals are beyond the specimen's own, which tolerances show less in.
+/// The same allowances in baseline-corrected windows, where tolerances show less.
 const BASELINE_CORRECTED_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
 
-/// The same against health beside a twin of the specimen, where the most was 0.02 with nothing at all.
+/// The same allowance against health for a twin without tolerances; without it the highest evidence was 0.02 of the
+/// limit.
 const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 
-/// What is enough between two commands, and nothing between those of one actuator in relative windows: of two that look alike
-/// the likelier one is to be named some day.
+/// Allowance between two actions, in nats. It is 0 between actions of one actuator in baseline-corrected windows, so
+/// that the likelier of two similar actions is named eventually.
 const PAIRS_NATS: f64 = 0.2;
 
-/// What is taken off against another actuator for a command that switches off. What is hardly told apart (some two nats in every
-/// window) had the healthy one shut down after four seconds in one of 1,389 tuning flights; what is seen well says much more.
+/// Log-likelihood margin required in every window before a shutdown may be raised against the other actuator, in nats.
+/// Without it, one of 1,389 tuning flights shut down the healthy actuator after four seconds, at about two nats per
+/// window. Clear faults give much more.
 const OTHER_ACTUATOR_NATS: f64 = 1.5;
 
-/// How windows of flights are learned from: bands are learned too, and windows carry the noise of
-/// their flight, so that they need no moves.
+/// Training settings for windows of flights. Bands are learned. Windows carry the noise of their flight, so they need
+/// no augmentation.
 pub fn settings() -> Settings {
     let training = evaluation::trees(Criterion::Entropy, DEPTH);
     let committee = Training::all(classifiers::Settings::BoostedTrees(boosted_trees::Settings {
@@ -76,10 +77,10 @@ pub fn settings() -> Settings {
     Settings { learned_bands: true, training, committee, ..Settings::default() }
 }
 
-/// Learns from windows of flights, one table for each kind: everything that it takes to diagnose.
+/// Trains a complete diagnoser from windows of flights, one table for each kind.
 ///
 /// # Errors
-/// What training says.
+/// Errors of training.
 pub fn diagnoser(
     study: &Study,
     flights: &Flights,
@@ -91,7 +92,7 @@ pub fn diagnoser(
     let kinds = windows::kinds(flights, setting);
     let tables = tables.into_iter().map(|table| [(Role::Training, table)]);
     let lessons: Vec<_> = kinds.iter().zip(tables).collect();
-    // All at the same time: the most of a kind is the training of its largest stage, on one thread.
+    // All kinds in parallel: most of the time of a kind goes into its largest stage, on one thread.
     let lengths = parallel::map(&lessons, workers, |(kind, tables)| {
         let (kind, usual) = (**kind, flights.learn.environments);
         length(study, (kind, usual), tables, pools, workers)
@@ -133,12 +134,12 @@ pub fn diagnoser(
     Ok(diagnoser)
 }
 
-/// The cost of switching off the healthy actuator where every window counts in full: the same evidence then counts more
-/// than twice as much, so the limit is twice as high (`ln 1e3 + ln 1e9 = 2 (ln 1e3 + ln 1e3)`).
+/// Cost of shutting down the healthy actuator. Every window counts in full, so the same evidence more than doubles, and
+/// the limit is doubled (`ln 1e3 + ln 1e9 = 2 (ln 1e3 + ln 1e3)`).
 const WRONG_ACTUATOR_COST: f64 = 1e9;
 
-/// How sure a decision must be. Every window counts in full: noise is new in every pane, and what tolerances show
-/// again and again is the allowance's.
+/// Decision settings. Every window counts in full: noise is new in every pane, and the allowances cover the repeated
+/// effect of tolerances.
 fn decision(
     setting: Setting,
     names: &Names,
@@ -164,7 +165,7 @@ fn decision(
     settings
 }
 
-/// What is taken off against health, and besides where a command switches off, so that enough is left.
+/// Allowances against health, and in addition for shutdowns, limited so that `LEFT_NATS` remain.
 fn allowed((of_any, of_off): (f64, f64), evidence_quantile: f64) -> (f64, f64) {
     let most = (evidence_quantile - LEFT_NATS).max(0.0);
     (of_any.min(most), of_off.min(most) - of_any.min(most))
@@ -189,7 +190,7 @@ fn length(
     let is_further = |data: &DataSet, row: &Row| {
         data.cases[row.case as usize].parse().is_ok_and(|environment: usize| environment >= usual)
     };
-    // What bands promise is promised of flights as they are, not of windows that were sought.
+    // Bands are learned without the hard negatives, because their guarantee refers to ordinary flights.
     let bands = bands::learn(&data.without(|row| is_further(&data, row)), pools);
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
     let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
@@ -232,8 +233,8 @@ fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
     seen.map(sensor).collect()
 }
 
-/// The inputs of the system: inside of what is declared for them, and where flights varied them not
-/// far outside of where they were.
+/// The valid ranges of the system's inputs: the declared range, narrowed to the flown range plus a margin if training
+/// varied the input.
 fn environment(study: &Study, flights: &Flights) -> Environment {
     let network = study.system.network();
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {

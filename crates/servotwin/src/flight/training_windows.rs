@@ -1,9 +1,8 @@
-//! What the diagnosis at work learns from: windows of flights, one table for each kind of windows.
+//! Training data of the flight diagnosis: windows of flights, one table for each kind of window.
 //!
-//! A healthy flight gives windows one after the other; a flight with a fault the last one before it,
-//! and some after it, of which the first contain its beginning. The tables have the columns of a
-//! campaign's data set ([`crate::evaluation::DataSet`] reads them); every environment is a command
-//! of its own.
+//! A healthy flight gives evenly spaced windows. A flight with a fault gives several windows after the onset, of which
+//! the first contain it; some also give the last window before it. The tables have the columns of a campaign's data set
+//! ([`crate::evaluation::DataSet`] reads them). Every environment counts as a command of its own.
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
@@ -20,28 +19,27 @@ use servotwin_diagnosis::baseline::{self, Baseline};
 use servotwin_diagnosis::features::{self, Sensors};
 use servotwin_diagnosis::residual::{BAND, Window};
 
-/// Windows after the onset: the first two end when so much of them shows the fault, the others
-/// anywhere.
+/// Windows after the onset: the first two end when these shares of them show the fault.
 const SHARES: [f64; 2] = [0.6, 1.0];
-/// How many others there are: many, because a fault that only shows in some motions shows in some of them.
+/// Number of further windows at random places. There are many, because some faults only show in some motions.
 const OTHERS: usize = 12;
-/// Every so many-th flight with a fault also gives the window before it.
+/// Every so many-th flight with a fault also gives the window before the onset.
 const BEFORE: usize = 4;
-/// A fault that is weaker than this part of its intensity at the end of a window teaches nothing.
+/// Minimum share of a fault's intensity near the end of a training window.
 const LEAST_SHARE: f64 = 0.5;
 
-/// A window to be cut out of a flight.
+/// A window to cut out of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Cut {
-    /// Which of the kinds.
+    /// Index of the kind.
     pub kind: usize,
-    /// Its samples.
+    /// The samples, from `from` up to but excluding `to`.
     pub from: usize,
     pub to: usize,
     pub is_faulty: bool,
 }
 
-/// A window that was cut.
+/// A window that was cut out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct TrainingWindow {
     cut: Cut,
@@ -62,44 +60,44 @@ impl TrainingWindow {
     }
 }
 
-/// What was cut out of flights.
+/// The windows cut out of flights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainingWindows {
     list: Vec<TrainingWindow>,
-    /// Flights that could not be finished, which teach nothing.
+    /// Number of flights that could not be simulated to the end, and are not used.
     pub failed: usize,
-    /// Flights that began without a steady state, which teach nothing either: their environments and specimens.
+    /// Flights that began without a steady state, which are not used either.
     #[serde(default)]
     pub on_the_move: Vec<MovingFlight>,
 }
 
-/// Flights that were flown to learn from and teach nothing.
+/// Training flights that are not used.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LeftOut {
-    /// How many could not be finished.
+    /// Number of flights that could not be simulated to the end.
     pub failed: u64,
-    /// Those that began without a steady state.
+    /// Flights that began without a steady state.
     pub on_the_move: Vec<MovingFlight>,
 }
 
-/// A flight that began without a steady state, of the plant or of its twin.
+/// A flight whose plant or twin began without a steady state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct MovingFlight {
-    /// Its number.
+    /// Number of the flight.
     pub flight: usize,
-    /// The environment in which it was flown.
+    /// Index of its environment.
     pub environment: usize,
 }
 
 impl TrainingWindows {
-    /// Adds what was cut out of other flights.
+    /// Adds the windows of other flights.
     pub fn add(&mut self, other: TrainingWindows) {
         self.list.extend(other.list);
         self.failed += other.failed;
         self.on_the_move.extend(other.on_the_move);
     }
 
-    /// Flights that teach nothing.
+    /// The flights that are not used.
     pub fn left_out(&self) -> LeftOut {
         let mut on_the_move = self.on_the_move.clone();
         on_the_move.sort_unstable();
@@ -115,12 +113,12 @@ impl TrainingWindows {
         self.list.push(lesson);
     }
 
-    /// By kind, flight and time: flights end in no particular order.
+    /// Sorts by kind, flight and time, because flights end in no particular order.
     pub(super) fn sort(&mut self) {
         self.list.sort_by_key(|lesson| (lesson.cut.kind, lesson.flight, lesson.cut.to));
     }
 
-    /// The half widths of the bands that healthy windows of a kind give; `None` of too few.
+    /// The band half widths that the healthy windows of a kind give; `None` with too few windows.
     pub(super) fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
         let healthy = self.list.iter().filter(|l| l.cut.kind == kind && !l.cut.is_faulty);
         let largest = |lesson: &TrainingWindow| -> Vec<f64> {
@@ -140,14 +138,14 @@ struct Cutter<'k> {
     corrected: Option<BaselineCorrected>,
 }
 
-/// What residuals are beyond the specimen's own. It learns until the fault begins, as a diagnosis does until it suspects
-/// something.
+/// Baseline-corrected measured values. The baseline learns until the fault begins, as a diagnosis learns until it
+/// suspects a fault.
 #[derive(Clone)]
 pub(super) struct BaselineCorrected {
     pub baseline: Baseline,
     onset: usize,
     stands_in: Vec<bool>,
-    /// The measured values without the reference.
+    /// The measured values without the baseline.
     pub measured: Vec<f64>,
 }
 
@@ -181,8 +179,7 @@ impl Observer for Cutter<'_> {
     }
 }
 
-/// Flies what there is to learn from, and cuts windows out of it. Flights that cannot be finished are left
-/// out.
+/// Flies the training flights and cuts windows out of them. Flights that cannot be simulated to the end are left out.
 pub fn cut(study: &Study, flights: &Flights, flown: &FlightCampaign) -> TrainingWindows {
     let scales = study.scales()[..study.base_sensors()].to_vec();
     let period_s = study.sample_period_s;
@@ -214,7 +211,7 @@ pub fn cut(study: &Study, flights: &Flights, flown: &FlightCampaign) -> Training
     lessons
 }
 
-/// A table for each kind of windows, of everything that was cut.
+/// Builds a table for each kind of window.
 ///
 /// # Errors
 /// The work was cancelled.
@@ -236,7 +233,7 @@ pub fn tables(
     Ok(tables)
 }
 
-/// The windows that a flight gives; those that are relative begin after so many samples.
+/// The windows to cut out of a flight. Baseline-corrected windows begin only after `settled` samples.
 fn cuts(kinds: &[Kind], settled: usize, flight: &Flight, period_s: f64) -> Vec<Cut> {
     let sample = |time_s: f64| (time_s / period_s).round() as usize;
     let mut random = Random::new(0x5eed << 32 | flight.number as u64);
@@ -251,7 +248,7 @@ fn cuts(kinds: &[Kind], settled: usize, flight: &Flight, period_s: f64) -> Vec<C
             }
         };
         if flight.fault.is_none() {
-            // Apart from each other, so that they are as different as can be.
+            // Windows are spaced apart, so that they differ as much as possible.
             let count = (flight.duration_s / (2.0 * length_s).max(2.0)) as usize;
             (1..=count).for_each(|k| cut(flight.duration_s * k as f64 / count as f64, false));
             continue;

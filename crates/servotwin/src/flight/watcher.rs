@@ -1,4 +1,4 @@
-//! The runtime as the observer of a log or a live stream.
+//! The runtime as an observer of a log or a live stream.
 
 use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
 use crate::observer::{Finding, Observation, Observer, Phase, State};
@@ -9,39 +9,39 @@ use servotwin_model::program::Slot;
 use servotwin_model::solver::{Knot, Snapshot};
 use std::sync::Arc;
 
-/// Watches an actuator beside its twin. Inputs and measured values come in the order of the system.
+/// Watches an actuator together with its twin. Inputs and measured values arrive in the order of the system.
 pub struct Watcher<'s> {
     diagnoser: Arc<Diagnoser>,
     runtime: Runtime<'s>,
-    /// For each sensor of the diagnoser its place in the system.
+    /// For each sensor of the diagnoser, its index in the system.
     places: Vec<usize>,
     slots: Vec<Slot>,
     scales: Vec<f64>,
-    /// The names of the units.
+    /// Names of the actuators.
     units: Vec<String>,
-    /// What the log says is done where a unit is off: by unit.
+    /// For each actuator, the reaction that switches it off, as the log's inputs show it.
     off: Vec<Reaction>,
     is_off: Vec<bool>,
     measured: Vec<f64>,
     twin: Vec<f64>,
     residuals: Vec<f64>,
     bands: Vec<f64>,
-    /// Samples of the longest window.
+    /// Number of samples of the longest window.
     longest: u64,
-    /// So many samples are still in a window with one that was outside of what the band was learned from.
+    /// Number of samples until no window holds one outside the training range of the band.
     outside_for: u64,
     finding: Finding,
     last: Option<Outcome>,
 }
 
-/// A checkpoint in a file.
+/// A checkpoint as stored in a file.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     twin: Option<StoredTwin>,
     session: diagnoser::State,
     buses: Vec<(Option<f64>, f64)>,
     is_off: Vec<bool>,
-    /// What was said last; `None` if nothing.
+    /// The last finding, if any.
     finding: Option<Finding>,
     #[serde(default)]
     outside_for: u64,
@@ -60,10 +60,10 @@ struct StoredTwin {
 }
 
 impl<'s> Watcher<'s> {
-    /// A runtime before its first sample.
+    /// A watcher before its first sample.
     ///
     /// # Errors
-    /// The diagnoser is not one for this study.
+    /// The diagnoser does not match this study.
     pub fn new(study: &'s Study, diagnoser: Arc<Diagnoser>) -> Result<Self, RuntimeError> {
         let sensors = &study.system.sensors;
         let place = |name: &str| sensors.iter().position(|sensor| sensor.label == name);
@@ -106,12 +106,12 @@ impl<'s> Watcher<'s> {
         })
     }
 
-    /// Whether the last sample lay outside of what the diagnoser's field was learned from.
+    /// Whether the last sample lay outside the training range of the conditional band.
     pub fn is_outside(&self) -> bool {
         self.last.is_some_and(|outcome| outcome.outside > 0.0)
     }
 
-    /// Units that the log switches off, or on again.
+    /// Follows actuators that the log switches off or on again.
     fn follow(&mut self, inputs: &[f64]) -> Result<(), RuntimeError> {
         for unit in 0..self.off.len() {
             let reaction = &self.off[unit];
@@ -285,7 +285,7 @@ impl Observer for Watcher<'_> {
         if stored.finding.as_ref().is_some_and(|finding| !finding.is_text()) {
             return Err("its words are no text".into());
         }
-        // What the flight control computer did about units that are off is part of the twin.
+        // The reactions to actuators that are off are part of the twin.
         for (unit, reaction) in self.off.iter().enumerate().filter(|(unit, _)| stored.is_off[*unit])
         {
             self.runtime.follow(unit, reaction).map_err(|error| error.to_string())?;

@@ -1,31 +1,32 @@
-//! Which windows a diagnosis at work looks at.
+//! Which windows the flight diagnosis judges.
 
 use crate::study::{Flights, Plants, Setting};
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::sliding::Span;
 
-/// A window is judged so often while it passes.
+/// Number of panes of a window; each window is judged once per pane.
 const PANES: u32 = 5;
 
-/// A reference is the mean of so many seconds at first, or of less, so that it is there before the earliest fault.
+/// Maximum settling time of a baseline, s.
 const SETTLE_S: f64 = 4.0;
-/// And at most of this part of the time before.
+/// Maximum settling time in parts of the time before the earliest fault.
 const SETTLE_SHARE: f64 = 0.8;
-/// It forgets over so many seconds: long beside what it takes to isolate a fault, short beside what changes of itself.
+/// Memory of a baseline, s: long compared with isolating a fault, short compared with slow drift.
 const MEMORY_S: f64 = 60.0;
 
-/// A kind of windows.
+/// A kind of window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kind {
-    /// Their length, s.
+    /// Length of the windows, s.
     pub window_s: f64,
-    /// Whether they are of what residuals are beyond a reference.
+    /// Whether the residuals are corrected by a baseline.
     pub is_baseline_corrected: bool,
 }
 
-/// The kinds that are looked at in a setting: of residuals as they are, and where specimens differ from their twins the
-/// shortest also of what they are beyond the specimen's own. A longer one would hold a single sudden motion, which every
-/// specimen answers in its own way, in all of its panes, and counting it five times is how healthy ones are shut down.
+/// The kinds of window in a scenario. All lengths use unmodified residuals. If specimens differ from their twins, the
+/// shortest length also uses baseline-corrected residuals. A longer one could hold a single sudden motion in all of its
+/// panes. Every specimen answers such a motion in its own way, and counting it five times would shut down healthy
+/// actuators.
 pub fn kinds(flights: &Flights, setting: Setting) -> Vec<Kind> {
     let absolute =
         flights.windows_s.iter().map(|&window_s| Kind { window_s, is_baseline_corrected: false });
@@ -41,18 +42,18 @@ fn is_baseline_corrected(setting: Setting) -> bool {
     setting.plants() == Plants::Specimens
 }
 
-/// What windows are beyond, where any are.
+/// The baseline settings, if the scenario uses baseline-corrected windows.
 pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<baseline::Settings> {
     let pane = span(shortest_s(flights), period_s).pane_samples;
     let settle_s = SETTLE_S.min(SETTLE_SHARE * flights.onset_s[0]);
-    // Half a pane later than the others, so that no sample brings windows of both.
+    // Half a pane out of step, so that no sample completes windows of both kinds.
     let panes = (settle_s / period_s) as u32 / pane;
     let settle_samples = (panes * pane + pane / 2).max(1);
     let memory_samples = ((MEMORY_S / period_s) as u32).max(settle_samples);
     is_baseline_corrected(setting).then_some(baseline::Settings { settle_samples, memory_samples })
 }
 
-/// The panes of windows of a length.
+/// The panes of a window of this length.
 pub fn span(window_s: f64, period_s: f64) -> Span {
     let samples = (window_s / period_s).round() as u32;
     Span { pane_samples: (samples / PANES).max(1), panes: Some(PANES) }

@@ -1,32 +1,33 @@
-//! A field from traces of flights: factors of what it depends on, and the conformal scale. The equations are in
-//! [`super`].
+//! Learns a conditional band from flight traces: one factor per bin of each covariate, and the conformal scale. The
+//! equations are in [`super`].
 
 use super::BandError;
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate};
 
-/// Rounds in which factors are fitted one after the other.
+/// Number of rounds that fit the factors one after the other.
 const ROUNDS: usize = 8;
-/// A factor of a bin is 1 unless so many flights say otherwise: samples of one flight are of one specimen.
+/// Pseudo-count of flights that pulls each factor to 1. It counts flights, because all samples of a flight share one
+/// specimen.
 const DOUBT: f64 = 8.0;
 
-/// What the sensors of one flight showed beside its twin.
+/// Covariates and residuals of one flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
-    /// The covariates, sample after sample.
+    /// The covariates, one sample after the other.
     pub points: Vec<f64>,
-    /// The scaled residuals, sample after sample.
+    /// The scaled residuals, one sample after the other.
     pub residuals: Vec<f64>,
 }
 
 impl Trace {
-    /// The same with some of its covariates.
+    /// The same trace with a subset of its covariates.
     pub(super) fn with_covariates(&self, kept: &[usize], width: usize) -> Trace {
         let own = self.points.chunks_exact(width.max(1));
         let points = own.flat_map(|point| kept.iter().map(|&place| point[place])).collect();
         Trace { points, residuals: self.residuals.clone() }
     }
 
-    /// The points and residuals of its samples, of so many covariates and sensors.
+    /// The covariates and residuals of each sample.
     fn samples(&self, width: usize, sensors: usize) -> impl Iterator<Item = (&[f64], &[f64])> {
         let residuals = self.residuals.chunks_exact(sensors).enumerate();
         residuals.map(move |(k, residuals)| {
@@ -46,20 +47,20 @@ impl Trace {
         most
     }
 
-    /// Whether it leaves the band.
+    /// Whether the trace leaves the band.
     pub fn leaves(&self, field: &ConditionalBand) -> bool {
         self.score(field) > field.scale
     }
 }
 
-/// s of a sensor in some bins.
+/// s of a sensor for given bins.
 fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
     let factors = field.factors[sensor].iter().zip(bins);
     factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
 }
 
-/// The share of healthy flights that leaves a band with this target and so many calibration flights: its mean over
-/// calibrations, and what 95 % of calibrations stay below. q is the k-th of n scores, so that the share has the
+/// The share of healthy flights that leaves a band calibrated for a target share with n flights. Returns the mean over
+/// calibrations, and the value below which 95 % of them stay. q is the k-th of n scores, so the share has the
 /// distribution Beta(n + 1 − k, k), whatever distribution the scores have.
 pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let place = (place_of(target, flights)).min(flights);
@@ -67,7 +68,7 @@ pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        // Beta(a, b) is below x where of a + b − 1 draws with x at least a succeed.
+        // A Beta(a, b) variable is below x if at least a of a + b − 1 draws with probability x succeed.
         match at_least(above, flights, middle) < 0.95 {
             true => low = middle,
             false => high = middle,
@@ -76,12 +77,12 @@ pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     (above as f64 / (flights as f64 + 1.0), high)
 }
 
-/// k: which of the scores is q, counted from one.
+/// k: the rank of the score that becomes q, from 1.
 fn place_of(target: f64, flights: usize) -> usize {
     ((flights as f64 + 1.0) * (1.0 - target) - 1e-9).ceil() as usize
 }
 
-/// The probability that of so many draws with a probability at least `least` succeed.
+/// The probability that at least `least` of the draws succeed.
 fn at_least(least: usize, draws: usize, probability: f64) -> f64 {
     let (mut sum, mut logarithm) = (0.0, draws as f64 * (1.0 - probability).ln());
     let odds = (probability / (1.0 - probability)).ln();
@@ -92,7 +93,8 @@ fn at_least(least: usize, draws: usize, probability: f64) -> f64 {
     1.0 - sum
 }
 
-/// A band for some sensors: s from the first traces, q from the others. Without covariates it is the same everywhere.
+/// Learns a band: s from the `learning` traces, q from the `calibration` traces. Without covariates the band is
+/// constant.
 ///
 /// # Errors
 /// Too few calibration traces for the share.
@@ -127,10 +129,10 @@ pub fn learn(
     Ok(field)
 }
 
-/// s of a sensor.
+/// Fits s of one sensor.
 fn fit(field: &mut ConditionalBand, sensor: usize, learning: &[Trace]) {
     let (width, sensors) = (field.covariates.len(), field.base.len());
-    // For each flight the bins of its samples and the squares of their residuals.
+    // For each flight, the bins and the squared residual of every sample.
     let squares = |trace: &Trace| -> Vec<(Vec<usize>, f64)> {
         let of = |(point, residuals): (&[f64], &[f64])| {
             (field.bins(point), residuals[sensor] * residuals[sensor])
@@ -170,7 +172,7 @@ mod tests {
     use crate::signal::random::Random;
     use servotwin_diagnosis::conditional_band::Source;
 
-    /// Flights whose residual grows with the size of what is asked, and with their specimen.
+    /// Flights whose residual grows with the covariate and differs by specimen.
     fn flights(count: usize, seed: u64) -> Vec<Trace> {
         let mut random = Random::new(seed);
         let mut flight = |_| {
@@ -200,13 +202,13 @@ mod tests {
     fn the_promised_share_leaves_the_band_and_the_field_sees_more() {
         let (learning, judged) = (flights(40, 1), flights(400, 2));
         let (mut left, mut seen, mut seen_fixed) = (0, 0, 0);
-        // The promise is of the mean over calibrations: ten of them.
+        // The guarantee holds on average over calibrations; this test uses ten.
         for round in 0..10 {
             let calibration = flights(39, 100 + round);
             let field = learn(axis(), 1, &learning, &calibration, 0.1).unwrap();
             let fixed = learn(vec![], 1, &none(&learning), &none(&calibration), 0.1).unwrap();
             left += judged.iter().filter(|trace| trace.leaves(&field)).count();
-            // A bias that is large for small motions only.
+            // A bias that is large only relative to small motions.
             for trace in &judged {
                 let mut faulty = trace.clone();
                 faulty.residuals.iter_mut().for_each(|residual| *residual += 0.016);
@@ -242,7 +244,7 @@ mod tests {
         let with = |count| learn(axis(), 1, &learning, &flights(count, 3), 0.05);
         assert!(matches!(with(18), Err(BandError::TooFew { flights: 18, needed: 19 })));
         let field = with(19).unwrap();
-        // With 19 flights the band is the largest of their scores: none of them leaves it.
+        // With 19 flights q is the largest score, so none of them leaves the band.
         assert!(flights(19, 3).iter().all(|trace| !trace.leaves(&field)));
         assert_eq!(field.outside(&[0.5]), 0.0);
         assert!((field.outside(&[1.5]) - 0.5).abs() < 1e-12);

@@ -1,19 +1,20 @@
-//! The confidence band of the twin as a field over what it is asked: how much a healthy residual may be, at this
-//! command and its rate, this load, these pressures, with the spool going this way.
+//! The conditional band: the allowed healthy residual as a function of command, command rate, load, pressures and spool
+//! direction.
 //!
 //! (CB1)  |r_i| ≤ q s_i(u),  s_i(u) = s_i0 Π_j m_ij(u_j)
 //!
-//! s is the root mean square of a sensor's scaled residual, which each covariate u_j multiplies by a factor for each of
-//! its bins, found by fitting one after the other until their product explains all. The one number q is conformal: with
-//! the n calibration flights' scores max |r_i|/s_i(u), over all sensors and samples, in ascending order, q is the
-//! ⌈(n + 1)(1 − share)⌉-th. So a healthy flight that is exchangeable with them leaves the band with a probability of at
-//! most `share`, whatever distribution residuals have (Vovk, Gammerman, Shafer, Algorithmic Learning in a Random
-//! World, 2005). Exchangeable are flights, not samples: every calibration flight has an environment and a specimen of
-//! its own, none of which s was learned from.
+//! s_i0 is the root mean square of a sensor's scaled residual. Each covariate u_j multiplies it by one factor per bin;
+//! the factors are fitted in turn. The number q is conformal. Each of n calibration flights has the score max
+//! |r_i|/s_i(u) over all sensors and samples. q is the ⌈(n + 1)(1 − share)⌉-th of these scores in ascending order. A
+//! healthy flight that is exchangeable with them therefore leaves the band with a probability of at most `share`, for
+//! any distribution of residuals (Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005). Flights are
+//! exchangeable, samples are not: every calibration flight has its own environment and specimen, and s was not learned
+//! from them.
 //!
-//! [`ConditionalBand::outside`] says how far a point lies outside of all that s was learned from: there nothing is promised.
+//! [`ConditionalBand::outside`] returns how far a point lies outside the training range of s. There the guarantee does
+//! not hold.
 //!
-//! A diagnoser with a field ([`Diagnoser::field`]) has it instead of its bands.
+//! A diagnoser with a conditional band ([`Diagnoser::conditional_band`]) uses it instead of its fixed bands.
 
 mod learn;
 mod picture;
@@ -34,29 +35,29 @@ use servotwin_diagnosis::features::Quantity;
 use servotwin_model::solver::Statistics;
 use std::borrow::Cow;
 
-/// Bins of a covariate.
+/// Number of bins of a covariate.
 const BINS: usize = 4;
 
-/// Why there is no band.
+/// Why a band cannot be learned.
 #[derive(Debug, thiserror::Error)]
 pub enum BandError {
     /// The flights could not be simulated.
     #[error(transparent)]
     Flights(#[from] CampaignError),
-    /// Too few flights for the share that is asked for.
+    /// Too few calibration flights for the requested share.
     #[error(
         "{flights} calibration flights are too few for that share of alarms: it takes {needed}, half of the \
          environments that are learned from"
     )]
     TooFew {
-        /// Calibration flights there are.
+        /// Number of calibration flights.
         flights: usize,
-        /// How many are needed.
+        /// Number of flights needed.
         needed: usize,
     },
 }
 
-/// What the covariates of a study's flights are, with their names.
+/// The candidate covariates of a study's flights, with their names.
 fn covariates(study: &Study) -> Vec<(String, Source)> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let all = &study.system.network().inputs;
@@ -73,7 +74,7 @@ fn covariates(study: &Study) -> Vec<(String, Source)> {
     list
 }
 
-/// Keeps the trace of a flight.
+/// Records the trace of a flight.
 struct Tracing<'c> {
     covariates: &'c [(String, Source)],
     scales: &'c [f64],
@@ -92,34 +93,34 @@ impl Observer for Tracing<'_> {
     }
 }
 
-/// A band, and what it is worth; stored as JSON.
+/// A conditional band with its evaluation; stored as JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BandMerit {
-    /// The setting in which it was learned.
+    /// The scenario in which it was learned.
     pub setting: String,
-    /// The sensors, in the order of the field.
+    /// The sensors, in the order of the band.
     pub sensors: Vec<String>,
-    /// How long the flights were, s.
+    /// Duration of the flights, s.
     pub duration_s: f64,
-    /// The field.
+    /// The conditional band.
     pub field: ConditionalBand,
-    /// The band with the same promise that is the same everywhere.
+    /// A constant band with the same guarantee.
     pub fixed: ConditionalBand,
-    /// Healthy flights that were neither learned from nor calibrated with.
+    /// Number of healthy judged flights.
     pub healthy: usize,
-    /// How many of them leave the field, and the fixed band.
+    /// How many of them leave the conditional band and the fixed band.
     pub left: [usize; 2],
-    /// How many of them were flown at points outside of what was learned from.
+    /// How many of them reach points outside the training range.
     pub outside: usize,
-    /// Flights with a fault, and how many of them leave the field, and the fixed band.
+    /// Number of judged flights with a fault.
     pub faults: usize,
-    /// See `faults`.
+    /// How many of the faulty flights leave the conditional band and the fixed band.
     pub detected: [usize; 2],
 }
 
-/// Learns a field and a fixed band in the flights of a study, and judges both in others. All flights count for as long as
-/// those with a fault.
+/// Learns a conditional band and a fixed band from the training flights, and evaluates both on the judged flights. All
+/// flights are cut to the duration of the flights with a fault.
 ///
 /// # Errors
 /// The flights cannot be simulated, or are too few.
@@ -137,8 +138,8 @@ pub fn measure(
     let healthy = |flight: &Flight| flight.fault.is_none() && flight.environment < usual;
     flying.each(Purpose::Learn, healthy, |flight, trace| learned.push((*flight, trace)))?;
     learned.sort_by_key(|(flight, _)| flight.number);
-    // Half of the environments, drawn, teach s; of each of the others the first flight calibrates. Commands take turns
-    // from environment to environment, and every second one would always be of the same kinds.
+    // A random half of the environments trains s; the first flight in each other environment calibrates. The half is
+    // random because kinds of commands alternate between environments.
     let teaches = drawn_half(usual, flights.seed);
     let mut seen = Vec::new();
     let (mut learning, mut calibration) = (Vec::new(), Vec::new());
@@ -184,7 +185,7 @@ pub fn measure(
     Ok(merit)
 }
 
-/// Which of some things are in the half that is drawn.
+/// Selects a random half of `count` items.
 fn drawn_half(count: usize, seed: u64) -> Vec<bool> {
     let mut random = Random::new(seed);
     let keys: Vec<f64> = (0..count).map(|_| random.unit()).collect();
@@ -193,10 +194,10 @@ fn drawn_half(count: usize, seed: u64) -> Vec<bool> {
 }
 
 impl BandMerit {
-    /// The diagnoser with the field instead of its bands.
+    /// The diagnoser with the conditional band instead of its fixed bands.
     ///
     /// # Errors
-    /// The field is of other sensors or inputs.
+    /// The band has other sensors or inputs.
     pub fn put_into(&self, mut diagnoser: Diagnoser) -> Result<Diagnoser, Error> {
         let watched = diagnoser.sensors.iter().take(diagnoser.watched());
         if !watched.map(|sensor| &sensor.name).eq(&self.sensors) {
@@ -222,7 +223,7 @@ impl BandMerit {
     }
 }
 
-/// The covariates that vary, with bins of as many samples each, and their places.
+/// The covariates that vary, with bins of about equal sample counts, and their indices.
 fn binned(all: &[(String, Source)], learning: &[Trace]) -> (Vec<Covariate>, Vec<usize>) {
     let (mut list, mut kept) = (Vec::new(), Vec::new());
     let width = all.len();
@@ -246,7 +247,7 @@ fn binned(all: &[(String, Source)], learning: &[Trace]) -> (Vec<Covariate>, Vec<
     (list, kept)
 }
 
-/// What is flown.
+/// The flights to simulate.
 struct Flying<'f> {
     study: &'f Study,
     flights: &'f Flights,
@@ -256,7 +257,7 @@ struct Flying<'f> {
 }
 
 impl Flying<'_> {
-    /// The traces of some flights of a purpose, one after the other as they end; those that fail are left out.
+    /// Passes the trace of each selected flight to `done` as the flight ends; failed flights are left out.
     fn each(
         &self,
         purpose: Purpose,
@@ -282,7 +283,7 @@ impl Flying<'_> {
             trace: Trace::default(),
         };
         flown.fly(&which, observer, |flight, tracing, outcome| {
-            // A flight that began without a steady state is judged, but teaches nothing.
+            // Flights that began without a steady state are judged, but not used for training.
             let teaches = |work: &Statistics| !flown.is_on_the_move(flight, work);
             if outcome.is_ok_and(|work| purpose != Purpose::Learn || teaches(&work)) {
                 done(flight, tracing.trace);

@@ -1,4 +1,4 @@
-//! A field as a picture: by how much each bin of each covariate widens the band of each sensor.
+//! A picture of a conditional band: the factor of each bin of each covariate for each sensor.
 
 use super::BandMerit;
 use crate::figure::value_map::ValueMap;
@@ -8,8 +8,8 @@ use servotwin_io::text::{number, spoken};
 use servotwin_model::network::Network;
 
 impl BandMerit {
-    /// The factors of the field, a row for each bin, a column for each sensor; bins in the units in which people read
-    /// the inputs of the network.
+    /// The band's factors, with a row for each bin and a column for each sensor. Bins are in the display units of the
+    /// network's inputs.
     pub fn picture(&self, network: &Network) -> ValueMap {
         let (mut rows, mut values) = (Vec::new(), Vec::new());
         for (place, covariate) in self.field.covariates.iter().enumerate() {
@@ -36,7 +36,7 @@ impl BandMerit {
         }
     }
 
-    /// The least and the largest half width of a sensor, in parts of scale.
+    /// The smallest and the largest half width of a sensor, in parts of scale.
     pub fn ends(&self, sensor: usize) -> [f64; 2] {
         let middle = self.field.scale * self.field.base[sensor];
         let end = |pick: fn(f64, f64) -> f64| {
@@ -47,7 +47,7 @@ impl BandMerit {
     }
 }
 
-/// A bin in words.
+/// A bin as text.
 fn in_words(source: Source, low: f64, high: f64, network: &Network) -> String {
     let of = |input: u32, per: &str| {
         let shown = Shown::of_input(network, input as usize);
@@ -58,7 +58,7 @@ fn in_words(source: Source, low: f64, high: f64, network: &Network) -> String {
     match source {
         Source::Size { input } | Source::Input { input } => of(input, ""),
         Source::Rate { input } => of(input, "/s"),
-        // It is −1, 0 or 1, and a bin has one of them.
+        // The direction is −1, 0 or 1, and each bin holds one of them.
         Source::Way { .. } if high < 0.0 => "back".into(),
         Source::Way { .. } if low > 0.0 => "forth".into(),
         Source::Way { .. } if low < 0.0 && high > 0.0 => "at rest".into(),

@@ -1,4 +1,4 @@
-//! What a foreign fault changes: the plant, what its sensors show, or what the twin is told.
+//! Effects of an unseen fault: on the plant, on sensor readings, or on the twin's inputs.
 
 use crate::ensemble::Later;
 use crate::flight::plan::Flight;
@@ -13,94 +13,94 @@ use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
 
-/// One change. Names are those of a unit's parameters, faults and inputs, without its own.
+/// One effect. Names are those of an actuator's parameters, faults and inputs, without the actuator's own name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effect {
     /// A fault of the catalogue at an intensity.
     Fault(&'static str, f64),
-    /// A parameter has another value.
+    /// Sets a parameter.
     Value(&'static str, f64),
-    /// A parameter is so many times what it was.
+    /// Multiplies a parameter.
     Times(&'static str, f64),
-    /// A parameter grows by so much per second.
+    /// Ramps a parameter, per second.
     Drift(&'static str, f64),
-    /// A parameter swings by so much, [`SWING_HZ`] times a second.
+    /// Oscillates a parameter with this amplitude at [`SWING_HZ`].
     Swing(&'static str, f64),
     /// A sensor gives no reading.
     Missing(Quantity),
-    /// A sensor's noise is so many times what it was.
+    /// Multiplies a sensor's noise.
     Noise(Quantity, f64),
-    /// An input becomes so many times what it was, and the twin is told.
+    /// Multiplies an input, for plant and twin.
     InputTimes(&'static str, f64),
-    /// A parameter of the environment has another value during the whole flight, and the twin knows.
+    /// Sets an environment parameter for the whole flight, for plant and twin.
     Weather(&'static str, f64),
-    /// The twin is told the same value from now on.
+    /// Freezes an input of the twin.
     ToldFrozen(&'static str),
-    /// The twin is told nothing.
+    /// Removes an input of the twin.
     ToldMissing(&'static str),
-    /// The twin is told what cannot be.
+    /// Sets an input of the twin to an impossible value.
     ToldTooLarge(&'static str),
-    /// What the twin is told is wrong by this part.
+    /// Scales an input of the twin by 1 plus this value.
     ToldOff(&'static str, f64),
 }
 
-/// How often what swings does so, per second.
+/// Frequency of oscillations, Hz.
 const SWING_HZ: f64 = 1.5;
-/// What changes all the time changes so often, s.
+/// Update period of continuously changing parameters, s.
 const STEP_S: f64 = 0.05;
-/// How long an input takes to become another one, s.
+/// Duration of a change of an input, s.
 const FALL_S: f64 = 0.5;
-/// No input is so large.
+/// A value beyond the range of every input.
 const TOO_LARGE: f64 = 1e9;
 
-/// Whose change it is.
+/// The target of an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Who {
-    /// The unit's that is at fault.
+    /// The faulty actuator.
     Own,
-    /// The next one's, which is at fault, too.
+    /// The next actuator, which is also faulty.
     Other,
-    /// All of them, of which none is at fault.
+    /// All actuators, none of which is faulty.
     Whole,
 }
 
-/// A change and whose it is.
+/// An effect and its target.
 pub type On = (Who, Effect);
 
-/// A change of the unit that is at fault.
+/// An effect on the faulty actuator.
 pub fn own(effect: Effect) -> On {
     (Who::Own, effect)
 }
 
-/// A change of the next unit, which is at fault, too.
+/// An effect on the next actuator, which is also faulty.
 pub fn other(effect: Effect) -> On {
     (Who::Other, effect)
 }
 
-/// A change of everything.
+/// An effect on all actuators.
 pub fn whole(effect: Effect) -> On {
     (Who::Whole, effect)
 }
 
-/// What a reading or an input becomes on its way to the diagnosis.
+/// A change of a reading or an input on its way to the diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Touch {
-    /// A reading is missing.
+    /// The reading is missing.
     Reading(usize),
-    /// A reading has more noise, of this standard deviation.
+    /// The reading has additional noise of this standard deviation.
     Noisy(usize, f64),
-    /// An input has another value.
+    /// The input has another value.
     Input(usize, f64),
 }
 
-/// A change of a system: what its names stand for.
+/// An effect with its names resolved.
 #[derive(Clone, Debug)]
 enum Change {
     Fault(FaultAt),
-    /// A parameter: its value by the value it has and the time since the onset.
+    /// Component, parameter and effect; the value depends on the current value and the time since the onset.
     Parameter(usize, usize, Effect),
     Touch(Touch),
-    /// An input by what it is worth, and whether the plant and the twin have the change.
+    /// An input, and whether plant and twin get the change.
     Input {
         input: usize,
         effect: Effect,
@@ -110,18 +110,18 @@ enum Change {
     Weather(usize, usize, f64),
 }
 
-/// Everything that a foreign fault changes in a flight.
+/// All changes that an unseen fault makes in a flight.
 #[derive(Clone, Debug, Default)]
 pub struct Changes {
     list: Vec<Change>,
-    /// Units at fault.
+    /// The faulty actuators.
     pub at_fault: Vec<usize>,
-    /// Healthy units whose twin reads a boundary value (a pressure at a port) from a sensor that is wrong.
+    /// Healthy actuators whose twin reads a boundary condition (a port pressure) from a wrong sensor.
     pub misinformed: Vec<usize>,
 }
 
 impl Changes {
-    /// What effects on a unit stand for; `None` if the study has no such thing.
+    /// Resolves effects on an actuator; `None` if the study lacks one of the names.
     pub fn new(study: &Study, unit: usize, effects: &[On]) -> Option<Self> {
         let units = study.units.len();
         let mut changes = Changes::default();
@@ -148,7 +148,7 @@ impl Changes {
         Some(changes)
     }
 
-    /// What happens to readings and inputs on their way to the diagnosis, from the onset on.
+    /// Changes of readings and inputs on their way to the diagnosis, from the onset on.
     pub fn touches(&self) -> Vec<Touch> {
         let touch = |change: &Change| match change {
             Change::Touch(touch) => Some(*touch),
@@ -157,7 +157,7 @@ impl Changes {
         self.list.iter().filter_map(touch).collect()
     }
 
-    /// The environment as the plant has it, and as the twin is told; `None` where it is as it was.
+    /// The environments of the plant and of the twin's inputs; `None` if unchanged.
     pub fn environments(
         &self,
         was: &Environment,
@@ -187,7 +187,7 @@ impl Changes {
         [one(&|plant, _| plant), one(&|_, twin| twin)]
     }
 
-    /// Faults and parameters from the onset on. `overrides` are those that the variant has.
+    /// Faults and parameters from the onset on. `overrides` are the variant's own parameters.
     pub fn later(
         &self,
         study: &Study,
@@ -227,7 +227,7 @@ impl Effect {
         matches!(self, Effect::Drift(..) | Effect::Swing(..))
     }
 
-    /// The input that only the twin reads wrong, while the plant stays as it is.
+    /// The input that is wrong for the twin only.
     fn misinforms(self) -> Option<&'static str> {
         match self {
             Effect::ToldFrozen(input)
@@ -239,7 +239,7 @@ impl Effect {
     }
 }
 
-/// The units whose twin reads an input: the one that has it, or all that share it.
+/// The actuators whose twin reads an input: its owner, or all if they share it.
 fn readers(study: &Study, unit: usize, input: &str) -> Vec<usize> {
     let own = full_name(&study.units[unit], input);
     match study.system.network().inputs.iter().any(|known| known.id == own) {
@@ -248,7 +248,7 @@ fn readers(study: &Study, unit: usize, input: &str) -> Vec<usize> {
     }
 }
 
-/// What an effect on a unit stands for; `None` if there is no such thing.
+/// Resolves one effect on an actuator; `None` if a name does not exist.
 fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
     let name = |rest: &str| full_name(&study.units[unit], rest);
     let parameter = |rest: &str| {
@@ -258,7 +258,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
         let place = components.iter().position(|known| known.id == component)?;
         Some((place, components[place].component.spec().parameter(parameter)?))
     };
-    // An input of the unit, or of the whole.
+    // An input of the actuator, or of the whole system.
     let input = |rest: &str| {
         let find = |name: &str| study.system.network().inputs.iter().position(|i| i.id == name);
         find(&name(rest)).or_else(|| find(rest))
@@ -281,7 +281,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
         }
         Effect::Weather(rest, value) => {
             let (component, parameter) = parameter(rest)?;
-            // A liquid that does not bear it is not flown in it.
+            // Skip values that the fluid does not allow.
             study.system.allows(component, parameter, value).ok()?;
             vec![Change::Weather(component, parameter, value)]
         }
@@ -297,7 +297,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
             vec![Change::Input { input: input(rest)?, effect, in_plant: true, in_twin: true }]
         }
         Effect::ToldFrozen(rest) | Effect::ToldOff(rest, _) => vec![told(rest)?.1],
-        // What makes no sense is not believed: the twin keeps the value before.
+        // The runtime rejects such a value, and the twin holds the last one.
         Effect::ToldMissing(rest) => {
             let (input, change) = told(rest)?;
             vec![change, Change::Touch(Touch::Input(input, f64::NAN))]
@@ -309,7 +309,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
     })
 }
 
-/// An input from the onset on.
+/// An input with the effect from the onset on.
 fn altered(was: &Piecewise, effect: Effect, flight: &Flight, period_s: f64) -> Piecewise {
     let onset_s = (flight.onset_s / period_s).floor() * period_s;
     let value = |time_s: f64| {
@@ -323,7 +323,7 @@ fn altered(was: &Piecewise, effect: Effect, flight: &Flight, period_s: f64) -> P
     sent(value, period_s, flight.duration_s).expect("a finite signal")
 }
 
-/// A parameter so long after the onset, inside of its range.
+/// A parameter at an age after the onset, clamped to its range.
 fn moved(
     study: &Study,
     (component, parameter): (usize, usize),
@@ -345,19 +345,19 @@ fn moved(
     value.clamp(min, max)
 }
 
-/// Readings and inputs as they reach the diagnosis.
+/// Applies changes to readings and inputs before the diagnosis.
 pub struct Touched {
     touches: Vec<Touch>,
     onset: usize,
     random: Random,
     /// The readings of the last sample.
     pub measured: Vec<f64>,
-    /// Its inputs.
+    /// The inputs of the last sample.
     pub inputs: Vec<f64>,
 }
 
 impl Touched {
-    /// From the sample `onset` on.
+    /// Applies `touches` from the sample `onset` on.
     pub fn new(touches: Vec<Touch>, onset: usize, seed: u64) -> Self {
         Touched { touches, onset, random: Random::new(seed), measured: vec![], inputs: vec![] }
     }

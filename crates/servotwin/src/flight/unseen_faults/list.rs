@@ -1,4 +1,4 @@
-//! The faults that are in no list to learn from, one line each.
+//! The unseen faults, one entry each. No training list contains them.
 
 use super::effect::Effect::{
     Drift, Fault, InputTimes, Missing, Noise, Swing, Times, ToldFrozen, ToldMissing, ToldOff,
@@ -8,31 +8,31 @@ use super::effect::{On, other, own, whole};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::Quantity::{PressureA, Ram, Supply};
 
-/// What a command for the faulty actuator may be, to count as sensible.
+/// Which actions against the faulty actuator count as sensible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sensible {
-    /// To shut it down: it does not do what it should.
+    /// A shutdown, because the actuator does not follow its command.
     Shutdown,
-    /// Anything but that: only a sensor is wrong.
+    /// Any action but a shutdown, because only a sensor is wrong.
     NoShutdown,
-    /// Any command for a faulty actuator.
+    /// Any action.
     Any,
-    /// None: no actuator is at fault.
+    /// No action, because no actuator is faulty.
     Nothing,
 }
 
-/// A fault that no diagnosis was trained on.
+/// A fault without training data.
 pub struct Foreign {
-    /// What it is.
+    /// Title for reports.
     pub title: &'static str,
-    /// Its strengths.
+    /// The strengths, in the unit of the effect.
     pub strengths: &'static [f64],
-    /// These in words, with their unit.
+    /// The strengths as text, with their unit.
     pub strengths_in_words: &'static str,
-    /// What may be commanded.
+    /// Which actions count as sensible.
     pub sensible: Sensible,
-    /// What it does.
+    /// The effects at a given strength.
     pub effects: fn(f64) -> Vec<On>,
 }
 
@@ -47,11 +47,11 @@ const fn foreign(
 
 use Sensible::{Any, NoShutdown, Nothing, Shutdown};
 
-/// A sensor with so narrow a band does not move any more, Hz.
+/// A sensor with this bandwidth is practically stuck, Hz.
 const STUCK_HZ: f64 = 1e-3;
 const ONCE: (&[f64], &str) = (&[1.0], "");
 
-/// Every one of them.
+/// All unseen faults.
 pub static ALL: &[Foreign] = &[
     foreign("stuck stroke sensor", ONCE, Any, |_| {
         vec![own(Value("sensor_ram.bandwidth_hz", STUCK_HZ))]

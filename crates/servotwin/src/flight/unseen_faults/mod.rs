@@ -1,8 +1,7 @@
-//! What the diagnosis says of faults that it was never trained on.
+//! Judges the diagnosis on faults that it was never trained on.
 //!
-//! Nobody expects the right name for what has none. What is expected is that the healthy actuator stays
-//! on, and that what is said makes sense: the right actuator, or that the fault is unknown, or that what
-//! the twin was told is wrong.
+//! A right name cannot be expected. The healthy actuator must stay on, and the finding must make sense: it names the
+//! right actuator, an unknown fault, or an invalid input.
 
 mod effect;
 mod list;
@@ -22,34 +21,34 @@ use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Foreign flights are numbered from here on: other specimens and noise than those of the others.
+/// First flight number of unseen faults, so that their specimens and noise differ from those of other flights.
 const FIRST: usize = 500_000;
 
-/// Of how many flights what was said; every flight counts once, with the most that was said in it.
+/// Number of flights by result. Every flight counts once, with its most significant finding.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Words {
-    /// A sensible command for an actuator at fault was raised first.
+    /// A sensible action against a faulty actuator was raised first.
     pub sensible: u64,
-    /// Another command for an actuator at fault was raised first.
+    /// Another action against a faulty actuator was raised first.
     pub other_command: u64,
-    /// A command for a healthy actuator was raised first.
+    /// An action against a healthy actuator was raised first.
     pub wrong_actuator: u64,
-    /// No command, but the actuator at fault was named.
+    /// No action, but the faulty actuator was named.
     pub actuator: u64,
-    /// Neither, but that it is like nothing known.
+    /// None of these, but the fault was reported as unknown.
     pub unknown: u64,
-    /// Neither, but that an input is not to be believed.
+    /// None of these, but an input was reported as invalid.
     pub environment_invalid: u64,
-    /// Neither, but that readings are missing.
+    /// None of these, but readings were reported as missing.
     pub no_data: u64,
-    /// Only that something is wrong, or a healthy actuator was named without a command.
+    /// Only a detection, or a healthy actuator was named without an action.
     pub detected: u64,
-    /// Nothing.
+    /// No finding.
     pub healthy: u64,
 }
 
 impl Words {
-    /// Each count with its name, the best first.
+    /// Each count with its name, the best result first.
     pub fn named(&self) -> [(&'static str, u64); 9] {
         [
             ("sensible command", self.sensible),
@@ -65,54 +64,55 @@ impl Words {
     }
 }
 
-/// What was said of a foreign fault.
+/// Results for one unseen fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnseenFaultOutcome {
-    /// What it is.
+    /// Title of the fault.
     pub title: String,
-    /// Its strengths, in words.
+    /// The strengths, as text.
     pub strengths: String,
-    /// What would be sensible.
+    /// Which actions count as sensible.
     pub sensible: Sensible,
-    /// Flights that were finished.
+    /// Number of flights simulated to the end.
     pub flights: u64,
-    /// Flights that could not be.
+    /// Number of flights that failed.
     pub failed: u64,
-    /// What was said.
+    /// Number of flights by result.
     pub words: Words,
-    /// Shutdowns of an actuator at fault.
+    /// Number of flights with a shutdown of a faulty actuator.
     pub shutdowns_at_fault: u64,
-    /// Shutdowns of a healthy actuator whose boundary sensors are right.
+    /// Number of flights with a shutdown of a healthy actuator whose boundary sensors are right.
     pub shutdowns_healthy: u64,
-    /// Flights in which a healthy actuator was shut down because a boundary sensor (a supply or return pressure that its
-    /// twin reads) was wrong. `None` if none was wrong, and of results from before this was counted: there these
-    /// stand among `shutdowns_at_fault`.
+    /// Number of flights with a shutdown of a healthy actuator because a boundary sensor of its twin (supply or return
+    /// pressure) was wrong. `None` if no such sensor was wrong. Results that predate this count also have `None` and
+    /// include these flights in `shutdowns_at_fault`.
     #[serde(default)]
     pub shutdowns_behind_wrong_sensor: Option<u64>,
-    /// From the onset to the first word, whatever it was.
+    /// Latency from the onset to the first finding of any kind.
     pub first_word: Option<Latency>,
-    /// The flights in which a healthy actuator was to be shut down, its boundary sensors right or wrong: environment, unit,
+    /// Flights with a shutdown of a healthy actuator, with right or wrong boundary sensors: environment, actuator,
     /// strength.
     pub wrong: Vec<String>,
 }
 
-/// What was said of all of them in a setting.
+/// Results for all unseen faults in one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnseenFaultMetrics {
-    /// The setting's name.
+    /// Name of the scenario.
     pub setting: String,
     /// One for each fault that the study's system can have.
     pub outcomes: Vec<UnseenFaultOutcome>,
 }
 
 impl UnseenFaultMetrics {
-    /// Shutdowns of a healthy actuator, of how many flights.
+    /// Number of flights with a shutdown of a healthy actuator, and of all flights.
     pub fn shutdowns_healthy(&self) -> (u64, u64) {
         let sum = |of: fn(&UnseenFaultOutcome) -> u64| self.outcomes.iter().map(of).sum();
         (sum(|outcome| outcome.shutdowns_healthy), sum(|outcome| outcome.flights))
     }
 
-    /// Flights in which a healthy actuator was shut down behind a wrong boundary sensor, of how many with such a sensor.
+    /// Number of flights with a healthy actuator shut down because of a wrong boundary sensor, and of all flights with
+    /// such a sensor.
     pub fn shutdowns_behind_wrong_sensor(&self) -> (u64, u64) {
         let counted = self.outcomes.iter();
         let counted = counted.filter_map(|o| Some((o.shutdowns_behind_wrong_sensor?, o.flights)));
@@ -120,19 +120,19 @@ impl UnseenFaultMetrics {
     }
 }
 
-/// One flight with a foreign fault.
+/// One flight with an unseen fault.
 struct Case {
-    /// Its place in [`ALL`].
+    /// Index into [`ALL`].
     foreign: usize,
     unit: usize,
     strength: f64,
     changes: Changes,
-    /// The plant's environment, where it is not the one that the twin is told.
+    /// The plant's environment, if the twin's inputs differ from it.
     real: Option<Environment>,
     base: usize,
 }
 
-/// The cases, their flights and the environments as twins are told them.
+/// The cases, their flights, and the environments of the twins.
 #[derive(Default)]
 struct Plan {
     cases: Vec<Case>,
@@ -150,7 +150,7 @@ impl Plan {
                     let effects = (fault.effects)(strength);
                     let Some(changes) = Changes::new(study, unit, &effects) else { continue };
                     for repeat in 0..flights.judge.foreign {
-                        // Eleven and seven have no divisor in common with the usual numbers.
+                        // Small coprime factors spread the cases over the environments.
                         let base = (11 * repeat + 7 * foreign + 5 * place + 3 * unit) % count;
                         let case = Case {
                             foreign,
@@ -181,7 +181,7 @@ impl Plan {
         };
         let base = &flights.judged[case.base];
         let [plant, twin] = case.changes.environments(base, &flight, study.sample_period_s);
-        // A plant that is not changed where its twin is has the environment as it was.
+        // A plant without a change keeps the original environment, even if its twin's inputs change.
         case.real = twin.is_some().then(|| plant.unwrap_or_else(|| base.clone()));
         if let Some(twin) = twin {
             flight.environment = self.told.len();
@@ -192,7 +192,7 @@ impl Plan {
     }
 }
 
-/// What was heard in a flight.
+/// The observer of one flight.
 struct Listening {
     session: Session,
     touched: Touched,
@@ -200,7 +200,7 @@ struct Listening {
     at_fault: Vec<usize>,
     misinformed: Vec<usize>,
     is_off: Vec<bool>,
-    /// Unit and command raised first.
+    /// Actuator and action of the first alarm.
     first: Option<(usize, u32)>,
     heard: FindingFlags,
     first_word: Option<u64>,
@@ -209,7 +209,7 @@ struct Listening {
     off_healthy: bool,
 }
 
-/// What was found at any time since the onset.
+/// Findings at any time since the onset.
 #[derive(Default)]
 struct FindingFlags {
     actuator: bool,
@@ -220,7 +220,7 @@ struct FindingFlags {
 }
 
 impl FindingFlags {
-    /// Whether it is a word at all.
+    /// Records a finding and returns whether it reports anything.
     fn listen(&mut self, outcome: &Outcome, is_concerned: impl Fn(usize) -> bool) -> bool {
         let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
         self.no_data |= lacks;
@@ -251,7 +251,7 @@ impl Observer for Listening {
             let is_guilty = is_late && self.at_fault.contains(&unit);
             let is_misinformed = is_late && self.misinformed.contains(&unit);
             let is_off = self.is_off[raised.action as usize];
-            // What was raised before the onset was raised of a healthy one, and may stay.
+            // Alarms raised before the onset concern a healthy actuator and may persist.
             let is_new_off = is_off && raised.sample == outcome.sample;
             self.off_at_fault |= is_off && is_guilty;
             self.off_misinformed |= is_new_off && is_misinformed;
@@ -269,7 +269,7 @@ impl Observer for Listening {
 }
 
 impl Listening {
-    /// Whether something is wrong with a unit or with what its twin reads.
+    /// Whether an actuator is faulty or its twin reads a wrong input.
     fn is_concerned(&self, unit: usize) -> bool {
         self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
     }
@@ -299,10 +299,13 @@ impl Listening {
     }
 }
 
-/// Flies every foreign fault in some of the environments that are judged in, and tells what was said.
+/// Flies every unseen fault in some of the judged environments and counts the findings.
 ///
 /// # Errors
-/// A twin cannot be simulated; what [`Diagnoser::check`] says stands for a study that does not fit.
+/// A twin cannot be simulated.
+///
+/// # Panics
+/// If the diagnoser was not checked.
 pub fn judge(
     study: &Study,
     flights: &Flights,
