@@ -1,10 +1,9 @@
-//! The calibration flights of the pool of the fitted setting: what sensors showed, and the twin of each
-//! specimen, fitted to that.
+//! Calibration flights of the specimen pool in the scenario *fitted*: the sensor readings of each specimen, and the
+//! twin fitted to them.
 //!
-//! Nothing of a specimen is used but the noisy, quantised samples of its sensors; of the command the samples
-//! that a logger keeps. What came out is kept beside the true values, in standard deviations of the
-//! tolerances: `calibration-fitted.parquet`. It is computed once: every part of a campaign that finds
-//! the file takes it over, to the bit.
+//! A fit uses only the noisy, quantized samples of a specimen's sensors and the logged samples of the command. The
+//! results are stored with the true values in `calibration-fitted.parquet`, in standard deviations of the tolerances.
+//! They are computed once: every part of a campaign that finds the file uses it, to the bit.
 
 use super::{Campaign, CampaignError, Plants, Setting, described, ensemble};
 use crate::ensemble::{Ensemble, Rows, Variant};
@@ -22,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Parameters that differ from the system's: (component, parameter, value).
 pub(super) type Overrides = Vec<(usize, usize, f64)>;
 
-/// The file with the specimens of a pool: true values, what was fitted, and its standard error.
+/// The file with the specimens of a pool: true values, fitted values and standard errors.
 pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
     folder.join(calibration_name(role))
 }
@@ -31,20 +30,20 @@ fn calibration_name(role: Role) -> String {
     format!("calibration-{}{}.parquet", Setting::Fitted.name(), role.suffix())
 }
 
-/// A true parameter beside what a fit made of it, in standard deviations of its tolerance.
+/// A true parameter and its fitted value, in standard deviations of its tolerance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// The parameter's full name.
     pub parameter: String,
-    /// The true value.
+    /// True value.
     pub true_sigma: f64,
-    /// What was fitted.
+    /// Fitted value.
     pub fitted_sigma: f64,
-    /// Its standard error.
+    /// Standard error of the fitted value.
     pub error_sigma: f64,
 }
 
-/// Reads the specimens of a pool; none where it has not flown.
+/// Reads the calibrations of a pool; empty before its calibration flights.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -68,18 +67,18 @@ pub fn calibrations(folder: &Path, role: Role) -> Result<Vec<Comparison>, Campai
 
 /// Fits twins to specimens that fly a study's calibration flight.
 pub struct Calibrating<'s> {
-    /// The study.
+    /// The study with the calibration flight.
     pub study: &'s Study,
-    /// How runs are made.
+    /// Solver settings of all runs.
     pub solver: Settings,
     /// Number of threads.
     pub threads: usize,
-    /// Set from elsewhere to stop.
+    /// Stops the work when set.
     pub cancel: Option<&'s AtomicBool>,
 }
 
 impl Calibrating<'_> {
-    /// The twins of some specimens, each with the noise of its own flight.
+    /// Fits the twin of each specimen; `noise` gives the noise of its flight.
     ///
     /// # Errors
     /// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`CampaignError::Cancelled`].
@@ -114,7 +113,7 @@ impl Calibrating<'_> {
         }
     }
 
-    /// What the sensors of each specimen show in its calibration flight.
+    /// The sensor readings of each specimen in its calibration flight.
     fn measured(
         &self,
         calibration: &Calibration,
@@ -162,16 +161,16 @@ impl Calibrating<'_> {
 }
 
 impl Campaign<'_> {
-    /// The file that all parts read, or else each would have to fit the specimens itself; `None` where
-    /// nothing is fitted.
+    /// The name of the calibration file, which all parts should share so that each need not fit the specimens itself.
+    /// `None` outside of the scenario *fitted*.
     pub fn calibration(&self) -> Option<String> {
         (self.plants() == Plants::Pool).then(|| calibration_name(self.role))
     }
 
-    /// Fits the specimens, if the file with them is not there; `false` if cancelled.
+    /// Fits the specimens unless their file exists; `false` if cancelled.
     ///
     /// # Errors
-    /// A specimen cannot be fitted, or the file not be written.
+    /// A specimen cannot be fitted, or the file cannot be written.
     pub fn calibrate(&self) -> Result<bool, CampaignError> {
         self.calibrated().map(|found| found.is_some())
     }
@@ -199,7 +198,8 @@ impl Campaign<'_> {
         Ok(Some(found.specimens.into_iter().map(|specimen| specimen.overrides).collect()))
     }
 
-    /// What a file of this campaign says of so many specimens; `None` if there is none.
+    /// The twins from this campaign's calibration file. `None` if it is missing, has another fingerprint or another
+    /// number of specimens.
     fn known(&self, specimens: usize) -> Option<Vec<Overrides>> {
         let table = table::read(calibration_file(&self.folder, self.role)).ok()?;
         if table.metadata.get("fingerprint") != Some(&self.calibration_mark()) {
@@ -213,7 +213,7 @@ impl Campaign<'_> {
         (z.len() == specimens * size).then(|| z.chunks(size).map(of).collect())
     }
 
-    /// What a pool must have been made from to be taken over.
+    /// Fingerprint of everything that the calibrations depend on.
     fn calibration_mark(&self) -> String {
         let study = self.study;
         let mut mark = TextHash::default();
@@ -251,18 +251,18 @@ impl Campaign<'_> {
     }
 }
 
-/// Specimens with their twins, and the standard errors that all have in common.
+/// Specimens with their twins, and their common standard errors.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
-    /// What was fitted.
+    /// The fitted parameters.
     pub unknowns: Vec<Unknown>,
-    /// What came out.
+    /// The fitted specimens.
     pub specimens: Vec<Specimen>,
-    /// For each unknown its standard error, in standard deviations of its tolerance.
+    /// Standard error of each parameter, in standard deviations of its tolerance.
     pub errors: Vec<f64>,
 }
 
-/// Fits all specimens; the first that cannot be fitted is an error.
+/// Fits all specimens; fails with the first specimen that cannot be fitted.
 fn fitted(
     problem: &Fit,
     measured: &[Vec<f64>],

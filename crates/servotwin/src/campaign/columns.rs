@@ -1,25 +1,23 @@
-//! Columns that every table has from which a diagnosis learns, whether its rows are variants of a
-//! campaign or windows of flights.
+//! Columns common to all training tables, whether their rows are variants of a campaign or windows of flights.
 
 use crate::study::Study;
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{Sensor, Sensors, values};
 use servotwin_diagnosis::residual::Window;
 
-/// What a row without a fault is called wherever a fault would stand.
+/// Name of the class of rows without a fault.
 pub(super) const HEALTHY: &str = "healthy";
 
-/// The fault of a row, a place in [`Study::faults`], and its intensity.
+/// The fault of a row, as an index into [`Study::faults`], and its intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
-    /// `None` without a fault.
+    /// Index of the fault; `None` without a fault.
     pub fault: Option<usize>,
-    /// 0 without a fault.
+    /// Intensity; 0 without a fault.
     pub intensity: f64,
 }
 
-/// Which fault rows show: name, kind, intensity and the study's intensity that it stands for, and the
-/// answers that are right.
+/// The fault columns of rows: name, kind, intensity, nominal intensity of the study, and the right answers.
 pub fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column> {
     let fault = |row: &Shown| row.fault.map(|fault| &study.faults[fault]);
     let class = |row: &Shown| fault(row).map(|fault| &study.classes[fault.class]);
@@ -41,12 +39,12 @@ pub fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column> {
     ]
 }
 
-/// The column with the largest size that the residual of a sensor had.
+/// Name of the column with the largest residual of a sensor.
 pub fn largest_column(sensor: &str) -> String {
     format!("largest:{sensor}")
 }
 
-/// The largest size of every sensor's residual.
+/// The largest residual of every sensor, one column each.
 pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     let column = |(place, sensor): (usize, &Sensor)| {
         let largest = windows.iter().map(|window| window.largest(place)).collect();
@@ -55,7 +53,8 @@ pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     sensors.iter().enumerate().map(column).collect()
 }
 
-/// The column of a feature in a view: the window as it is, `m:` seen from the second unit, `m3:` from the third.
+/// Name of a feature's column in a view: `f:` for the window itself, `m:` viewed from the second actuator, `m3:` from
+/// the third.
 pub fn view_column(view: usize, feature: &str) -> String {
     match view {
         0 => format!("f:{feature}"),
@@ -64,7 +63,7 @@ pub fn view_column(view: usize, feature: &str) -> String {
     }
 }
 
-/// Whether a column of a data set is a feature, in any view. All others say what was simulated, or how it was detected.
+/// Whether a column of a data set is a feature, in any view. All others describe the simulation or the detection.
 pub fn is_feature_column(name: &str) -> bool {
     let Some((view, feature)) = name.split_once(':') else { return false };
     let is_view = match view.strip_prefix('m') {
@@ -74,25 +73,25 @@ pub fn is_feature_column(name: &str) -> bool {
     is_view && !feature.is_empty()
 }
 
-/// The columns of a data set that a classifier may learn from, by name: its features in all views. None of them says what
-/// the fault is.
+/// The columns of a data set that a classifier may learn from: its features in all views. None of them reveals the
+/// fault.
 pub fn feature_columns_of<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
     names.into_iter().filter(|name| is_feature_column(name)).collect()
 }
 
-/// Whether a table is the data set of a campaign or of flights: it has features, and columns that say what the fault is.
+/// Whether a table is the data set of a campaign or of flights: it has features and fault columns.
 pub fn is_data_set(table: &Table) -> bool {
     table.has("fault") && table.has("kind") && table.names().any(is_feature_column)
 }
 
-/// The features of a window in every view ([`servotwin_diagnosis::hierarchy`]); `orders` are those of the sensors beyond
-/// the first ([`Sensors::rotations`]).
+/// The features of a window in every view ([`servotwin_diagnosis::hierarchy`]). `orders` are the sensor orders of the
+/// further views ([`Sensors::rotations`]).
 pub fn seen(sensors: &Sensors, orders: &[Vec<usize>], window: &Window) -> Vec<Vec<f64>> {
     let others = orders.iter().map(|order| values(sensors, &window.reordered(order)));
     std::iter::once(values(sensors, window)).chain(others).collect()
 }
 
-/// Each feature of rows in every view.
+/// The columns of all features in every view.
 pub fn feature_columns<'n>(
     names: impl Iterator<Item = &'n str>,
     rows: &[Vec<Vec<f64>>],

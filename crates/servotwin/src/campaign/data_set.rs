@@ -13,7 +13,7 @@ use std::ops::Range;
 /// A feature of the data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataFeature {
-    /// The feature.
+    /// Name, unit and actuators.
     pub feature: Feature,
     /// The family that computes it.
     pub family: &'static str,
@@ -35,7 +35,7 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
-/// What a data set is made from, some variants after the others.
+/// Builds the data set of some variants.
 pub(super) struct Maker<'m> {
     pub study: &'m Study,
     pub cases: &'m [OperatingCase],
@@ -45,7 +45,7 @@ pub(super) struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    /// The data set of some variants, whose rows these are: labels, detection, features.
+    /// The data set of some variants and their rows: labels, detection, features.
     pub fn table(&self, variants: Range<usize>, rows: &[Row]) -> Table {
         let mut columns = self.label_columns(variants.clone());
         let reflected = variants.map(|variant| self.images.is_mirrored(variant));
@@ -73,7 +73,7 @@ impl Maker<'_> {
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
-    /// Each feature, and where the units correspond also as it is seen from the others.
+    /// Each feature and, if the actuators correspond, its values in the other views.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
         let sensors = &self.study.sensors_in(self.setting);
         let orders = sensors.rotations(self.study.units.len()).unwrap_or_default();
@@ -94,7 +94,7 @@ impl Maker<'_> {
         ];
         let shown = |p: &Planned| Shown { fault: p.fault, intensity: p.intensity };
         columns.extend(fault_columns(study, &plan.iter().map(shown).collect::<Vec<_>>()));
-        // The form of the paper's figure 8: each fault's intensity in its own column.
+        // As in the paper's figure 8: each fault's intensity in its own column.
         let ids: BTreeSet<&String> = study.faults.iter().map(|fault| &fault.id).collect();
         for id in ids {
             let is_it = |p: &Planned| p.fault.is_some_and(|fault| &study.faults[fault].id == id);

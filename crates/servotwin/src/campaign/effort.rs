@@ -1,14 +1,15 @@
-//! What simulations take. The solver's steps follow from its error control alone, so they are the same for any
-//! number of threads and lanes, and tell what of a run no sensor need show: that a part of it rings.
+//! Computational effort of simulations. The solver's error control alone determines its steps, so they are the same for
+//! any number of threads and lanes. They can reveal ringing that no sensor shows.
 
 use super::watch::Twin;
 use crate::table::{Column, Table, TableError, Values};
 use servotwin_model::solver::Statistics;
 
-/// How many times the steps of its twin a variant that rings takes.
+/// Minimum ratio between the steps of a ringing variant and those of its twin.
 ///
-/// In the aileron a valve whose damping is all gone takes fifteen times as many and more for ever: a limit cycle.
-/// What dies out (nine tenths of the damping gone, under some commands) or cavitates takes at most four times as many.
+/// In the aileron, a valve without damping takes at least fifteen times as many steps forever: a limit cycle. A
+/// decaying oscillation (nine tenths of the damping gone, under some commands) or cavitation takes at most four times
+/// as many.
 const RINGING: f64 = 5.0;
 
 const STEPS: &str = "steps_per_s";
@@ -16,26 +17,26 @@ const TWIN_STEPS: &str = "twin_steps_per_s";
 const MOVING: &str = "began_on_the_move";
 const LIMIT_CYCLE: &str = "limit_cycle";
 
-/// What the simulation of a variant took, and that of the twin with which it is compared.
+/// Effort of a variant's simulation and of its twin's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Effort {
-    /// Steps for each simulated second; 0 where the variant was not simulated to the end.
+    /// Steps per simulated second; 0 if the variant was not simulated to the end.
     pub steps_per_s: f64,
-    /// The twin's.
+    /// The twin's steps per simulated second.
     pub twin_steps_per_s: f64,
-    /// Whether no rest was found at the inputs of time zero, for the variant or for its twin.
+    /// Whether no steady state was found at the initial inputs, for the variant or for its twin.
     pub began_on_the_move: bool,
-    /// Whether the variant was measured to swing for ever there.
+    /// Whether a limit cycle was measured at the initial inputs.
     pub limit_cycle: bool,
 }
 
-/// Steps for each simulated second of a run, without those of the search for rest.
+/// Steps per simulated second, without those of the search for a steady state.
 pub(super) fn steps_per_s(work: &Statistics, duration_s: f64) -> f64 {
     (work.steps - work.settling) as f64 / duration_s
 }
 
 impl Effort {
-    /// Of a variant; without `work` it did not run to its end.
+    /// The effort of a variant; `work` is `None` if it was not simulated to the end.
     pub(super) fn of(work: Option<&Statistics>, duration_s: f64, twin: &Twin) -> Self {
         Effort {
             steps_per_s: work.map_or(0.0, |work| steps_per_s(work, duration_s)),
@@ -45,13 +46,13 @@ impl Effort {
         }
     }
 
-    /// Whether the variant takes more than five times the steps of its twin: something in it oscillates so
-    /// fast that the samples of sensors need not show it. A swing as slow as the command costs no steps.
+    /// Whether the variant takes more than five times the steps of its twin. Then a part oscillates so fast that sensor
+    /// samples may not show it. An oscillation as slow as the command costs no steps.
     pub fn rings(&self) -> bool {
         self.steps_per_s > RINGING * self.twin_steps_per_s
     }
 
-    /// As columns of a shard.
+    /// The effort as columns of a shard.
     pub(super) fn to_columns(efforts: &[Self]) -> Vec<Column> {
         let twins = efforts.iter().map(|effort| effort.twin_steps_per_s).collect();
         let mut columns = told(efforts);
@@ -59,7 +60,7 @@ impl Effort {
         columns
     }
 
-    /// What [`Effort::to_columns`] has written.
+    /// Reads the columns that [`Effort::to_columns`] writes.
     pub(super) fn from_table(table: &Table) -> Result<Vec<Self>, TableError> {
         let (steps, twins) = (table.f64(STEPS)?, table.f64(TWIN_STEPS)?);
         let (moving, cycles) = (table.bool(MOVING)?, table.bool(LIMIT_CYCLE)?);
@@ -73,7 +74,7 @@ impl Effort {
     }
 }
 
-/// The columns that shards and data sets have of it.
+/// The columns that shards and data sets have in common.
 fn told(efforts: &[Effort]) -> Vec<Column> {
     let steps = efforts.iter().map(|effort| effort.steps_per_s).collect();
     let moving = efforts.iter().map(|effort| effort.began_on_the_move).collect();
@@ -85,7 +86,7 @@ fn told(efforts: &[Effort]) -> Vec<Column> {
     ]
 }
 
-/// What a data set says of it.
+/// The columns of a data set.
 pub(super) fn effort_columns(efforts: &[Effort]) -> Vec<Column> {
     let rings = efforts.iter().map(Effort::rings).collect();
     let mut columns = told(efforts);

@@ -1,48 +1,43 @@
 //! Variants that need no simulation of their own.
 //!
-//! Where units are alike and nothing but the fault tells them apart, a fault
-//! of the second or a later one gives the signals of the same fault of the first, with the
-//! units moved round. Such a variant need not be simulated: its sensors show what the
-//! other one's show, in another order. That the units are alike is tested,
-//! not assumed: of every kind the strongest fault of each unit but the first, in the
-//! first operating case, is simulated all the same, as a *probe*. And specimens
-//! without a fault and without tolerances differ by the noise of their sensors only:
-//! one simulation serves all of a case.
+//! With like actuators, a fault of a later actuator gives the signals of the same fault of the first one, with the
+//! actuators permuted. Such a variant is a symmetric copy: its sensors show the other one's signals in another order.
+//! The symmetry is tested, not assumed. In the first operating case, the strongest fault of every kind is simulated for
+//! all actuators, as a symmetry check. Healthy specimens without tolerances differ only by sensor noise, so one
+//! simulation serves all of a case.
 
 use super::{Planned, Study};
 use servotwin_diagnosis::residual::Window;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// By how much means and deviations of a probe's scaled residuals may differ
-/// from its image's: a thirtieth of the band (4), and a hundred times the
-/// solver's error, because a limit cycle multiplies rounding errors.
+/// Maximum difference between a symmetry check and its copy, in means and deviations of scaled residuals. It is a
+/// thirtieth of the band (4), and a hundred times the solver's error, because a limit cycle amplifies rounding errors.
 const LARGEST_DIFFERENCE: f64 = 1e-3;
 
-/// Where a variant's signals come from. In 32 bits, as variants are numbered in shards: there may be
+/// The source of a variant's signals. It has 32 bits, like the variant numbers in shards, because there may be
 /// millions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Source {
-    /// The variant that is simulated.
+    /// The simulated variant.
     simulated: u32,
-    /// By how many places the units are moved round: the fault is in this unit, and in the first one of what is
-    /// simulated.
+    /// Rotation of the actuators: the fault is in this actuator, and in the first one of the simulation.
     moved: u32,
 }
 
-/// Which variants are simulated, and whom each simulation serves.
+/// Which variants are simulated, and which variants each simulation serves.
 pub(super) struct Images {
-    /// For every variant where its signals come from.
+    /// The source of every variant.
     sources: Vec<Source>,
-    /// Every variant that is not simulated, behind the one that serves it, in order.
+    /// Pairs of a simulated variant and a variant that it serves, sorted.
     served: Vec<(u32, u32)>,
-    /// Variants that are simulated although they are mirror images: (probe, original, unit).
+    /// Symmetric copies that are simulated as a check: (copy, original, actuator).
     probes: Vec<(usize, usize, usize)>,
-    /// The sensors with the units moved round, for a fault in each unit but the first.
+    /// The rotated sensor order for a fault in each actuator but the first.
     orders: Vec<Vec<usize>>,
 }
 
 impl Images {
-    /// Every variant simulated.
+    /// Every variant is simulated.
     pub fn none(plan: &[Planned]) -> Self {
         let own = |simulated| Source { simulated, moved: 0 };
         Images {
@@ -53,13 +48,13 @@ impl Images {
         }
     }
 
-    /// The images among planned variants without tolerances. Units are moved round only in a study
-    /// with several units whose sensors correspond.
+    /// Finds the shared simulations among planned variants without tolerances. Actuators are rotated only if their
+    /// sensors correspond.
     pub fn of(study: &Study, plan: &[Planned]) -> Self {
         let mut images = Self::none(plan);
         images.share_healthy(plan);
         let units = study.units.len();
-        // Where the fault's unit stands, the first one's stood in what is simulated.
+        // The rotation moves the first actuator of the simulation to the faulty one.
         let order = |unit| study.sensors.rotated(units, units - unit);
         if let Some(orders) = (1..units).map(order).collect::<Option<Vec<_>>>() {
             images.orders = orders;
@@ -81,14 +76,14 @@ impl Images {
 
     fn mirror(&mut self, study: &Study, plan: &[Planned]) {
         let mut start = 0;
-        // Case by case, as they stand in the plan: no more of it needs to be looked up at a time.
+        // Case by case, in plan order, to limit the look-up.
         for of_case in plan.chunk_by(|one, next| one.case == next.case) {
             self.mirror_case(study, start, of_case);
             start += of_case.len();
         }
     }
 
-    /// The images among variants of one case, of which the first has the number `start`.
+    /// The symmetric copies within one case, whose first variant has the number `start`.
     fn mirror_case(&mut self, study: &Study, start: usize, plan: &[Planned]) {
         let of_unit = |unit: usize| {
             plan.iter().enumerate().filter_map(move |(place, planned)| {
@@ -118,47 +113,46 @@ impl Images {
         self.served.push((simulated, variant as u32));
     }
 
-    /// The variant to simulate for this one.
+    /// The simulation that serves this variant.
     pub fn simulated(&self, variant: usize) -> usize {
         self.sources[variant].simulated as usize
     }
 
-    /// All variants whose signals the simulation of one gives, itself first.
+    /// All variants that a simulation serves, itself first.
     pub fn served(&self, simulated: usize) -> impl Iterator<Item = usize> + '_ {
         let first = self.served.partition_point(|&(by, _)| (by as usize) < simulated);
         let own = self.served[first..].iter().take_while(move |&&(by, _)| by as usize == simulated);
         std::iter::once(simulated).chain(own.map(|&(_, variant)| variant as usize))
     }
 
-    /// The order of the simulated sensors in which a variant's stand; `None` for the same order.
+    /// The sensor order that turns the simulation into this variant; `None` for the same order.
     pub fn order(&self, variant: usize) -> Option<&[usize]> {
         let moved = self.sources[variant].moved.checked_sub(1)?;
         Some(&self.orders[moved as usize])
     }
 
-    /// Whether a variant is a mirror image of another.
+    /// Whether a variant is a symmetric copy of another.
     pub fn is_mirrored(&self, variant: usize) -> bool {
         self.sources[variant].moved > 0
     }
 
-    /// Whether any variant is.
+    /// Whether any variant is a symmetric copy.
     pub fn has_mirrored(&self) -> bool {
         self.sources.iter().any(|source| source.moved > 0)
     }
 
-    /// Number of variants that are not simulated, because the same fault of another unit shows them, and of healthy
-    /// specimens, because another one's simulation serves them.
+    /// Numbers of variants without their own simulation: symmetric copies, and healthy specimens.
     pub fn counts(&self) -> [usize; 2] {
         let mirrored = self.sources.iter().filter(|source| source.moved > 0).count();
         [mirrored, self.served.len() - mirrored]
     }
 
-    /// The probes and what they are compared with.
+    /// The symmetry checks and their originals.
     pub fn probed(&self) -> BTreeSet<usize> {
         self.probes.iter().flat_map(|&(probe, original, _)| [probe, original]).collect()
     }
 
-    /// Whether all probes are what the images say.
+    /// Whether all symmetry checks match their copies.
     pub fn hold<'w>(&self, window: impl Fn(usize) -> &'w Window) -> bool {
         self.probes.iter().all(|&(probe, original, unit)| {
             let image = window(original).reordered(&self.orders[unit - 1]);

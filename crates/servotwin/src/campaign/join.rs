@@ -1,4 +1,4 @@
-//! Shards joined to data sets, one after the other: memory holds the rows of one group of the file.
+//! Joins shards to data sets one after the other, so that memory holds only one row group of the file.
 
 use super::columns::HEALTHY;
 use super::data_set::Maker;
@@ -6,21 +6,21 @@ use super::shard::{Row, Shards};
 use super::{Campaign, CampaignError, OnTheMove, Outcome, Plants, Prepared, calibration_file};
 use crate::table::parquet::ParquetWriter;
 
-/// Shards whose rows stand in one group of a data set: a group is held in memory until it is written.
+/// Number of shards in one row group, which stays in memory until it is written.
 const GROUP_SHARDS: usize = 80;
 
 impl Campaign<'_> {
-    /// Joins the shards of a campaign that has ended to its data sets.
+    /// Joins the shards of a finished campaign to its data sets.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`],
-    /// [`CampaignError::Cancelled`]; a file cannot be read or written.
+    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`], [`CampaignError::Cancelled`];
+    /// a file cannot be read or written.
     pub fn merge(&self) -> Result<Outcome, CampaignError> {
         let prepared = self.done()?;
         if !self.units_are_alike(&prepared)? {
             return Err(CampaignError::NotAlike);
         }
-        // Where parts had folders of their own, only their shards may have been copied together.
+        // If parts had their own folders, the calibration file may not have been copied with the shards.
         let is_told = calibration_file(&self.folder, self.role).exists();
         if self.plants() == Plants::Pool && !is_told && self.calibrated()?.is_none() {
             return Err(CampaignError::Cancelled);
@@ -28,7 +28,7 @@ impl Campaign<'_> {
         self.joined(&prepared)
     }
 
-    /// Makes the data sets anew from the shards of a campaign that has ended.
+    /// Rebuilds the data sets from the shards of a finished campaign.
     ///
     /// # Errors
     /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read or written.
@@ -36,7 +36,7 @@ impl Campaign<'_> {
         self.joined(&self.done()?)
     }
 
-    /// The windows of all variants of a campaign that has ended, setting by setting.
+    /// The rows of all variants of a finished campaign, one list for each scenario.
     ///
     /// # Errors
     /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read.
@@ -49,7 +49,7 @@ impl Campaign<'_> {
         self.shards(&prepared).iter().map(of).collect()
     }
 
-    /// The plan of a campaign whose shards are there, be it with images or with every variant simulated.
+    /// The plan of a finished campaign, with symmetric copies or with every variant simulated.
     fn done(&self) -> Result<Prepared, CampaignError> {
         let missing = |prepared: &Prepared| {
             let shards = self.shards(prepared);
@@ -73,7 +73,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Whether the variants that tell so are what the images say.
+    /// Whether the symmetry checks pass.
     pub(super) fn units_are_alike(&self, prepared: &Prepared) -> Result<bool, CampaignError> {
         let probed = prepared.images.probed();
         let windows = self.shards(prepared)[0].windows(self.study, &probed)?;

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// The shards that the campaigns of a folder lack.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingParts {
-    /// In how many parts the campaigns are counted.
+    /// Number of parts into which the campaigns are divided.
     pub of: usize,
     /// The missing parts, from 1, ascending.
     pub parts: Vec<usize>,
@@ -17,7 +17,7 @@ pub struct MissingParts {
     pub campaigns: Vec<MissingRows>,
     /// Whether the shards that are there were made with `campaign --all`.
     pub simulate_images: bool,
-    /// The first file that is there and damaged.
+    /// The first existing file that is damaged.
     pub damaged: Option<PathBuf>,
 }
 
@@ -36,10 +36,10 @@ pub struct MissingRows {
     pub parts: Vec<usize>,
 }
 
-/// One plan of a campaign, compared with the shards that are there.
+/// One plan of a campaign, compared with the existing shards.
 struct Compared {
     bundles: usize,
-    /// Positions of the bundles of which a shard is missing.
+    /// Positions of the bundles with a missing shard.
     incomplete: Vec<usize>,
     missing: usize,
     variants: usize,
@@ -47,10 +47,10 @@ struct Compared {
 }
 
 /// Finds the parts that campaigns of one folder lack; `None` if every shard is there. The campaigns are those of
-/// [`super::runs`], in this order, because parts count their bundles through. Without `of`, every bundle is a part of
-/// its own, which fits whatever parts were submitted before.
+/// [`super::runs`], in this order, because the numbering of bundles continues from one campaign to the next. Without
+/// `of`, every bundle is a part of its own, which fits whatever parts were submitted before.
 ///
-/// `thorough` reads every shard; otherwise a campaign passes whose shards all have their right heads.
+/// `thorough` reads every shard; otherwise a campaign passes if all its shards have the right headers.
 ///
 /// # Errors
 /// [`CampaignError::NoVariants`] or [`CampaignError::NoSection`].

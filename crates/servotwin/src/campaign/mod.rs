@@ -1,18 +1,15 @@
-//! The campaign: every fault under every operating case, on all cores, straight
-//! into windows.
+//! The campaign simulates every fault in every operating case, on all cores, directly into windows.
 //!
-//! One simulation serves all variants that show the same signals ([`images`]) in
-//! all settings that have the same plants ([`Setting::groups`]).
+//! One simulation serves all variants with the same signals (`images`), in all scenarios with the same plants
+//! ([`Setting::groups`]).
 //!
-//! Variants are written in *shards*, each a Parquet file that appears when all
-//! its variants have ended. A campaign that was interrupted skips the shards
-//! that exist: because every variant is the same bits whenever it runs, the
-//! result is the same bytes. Shards are simulated in rounds and joined one after the other: memory holds
-//! the twins of a round, its open lanes and unfinished shards, and of every variant some 50 bytes of the
-//! plan; it does not grow with the length of faulty runs.
+//! Variants are written in *shards*. Each is a Parquet file that appears when all its variants have ended. A resumed
+//! campaign skips existing shards. Every variant has the same bits whenever it runs, so the result has the same bytes.
+//! Shards are simulated in rounds and joined one after the other. Memory holds the twins of a round, its open lanes,
+//! its unfinished shards, and some 50 bytes of plan per variant. It does not grow with the duration of faulty runs.
 //!
-//! A shard holds windows, not features: the data set is made from the shards,
-//! so that features can be changed without simulating anything again.
+//! A shard holds windows, not features. The data set is computed from the shards, so features can change without a new
+//! simulation.
 
 mod calibration;
 pub mod columns;
@@ -50,84 +47,83 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use watch::{Observer, Twin, Watch};
 
-/// What is in a shard; shards of another format are made anew.
+/// Format of a shard; shards of another format are simulated again.
 const SHARD_FORMAT: &str = "windows 3";
 
-/// Shards in one round of a campaign: lanes seldom wait for the last ones, and memory stays small.
+/// Number of shards in one round: lanes seldom wait for the last ones, and memory stays small.
 pub const ROUND_SHARDS: usize = 200;
 
-/// Twins in one round at most, of which each is as long as a run.
+/// Maximum number of twins in one round; each is as long as a run.
 const ROUND_TWINS: usize = 256;
 
-/// What a campaign needs besides the study.
+/// The settings of a campaign.
 pub struct Campaign<'s> {
-    /// The study.
+    /// The study to simulate.
     pub study: &'s Study,
-    /// Whether the diagnosis is judged on it or learns from it.
+    /// Whether the data set is judged or used for training.
     pub role: Role,
-    /// The settings, one of the groups of [`Setting::groups`].
+    /// The scenarios, one of the groups of [`Setting::groups`].
     pub settings: Vec<Setting>,
     /// The solver's settings.
     pub solver: Settings,
     /// Number of threads.
     pub threads: usize,
-    /// Where the files go.
+    /// Output folder.
     pub folder: PathBuf,
-    /// Shards that are worked on at a time, [`ROUND_SHARDS`]: the bytes do not depend on it, but how much
-    /// memory is used.
+    /// Number of shards in a round, usually [`ROUND_SHARDS`]. It affects memory, not the bytes of the result.
     pub round_shards: usize,
-    /// Whether to keep the time series too.
+    /// Whether to write the time series too.
     pub keep_traces: bool,
-    /// Whether to simulate variants that others show, too.
+    /// Whether to simulate symmetric copies, too.
     pub simulate_images: bool,
-    /// Set from elsewhere to stop.
+    /// Stops the work when set.
     pub cancel: Option<&'s AtomicBool>,
 }
 
 /// One variant of the campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planned {
-    /// The operating case.
+    /// Index of the operating case.
     pub case: usize,
-    /// The fault; `None` for a healthy specimen.
+    /// Index of the fault; `None` for a healthy specimen.
     pub fault: Option<usize>,
-    /// Its intensity, which in training may differ from that of the study; 0 without one.
+    /// Intensity, which in training may differ from that of the study; 0 without a fault.
     pub intensity: f64,
 }
 
-/// What a campaign has done.
+/// The result of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// Variants in all settings.
+    /// Number of variants in all scenarios.
     pub variants: usize,
-    /// Variants that were found done.
+    /// Number of variants whose results already existed.
     pub resumed: usize,
-    /// Variants, in one setting, that are shown by simulations of the same fault of another unit.
+    /// Number of symmetric copies in one scenario.
     pub images: usize,
-    /// Healthy specimens, in one setting, that differ from one that is simulated by the noise of their sensors alone.
+    /// Number of healthy specimens, in one scenario, that differ from a simulated one by sensor noise only.
     pub alike: usize,
-    /// Work of those that ran now.
+    /// Solver statistics of the variants simulated now.
     pub statistics: Statistics,
-    /// Variants that could not be finished, with the reason.
+    /// Variants that could not be simulated to the end, with the reason.
     pub failed: Vec<(Setting, usize, String)>,
-    /// Variants that began without a steady state, in every setting.
+    /// Variants that began without a steady state, in every scenario.
     pub on_the_move: Vec<OnTheMove>,
-    /// Whether it was stopped before the end.
+    /// Whether it was cancelled.
     pub cancelled: bool,
 }
 
-/// A variant that began without a steady state: none was found for it or for its twin.
+/// A variant that began without a steady state, or whose twin did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnTheMove {
-    /// The setting.
+    /// The scenario.
     pub setting: Setting,
-    /// Its number.
+    /// Number of the variant.
     pub variant: usize,
-    /// Its fault; `healthy` without one.
+    /// Id of the fault; `healthy` without one.
     pub fault: String,
-    /// The operating case.
+    /// Name of the operating case.
     pub case: String,
-    /// Whether it was measured to swing for ever.
+    /// Whether a limit cycle was measured.
     pub limit_cycle: bool,
 }
 
@@ -139,7 +135,7 @@ impl std::fmt::Display for OnTheMove {
     }
 }
 
-/// Why a campaign stopped.
+/// Why a campaign failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
     /// A folder or file could not be written.
@@ -151,48 +147,48 @@ pub enum CampaignError {
     /// The study has neither faults nor healthy specimens.
     #[error("the study has no faults: add [[classes]] with 'faults'")]
     NoVariants,
-    /// The study does not say what a setting needs.
+    /// The study lacks a section that a scenario needs.
     #[error("{}", lacking_sections(*.setting, .lacks))]
     NoSection {
-        /// The setting.
+        /// The scenario.
         setting: Setting,
-        /// The sections that are not there.
+        /// The missing sections.
         lacks: Vec<Section>,
     },
     /// A specimen's twin could not be fitted.
     #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
     Calibration {
-        /// The specimen, from zero.
+        /// Index of the specimen, from 0.
         specimen: usize,
-        /// Why.
+        /// The reason, as text.
         reason: String,
     },
-    /// Features were asked for of a campaign that has not ended.
+    /// The campaign has not finished.
     #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
     Unfinished {
-        /// Variants that are missing.
+        /// Number of missing variants.
         missing: usize,
-        /// A file that holds some of them and is damaged.
+        /// A damaged file with some of them.
         damaged: Option<PathBuf>,
     },
-    /// It was stopped from elsewhere.
+    /// The caller cancelled the work.
     #[error("cancelled")]
     Cancelled,
-    /// Shards were made as if units were alike, and they are not.
+    /// Shards assume like actuators, but the symmetry checks fail.
     #[error("the actuators are not alike enough for variants to be shown by others")]
     NotAlike,
-    /// The healthy system could not be simulated.
+    /// The healthy twin could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin {
-        /// The operating case.
+        /// Name of the operating case.
         case: String,
-        /// Why.
+        /// The reason, as text.
         reason: String,
     },
 }
 
 impl CampaignError {
-    /// That a study does not say what a setting needs.
+    /// The error for a study that lacks sections of a scenario.
     pub fn no_section(setting: Setting, study: &Study) -> Self {
         CampaignError::NoSection { setting, lacks: setting.lacks(study) }
     }
@@ -220,7 +216,7 @@ fn unfinished(missing: usize, damaged: Option<&Path>) -> String {
     }
 }
 
-/// The study's system, recording what its sensors measure.
+/// An ensemble of the study's system that records its measured signals.
 pub fn ensemble(study: &Study) -> Ensemble<'_> {
     let program = &study.system.program;
     let slot = |&sensor: &usize| -> Slot {
@@ -235,14 +231,14 @@ pub fn ensemble(study: &Study) -> Ensemble<'_> {
     }
 }
 
-/// Why and where a run of a study's system ended early.
+/// The cause and place of a failed run.
 fn described(study: &Study, failure: &Failure) -> String {
     let state = &study.system.program.states()[failure.state].name;
     format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
 }
 
 impl<'s> Campaign<'s> {
-    /// The campaign of one setting whose shards lie in a folder, as it was run by default.
+    /// The default campaign of one scenario whose shards are in `folder`.
     pub fn stored(folder: &Path, study: &'s Study, setting: Setting, role: Role) -> Self {
         Campaign {
             study,
@@ -262,8 +258,8 @@ impl<'s> Campaign<'s> {
 impl Campaign<'_> {
     /// The variants, in the order of the data set: all faults, then healthy specimens.
     ///
-    /// Where a diagnosis is judged every fault of every unit is flown in every case. Where it
-    /// learns, like units take turns: it sees every row from each unit anyway.
+    /// The judged role flies every fault of every actuator in every case. In training, like actuators alternate,
+    /// because every row is viewed from each actuator anyway.
     pub fn plan(&self) -> Vec<Planned> {
         let cases = self.cases();
         let mut plan = Vec::new();
@@ -275,7 +271,7 @@ impl Campaign<'_> {
             plan.extend(faults.into_iter().map(|fault| {
                 let of_study = self.study.faults[fault].at.intensity;
                 let intensity = match (self.role, &self.study.training) {
-                    // Another place of the sequence from fault to fault, the next from case to case.
+                    // Every fault takes another place in the sequence, and every case the next one.
                     (Role::Training, Some(training)) => {
                         training.intensity(of_study, case + 7 * fault)
                     }
@@ -296,8 +292,7 @@ impl Campaign<'_> {
         plan
     }
 
-    /// Each fault in one of the units that can have it, another one from fault to fault and from
-    /// case to case.
+    /// Each fault in one of its actuators, alternating from fault to fault and from case to case.
     fn in_turn(&self, case: usize) -> Vec<usize> {
         let units = self.study.units.len();
         let of_unit = |unit: usize| {
@@ -315,7 +310,7 @@ impl Campaign<'_> {
         self.study.cases_of(self.role)
     }
 
-    /// Length of the runs of faults, s.
+    /// Duration of runs with a fault, s.
     pub fn duration_s(&self) -> f64 {
         match (self.role, &self.study.training) {
             (Role::Training, Some(training)) => training.duration_s,
@@ -323,12 +318,12 @@ impl Campaign<'_> {
         }
     }
 
-    /// Runs what is not done yet and writes the data sets. `progress` is told the rows done and
-    /// their number.
+    /// Simulates the missing variants and writes the data sets. `progress` receives the finished rows and their total
+    /// number.
     ///
     /// # Errors
-    /// A file cannot be written, the study is empty, or the healthy system
-    /// cannot be simulated. Single variants that fail are in the outcome.
+    /// A file cannot be written, the study is empty, or a twin cannot be simulated. Single failed variants are in the
+    /// outcome.
     pub fn run(&self, progress: impl Fn(usize, usize) + Sync) -> Result<Outcome, CampaignError> {
         let mut prepared = self.prepared()?;
         let mut outcome = Outcome::default();
@@ -345,7 +340,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Which variants need not be simulated.
+    /// Finds the variants that need no simulation of their own.
     fn images(&self, plan: &[Planned]) -> Images {
         if self.plants() != Plants::Twin || self.keep_traces || self.simulate_images {
             return Images::none(plan);
@@ -353,7 +348,7 @@ impl Campaign<'_> {
         Images::of(self.study, plan)
     }
 
-    /// What is flown beside what, the same in all settings of a group.
+    /// The kind of plants, the same in all scenarios of a group.
     fn plants(&self) -> Plants {
         self.settings.first().map_or(Plants::Twin, |setting| setting.plants())
     }
@@ -371,8 +366,7 @@ impl Campaign<'_> {
         self.settings.iter().enumerate().map(of).collect()
     }
 
-    /// Simulates the variants of some bundles whose rows no shard holds, unless cancelled, round by
-    /// round.
+    /// Simulates the variants of some bundles that no shard holds, round by round, unless cancelled.
     fn simulate(
         &self,
         prepared: &Prepared,
@@ -423,8 +417,7 @@ impl Campaign<'_> {
         Ok(())
     }
 
-    /// The shards of bundles in rounds, each of which holds its twins and the rows of unfinished shards in
-    /// memory.
+    /// Divides the shards of bundles into rounds. Memory holds a round's twins and the rows of its unfinished shards.
     fn rounds(&self, prepared: &Prepared, bundles: &[Vec<usize>]) -> Vec<Vec<usize>> {
         let mut rounds: Vec<Vec<usize>> = vec![];
         let mut twins = BTreeSet::new();
@@ -454,22 +447,20 @@ impl Campaign<'_> {
         Ensemble { settings: solver, threads, cancel, ..ensemble(self.study) }
     }
 
-    /// Which twin a variant is compared with: its case, and its specimen in the pool; 0 where there is
-    /// none.
+    /// The twin of a variant, by case and specimen in the pool; specimen 0 without a pool.
     fn beside(&self, variant: usize, planned: Planned) -> (usize, usize) {
         let Some((realism, calibration)) = self.pool() else { return (planned.case, 0) };
         (planned.case, calibration.specimen(realism, self.role, planned.case, variant))
     }
 
-    /// What the specimens of a pool come from; `None` in other settings.
+    /// The sources of a pool's specimens; `None` in other scenarios.
     fn pool(&self) -> Option<(&Realism, &Calibration)> {
         let is_pool = self.plants() == Plants::Pool;
         let both = self.study.realism.as_ref().zip(self.study.calibration.as_ref());
         both.filter(|_| is_pool)
     }
 
-    /// Runs the healthy twins that some variants are compared with, each with the parameters that were
-    /// fitted to its specimen; `None` if cancelled.
+    /// Runs the healthy twins of some variants, each with the parameters fitted to its specimen; `None` if cancelled.
     fn twins(
         &self,
         plan: &[Planned],
@@ -538,8 +529,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// How long a variant flies, s. Bands are learned from healthy specimens: they fly as long as those
-    /// judged.
+    /// Duration of a variant, s. Bands are learned from healthy specimens, so these fly as long as judged variants.
     fn lasting_s(&self, planned: Planned) -> f64 {
         planned.fault.map_or(self.study.duration_s, |_| self.duration_s())
     }
@@ -594,7 +584,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Keeps what a simulation has shown; returns the number of rows that were wanted.
+    /// Stores the results of a simulation and returns the number of rows that were needed.
     fn keep(
         &self,
         watch: Watch,
@@ -613,9 +603,8 @@ impl Campaign<'_> {
         Ok(wanted)
     }
 
-    /// The variants to simulate, those of full intensity first: a few of them take
-    /// a hundred times as long as the others and would keep one lane busy at the
-    /// end.
+    /// The variants to simulate, full intensity first. A few of these take a hundred times as long as others and would
+    /// keep one lane busy at the end.
     fn hardest_first(
         &self,
         Prepared { plan, images, .. }: &Prepared,
@@ -660,7 +649,7 @@ impl Campaign<'_> {
 /// Virtual twins by case and specimen ([`Campaign::beside`]).
 type Twins = BTreeMap<(usize, usize), Twin>;
 
-/// Variants whose rows no shard holds, and what is needed to simulate them.
+/// Variants that no shard holds, and the inputs of their simulation.
 struct Run<'r> {
     prepared: &'r Prepared,
     jobs: &'r [usize],

@@ -1,8 +1,8 @@
-//! Parts of a campaign that run apart, on as many machines as there are, and what joins them.
+//! Parts of a campaign that run separately, on any number of machines, and their joining.
 //!
-//! A *bundle* is a set of shards that share simulations ([`Prepared::bundles`]), so that hardly any
-//! variant is simulated twice, wherever its bundle runs. A shard's bytes depend on nothing but the
-//! study, so parts that run anywhere, again or at the same time give the files of one machine.
+//! A *bundle* is a set of shards that share simulations ([`Prepared::bundles`]), so hardly any variant is simulated
+//! twice. A shard's bytes depend only on the study. Parts that run anywhere, again or at the same time therefore give
+//! the files of one machine.
 
 use super::shard::Shards;
 use super::{Campaign, CampaignError, Outcome, Prepared};
@@ -10,21 +10,21 @@ use crate::study::{Role, Setting, Study};
 use std::fmt;
 use std::str::FromStr;
 
-/// One of several parts, `3/100` for the third of a hundred.
+/// One of several parts; `3/100` is the third of a hundred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// From 1.
+    /// Number of the part, from 1.
     number: usize,
     of: usize,
 }
 
 impl Part {
-    /// The part with a number from 1.
+    /// The part with a number from 1; `None` if the number is out of range.
     pub fn new(number: usize, of: usize) -> Option<Self> {
         (1..=of).contains(&number).then_some(Part { number, of })
     }
 
-    /// Whether a bundle is in it, of all bundles of a study in a row.
+    /// Whether the part contains a bundle, counted over all campaigns of a study.
     fn holds(self, bundle: usize) -> bool {
         bundle % self.of == self.number - 1
     }
@@ -47,7 +47,7 @@ impl fmt::Display for Part {
     }
 }
 
-/// The campaigns of a study: training commands and judged cases for each group of settings.
+/// The campaigns of a study: each role of each group of scenarios.
 pub fn runs(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<(Role, Vec<Setting>)> {
     let groups = Setting::groups(study, choice).into_iter();
     let of = |settings: Vec<Setting>| study.roles().into_iter().map(move |r| (r, settings.clone()));
@@ -55,12 +55,12 @@ pub fn runs(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<(Role, Vec<S
 }
 
 impl Campaign<'_> {
-    /// The names of the files of a bundle, in the folder of the shards.
+    /// The file names of a bundle's shards.
     pub fn shard_files(&self, prepared: &Prepared, bundle: &[usize]) -> Vec<String> {
         self.shards(prepared).iter().flat_map(|shards| shards.names(bundle)).collect()
     }
 
-    /// How many variants a bundle has in all settings.
+    /// The number of a bundle's variants in all scenarios.
     pub fn variants_in(&self, prepared: &Prepared, bundle: &[usize]) -> usize {
         let of = |shards: &Shards| -> usize {
             bundle.iter().map(|&shard| shards.variants_of(shard).len()).sum()
@@ -68,7 +68,7 @@ impl Campaign<'_> {
         self.shards(prepared).iter().map(of).sum()
     }
 
-    /// Simulates the shards of some bundles that are not there yet. No data set is written.
+    /// Simulates the missing shards of some bundles. It writes no data set.
     ///
     /// # Errors
     /// As [`Campaign::run`].
@@ -83,8 +83,8 @@ impl Campaign<'_> {
         Ok(outcome)
     }
 
-    /// Simulates a part; `bundles_before` of the study's other campaigns were counted before this one's.
-    /// Returns how many bundles this one has.
+    /// Simulates a part. `bundles_before` is the number of bundles in the study's preceding campaigns. Also returns the
+    /// number of bundles in this campaign.
     ///
     /// # Errors
     /// As [`Campaign::run`].

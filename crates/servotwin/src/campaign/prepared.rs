@@ -1,8 +1,7 @@
-//! What every piece of a campaign has in common: the plan, whom each simulation serves, and what shards
-//! must have been made from.
+//! The common basis of all bundles of a campaign: the plan, the shared simulations, and the fingerprints of shards.
 //!
-//! It is made once for all pieces that one process works on: it takes 50 bytes and some time for every
-//! variant of the whole campaign, also for those that others simulate.
+//! One process makes it once for all its bundles, because it takes 50 bytes and some time for every variant of the
+//! whole campaign.
 
 use super::images::Images;
 use super::shard::SHARD;
@@ -11,16 +10,16 @@ use crate::study::Setting;
 use servotwin_model::c_source;
 use servotwin_model::hash::TextHash;
 
-/// Shards of a bundle, unless its first one alone serves more.
+/// Maximum number of shards in a bundle.
 const LARGEST_BUNDLE: usize = 8;
 
 /// The plan of a campaign.
 pub struct Prepared {
     pub(super) plan: Vec<Planned>,
     pub(super) images: Images,
-    /// By setting what a shard must have been made from.
+    /// For each scenario, the fingerprint of its shards.
     pub(super) fingerprints: Vec<String>,
-    /// By setting the number of variants.
+    /// For each scenario, the number of variants.
     pub(super) counts: Vec<usize>,
 }
 
@@ -28,7 +27,7 @@ impl Campaign<'_> {
     /// Plans the campaign.
     ///
     /// # Errors
-    /// The study is empty, or has not what a setting needs.
+    /// The study is empty, or lacks what a scenario needs.
     pub fn prepared(&self) -> Result<Prepared, CampaignError> {
         let plan = self.plan();
         if plan.is_empty() {
@@ -63,8 +62,8 @@ impl Campaign<'_> {
         format!("{equations}{}{:?} {:?} ", study.system.text, study.measured, study.sensors)
     }
 
-    /// What a shard must have been made from to be taken over: the equations with their
-    /// parameters, the inputs, the variants, the sensors, and how all this is simulated.
+    /// The fingerprint that a shard must have to be reused. It covers the equations with their parameters, the inputs,
+    /// the variants, the sensors and the simulation settings.
     fn fingerprint(
         &self,
         setting: Setting,
@@ -102,12 +101,11 @@ impl Campaign<'_> {
 }
 
 impl Prepared {
-    /// Shards that are simulated together, by their numbers: where one's simulations serve another they
-    /// are in one bundle, until it is large. At the edges of large bundles some variants are simulated in
-    /// both.
+    /// Groups of shard numbers to simulate together. Shards that share simulations are in one bundle up to its maximum
+    /// size. At the edges of large bundles some variants are simulated in both.
     pub fn bundles(&self) -> Vec<Vec<usize>> {
         let count = self.plan.len().div_ceil(SHARD);
-        // The first shard known to belong together with each, and how many belong to a first one.
+        // Union-find: the first known shard of each group, and the size of the group.
         let mut first: Vec<usize> = (0..count).collect();
         let mut sizes = vec![1; count];
         let root = |first: &[usize], mut shard: usize| {
@@ -146,7 +144,7 @@ mod tests {
         Campaign { settings, ..stored }.prepared().unwrap()
     }
 
-    /// The share of variants that a bundle shows and another one simulates, too.
+    /// The share of variants whose simulation lies in another bundle.
     fn shared(prepared: &Prepared, bundles: &[Vec<usize>]) -> f64 {
         let mut bundle_of = vec![0; prepared.plan.len().div_ceil(SHARD)];
         for (place, bundle) in bundles.iter().enumerate() {

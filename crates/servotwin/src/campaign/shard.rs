@@ -9,22 +9,22 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Variants in one shard.
+/// Number of variants in one shard.
 pub(super) const SHARD: usize = 205;
 
-/// What a shard holds of one variant.
+/// One variant of a shard.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Why the variant was not simulated to the end; empty where it was.
+    /// Why the variant was not simulated to the end; empty on success.
     pub failure: String,
-    /// What its simulation took.
+    /// Effort of the simulation.
     pub effort: Effort,
-    /// What its sensors showed.
+    /// Statistics of the sensors' residuals.
     pub window: Window,
 }
 
 impl Row {
-    /// The rows of a shard.
+    /// Reads the rows of a shard.
     fn from_table(study: &Study, table: &Table) -> Result<Vec<Self>, TableError> {
         let (sensors, watched) = (study.measured.len(), study.base_sensors());
         let count = Window::watching(sensors, watched).to_values().len();
@@ -41,7 +41,7 @@ impl Row {
         Ok(failures.iter().enumerate().map(row).collect())
     }
 
-    /// The shard of some rows.
+    /// Builds the table of a shard.
     fn to_table(rows: &BTreeMap<usize, Row>) -> Result<Table, TableError> {
         let failures = rows.values().map(|row| row.failure.clone()).collect();
         let mut columns = vec![
@@ -59,7 +59,7 @@ impl Row {
     }
 }
 
-/// What the rows of a shard add up to, so that a flipped bit is seen.
+/// Checksum of a shard's rows, which reveals flipped bits.
 fn checksum(table: &Table) -> String {
     let mut digest = Sha256::new();
     for column in table.columns() {
@@ -75,7 +75,7 @@ fn checksum(table: &Table) -> String {
     digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The column of one of the window's values.
+/// Name of the column with one of the window's values.
 fn window_column(place: usize) -> String {
     format!("w:{place:03}")
 }
@@ -85,7 +85,7 @@ fn window_column(place: usize) -> String {
 pub(super) struct Shards {
     folder: PathBuf,
     stem: String,
-    /// What a shard must have been made from to be taken over.
+    /// Fingerprint that a shard must have to be reused.
     fingerprint: String,
     /// Number of variants.
     variants: usize,
@@ -107,29 +107,29 @@ impl Shards {
         self.folder.join(format!("{}-{shard:04}.parquet", self.stem))
     }
 
-    /// How many there are.
+    /// Number of shards.
     pub fn count(&self) -> usize {
         self.variants.div_ceil(SHARD)
     }
 
-    /// The variants of a shard, none of one beyond the last.
+    /// The variants of a shard; empty beyond the last shard.
     pub fn variants_of(&self, shard: usize) -> Range<usize> {
         variants_of(shard, self.variants)
     }
 
-    /// The names of some shards' files.
+    /// The file names of some shards.
     pub fn names(&self, shards: &[usize]) -> Vec<String> {
         let own = shards.iter().filter(|&&shard| shard < self.count());
         own.map(|&shard| format!("{}-{shard:04}.parquet", self.stem)).collect()
     }
 
-    /// Those of some shards that are not there, or cannot be used: a shard of something else, or one
-    /// that is damaged, is made anew.
+    /// Those of some shards that are missing or unusable. A shard with another fingerprint or a damaged one is
+    /// simulated again.
     pub fn missing(&self, among: impl Iterator<Item = usize>) -> BTreeSet<usize> {
         among.filter(|&shard| shard < self.count() && self.sound(shard).is_none()).collect()
     }
 
-    /// Whether all shards of this campaign seem to be there, as far as their heads tell.
+    /// Whether all shards seem to exist, judging by their headers.
     pub fn seem_complete(&self) -> bool {
         (0..self.count()).all(|shard| {
             let path = self.path(shard);
@@ -142,7 +142,7 @@ impl Shards {
         table.metadata.get("fingerprint") == Some(&self.fingerprint)
     }
 
-    /// A shard that is whole and of this campaign.
+    /// Reads a shard if it is undamaged and belongs to this campaign.
     fn sound(&self, shard: usize) -> Option<Table> {
         let path = self.path(shard);
         let table = path.exists().then(|| table::read(path))?.ok()?;
@@ -154,7 +154,7 @@ impl Shards {
     /// The rows of a shard.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if it cannot be used.
+    /// [`CampaignError::Unfinished`] if it is unusable.
     pub fn rows(&self, study: &Study, shard: usize) -> Result<Vec<Row>, CampaignError> {
         match self.sound(shard) {
             Some(table) => Ok(Row::from_table(study, &table)?),
@@ -165,7 +165,7 @@ impl Shards {
         }
     }
 
-    /// The first shard that is there and damaged.
+    /// The first existing shard that is damaged.
     pub fn damaged(&self) -> Option<PathBuf> {
         let is_damaged = |&shard: &usize| {
             let path = self.path(shard);
@@ -175,7 +175,7 @@ impl Shards {
         (0..self.count()).find(is_damaged).map(|shard| self.path(shard))
     }
 
-    /// How many variants no usable shard holds.
+    /// Number of variants that no usable shard holds.
     pub fn missing_variants(&self) -> usize {
         let missing = self.missing(0..self.count());
         missing.into_iter().map(|shard| self.variants_of(shard).len()).sum()
@@ -201,15 +201,15 @@ impl Shards {
     }
 }
 
-/// The variants of a shard, none of one beyond the last.
+/// The variants of a shard; empty beyond the last shard.
 pub(super) fn variants_of(shard: usize, variants: usize) -> Range<usize> {
     (shard * SHARD).min(variants)..((shard + 1) * SHARD).min(variants)
 }
 
-/// Gathers the rows of a data set until a shard is complete.
+/// Collects the rows of a data set until a shard is complete.
 pub(super) struct Collector {
     shards: Shards,
-    /// Rows that shards still wait for.
+    /// For each open shard, the number of missing rows.
     missing: BTreeMap<usize, usize>,
     open: BTreeMap<usize, BTreeMap<usize, Row>>,
 }
@@ -223,7 +223,7 @@ impl Collector {
         Self { shards: shards.clone(), missing, open: BTreeMap::new() }
     }
 
-    /// Takes a row; `false` if its shard is there already.
+    /// Adds a row; `false` if its shard exists already.
     pub fn add(&mut self, variant: usize, row: Row) -> Result<bool, CampaignError> {
         let shard = variant / SHARD;
         let Some(missing) = self.missing.get_mut(&shard) else { return Ok(false) };

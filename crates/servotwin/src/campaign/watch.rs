@@ -1,5 +1,5 @@
-//! What is kept of a simulation while it runs: the windows of every variant that it serves, in
-//! every setting that is asked for.
+//! Observes a simulation while it runs: it collects the windows of every variant that the simulation serves, in every
+//! scenario.
 
 use super::{Campaign, Images, Setting};
 use crate::ensemble::Sink;
@@ -9,15 +9,15 @@ use servotwin_diagnosis::residual::Window;
 
 /// The virtual twin in an operating case.
 pub(super) struct Twin {
-    /// Its signals, sample after sample.
+    /// Its signals, one sample after the other.
     pub samples: Vec<f64>,
-    /// The solver's steps for each simulated second.
+    /// Solver steps per simulated second.
     pub steps_per_s: f64,
-    /// Whether it began on the move.
+    /// Whether it began without a steady state.
     pub is_moving: bool,
 }
 
-/// Makes the sinks of variants.
+/// Creates the sinks of variants.
 pub(super) struct Observer<'c> {
     campaign: &'c Campaign<'c>,
     images: &'c Images,
@@ -32,7 +32,7 @@ impl<'c> Observer<'c> {
         Self { campaign, images, scales: study.scales(), imperfections }
     }
 
-    /// The sink of a variant that is simulated. `planned` is the length of each setting's plan.
+    /// The sink of a simulated variant. `planned` is the length of each scenario's plan.
     pub fn watch<'w>(&'w self, simulated: usize, twin: &'w Twin, planned: &[usize]) -> Watch<'w> {
         let mut views = Vec::new();
         for (setting, &variants) in planned.iter().enumerate() {
@@ -66,19 +66,19 @@ impl<'c> Observer<'c> {
     }
 }
 
-/// One variant as its sensors show it in one setting.
+/// The sensor readings of one variant in one scenario.
 pub(super) struct View<'w> {
-    /// By position in the campaign's list.
+    /// Index in the campaign's list of scenarios.
     pub setting: usize,
     pub variant: usize,
     order: Option<&'w [usize]>,
     noise: Option<Random>,
     pub window: Window,
-    /// What the sensors measured, where it is kept.
+    /// The time series of the sensors, if kept.
     pub trace: Option<Vec<Vec<f64>>>,
 }
 
-/// Compares the sensors of a simulation with the twin's as the samples come.
+/// Compares the sensors of a simulation with its twin, sample by sample.
 pub(super) struct Watch<'w> {
     observer: &'w Observer<'w>,
     pub views: Vec<View<'w>>,
@@ -121,8 +121,8 @@ fn copy_in_order(target: &mut [f64], values: &[f64], order: &[usize]) {
 }
 
 impl Setting {
-    /// Number of variants of a plan that are in the data set of a setting: without noise healthy
-    /// specimens are all the twin itself, and are left out.
+    /// Number of a plan's variants in the data set of a scenario. Without noise all healthy specimens equal the twin,
+    /// and are left out.
     pub(super) fn planned(self, plan: &[super::Planned]) -> usize {
         let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
         if self.has_noise() { plan.len() } else { faults }
