@@ -1,13 +1,13 @@
 //! A command as a bus delivers it: one value for each sample, and nothing of the future.
 //!
-//! What lies between two samples is a cubic whose slopes come from the values so far:
+//! A cubic connects two samples; its slopes come from the values so far:
 //!
 //! (SB1)  m_k = (3 d_k − d_{k−1})/2,  d_k = (s_k − s_{k−1})/T,  |m_k| ≤ 3 min(|d_k|, |d_{k−1}|)
 //!
-//! the slope of the parabola through three samples, so that a smooth signal comes out with hardly a corner in its
-//! acceleration, which would excite the valve a hundred times a second; bounded, so that a step or the begin of a
-//! ramp arrives without swinging over. Where a ramp ends, which no slope can know before, it swings over by a seventh of
-//! its last rise. Whoever has the samples has the curve, to the bit.
+//! This is the slope of the parabola through three samples. It leaves hardly a corner in the acceleration of a smooth
+//! signal, which would excite the valve a hundred times a second. The bound prevents overshoot at a step or at the
+//! start of a ramp. The end of a ramp, which no past sample predicts, overshoots by a seventh of the last rise. The
+//! samples determine the curve to the bit.
 
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::solver::Knot;
@@ -20,7 +20,7 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// The next sample.
+    /// Takes the next sample and returns its value and slope.
     pub fn next(&mut self, value: f64, period_s: f64) -> Knot {
         let before = self.difference_per_s;
         self.difference_per_s = (value - self.last.unwrap_or(value)) / period_s;
@@ -28,24 +28,24 @@ impl Bus {
         Knot { value, slope_per_s: slope(self.difference_per_s, before) }
     }
 
-    /// What it remembers: the last value, if any, and the last difference, per second.
+    /// The bus's state: the last value, if any, and the last difference, per second.
     pub fn memory(&self) -> (Option<f64>, f64) {
         (self.last, self.difference_per_s)
     }
 
-    /// Goes on from what a bus remembered.
+    /// Restores the state from [`Bus::memory`].
     pub fn from_memory((last, difference_per_s): (Option<f64>, f64)) -> Self {
         Bus { last, difference_per_s }
     }
 }
 
-/// (SB1) from the last two differences. Nothing is bounded by what is no number: who reads the values tells it.
+/// (SB1) from the last two differences. NaN does not limit the slope; callers detect and report it.
 fn slope(now: f64, before: f64) -> f64 {
     let most = 3.0 * now.abs().min(before.abs());
     (1.5 * now - 0.5 * before).max(-most).min(most)
 }
 
-/// A signal as it comes out of a bus that samples it.
+/// A signal after sampling by a bus.
 ///
 /// # Errors
 /// None for a signal that is finite over the duration.
@@ -57,10 +57,10 @@ pub fn as_sent(
     sent(|time_s| signal.value(time_s), period_s, duration_s)
 }
 
-/// The same of any function of time.
+/// As [`as_sent`], for any function of time.
 ///
 /// # Errors
-/// None where it is finite.
+/// None if it is finite.
 pub fn sent(
     value: impl Fn(f64) -> f64,
     period_s: f64,
@@ -111,7 +111,7 @@ mod tests {
         let values: Vec<f64> = times.iter().map(|&t| sine(t)).collect();
         let signal = Piecewise::linear(&times, &values).unwrap();
         let sent = as_sent(&signal, 0.01, 2.0).unwrap();
-        // A bus that has just begun knows no slope.
+        // A bus that has only begun has no slope yet.
         let known = times.iter().filter(|&&t| t > 0.025);
         let worst = known.map(|&t| (sent.value(t) - sine(t)).abs()).fold(0.0, f64::max);
         assert!(worst < 2.5e-4, "{worst}");

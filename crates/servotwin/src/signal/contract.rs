@@ -1,4 +1,4 @@
-//! Promises that every kind of signal keeps.
+//! Guarantees that every kind of signal keeps.
 
 use super::*;
 use servotwin_model::signal::Smoothness;
@@ -6,7 +6,7 @@ use servotwin_model::signal::Smoothness;
 const DURATION_S: f64 = 5.0;
 
 fn examples() -> impl Iterator<Item = (&'static Spec, Signal, Piecewise)> {
-    // A recorded signal needs a file: see the tests of the folder.
+    // A recorded signal needs a file; `tests` covers it.
     ALL.iter().filter(|kind| kind.spec().kind != "table").map(|kind| {
         let signal: Signal = kind.spec().example.parse().expect("the example is valid");
         let curve = signal.build(Unit::Radian, DURATION_S).expect("the example is possible");
@@ -44,7 +44,7 @@ fn pieces_reach_the_end_and_breaks_begin_at_zero_or_before() {
 
 #[test]
 fn a_longer_run_does_not_change_the_beginning() {
-    // A sweep is stretched over the run unless it is given a length.
+    // A sweep covers the whole run unless it has a length.
     for (spec, signal, short) in examples().filter(|(spec, ..)| spec.kind != "sweep") {
         let long = signal.build(Unit::Radian, 2.0 * DURATION_S).unwrap();
         for i in 0..500 {

@@ -1,4 +1,4 @@
-//! What can be wrong with a signal.
+//! Errors of signals.
 
 use super::ALL;
 use super::spec::Range;
@@ -9,37 +9,37 @@ use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
 use std::borrow::Cow;
 
-/// What is wrong with a signal.
+/// Why a signal is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum SignalError {
-    /// There is no text, or nothing beside a ` + `.
+    /// The text or a term is empty.
     #[error("a signal is missing; known kinds: {}", kinds())]
     Empty,
-    /// No such kind.
+    /// The kind does not exist.
     #[error("unknown kind of signal '{given}'; known: {}", kinds())]
     UnknownKind {
-        /// What was written.
+        /// The unknown kind.
         given: String,
     },
     /// A table of a study file names no kind.
     #[error("a signal needs 'kind'; known: {}", kinds())]
     NoKind,
-    /// No such parameter.
+    /// The kind has no such parameter.
     #[error("{kind} has no parameter '{given}'; it has: {}", .known.join(", "))]
     UnknownParameter {
         /// The kind.
         kind: &'static str,
-        /// What was written.
+        /// The unknown name.
         given: String,
-        /// The parameters it has.
+        /// The kind's parameters.
         known: Vec<&'static str>,
     },
-    /// Not of the form `name=value`.
+    /// An argument is not of the form `name=value`.
     #[error("{kind}: '{given}' is not of the form name=value")]
     NoEqualSign {
         /// The kind.
         kind: &'static str,
-        /// What was written.
+        /// The argument as written.
         given: String,
     },
     /// A parameter was given twice.
@@ -50,27 +50,27 @@ pub enum SignalError {
         /// The parameter.
         parameter: &'static str,
     },
-    /// A parameter that must be given was not.
+    /// A required parameter is missing.
     #[error("{kind}: '{parameter}' is missing, e.g. {example}")]
     Missing {
         /// The kind.
         kind: &'static str,
         /// The parameter.
         parameter: &'static str,
-        /// A text that has it.
+        /// An example text with it.
         example: &'static str,
     },
-    /// A value that does not begin with a number.
+    /// A value does not begin with a number.
     #[error("{kind}: '{parameter}' needs a number, not '{given}'")]
     NotANumber {
         /// The kind.
         kind: &'static str,
         /// The parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
     },
-    /// A unit that the parameter cannot have.
+    /// A value has a unit that does not suit the parameter.
     #[error(
         "{kind}: '{parameter}={given}' has a wrong unit; allowed: {}a plain number (SI)",
         .allowed.iter().map(|unit| format!("{unit}, ")).collect::<String>()
@@ -80,58 +80,58 @@ pub enum SignalError {
         kind: &'static str,
         /// The parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
-        /// The units it can have.
+        /// The allowed units.
         allowed: Vec<String>,
     },
-    /// A word that is none of those possible.
+    /// A word is not one of the allowed ones.
     #[error("{kind}: '{parameter}' cannot be '{given}'; it is {}", .known.join(" or "))]
     UnknownWord {
         /// The kind.
         kind: &'static str,
         /// The parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The word as written.
         given: String,
-        /// The words possible.
+        /// The allowed words.
         known: &'static [&'static str],
     },
-    /// A value outside its range.
+    /// A value is outside its range.
     #[error("{kind}: '{parameter}={given}' is out of range: {range}{}", in_brackets(.units))]
     OutOfRange {
         /// The kind.
         kind: &'static str,
         /// The parameter.
         parameter: &'static str,
-        /// What was written.
+        /// The value as written.
         given: String,
-        /// The range, SI.
+        /// The allowed range, SI.
         range: Range,
-        /// The unit of the range, or nothing.
+        /// The unit of the range, or empty.
         units: &'static str,
     },
-    /// Arguments that do not go together.
+    /// Arguments contradict each other.
     #[error("{kind}: {reason}")]
     Impossible {
         /// The kind.
         kind: &'static str,
-        /// What does not fit.
+        /// The contradiction.
         reason: Cow<'static, str>,
     },
-    /// A run's duration that is not positive and finite.
+    /// The duration of a run is not positive and finite.
     #[error("a run of {duration_s} s is impossible: greater than 0 is needed")]
     Duration {
-        /// The duration.
+        /// The duration, s.
         duration_s: f64,
     },
-    /// The numbers make no function of time.
+    /// The numbers do not define a function of time.
     #[error(transparent)]
     Curve(#[from] CurveError),
-    /// A file of a recorded signal cannot be read.
+    /// The file of a recorded signal cannot be read.
     #[error(transparent)]
     Table(Box<TableError>),
-    /// A column is in another unit than the input.
+    /// A column's unit differs from the input's.
     #[error(
         "column '{column}' is in {}, the input is in {}",
         .found.symbol(), symbol_or_none(*.wanted)
@@ -139,31 +139,31 @@ pub enum SignalError {
     ColumnUnit {
         /// The column.
         column: String,
-        /// The unit that its name tells.
+        /// The unit given by the column's name.
         found: Unit,
         /// The unit of the input.
         wanted: Unit,
     },
-    /// The signal leaves what its input may be.
+    /// The signal leaves the range of its input.
     #[error("'{input}' becomes {}", beyond(*.value, *.min, *.max, *.unit))]
     Leaves {
-        /// The input.
+        /// Name of the input.
         input: String,
         /// The value farthest outside, SI.
         value: f64,
-        /// The least allowed.
+        /// Smallest allowed value, SI.
         min: f64,
-        /// The largest allowed.
+        /// Largest allowed value, SI.
         max: f64,
-        /// The unit.
+        /// The unit of these values.
         unit: Unit,
     },
-    /// The rows of a file make no function of time.
+    /// The rows of a file do not define a function of time.
     #[error("{place}: {}", in_file(.error))]
     Rows {
-        /// The file, with the line where there is one.
+        /// The file, with the line if known.
         place: String,
-        /// What is wrong.
+        /// The error in the rows.
         #[source]
         error: CurveError,
     },
@@ -190,7 +190,7 @@ fn beyond(value: f64, min: f64, max: f64, unit: Unit) -> String {
     format!("{value}, but allowed are {range}")
 }
 
-/// The place is known, so the number of the row is not repeated.
+/// The error without the row number, because the message names the place already.
 fn in_file(error: &CurveError) -> String {
     match error {
         CurveError::Order { before_s, time_s, .. } => {

@@ -1,8 +1,7 @@
-//! Signals: what a command, a load or a boundary value does over time.
+//! Signals: commands, loads and boundary values over time.
 //!
-//! A [`Signal`] is written as text on the command line or as tables in a study
-//! file, and becomes a [`Piecewise`] function for an input of a known unit and
-//! a run of a known duration. Terms joined by ` + ` are added.
+//! A [`Signal`] is written as text on the command line or as tables in a study file, and becomes a [`Piecewise`]
+//! function for an input of a known unit and a run of a known duration. Terms joined by ` + ` are added.
 //!
 //! A new kind is a file here and a line in [`ALL`].
 
@@ -43,7 +42,7 @@ pub static ALL: &[&dyn Kind] = &[
     &table::Recorded,
 ];
 
-/// The kind of a name.
+/// The kind with this name.
 pub fn find(kind: &str) -> Option<&'static dyn Kind> {
     ALL.iter().copied().find(|k| k.spec().kind == kind)
 }
@@ -73,7 +72,7 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// What a parameter of a signal was given.
+/// The value of a signal's parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Argument {
     /// A number with or without a unit.
@@ -82,17 +81,16 @@ pub enum Argument {
     Word(String),
 }
 
-/// One term of a signal: a kind with its arguments, checked but for what
-/// depends on the input's unit.
+/// One term of a signal: a kind with its arguments. Checks that depend on the input's unit are still open.
 #[derive(Clone)]
 pub struct Term {
     kind: &'static dyn Kind,
-    /// One place per declared parameter.
+    /// One entry per declared parameter.
     arguments: Vec<Option<Argument>>,
 }
 
 impl Term {
-    /// The kind.
+    /// The kind of the term.
     pub fn kind(&self) -> &'static dyn Kind {
         self.kind
     }
@@ -132,7 +130,7 @@ impl Signal {
         &self.terms
     }
 
-    /// The files that it reads.
+    /// The files that the signal reads.
     pub fn files(&self) -> Vec<String> {
         let arguments = self.terms.iter().flat_map(Term::arguments);
         let file = |(name, argument): (&str, &Argument)| match argument {
@@ -145,7 +143,7 @@ impl Signal {
     /// The function of time for an input of this unit, from 0 to `duration_s`.
     ///
     /// # Errors
-    /// A unit that the input does not have, a value outside its range.
+    /// The unit does not suit the input, or a value is outside its range.
     pub fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
         if !(duration_s > 0.0 && duration_s.is_finite()) {
             return Err(SignalError::Duration { duration_s });
@@ -158,7 +156,7 @@ impl Signal {
     }
 }
 
-/// All kinds with their parameters, units, ranges and an example, for people.
+/// Help text: all kinds with their parameters, units, ranges and an example.
 pub fn help() -> String {
     let kinds = ALL.iter().map(|kind| kind.spec().help());
     let units: Vec<&str> = UNITS.iter().map(|unit| unit.symbol).collect();

@@ -12,14 +12,10 @@
 //!
 //! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
 //!
-//! with cubics through the samples and slopes. (Straight lines would have a
-//! corner at every sample; each corner excites the valve and costs the solver
-//! steps, twice as many in 90 s of the aileron, for frequencies that are not in
-//! the signal.) The factor c
-//! makes the rms of s over the first `window` seconds, after the limit and the
-//! fade-in, the one that was asked for. The values do not depend on the duration
-//! of the run.
-//! Without a limit the tanh is left out.
+//! with cubics through the samples and slopes. Straight lines would have a corner at every sample. Each corner excites
+//! the valve and costs solver steps, twice as many in 90 s of the aileron, for frequencies that are not in the signal.
+//! The factor c gives s the requested rms over the first `window` seconds, after the limit and the fade-in. The values
+//! do not depend on the duration of the run. Without a limit the tanh is left out.
 
 use super::error::SignalError;
 use super::random::Random;
@@ -35,9 +31,9 @@ pub struct Noise;
 /// The limit of an angle: the travel of an aileron (physics 7.2).
 const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;
 
-/// The samples in the window, over which the factor of (SN3) is sought again and again.
+/// Maximum number of samples in the window, over which the factor of (SN3) is iterated.
 const MOST_IN_WINDOW: f64 = 1e6;
-/// How often that is at most.
+/// Maximum number of iterations.
 const MOST_ROUNDS: usize = 60;
 
 static SPEC: Spec = Spec {
@@ -136,7 +132,7 @@ fn filtered(seed: u64, bandwidth_hz: f64, sampling_hz: f64, count: usize) -> Vec
     samples.skip(settling).collect()
 }
 
-/// What (SN3) does to filtered samples.
+/// Limit and fade-in of (SN3).
 struct Shape {
     sampling_hz: f64,
     fade_s: f64,
@@ -154,7 +150,7 @@ impl Shape {
         filtered.iter().enumerate().map(|(k, y)| self.sample(k, factor * y)).collect()
     }
 
-    /// (SN4): all samples but the last two, which only give slopes.
+    /// (SN4): the curve through all samples but the last two, which only give slopes.
     fn curve(&self, filtered: &[f64], factor: f64) -> Result<Piecewise, CurveError> {
         let values = self.samples(filtered, factor);
         let count = values.len() - 2;
@@ -162,10 +158,10 @@ impl Shape {
         Piecewise::hermite(&times_s, &values[..count], &slopes(&values, self.sampling_hz))
     }
 
-    /// The factor that gives the curve an rms over the window.
+    /// The factor c that gives the curve this rms over the window.
     fn factor(&self, filtered: &[f64], rms: f64, window_s: f64) -> Result<f64, CurveError> {
         let mut factor = rms;
-        // The limit takes at most a third: each turn divides the error by two or more.
+        // The limit reduces the rms by at most a third, so each iteration at least halves the error.
         for _ in 0..MOST_ROUNDS {
             let curve = self.curve(filtered, factor)?;
             let ratio = rms / curve.mean_square(0.0, window_s).sqrt();
@@ -214,15 +210,14 @@ impl Kind for Noise {
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));
         let seed = given.number("seed") as u64;
-        // Two samples more than needed, for the slopes at the end.
+        // Two extra samples, for the slopes at the end.
         let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run) + 2);
         let factor = shape.factor(&filtered[..window + 2], rms, window_s)?;
         Ok(shape.curve(&filtered[..run + 2], factor)?)
     }
 }
 
-/// Equation (SN4) at all samples but the last two; before the first there is
-/// rest.
+/// Equation (SN4) at all samples but the last two; the first value holds before the first sample.
 fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
     let at = |k: usize, back: usize| {
         if k < back { values[0] } else { values[k - back] }

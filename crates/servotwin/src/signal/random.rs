@@ -1,16 +1,15 @@
-//! Normal deviates that are the same on every machine: by Box and Muller (1958)
-//! with the toolkit's own `ln` and `sin_cos`, from the generator of
-//! [`servotwin_diagnosis::random`].
+//! Normal deviates that are the same on every machine. They use the method of Box and Muller (1958), the toolkit's own
+//! `ln` and `sin_cos`, and the generator of [`servotwin_diagnosis::random`].
 
 use servotwin_model::lanes::{Kernel, Level, dispatch};
 use servotwin_model::math::{ln, sin_cos};
 use servotwin_model::scalar::Lanes;
 use std::f64::consts::PI;
 
-/// Deviates made at once.
+/// Number of deviates made at once.
 const READY: usize = 128;
 
-/// A source of normal deviates, made in lanes: the same whatever the lanes are.
+/// A source of normal deviates, made in lanes; the level does not change them.
 pub struct Random {
     bits: servotwin_diagnosis::random::Random,
     level: Level,
@@ -24,7 +23,7 @@ impl Random {
         Self::of(servotwin_diagnosis::random::Random::new(seed))
     }
 
-    /// One of many sources of the same seed.
+    /// One of many independent sources with the same seed.
     pub fn stream(seed: u64, number: u64) -> Self {
         Self::of(servotwin_diagnosis::random::Random::stream(seed, number))
     }
@@ -44,7 +43,7 @@ impl Random {
         value
     }
 
-    /// An even deviate in (0, 1].
+    /// A uniform deviate in (0, 1].
     pub fn unit(&mut self) -> f64 {
         uniform(&mut self.bits)
     }

@@ -1,8 +1,7 @@
 //! Signals in study files.
 //!
-//! A signal is a text (`"step:size=10deg"`), a plain number (a constant, SI), a
-//! table (`{ kind = "step", size = "10deg", at = 0.1 }`) or a list of those,
-//! which are added. Written, it is a table or a list of tables.
+//! A signal is a text (`"step:size=10deg"`), a plain number (a constant, SI), a table (`{ kind = "step", size =
+//! "10deg", at = 0.1 }`) or a list of those, which are added. It is written as a table or a list of tables.
 
 use super::text::Builder;
 use super::{Argument, Signal, SignalError, Term};

@@ -1,4 +1,4 @@
-//! What a kind of signal declares, and how its arguments reach it.
+//! The declaration of a kind of signal, and access to its arguments.
 //!
 //! The parser, the help text, the ranges and the units all come from here.
 
@@ -10,12 +10,12 @@ use servotwin_model::spec::Unit;
 use std::borrow::Cow;
 use std::fmt;
 
-/// What a parameter is.
+/// What a parameter measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sort {
     /// In the unit of the input that the signal drives.
     Value,
-    /// In that unit per second.
+    /// In the unit of the input per second.
     Rate,
     /// An angle.
     Angle,
@@ -66,36 +66,36 @@ impl fmt::Display for Range {
     }
 }
 
-/// What holds where a parameter is not given.
+/// The value of a parameter that is not given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fallback {
-    /// It must be given.
+    /// None: the parameter is required.
     Required,
     /// This number, SI.
     Number(f64),
     /// This word.
     Word(&'static str),
-    /// The behavior of the kind without it, in words.
+    /// None; the text describes the behavior of the kind without it.
     Without(&'static str),
 }
 
 /// A parameter of a kind of signal.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Its name.
+    /// Name in texts and files.
     pub name: &'static str,
-    /// What it is.
+    /// What it measures.
     pub sort: Sort,
     /// The values allowed.
     pub range: Range,
-    /// What holds without it.
+    /// The value without an argument.
     pub fallback: Fallback,
-    /// One line for people.
+    /// One line for the help text.
     pub summary: &'static str,
 }
 
 impl Parameter {
-    /// What it measures for an input of `unit`; `None` for a word.
+    /// The unit for an input of `unit`; `None` for a word.
     pub fn measure(&self, unit: Unit) -> Option<Measure> {
         match self.sort {
             Sort::Value => Some(Measure::of(unit)),
@@ -120,18 +120,18 @@ impl Parameter {
     }
 }
 
-/// Everything a kind of signal declares.
+/// The declaration of a kind of signal.
 #[derive(Debug)]
 pub struct Spec {
-    /// Its name in text and files.
+    /// Name in texts and files.
     pub kind: &'static str,
-    /// One line for people.
+    /// One line for the help text.
     pub summary: &'static str,
-    /// A text that works for an angle.
+    /// An example text for an input in radians.
     pub example: &'static str,
     /// Whether its value never jumps.
     pub continuous: bool,
-    /// Its parameters.
+    /// The parameters, in the order of the help text.
     pub parameters: &'static [Parameter],
 }
 
@@ -167,17 +167,17 @@ impl Spec {
 
 /// A kind of signal.
 pub trait Kind: Sync {
-    /// What it declares.
+    /// The declaration.
     fn spec(&self) -> &'static Spec;
 
-    /// The function of time for checked arguments.
+    /// Builds the function of time from checked arguments.
     ///
     /// # Errors
-    /// Arguments that are impossible together.
+    /// The arguments contradict each other.
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError>;
 }
 
-/// At most so many points make a signal.
+/// Maximum number of points of a signal.
 const MOST_POINTS: f64 = 1e7;
 
 /// Checked arguments, in SI.
@@ -186,7 +186,7 @@ pub struct Given<'a> {
     arguments: &'a [Option<Argument>],
     /// The unit of the input.
     pub unit: Unit,
-    /// How long the run is, s.
+    /// Duration of the run, s.
     pub duration_s: f64,
 }
 
@@ -237,7 +237,7 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// That a number of points is not more than anybody can mean: memory is not endless.
+    /// Rejects an unreasonable number of points before it fills the memory.
     pub(super) fn few_points(&self, count: f64) -> Result<(), SignalError> {
         if count <= MOST_POINTS {
             return Ok(());
@@ -248,13 +248,13 @@ impl<'a> Given<'a> {
         )))
     }
 
-    /// The error for arguments that do not go together.
+    /// The error for arguments that contradict each other.
     pub(super) fn impossible(&self, reason: impl Into<Cow<'static, str>>) -> SignalError {
         SignalError::Impossible { kind: self.spec.kind, reason: reason.into() }
     }
 }
 
-/// Whether a quantity is in a unit of `measure`; a plain number always is.
+/// Checks that a quantity has a unit of `measure`; a plain number always passes.
 pub(super) fn check_unit(
     spec: &Spec,
     parameter: &Parameter,
@@ -275,7 +275,7 @@ pub(super) fn check_unit(
     })
 }
 
-/// Whether a quantity is in the parameter's range.
+/// Checks that a quantity is in the parameter's range.
 pub(super) fn check_range(
     spec: &Spec,
     parameter: &Parameter,

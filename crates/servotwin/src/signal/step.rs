@@ -24,7 +24,7 @@ static SPEC: Spec = Spec {
             name: "at",
             sort: Sort::Time,
             range: Range::NotNegative,
-            // Later than the rest from which a run begins, which would else be that after the jump.
+            // Later than the initial steady state, which would otherwise be the one after the jump.
             fallback: Fallback::Number(0.1),
             summary: "time of the step",
         },
@@ -38,8 +38,7 @@ impl Kind for Step {
 
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
         let (size, at_s) = (given.number("size"), given.number("at"));
-        // A jump at the very beginning still comes from rest: time −1 s is
-        // before every run and keeps the first value at zero.
+        // A jump at time 0 still starts from rest: time −1 s precedes every run and keeps the first value at zero.
         let rest_s = if at_s > 0.0 { 0.0 } else { -1.0 };
         Ok(Piecewise::steps(&[rest_s, at_s], &[0.0, size])?)
     }

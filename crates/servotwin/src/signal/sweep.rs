@@ -1,20 +1,17 @@
-//! A sine whose frequency goes from one value to another (chirp), in Hermite
-//! cubics.
+//! A sine whose frequency goes from one value to another (chirp), in Hermite cubics.
 //!
-//! With x the time since the beginning, T the length, f_0 and f_1 the ends and
-//! L = ln(f_1/f_0)/T, the phase in periods is
+//! With x the time since the beginning, T the length, f_0 and f_1 the ends and L = ln(f_1/f_0)/T, the phase in periods
+//! is
 //!
 //! (SW1)  φ = f_0 x + (f_1 − f_0) x²/(2T)            linear
 //!
 //! (SW2)  φ = f_0 (e^{L x} − 1)/L                     logarithmic
 //!
-//! and s = A sin 2πφ. With ω = 2πφ′ and derivatives of ω the fourth derivative
-//! of s is at most
+//! and s = A sin 2πφ. With ω = 2πφ′ and derivatives of ω the fourth derivative of s is at most
 //!
 //! (SW3)  M = A (ω⁴ + 6 ω² |ω′| + 3 ω′² + 4 ω |ω″| + |ω‴|)
 //!
-//! so pieces of h = (384 · 9e-10 A / M)^{1/4} keep the error below 1e-9 A.
-//! After T the last value holds.
+//! so pieces of h = (384 · 9e-10 A / M)^{1/4} keep the error below 1e-9 A. The last value holds after T.
 
 use super::error::SignalError;
 use super::sine::sin_cos_of_periods;
@@ -79,7 +76,7 @@ static SPEC: Spec = Spec {
     ],
 };
 
-/// The phase of a sweep.
+/// The phase law of a sweep.
 #[derive(Clone, Copy)]
 enum Law {
     Linear { from_hz: f64, growth_hz_s: f64 },
@@ -88,7 +85,7 @@ enum Law {
 
 impl Law {
     fn new(law: &str, from_hz: f64, to_hz: f64, length_s: f64) -> Self {
-        // Equal ends have no logarithmic rate to divide by.
+        // With equal ends the logarithmic rate is zero and cannot divide.
         if law == "linear" || from_hz == to_hz {
             Law::Linear { from_hz, growth_hz_s: (to_hz - from_hz) / length_s }
         } else {
@@ -96,7 +93,7 @@ impl Law {
         }
     }
 
-    /// Phase in periods and frequency.
+    /// Phase in periods, and frequency in Hz.
     fn at(self, x_s: f64) -> (f64, f64) {
         match self {
             Law::Linear { from_hz, growth_hz_s } => {
@@ -109,7 +106,7 @@ impl Law {
         }
     }
 
-    /// The longest piece by (SW3) where the frequency is that at `x_s`.
+    /// The longest piece by (SW3) for the frequency at `x_s`, in s.
     fn piece_s(self, x_s: f64) -> f64 {
         let omega = TAU * self.at(x_s).1;
         let (first, second, third) = match self {
@@ -154,7 +151,7 @@ impl Kind for Sweep {
         let mut x_s = 0.0;
         while x_s < length_s {
             push(x_s);
-            // The frequency is monotone: the bound is the larger of the ends'.
+            // The frequency is monotone, so the larger bound of the two ends holds.
             let h = law.piece_s(x_s);
             x_s += h.min(law.piece_s((x_s + h).min(length_s)));
         }

@@ -54,7 +54,7 @@ static SPEC: Spec = Spec {
     ],
 };
 
-/// The unit that the end of a column's name tells, and one of it in SI.
+/// The unit given by the suffix of a column's name, and its factor to SI.
 fn unit_of(column: &str) -> Option<(Unit, f64)> {
     let si = Unit::ALL.iter().map(|unit| (unit.suffix().to_string(), *unit, 1.0));
     let others = UNITS.iter().filter(|unit| unit.symbol != "%");

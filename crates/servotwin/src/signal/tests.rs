@@ -71,7 +71,7 @@ fn noise_has_its_rms_its_limit_and_starts_from_rest() {
             let noise = curve(&text, 90.0);
             let realised = noise.mean_square(0.0, 90.0).sqrt() / DEGREE;
             assert!((realised / rms - 1.0).abs() < 1e-9, "{text}: {realised}");
-            // Another stretch of the same noise: within its statistics.
+            // Another stretch of the same noise agrees within its statistics.
             let longer = curve(&text, 2000.0);
             let realised = longer.mean_square(90.0, 2000.0).sqrt() / DEGREE;
             assert!((realised / rms - 1.0).abs() < 0.25, "{text}: {realised}");
@@ -102,7 +102,7 @@ fn noise_is_gaussian_noise_behind_a_butterworth_filter() {
         });
         stretches.sum::<f64>()
     };
-    // Several neighbours, so that the statistical error is about 3 %.
+    // Several neighboring frequencies, so that the statistical error is about 3 %.
     let band = |f: f64| (-3..=3).map(|i| power(f + 0.2 * f64::from(i))).sum::<f64>();
     let (pass, corner, stop) = (band(2.0), band(5.0), band(10.0));
     assert!((corner / pass - 0.5).abs() < 0.06, "{}", corner / pass);

@@ -83,27 +83,27 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
     builder.finish()
 }
 
-/// Why a text is no number with a unit.
+/// Why a text is not a number with a unit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum QuantityError {
-    /// It does not begin with a finite number.
+    /// The text does not begin with a finite number.
     #[error("'{given}' is not a number")]
     NotANumber {
-        /// What was written.
+        /// The text as written.
         given: String,
     },
-    /// Its unit is not known.
+    /// The unit is not known.
     #[error("'{given}' has an unknown unit; known: {}", all_units(Sort::Value).join(", "))]
     UnknownUnit {
-        /// What was written.
+        /// The text as written.
         given: String,
     },
-    /// Its unit is not the one needed.
+    /// The unit is not the required one.
     #[error("'{given}' has a wrong unit; allowed: {}", .allowed.join(", "))]
     WrongUnit {
-        /// What was written.
+        /// The text as written.
         given: String,
-        /// The units possible.
+        /// The allowed units.
         allowed: Vec<String>,
     },
 }
@@ -134,10 +134,10 @@ impl FromStr for Quantity {
 }
 
 impl Quantity {
-    /// The SI value of a text that must be in `unit` or a plain number.
+    /// The SI value of a text in `unit` or without a unit.
     ///
     /// # Errors
-    /// No number, another unit.
+    /// The text is not a number, or has another unit.
     pub fn in_unit(text: &str, unit: Unit) -> Result<f64, QuantityError> {
         let quantity: Quantity = text.parse()?;
         let measure = Measure::of(unit);
@@ -152,7 +152,7 @@ impl Quantity {
     }
 }
 
-/// A term that is being put together from names and values.
+/// Builds a term from names and values.
 pub(super) struct Builder {
     kind: &'static dyn Kind,
     arguments: Vec<Option<Argument>>,
@@ -164,7 +164,7 @@ impl Builder {
         Ok(Self { kind: found, arguments: vec![None; found.spec().parameters.len()] })
     }
 
-    /// An argument as text.
+    /// Sets an argument from text.
     pub fn set(&mut self, name: &str, text: &str) -> Result<(), SignalError> {
         let place = self.free_place(name)?;
         let spec = self.kind.spec();
@@ -222,8 +222,7 @@ fn word(
     Err(SignalError::UnknownWord { kind, parameter, given: text.into(), known })
 }
 
-/// A quantity whose range is kept, and its unit where that is known without
-/// the input.
+/// Parses a quantity and checks its range, and its unit if that does not depend on the input.
 fn checked_quantity(
     spec: &Spec,
     parameter: &Parameter,

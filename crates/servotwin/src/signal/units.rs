@@ -5,11 +5,11 @@ use servotwin_model::spec::Unit;
 /// A unit as it is written behind a number.
 #[derive(Debug, PartialEq)]
 pub struct TextUnit {
-    /// How it is written.
+    /// Symbol as written.
     pub symbol: &'static str,
-    /// The SI unit it measures.
+    /// The corresponding SI unit.
     pub unit: Unit,
-    /// One of it in SI.
+    /// Factor to SI.
     pub si: f64,
 }
 
@@ -64,8 +64,8 @@ impl Measure {
         }
     }
 
-    /// How its units are written, in the order of [`UNITS`]. Empty where only
-    /// plain SI numbers are possible (a rate of a rate has no text).
+    /// The allowed unit symbols, in the order of [`UNITS`]. Empty if only plain SI numbers are possible (a rate of a
+    /// rate has no text).
     pub fn allowed(self) -> Vec<String> {
         let end = if self.per_second { "/s" } else { "" };
         let units = UNITS.iter().filter(|u| u.unit == self.unit);
