@@ -53,7 +53,7 @@ pub struct Compiled {
     loaded: [OnceLock<Option<Loaded>>; lanes::ALL.len()],
     /// Simulated time requested so far, s.
     asked_s: AtomicU64,
-    /// Whether compilers should end, because nobody needs their results.
+    /// Whether compilers should end because their results are no longer needed.
     given_up: AtomicBool,
     /// Why nothing could be compiled.
     problem: OnceLock<CompileProblem>,
@@ -125,7 +125,7 @@ impl Compiled {
         loaded.map(|loaded| &loaded.origin).next()
     }
 
-    /// Ends running compilers and starts none, because nobody needs their results any more.
+    /// Ends running compilers and starts none; use it when their results are no longer needed.
     pub fn give_up(&self) {
         self.given_up.store(true, Ordering::Relaxed);
     }

@@ -138,7 +138,7 @@ macro_rules! section {
 }
 pub(crate) use section;
 
-/// Receives mistakes: the place, and what is wrong there.
+/// Receives mistakes with their places.
 pub type Note<'n> = &'n mut dyn FnMut(&Span, document::Mistake);
 
 /// Checks the keys of a table; `at` and `place` locate it in messages.
@@ -353,7 +353,7 @@ impl Value {
     }
 }
 
-/// A corrected copy of a table; see [`Value::mended`].
+/// A corrected copy of a table; see `Value::mended`.
 pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
     let there = keys.iter().filter_map(|key| {
         let value = table.remove(key.name);

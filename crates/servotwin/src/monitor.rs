@@ -1,7 +1,7 @@
 //! The twin and the diagnosis of one system, fed sample by sample with named signals.
 //!
 //! A [`Monitor`] simulates the virtual twin with the inputs that you push, compares it with the sensors, and returns a
-//! [`Finding`] with names: what is at fault, what to do, and why.
+//! [`Finding`] with names: the fault, the action and the reasons.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;

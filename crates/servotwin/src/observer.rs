@@ -116,9 +116,9 @@ pub enum Phase {
     None,
     /// There is evidence, but not enough.
     Pending,
-    /// The command is raised.
+    /// An action is raised.
     Raised,
-    /// The evidence is gone, but the command remains.
+    /// The evidence is gone, but the action remains raised.
     Recovering,
 }
 
@@ -138,7 +138,7 @@ impl Phase {
 const MAX_EVIDENCE: usize = 1000;
 const MAX_TEXT: usize = 10_000;
 
-/// A finding: what is wrong, what to do, and why.
+/// A finding: the fault, the action and the reasons.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// State of the diagnosis.
@@ -150,7 +150,7 @@ pub struct Finding {
     /// The actuator's name in the study. It is empty for an only actuator without a name, and null in JSON.
     #[serde(default, serialize_with = "named")]
     pub unit: Option<String>,
-    /// The command to carry out; empty for none.
+    /// The action to carry out; empty for none.
     pub command: String,
     /// The fault class; empty if unknown.
     pub detail: String,

@@ -24,9 +24,9 @@ pub struct Ablation {
     pub features: usize,
     /// Accuracy of the actuator (stage A).
     pub actuator: Option<Rate>,
-    /// Accuracy of the command (stage B), given the true actuator.
+    /// Accuracy of the action (stage B), given the true actuator.
     pub command: Option<Rate>,
-    /// Share of rows whose actuator, command and detail are all right.
+    /// Share of rows whose actuator, action and detail are all right.
     pub end_to_end: Option<Rate>,
     /// The component whose faults are most often given to the wrong actuator, with that rate.
     pub worst_component: Option<(String, Rate)>,

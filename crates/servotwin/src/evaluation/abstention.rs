@@ -16,7 +16,7 @@ pub const SHARES: [f64; 7] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2];
 pub struct Level {
     /// Share of detected faults without an answer.
     pub abstained: Rate,
-    /// Of the faults answered: actuator and command are right.
+    /// Of the faults answered: actuator and action are right.
     pub right_action: Rate,
     /// Of the faults answered: the wrong actuator is shut down.
     pub wrong_actuator_shutdown: Rate,

@@ -142,7 +142,8 @@ fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut See
     }
 }
 
-/// Index of the row's true class among the stage's classes. `None` if the row does not reach the stage.
+/// Index of the row's true class among the stage's classes. `None` if the row does not reach the
+/// stage, or the stage does not know the class.
 fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
     let label = data.examples.labels()[row];
     let asks_on = stage.place.question != Question::Actuator;

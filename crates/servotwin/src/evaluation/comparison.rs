@@ -1,4 +1,4 @@
-//! Compares all classifiers under the same protocols, for the actuator (stage A) and the command (stage B).
+//! Compares all classifiers under the same protocols, for the actuator (stage A) and the action (stage B).
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;

@@ -31,7 +31,7 @@ pub struct Curve {
     pub points: Vec<(f64, Rate)>,
 }
 
-/// The intensity from which on a fault is detected in a case.
+/// Detection threshold of a fault in a case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Least {
     /// The fault, with the actuator.

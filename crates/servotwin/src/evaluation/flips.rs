@@ -87,7 +87,7 @@ pub struct Flips {
     pub draws: usize,
     /// Share of the copies whose actuator changed.
     pub actuator: Rate,
-    /// Share of the copies whose actuator or command changed.
+    /// Share of the copies whose actuator or action changed.
     pub action: Rate,
     /// Share of the copies whose answer changed in any part.
     pub answer: Rate,
@@ -167,9 +167,9 @@ impl Moving<'_> {
 /// Answers and questions of one row.
 struct Seen {
     row: usize,
-    /// For each copy: whether the actuator, the actuator or command, or any part of the answer changed.
+    /// For each copy: whether the actuator, the actuator or action, or any part of the answer changed.
     changes: Vec<[bool; 3]>,
-    /// For each question asked: stage, node, changes, standard deviation of the feature.
+    /// For each node on the path: stage, node, changes, standard deviation of the feature.
     questions: Vec<(usize, usize, Share, f64)>,
 }
 

@@ -1,6 +1,6 @@
 //! Model files: self-describing JSON.
 //!
-//! A hierarchy's file holds, in this order, `format`, `names` (features, actuators, commands, details) and `stages`.
+//! A hierarchy's file holds, in this order, `format`, `names` (features, actuators, actions, details) and `stages`.
 //! Every number in a stage is an index into one of these lists. A CART model has one entry per node in each of its
 //! arrays. A node whose `feature` is 4294967295 is a leaf. A row goes `left` where its value is at most the
 //! `threshold`. Numbers are written so that reading restores the same bits.

@@ -329,7 +329,7 @@ pub struct StageScore {
     pub question: Question,
     /// The actuator whose rows are counted; `None` for all.
     pub actuator: Option<String>,
-    /// The command within which details are distinguished.
+    /// The action within which details are distinguished.
     pub command: Option<String>,
     /// The score over all splits.
     pub score: Score,
@@ -360,7 +360,7 @@ pub struct ComponentScore {
     pub wrong_actuator: Rate,
     /// Its faults shut a healthy actuator down.
     pub wrong_actuator_shutdown: Rate,
-    /// Actuator, command and detail are right.
+    /// Actuator, action and detail are right.
     pub right: Rate,
 }
 
@@ -375,9 +375,9 @@ pub struct ProtocolResult {
     pub splits: usize,
     /// Each stage by itself: first over all actuators, then for each.
     pub stages: Vec<StageScore>,
-    /// All stages together: actuator, command and detail are right (isolation rate of detected faults).
+    /// All stages together: actuator, action and detail are right (isolation rate of detected faults).
     pub end_to_end: Option<Rate>,
-    /// Actuator and command are right, which is all that the flight control computer uses.
+    /// Actuator and action are right, which is all that the flight control computer uses.
     pub right_action: Option<Rate>,
     /// Detected and isolated faults, as a share of all faults.
     pub isolated_of_all: Option<f64>,
@@ -400,7 +400,7 @@ pub type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
 /// Runs a protocol and returns its result with the outcomes. `None` if the data set has too few groups for it.
 ///
 /// # Errors
-/// Errors of training.
+/// Errors of the splitting and of training.
 pub fn evaluate(
     protocol: Protocol,
     data: &DataSet,

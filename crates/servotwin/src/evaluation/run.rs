@@ -32,9 +32,9 @@ pub struct Outcome {
     pub row: usize,
     /// The hierarchy's diagnosis; each stage relies on the one above.
     pub said: Diagnosis,
-    /// The command answered when the true actuator is given.
+    /// The action answered when the true actuator is given.
     pub command: Option<u32>,
-    /// The detail answered when the true actuator and command are given.
+    /// The detail answered when the true actuator and action are given.
     pub detail: Option<u32>,
     /// For a wrong answer, the dominant kind of fault in the leaf where the row ended.
     pub confused_with: Option<u32>,

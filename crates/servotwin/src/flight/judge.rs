@@ -35,10 +35,10 @@ pub struct Latency {
     pub by_s: Vec<(f64, f64)>,
 }
 
-/// Results of the flights with faults of one command.
+/// Results of the flights whose faults require one action.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassMetrics {
-    /// The command that the faults require.
+    /// The required action.
     pub command: String,
     /// Minimum and maximum intensity.
     pub intensities: [f64; 2],
@@ -46,21 +46,21 @@ pub struct ClassMetrics {
     pub flown: u64,
     /// Share of flights in which the fault became visible.
     pub visible: Rate,
-    /// Of the visible faults: the right command for the right actuator was raised first.
+    /// Of the visible faults: the right action for the right actuator was raised first.
     pub isolated: Rate,
-    /// Of the visible faults: another command for the right actuator was raised first.
+    /// Of the visible faults: another action for the right actuator was raised first.
     pub other_command: Rate,
-    /// Of the visible faults: a command for the wrong actuator was raised first.
+    /// Of the visible faults: an action for the wrong actuator was raised first.
     pub wrong_actuator: Rate,
     /// Number of flights that raised a shutdown of the wrong actuator after the onset.
     pub wrong_shutdown: u64,
-    /// Of the visible faults: no command was raised.
+    /// Of the visible faults: no action was raised.
     pub silent: Rate,
     /// From the onset to the end of the first window that made the fault visible.
     pub detection: Option<Latency>,
-    /// From the onset to the right command.
+    /// From the onset to the right action.
     pub isolation: Option<Latency>,
-    /// From visibility to the right command.
+    /// From visibility to the right action.
     pub isolation_since_visible: Option<Latency>,
 }
 
@@ -69,7 +69,7 @@ pub struct ClassMetrics {
 pub struct HealthyMetrics {
     /// Flight hours.
     pub hours: f64,
-    /// Number of commands raised.
+    /// Number of alarms: actions raised.
     pub alarms: u64,
     /// Number of shutdowns raised.
     pub shutdowns: u64,
@@ -144,7 +144,7 @@ pub struct FlightMetrics {
     pub visible_in_time: Rate,
     /// Share of these faults isolated within the limit, counted from visibility.
     pub in_time_since_visible: Rate,
-    /// Results by command: first for all intensities, then for strong faults.
+    /// Results by action: first for all intensities, then for strong faults.
     pub classes: Vec<ClassMetrics>,
     /// Results by kind of onset, for strong shutdown faults.
     pub onsets: Vec<(String, ClassMetrics)>,
@@ -177,10 +177,10 @@ pub struct MissingSensorMetrics {
     pub wrong_shutdowns: u64,
 }
 
-/// The commands of one session in one flight.
+/// The actions raised by one session in one flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct RaisedLog {
-    /// Every newly raised command.
+    /// Every newly raised action.
     raised: Vec<Raised>,
 }
 
@@ -438,10 +438,10 @@ struct FlightOutcome {
     /// Cluster for intervals: faults of one kind at one intensity are correlated, as are those of one kind.
     cluster: u32,
     kind_number: u32,
-    /// Seconds from the onset to the end of the first window that made the fault visible, and to the right command.
+    /// Seconds from the onset to the end of the first window that made the fault visible, and to the right action.
     seen_s: Option<f64>,
     isolated_s: Option<f64>,
-    /// Whether the first command after the onset has the right actuator, and the right action too.
+    /// Whether the first action after the onset concerns the right actuator, and whether it is also the right action.
     first: Option<(bool, bool)>,
     /// Whether a shutdown of the wrong actuator was raised after the onset.
     is_wrong_shutdown: bool,
@@ -604,7 +604,7 @@ impl Judged<'_> {
         })
     }
 
-    /// The share of visible, strong faults of a command that satisfy `holds`.
+    /// The share of visible, strong faults requiring an action that satisfy `holds`.
     fn share(&self, command: &str, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
         let is_of = |flight: &Flight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);

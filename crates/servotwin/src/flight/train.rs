@@ -26,7 +26,7 @@ const MARGIN: f64 = 0.25;
 /// questions, some actuators would lack the late ones.
 const DEPTH: usize = 11;
 
-/// The trees use only every so many-th hard negative, because neighboring windows are alike and trees count rows.
+/// The trees use one hard negative in this many, because neighboring windows are alike and trees count rows.
 const TREES_EVERY: usize = 10;
 
 /// Learning rate of the committee, which has the maximum number and depth of trees. The 60 trees of depth 4 for records
@@ -51,7 +51,7 @@ const LEFT_NATS: f64 = 2.0;
 /// The same allowances in baseline-corrected windows, where tolerances show less.
 const BASELINE_CORRECTED_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
 
-/// The same allowance against health for a twin without tolerances; without it the highest evidence was 0.02 of the
+/// The same allowance against health without tolerances; without it the highest evidence was 0.02 of the
 /// limit.
 const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 

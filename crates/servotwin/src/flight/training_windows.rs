@@ -23,7 +23,7 @@ use servotwin_diagnosis::residual::{BAND, Window};
 const SHARES: [f64; 2] = [0.6, 1.0];
 /// Number of further windows at random places. There are many, because some faults only show in some motions.
 const OTHERS: usize = 12;
-/// Every so many-th flight with a fault also gives the window before the onset.
+/// One in this many flights with a fault also gives the window before the onset.
 const BEFORE: usize = 4;
 /// Minimum share of a fault's intensity near the end of a training window.
 const LEAST_SHARE: f64 = 0.5;

@@ -39,7 +39,7 @@ pub(super) enum Side {
 const WORDS: [(&str, &str); 4] =
     [("test", "train"), ("testing", "training"), ("true", "false"), ("1", "0")];
 
-/// The sides given by a split column. If `train` is among its values, only these rows train; otherwise all rows not
+/// The sides given by a split column. If its word for training occurs, only these rows train; otherwise all rows not
 /// tested do.
 pub(super) fn sides(
     texts: &[String],

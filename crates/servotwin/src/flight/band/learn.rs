@@ -60,7 +60,7 @@ fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
 }
 
 /// The share of healthy flights that leaves a band calibrated for a target share with n flights. Returns the mean over
-/// calibrations, and the value below which 95 % of them stay. q is the k-th of n scores, so the share has the
+/// calibrations, and the value below which 95 % of them stay. q is the k-th of n scores. The share then has the
 /// distribution Beta(n + 1 − k, k), whatever distribution the scores have.
 pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let place = (place_of(target, flights)).min(flights);

@@ -24,7 +24,8 @@ use std::sync::Arc;
 /// First flight number of unseen faults, so that their specimens and noise differ from those of other flights.
 const FIRST: usize = 500_000;
 
-/// Number of flights by result. Every flight counts once, with its most significant finding.
+/// Number of flights by result. Every flight counts once, with its most significant finding. An actuator whose
+/// twin reads a wrong boundary sensor counts as faulty here.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Words {
     /// A sensible action against a faulty actuator was raised first.
@@ -305,7 +306,7 @@ impl Listening {
 /// A twin cannot be simulated.
 ///
 /// # Panics
-/// If the diagnoser was not checked.
+/// If the diagnoser fails [`Diagnoser::check`].
 pub fn judge(
     study: &Study,
     flights: &Flights,
