@@ -4,6 +4,7 @@
 //! - [`campaign`]: flights in lanes, each observed together with the twin of its environment
 //! - [`windows`]: which windows are judged
 //! - [`training_windows`]: training data: windows of flights, one table for each kind
+//! - [`hard_negatives`]: healthy out-of-band windows from many environments
 //! - [`train`]: bands, trees and committee for each kind: a diagnoser
 //! - [`runtime`]: a twin and a diagnosis in parallel with an actuator, one call for each sample
 //! - [`watcher`]: the runtime on a log or a live stream

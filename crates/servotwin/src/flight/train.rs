@@ -35,8 +35,8 @@ const LEARNING_RATE: f64 = 0.2;
 
 /// Allowances subtracted from the evidence against health in every window with tolerances, in nats: for any action, and
 /// for a shutdown. In 42 hours of 500 healthy specimens under the most violent commands (tuning flights), the evidence
-/// for a shutdown stayed below 0.26 of its limit. Other actions do less harm, and warnings cover weak faults: with 6
-/// nats only a tenth of the warnings is raised.
+/// for a shutdown then reached at most 0.26 of its limit. Other actions do less harm, and warnings cover weak faults:
+/// with 6 nats only a tenth of the warnings is raised.
 const ALLOWANCES_NATS: (f64, f64) = (3.0, 5.0);
 
 /// Cost of a false alarm of any other action with tolerances. Every window counts in full, so the same evidence more
@@ -51,8 +51,7 @@ const LEFT_NATS: f64 = 2.0;
 /// The same allowances in baseline-corrected windows, where tolerances show less.
 const BASELINE_CORRECTED_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
 
-/// The same allowance against health without tolerances; without it the highest evidence was 0.02 of the
-/// limit.
+/// Allowance against health without tolerances, in nats. Even with none the highest evidence was 0.02 of the limit.
 const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 
 /// Allowance between two actions, in nats. It is 0 between actions of one actuator in baseline-corrected windows, so
