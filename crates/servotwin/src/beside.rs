@@ -1,12 +1,13 @@
-//! A sensor's values beside its twin's: how both spread, and whether one moves against the other.
+//! Compares a sensor with its twin: the spread of both, and whether the sensor's sign is flipped.
 
-/// What is left of the squared difference where a sign is wrong. A fault turns a sensor around less cleanly.
+/// Maximum ratio of variances (sum to difference) for a flipped sign. A fault that flips a sensor leaves a larger
+/// ratio.
 const TURNED: f64 = 0.05;
 
-/// What is kept of values that came one by one.
+/// Running sums of values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Spread {
-    /// How many values were taken.
+    /// Number of values.
     pub count: u64,
     sum: f64,
     square: f64,
@@ -31,18 +32,18 @@ impl Spread {
     }
 }
 
-/// A sensor's values beside its twin's.
+/// Running comparison of a sensor's values with its twin's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Beside {
-    /// The spread of the twin's values.
+    /// Spread of the twin's values.
     pub twin: Spread,
-    /// Of their sum, in which nothing moves where the sign is wrong.
+    /// Spread of sensor plus twin, which is constant if the sign is flipped.
     sum: Spread,
     difference: Spread,
 }
 
 impl Beside {
-    /// What both show; NaN is missing.
+    /// Takes one pair of values; NaN is missing.
     pub fn take(&mut self, own: f64, twin: f64) {
         if twin.is_finite() {
             self.twin.take(twin);
@@ -53,12 +54,12 @@ impl Beside {
         }
     }
 
-    /// How often both were there.
+    /// Number of samples with both values.
     pub fn both(&self) -> u64 {
         self.sum.count
     }
 
-    /// Whether a wrong sign explains the difference: without it there is next to none.
+    /// Whether a flipped sign explains the difference: sensor plus twin hardly vary.
     pub fn is_turned(&self) -> bool {
         self.sum.variance() < TURNED * self.difference.variance()
     }

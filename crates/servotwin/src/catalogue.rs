@@ -1,5 +1,5 @@
-//! The catalogue of components as documents: found by words, and written as Markdown. All of it comes
-//! from what components declare and from the heads of their files.
+//! The component catalogue as documents: searchable and written as Markdown. All of it comes from the declarations of
+//! components and from the headers of their files.
 
 use crate::document::{Quantities, Quantity};
 use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
@@ -13,21 +13,20 @@ pub fn all() -> impl Iterator<Item = &'static Spec> {
     ALL.iter().map(|component| component.spec())
 }
 
-/// The component of a kind.
+/// The component of this kind.
 pub fn find(kind: &str) -> Option<&'static Spec> {
     all().find(|spec| spec.kind == kind)
 }
 
-/// A component in which a word was found, and the lines that have it.
+/// A component that matches a search, with the matching lines.
 pub struct Hit {
     /// The component.
     pub spec: &'static Spec,
-    /// What has the word: a parameter, a fault, a port, a sentence of the description.
+    /// The matching parameters, faults, ports and lines of the description.
     pub lines: Vec<String>,
 }
 
-/// Every component that has a word anywhere in what it says of itself; small and large letters are the
-/// same.
+/// Finds a word in the declarations and descriptions of all components, ignoring case.
 pub fn search(word: &str) -> Vec<Hit> {
     let wanted = word.to_lowercase();
     let has = |text: &str| text.to_lowercase().contains(&wanted);
@@ -55,7 +54,7 @@ pub fn search(word: &str) -> Vec<Hit> {
     found.collect()
 }
 
-/// What a component is, with its equations: Markdown whose links to other files are names.
+/// A component's description with its equations, as Markdown. Links to other items become plain names.
 pub fn prose(kind: &str) -> String {
     let text = description(kind).unwrap_or_default();
     let mut plain = String::new();
@@ -69,22 +68,22 @@ pub fn prose(kind: &str) -> String {
     plain + rest
 }
 
-/// The name of a unit in tables.
+/// The unit's name in tables.
 fn unit(parameter: &Parameter) -> &'static str {
     word(parameter.unit)
 }
 
-/// What a parameter may be.
+/// The allowed range of a parameter, as text.
 pub fn range(parameter: &Parameter) -> String {
     Quantities(parameter.min, parameter.max, parameter.unit.symbol()).to_string()
 }
 
-/// A parameter's default in words.
+/// A parameter's default, as text.
 pub fn default(parameter: &Parameter) -> String {
     parameter.default.map_or("obligatory".into(), |value| Quantity(value, "").to_string())
 }
 
-/// What a fault does to its parameter, with `i` the intensity.
+/// The effect of a fault on its parameter as a formula, with `i` the intensity.
 pub fn law(fault: &Fault, spec: &Spec) -> String {
     let (name, full) = (fault.parameter, Quantity(fault.full, ""));
     let unit = spec.parameter(name).map_or("", |p| spec.parameters[p].unit.symbol());
@@ -97,14 +96,14 @@ pub fn law(fault: &Fault, spec: &Spec) -> String {
     }
 }
 
-/// How far a factor is from one, in front of an intensity.
+/// The distance of a factor from 1, as the coefficient of an intensity.
 fn change_of(factor: f64) -> String {
-    // Of what is written in decimals the difference is, too.
+    // Rounds away binary noise, so that decimal factors give decimal differences.
     let change = ((factor - 1.0).abs() * 1e12).round() / 1e12;
     if change == 1.0 { String::new() } else { format!("{} ", Quantity(change, "")) }
 }
 
-/// What flows through a port, in words.
+/// The flow through a port, as text.
 pub fn flow(port: &Port, spec: &Spec) -> String {
     match port.kind {
         PortKind::SignalIn { unit, default } => {
@@ -127,11 +126,11 @@ pub fn flow(port: &Port, spec: &Spec) -> String {
     }
 }
 
-/// What heads the columns of [`fluids`].
+/// The column headers of [`fluids`].
 pub const FLUID_HEADS: [&str; 6] =
     ["fluid", "what it is", "°C", "kg/m³ at 40 °C", "cSt at 40 and 100 °C", "E₀ at 40 °C, GPa"];
 
-/// The liquids with their numbers, in the order of [`FLUID_HEADS`].
+/// The fluids with their properties, in the order of [`FLUID_HEADS`].
 pub fn fluids() -> Vec<[String; 6]> {
     let one = |&kind: &FluidKind| {
         let fluid = Fluid { kind, ..Fluid::default() };
@@ -151,12 +150,12 @@ pub fn fluids() -> Vec<[String; 6]> {
     FluidKind::ALL.iter().map(one).collect()
 }
 
-/// Whether a word is the name of a kind of fluid.
+/// Whether a word names a kind of fluid.
 pub fn is_fluid(word: &str) -> bool {
     FluidKind::ALL.iter().any(|kind| kind.name() == word)
 }
 
-/// The keys that describe a fluid of a kind in a system file, under what they are.
+/// The keys that describe a kind of fluid in a system file, grouped under headings.
 pub fn fluid_keys(kind: &str) -> Vec<(&'static str, &'static [Parameter])> {
     let of_fluid = "keys of [fluids.NAME], beside kind";
     match kind {
@@ -197,7 +196,7 @@ pub fn book() -> String {
     format!("## All kinds\n{overview}\n{pages}\n## Fluids\n\n{fluids}\n{liquids}")
 }
 
-/// A table in Markdown.
+/// A Markdown table.
 fn table(heads: &[&str], rows: Vec<Vec<String>>) -> String {
     let cells = |row: &[String]| format!("| {} |\n", row.join(" | "));
     let heads: Vec<String> = heads.iter().map(|&head| head.to_owned()).collect();
@@ -206,7 +205,7 @@ fn table(heads: &[&str], rows: Vec<Vec<String>>) -> String {
     format!("\n{}{}{rows}", cells(&heads), cells(&rule))
 }
 
-/// A page about a component, in Markdown.
+/// The Markdown section about a component.
 pub fn markdown(spec: &Spec) -> String {
     let mut page = format!("## {}\n\n{}\n", spec.kind, prose(spec.kind).trim_end());
     let code = |text: &str| format!("`{text}`");

@@ -1,9 +1,9 @@
-//! Steps that the machine's C compiler has made faster.
+//! Speeds up the solver's steps with the machine's C compiler.
 //!
-//! Where there is a compiler and enough to do, or a live stream to watch, the system's equations and their Jacobian
-//! become machine code ([`servotwin_model::c_source`]), which takes some seconds; where there is none the solver
-//! walks its lists, which takes half as long again. The bits are the same, or else what was compiled is not used: it runs
-//! beside the lists once.
+//! With a compiler and enough work, or a live stream to watch, the system's equations and their Jacobian become machine
+//! code ([`servotwin_model::c_source`]). This takes some seconds. Without a compiler the solver walks its lists, which
+//! takes half as long again. The bits are the same: a trial run compares both, and compiled code with other bits is
+//! rejected.
 //!
 //! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none. Arguments may
 //! follow, and its path may have spaces. If nothing can be compiled, [`Compiled::problem`] returns the reason, and
@@ -36,24 +36,24 @@ use std::thread;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Simulated time, s, from which on compiling costs less than it saves.
+/// Simulated time, s, above which compiling saves more time than it costs.
 const WORTH_S: u64 = 60_000;
 
-/// A compiler that takes longer, hangs.
+/// Time limit of a compiler; beyond it the compiler counts as hanging.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// So many simulated seconds a second are enough beside a live stream: faults, other tasks and slower machines
-/// included.
+/// Simulated seconds per second that suffice for a live stream, with a margin for faults, other tasks and slower
+/// machines.
 const ENOUGH_FOR_LIVE: f64 = 20.0;
 
 /// The compiled step of one system.
 #[derive(Default)]
 pub struct Compiled {
-    /// For runs that begin with the lanes of a level, by its place among [`lanes::ALL`].
+    /// The loaded step for each level, in the order of [`lanes::ALL`].
     loaded: [OnceLock<Option<Loaded>>; lanes::ALL.len()],
-    /// What was asked for so far, s of simulated time.
+    /// Simulated time requested so far, s.
     asked_s: AtomicU64,
-    /// Whether nobody waits for compilers any more.
+    /// Whether compilers should end because their results are no longer needed.
     given_up: AtomicBool,
     /// Why nothing could be compiled.
     problem: OnceLock<CompileProblem>,
@@ -62,18 +62,18 @@ pub struct Compiled {
 struct Loaded {
     steps: CompiledSteps,
     origin: Origin,
-    /// Where the functions stand.
+    /// The libraries that hold the functions.
     _libraries: Vec<Library>,
 }
 
 impl Compiled {
-    /// For those who cannot wait until it is worth it.
+    /// Compiles at the first request, for users who cannot wait until it pays off.
     pub fn at_once() -> Self {
         Self { asked_s: AtomicU64::new(WORTH_S), ..Self::default() }
     }
 
-    /// As [`Compiled::steps`], where this many more simulated seconds make it worth it. Where the work is cancelled while
-    /// a compiler runs there are no functions from then on.
+    /// As [`Compiled::steps`], if the further simulated seconds make it worthwhile. If the work is cancelled while a
+    /// compiler runs, there are no functions from then on.
     pub(crate) fn when_worth(
         &self,
         program: &Program,
@@ -87,7 +87,7 @@ impl Compiled {
         if is_worth { self.steps_unless(program, level, cancel) } else { None }
     }
 
-    /// Compiles now what [`Compiled::when_worth`] would compile for so many seconds.
+    /// Compiles now what [`Compiled::when_worth`] would compile for this much simulated time.
     pub(crate) fn prepare(
         &self,
         program: &Program,
@@ -108,12 +108,12 @@ impl Compiled {
         method == Settings::campaign().method && is_worth
     }
 
-    /// What [`Compiled::steps`] has found before, somewhere else.
+    /// The functions if an earlier call has found them; never compiles.
     pub fn ready(&self, level: Level) -> Option<&CompiledSteps> {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
     }
 
-    /// The functions for one lane beside a live stream, where the solver would otherwise not keep up by a wide margin.
+    /// The single-lane functions for a live stream, if the uncompiled solver lacks a wide speed margin.
     pub fn steps_for_live(&self, program: &Program) -> Option<&CompiledSteps> {
         let is_needed = policy() == Policy::Only || simulated_per_second(program) < ENOUGH_FOR_LIVE;
         if is_needed { self.steps(program, Level::Single) } else { None }
@@ -125,7 +125,7 @@ impl Compiled {
         loaded.map(|loaded| &loaded.origin).next()
     }
 
-    /// Ends compilers that run, and starts none: nobody needs what they make any more.
+    /// Ends running compilers and starts none; use it when their results are no longer needed.
     pub fn give_up(&self) {
         self.given_up.store(true, Ordering::Relaxed);
     }
@@ -135,8 +135,8 @@ impl Compiled {
         &self.loaded[place.expect("a level")]
     }
 
-    /// The functions for a program, which must always be the same, for runs by the method of campaigns that begin with
-    /// the lanes of a level. `None` without a compiler.
+    /// The functions for a program and a level, with the method of campaigns. The program must always be the same.
+    /// `None` without a compiler.
     pub fn steps(&self, program: &Program, level: Level) -> Option<&CompiledSteps> {
         self.steps_unless(program, level, None)
     }
@@ -160,7 +160,7 @@ impl Compiled {
         loaded.as_ref().map(|loaded| &loaded.steps)
     }
 
-    /// Why nothing could be compiled, once it was tried. Steps then take half as long again.
+    /// Why nothing could be compiled, after an attempt. Steps then take half as long again.
     pub fn problem(&self) -> Option<&CompileProblem> {
         self.problem.get()
     }
@@ -178,7 +178,7 @@ impl Compiled {
 /// When steps are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
-    /// Where it saves more time than it takes.
+    /// When compiling saves more time than it takes.
     Auto,
     /// Never.
     Never,
@@ -199,16 +199,16 @@ fn policy() -> Policy {
     all.into_iter().find(|policy| *policy as u8 == stored).unwrap_or(Policy::Auto)
 }
 
-/// Where compiled steps come from.
+/// The origin of compiled steps.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Origin {
     /// The cache.
     Cached,
     /// A compiler.
     Compiled {
-        /// The compiler.
+        /// The compiler command.
         program: String,
-        /// How long it took, s.
+        /// Compile time, s.
         seconds: f64,
     },
 }
@@ -237,14 +237,14 @@ fn compiler() -> Option<String> {
     if policy() == Policy::Never {
         return None;
     }
-    // An empty CC is no wish for slow steps, an empty SERVOTWIN_CC is one.
+    // An empty CC does not ask for slow steps; an empty SERVOTWIN_CC does.
     let general = || env::var("CC").ok().filter(|named| !named.trim().is_empty());
     let named = env::var("SERVOTWIN_CC").ok().or_else(general);
     Some(named.unwrap_or_else(|| "cc".into())).filter(|named| !named.trim().is_empty())
 }
 
-/// The program and its first arguments. The longest beginning that is a file is the program, so that its path may have
-/// spaces; else the first word.
+/// Splits the compiler command into program and arguments. The longest prefix that is a file is the program, so its
+/// path may have spaces. Otherwise the first word is.
 fn program_and_arguments(compiler: &str) -> (&str, Vec<&str>) {
     let compiler = compiler.trim();
     let ends = compiler.char_indices().rev().filter(|(_, c)| c.is_whitespace()).map(|(at, _)| at);
@@ -257,7 +257,7 @@ fn program_and_arguments(compiler: &str) -> (&str, Vec<&str>) {
 /// Why steps are not compiled.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CompileProblem {
-    /// No files can be written where temporary files belong.
+    /// Temporary files cannot be written.
     Folder {
         /// The folder for temporary files.
         folder: PathBuf,
@@ -266,21 +266,21 @@ pub enum CompileProblem {
     },
     /// The compiler cannot be started.
     Start {
-        /// The compiler.
+        /// The compiler command.
         program: String,
         /// The message of the operating system.
         cause: String,
     },
     /// The compiler ends with an error.
     Failed {
-        /// The compiler.
+        /// The compiler command.
         program: String,
         /// The first error it prints, or its exit status.
         cause: String,
     },
-    /// The compiler does not end.
+    /// The compiler exceeds its time limit.
     Hangs {
-        /// The compiler.
+        /// The compiler command.
         program: String,
     },
     /// The compiled library cannot be loaded.
@@ -290,9 +290,9 @@ pub enum CompileProblem {
         /// The message of the operating system.
         cause: String,
     },
-    /// The compiled step returns other numbers.
+    /// The compiled step returns other numbers than the lists.
     OtherNumbers {
-        /// The compiler.
+        /// The compiler command.
         program: String,
     },
 }
@@ -334,12 +334,11 @@ impl fmt::Display for CompileProblem {
     }
 }
 
-/// Flags that some compilers do not know: without them loads stand long before what they are for, and go to memory
-/// again.
+/// Flags that some compilers do not know. Without them loads come long before their use and spill to memory again.
 const SCHEDULING: &[&str] = &["-fschedule-insns", "-fsched-pressure"];
 
 impl Loaded {
-    /// `Err(None)` where nobody waits for it any more, or nothing can be written of the program.
+    /// `Err(None)` if the work was given up, or if the program cannot be written as C.
     fn new(
         program: &Program,
         level: Level,
@@ -365,7 +364,7 @@ impl Loaded {
         fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
         let with = |flags| libraries(compiler, flags, &levels, (&source, &folder), patience);
         let libraries = with(SCHEDULING).or_else(|problem| match problem {
-            // Only flags can make another compiler of it.
+            // Other flags can only help if the compiler failed.
             Some(CompileProblem::Failed { .. }) => with(&[]),
             other => Err(other),
         })?;
@@ -379,7 +378,7 @@ impl Loaded {
         Ok(loaded)
     }
 
-    /// Takes the functions of the libraries if they are the program's, and give the bits of the lists.
+    /// Accepts the functions of the libraries if they belong to the program and give the bits of the lists.
     fn checked(
         program: &Program,
         levels: &[Level],
@@ -388,8 +387,8 @@ impl Loaded {
     ) -> Option<Self> {
         let method = Settings::campaign().method;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
-            // SAFETY: a text's functions, compiled for lanes of this level, which is available; the library stays
-            // loaded as long as they are there.
+            // SAFETY: the functions of our own text, compiled for lanes of this level, which is available; the library
+            // stays loaded as long as they exist.
             unsafe {
                 CompiledStep::find(method, level.width(), |name| {
                     let symbol = library.get::<*const ()>(name.as_bytes()).ok()?;
@@ -397,7 +396,7 @@ impl Loaded {
                 })
             }
         });
-        // SAFETY: made of this method.
+        // SAFETY: compiled for this method.
         let steps =
             unsafe { CompiledSteps::new(program, method, functions.collect::<Option<_>>()?) }?;
         let moments = |steps| first_moments(program, levels[0], steps);
@@ -407,11 +406,11 @@ impl Loaded {
 }
 
 fn load(path: &Path) -> Result<Library, libloading::Error> {
-    // SAFETY: a library of straight lines, which does nothing when it is loaded.
+    // SAFETY: a library of straight-line code, which does nothing when loaded.
     unsafe { Library::new(path) }
 }
 
-/// The text compiled for the lanes of all levels, side by side, and loaded.
+/// Compiles the text for the lanes of all levels in parallel, and loads the libraries.
 fn libraries(
     compiler: &str,
     flags: &[&str],
@@ -424,7 +423,7 @@ fn libraries(
     }
     let start = |level: &Level| compile(compiler, flags, *level, source, folder);
     let started: Vec<io::Result<Child>> = levels.iter().map(start).collect();
-    // All of them, so that none goes on when one has failed.
+    // Wait for all, so that none keeps running when one has failed.
     let ended: Vec<Result<(), Option<CompileProblem>>> = (started.into_iter().zip(levels))
         .map(|(started, level)| match started {
             Ok(child) => ended(child, compiler, &folder.messages(*level), patience),
@@ -444,7 +443,7 @@ fn libraries(
     levels.iter().map(load).collect()
 }
 
-/// The compiler as messages call it: a path with spaces that is wrong shows whole.
+/// The compiler's name in messages: the whole command, so that a wrong path with spaces is visible.
 fn named(compiler: &str) -> String {
     compiler.trim().to_owned()
 }
@@ -454,24 +453,24 @@ fn loader_message(error: &libloading::Error) -> String {
     without_path(&error.source().map_or_else(|| error.to_string(), ToString::to_string))
 }
 
-/// The same without the file that is gone by then.
+/// The message without the path of the temporary file, which no longer exists.
 fn without_path(cause: &str) -> String {
     let cause = cause.rsplit_once(".so: ").map_or(cause, |(_, behind)| behind);
     cause.replace('\n', " ")
 }
 
 fn folder_problem(cause: &io::Error) -> CompileProblem {
-    // The path of a random name is of no use to anybody.
+    // The path with a random name does not help users.
     let cause = cause.to_string();
     let cause = cause.split(" at path ").next().unwrap_or_default().to_owned();
     CompileProblem::Folder { folder: env::temp_dir(), cause }
 }
 
-/// Has every second root found by iteration.
+/// Enables iteration for every second root.
 const ITERATING: &str = "-DITERATE_ROOTS";
 
-/// Whether the derivatives of eight lanes wait for the unit for roots and divisions: on processors of Intel, where a
-/// campaign takes 7 % less time with every second root iterated, and not on those of AMD, where it takes 4 % more.
+/// Whether eight lanes stall on the unit for roots and divisions. They do on Intel processors: iterating every second
+/// root makes a campaign 7 % faster. On AMD processors it makes it 4 % slower.
 fn roots_wait() -> bool {
     #[cfg(target_arch = "x86_64")]
     return std::arch::x86_64::__cpuid(0).ebx.to_le_bytes() == *b"Genu";
@@ -479,7 +478,7 @@ fn roots_wait() -> bool {
     false
 }
 
-/// Starts to compile for the lanes of a level.
+/// Starts the compiler for the lanes of a level.
 fn compile(
     compiler: &str,
     flags: &[&str],
@@ -490,7 +489,7 @@ fn compile(
     let wide: &[&str] = match level.register_width() {
         8 => &["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"],
         4 => &["-mavx2"],
-        // Without branches where there is a choice.
+        // Avoids branches for selections.
         _ if Level::Avx2Once.available() => &["-mavx2"],
         _ => &[],
     };
@@ -498,7 +497,7 @@ fn compile(
     let (program, words) = program_and_arguments(compiler);
     let mut command = Command::new(program);
     let messages = fs::File::create(folder.messages(level))?;
-    // Ctrl-C is for us, who go on with the lists or end as we should.
+    // Ctrl-C must reach only this process, which then continues with the lists or ends in order.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     command
@@ -519,7 +518,7 @@ fn compile(
         .spawn()
 }
 
-/// How long compilers may take.
+/// Time limit and cancellation of compilers.
 struct Patience<'p> {
     until: Instant,
     given_up: &'p AtomicBool,
@@ -532,14 +531,14 @@ impl Patience<'_> {
         is_set(self.given_up) || self.cancel.is_some_and(is_set) || Instant::now() >= self.until
     }
 
-    /// A compiler that takes too long; nothing where nobody waits for it any more.
+    /// The problem of a compiler that exceeds its time limit; `None` if the work was given up.
     fn problem(&self, compiler: &str) -> Option<CompileProblem> {
         let is_late = Instant::now() >= self.until;
         is_late.then(|| CompileProblem::Hangs { program: named(compiler) })
     }
 }
 
-/// Waits for a good end.
+/// Waits for the compiler to succeed, and kills it when patience is over.
 fn ended(
     mut compiling: Child,
     compiler: &str,
@@ -557,7 +556,7 @@ fn ended(
             None => thread::sleep(Duration::from_millis(5)),
         }
     }
-    // A compiler is several processes, which have a group of their own.
+    // A compiler consists of several processes, which share a process group.
     let group = format!("-{}", compiling.id());
     let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
     let _ = compiling.kill();
@@ -565,7 +564,7 @@ fn ended(
     Err(patience.problem(compiler))
 }
 
-/// The first line of a compiler's messages with an error, or the first line at all.
+/// The first line with an error in a compiler's messages, or else the first line.
 fn first_error(messages: &Path) -> Option<String> {
     const LONGEST_LINE: usize = 200;
     let text = String::from_utf8_lossy(&fs::read(messages).ok()?).into_owned();
@@ -575,7 +574,7 @@ fn first_error(messages: &Path) -> Option<String> {
     Some(line)
 }
 
-/// Simulated seconds that one uncompiled lane reaches in a second at the declared inputs.
+/// Simulated seconds per second of one uncompiled lane at the declared inputs.
 fn simulated_per_second(program: &Program) -> f64 {
     const DURATION_S: f64 = 0.5;
     let parameters = program.parameters(&[]);
@@ -599,17 +598,17 @@ fn simulated_per_second(program: &Program) -> f64 {
     DURATION_S / begin.elapsed().as_secs_f64()
 }
 
-/// An input that moves slowly from its default.
+/// A slow ramp from an input's default.
 fn swing(default: f64) -> [f64; 4] {
     [default, 0.1 * default + 1e-3, 0.0, 0.0]
 }
 
-/// Distances of the first states from the first guess, in units of their scale: at work, beyond the upper end stop, and
-/// below vapor pressure beyond the lower one.
+/// Offsets of the initial states from the first guess, in units of their scale: operating point, beyond the upper end
+/// stop, and below vapor pressure beyond the lower one.
 const OFFSETS: [f64; 3] = [0.0, 1.5, -1.5];
 
-/// The bits of short runs from several starts, at the declared inputs and at inputs of zero, with which valves close
-/// and a bypass opens.
+/// The bits of short runs from several initial states, at the declared inputs and at zero inputs. Zero inputs close
+/// valves and open a bypass.
 fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>) -> Vec<Moment> {
     const DURATION_S: f64 = 0.05;
     let constant = |piece| Piecewise::new(vec![0.0], vec![piece]).expect("one piece");
@@ -631,7 +630,7 @@ fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>)
         inputs: inputs[number % inputs.len()].iter().collect(),
         start: start(OFFSETS[number % OFFSETS.len()]),
         settle: number.is_multiple_of(OFFSETS.len()),
-        // The last ones go on in fewer lanes.
+        // Different durations, so that the last runs continue in fewer lanes.
         duration_s: DURATION_S * (1 + number % 2) as f64,
         sample_period_s: 0.01,
         changes: Vec::new(),
@@ -644,7 +643,7 @@ fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>)
     moments.of_jobs
 }
 
-/// What became of one variant.
+/// The result of one variant.
 #[derive(Clone, Default, PartialEq)]
 struct Moment {
     /// The bits of all samples.
@@ -652,7 +651,7 @@ struct Moment {
     outcome: Option<Result<Statistics, Failure>>,
 }
 
-/// Gives out waiting and notes what becomes of them.
+/// Hands out the waiting jobs and records their results.
 struct Moments<'a> {
     waiting: Vec<Job<'a>>,
     of_jobs: Vec<Moment>,
@@ -672,12 +671,12 @@ impl<'a> JobSource<'a> for Moments<'a> {
     }
 }
 
-/// A folder for this user alone, removed when it is no longer needed: what is loaded stays in memory.
+/// A private folder, removed when no longer needed; loaded code stays in memory.
 struct Folder(TempDir);
 
 impl Folder {
     fn new() -> Result<Self, CompileProblem> {
-        // A process that was killed could not remove its own.
+        // A killed process could not remove its folder.
         remove_abandoned_folders(&env::temp_dir());
         let made = tempfile::Builder::new().prefix(&own_prefix()).tempdir();
         made.map(Self).map_err(|cause| folder_problem(&cause))
@@ -764,14 +763,14 @@ mod tests {
             given_up.store(is_given_up, Ordering::Relaxed);
             let patience =
                 Patience { until: Instant::now() + until, given_up: &given_up, cancel: None };
-            // Flags that follow are arguments that it does not look at.
+            // The shell ignores the flags that follow.
             let hanging = "sh -c cat</dev/zero>/dev/null";
             let problem = Loaded::new(&program, Level::Portable, hanging, &patience).err();
             assert_eq!(problem.map(|told| told.is_some()), Some(!is_given_up));
         }
     }
 
-    /// The text's two roots of eight numbers, compiled for eight lanes.
+    /// The two roots of the C text, compiled for eight lanes.
     fn roots(numbers: &[[f64; 8]]) -> Vec<[[f64; 8]; 2]> {
         const FUNCTIONS: &str = "void roots(IN x, OUT iterated, OUT known) { int lane = 0; \
              PUT(iterated, 0, iterated_root(AT(x, 0))); PUT(known, 0, root(AT(x, 0))); }";
@@ -798,9 +797,9 @@ mod tests {
         numbers.iter().map(of).collect()
     }
 
-    /// Numbers with a root nearer than 2⁻⁴³ of a last place to the middle of two doubles: N with 4 N = r² + d, where N is
-    /// a double's mantissa times a power of two, r an odd number of 54 bits and d small. Modulo a power of two an odd
-    /// square has four roots, which differ in sign and by half of it.
+    /// Numbers with a root nearer than 2⁻⁴³ of a last place to the middle of two doubles: N with 4 N = r² + d, where N
+    /// is a double's mantissa times a power of two, r an odd number of 54 bits and d small. Modulo a power of two an
+    /// odd square has four roots, which differ in sign and by half of the modulus.
     fn hardest_roots() -> Vec<f64> {
         let mut hardest = Vec::new();
         for (bits, d) in [54_u32, 55].into_iter().flat_map(|b| (-4095..4096).map(move |d| (b, d))) {

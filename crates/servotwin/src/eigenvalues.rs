@@ -1,11 +1,9 @@
-//! Eigenvalues of a small dense matrix, and of a system at rest.
+//! Eigenvalues of a small dense matrix, and of a system in steady state.
 //!
-//! A real matrix is brought to Hessenberg form by similarity eliminations with
-//! pivoting; then complex QR steps with Givens rotations and Wilkinson's shift
-//! (Golub and Van Loan, *Matrix Computations*, 4th ed., 7.4–7.5) split off one
-//! eigenvalue after another. Rows and columns are scaled by the states' scales
-//! first, which leaves the eigenvalues as they are and makes them accurate
-//! although pressures are 1e10 times positions.
+//! Similarity eliminations with pivoting bring a real matrix to Hessenberg form. Complex QR steps with Givens rotations
+//! and Wilkinson's shift (Golub and Van Loan, *Matrix Computations*, 4th ed., 7.4–7.5) then split off one eigenvalue
+//! after another. Rows and columns are first scaled by the states' scales. This leaves the eigenvalues unchanged and
+//! makes them accurate although pressures are 1e10 times positions.
 
 // Matrix algorithms are clearer with the indices of their textbooks.
 #![expect(clippy::needless_range_loop)]
@@ -41,7 +39,7 @@ impl Complex {
         Self { re: self.re * factor, im: self.im * factor }
     }
 
-    /// The root with a real part that is not negative.
+    /// The square root with a non-negative real part.
     fn sqrt(self) -> Self {
         let size = self.abs();
         let re = (0.5 * (size + self.re)).max(0.0).sqrt();
@@ -74,9 +72,9 @@ impl Mul for Complex {
     }
 }
 
-/// The eigenvalues of a square matrix, fastest last, each conjugate pair with
-/// its positive imaginary part first; what is complex by rounding only is real. `None` where the iteration does not end
-/// (numbers that are not finite).
+/// The eigenvalues of a square matrix, fastest last. Each conjugate pair has its positive imaginary part first;
+/// imaginary parts due to rounding are set to zero. `None` if the iteration does not converge (numbers that are not
+/// finite).
 pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
     let norm = matrix.iter().flatten().fold(0.0, |sum: f64, entry| sum.hypot(*entry));
     to_hessenberg(&mut matrix);
@@ -105,15 +103,14 @@ pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
     Some(found)
 }
 
-/// An eigenvalue of a real matrix, whose imaginary part is none if rounding may have made it.
+/// An eigenvalue of a real matrix, with its imaginary part set to zero if rounding may explain it.
 fn without_rounding(value: Complex, norm: f64) -> Complex {
     const ROUNDING: f64 = 1e-9;
     let is_real = value.im.abs() <= (ROUNDING * value.abs()).max(f64::EPSILON * norm);
     if is_real { Complex { im: 0.0, ..value } } else { value }
 }
 
-/// Slow before fast; within a pair, whose sizes may differ by rounding, the
-/// positive imaginary part first.
+/// Slow before fast; within a pair, whose sizes may differ by rounding, the positive imaginary part first.
 fn by_speed(a: &Complex, b: &Complex) -> Ordering {
     let rounded = |c: &Complex| (c.abs() as f32, c.re as f32);
     let (a_size, b_size) = (rounded(a), rounded(b));
@@ -143,7 +140,7 @@ fn to_hessenberg(a: &mut [Vec<f64>]) {
     }
 }
 
-/// Where the last block without a negligible subdiagonal entry begins.
+/// The start of the last block without a negligible subdiagonal entry.
 fn block_begin(h: &[Vec<Complex>], size: usize) -> usize {
     let mut low = size - 1;
     while low > 0 {
@@ -156,8 +153,7 @@ fn block_begin(h: &[Vec<Complex>], size: usize) -> usize {
     low
 }
 
-/// The eigenvalue of the last two rows and columns that is nearer to the last
-/// entry.
+/// The eigenvalue of the last 2 × 2 block that is closer to the last entry.
 fn wilkinson_shift(h: &[Vec<Complex>], size: usize) -> Complex {
     let (a, b) = (h[size - 2][size - 2], h[size - 2][size - 1]);
     let (c, d) = (h[size - 1][size - 2], h[size - 1][size - 1]);
@@ -167,7 +163,7 @@ fn wilkinson_shift(h: &[Vec<Complex>], size: usize) -> Complex {
     d + if plus.abs() < minus.abs() { plus } else { minus }
 }
 
-/// Breaks cycles.
+/// A shift that breaks cycles of the iteration.
 fn exceptional_shift(h: &[Vec<Complex>], size: usize) -> Complex {
     let re = h[size - 1][size - 1].re + h[size - 1][size - 2].abs();
     Complex { re, im: 0.3 * h[size - 1][size - 2].abs() }
@@ -206,8 +202,8 @@ fn qr_step(h: &mut [Vec<Complex>], low: usize, size: usize, shift: Complex) {
     }
 }
 
-/// The eigenvalues of a healthy system's equations at given states and inputs,
-/// 1/s. `None` where the equations give numbers that are not finite.
+/// The eigenvalues of a healthy system's equations at given states and inputs, 1/s. `None` if the equations give
+/// numbers that are not finite.
 pub fn of_system(program: &Program, states: &[f64], inputs: &[f64]) -> Option<Vec<Complex>> {
     let parameters = program.parameters(&[]);
     let mut memory = StepMemory::<f64>::new(program);
@@ -303,7 +299,7 @@ mod tests {
         assert!((square_sum - Complex { re: squares, im: 0.0 }).abs() < 1e-10);
     }
 
-    /// Whoever shows one of each pair must not lose a real one.
+    /// Code that shows one of each pair must not lose a real eigenvalue.
     #[test]
     fn as_many_have_a_positive_imaginary_part_as_a_negative_one() {
         for name in ["aileron_dual", "press_axis", "valve_and_cylinder"] {

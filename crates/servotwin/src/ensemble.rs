@@ -1,9 +1,8 @@
-//! Variants on all cores: threads × lanes.
+//! Simulates variants on all cores: threads × lanes.
 //!
-//! Every thread fills its lanes from one counter; a lane that is free takes the
-//! next variant. What a variant computes depends on nothing else, so results
-//! are the same bits for any number of threads and any instruction set; only
-//! the order in which variants finish differs.
+//! Every thread fills its lanes from one counter; a free lane takes the next variant. A variant's result depends on
+//! nothing else, so it has the same bits for any number of threads and any instruction set. Only the order in which
+//! variants finish differs.
 
 use crate::compiled::Compiled;
 use crate::system::System;
@@ -17,11 +16,11 @@ use servotwin_model::solver::{
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// How to run variants of a program.
+/// Settings for running variants of a program.
 pub struct Ensemble<'p> {
-    /// The system.
+    /// The program of the system.
     pub program: &'p Program,
-    /// Its compiled step, for those who have much to do.
+    /// Its compiled step, for large amounts of work.
     pub compiled: Option<&'p Compiled>,
     /// The solver's settings.
     pub settings: Settings,
@@ -29,22 +28,22 @@ pub struct Ensemble<'p> {
     pub level: Level,
     /// Number of threads, at least one.
     pub threads: usize,
-    /// What to record, as places in the variable array.
+    /// The recorded variables, as slots in the variable array.
     pub record: Vec<Slot>,
-    /// Length of every run, s.
+    /// Duration of every run, s.
     pub duration_s: f64,
     /// Time between samples, s.
     pub sample_period_s: f64,
-    /// Set from elsewhere to stop: variants that have not ended are dropped.
+    /// Stops the work when set; variants that have not ended are dropped.
     pub cancel: Option<&'p AtomicBool>,
 }
 
-/// What is otherwise from a moment on.
+/// A change at a moment within a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Later {
-    /// The moment, s.
+    /// Time of the change, s.
     pub time_s: f64,
-    /// The faults.
+    /// The faults from then on.
     pub faults: Vec<FaultAt>,
     /// Parameters that differ from the variant's: (component, parameter, value).
     pub overrides: Vec<(usize, usize, f64)>,
@@ -55,7 +54,7 @@ pub struct Later {
 pub struct Variant<'a> {
     /// The faults.
     pub faults: Vec<FaultAt>,
-    /// What holds from later moments on, in the order of time, each instead of what held before.
+    /// Changes at later moments, in the order of time; each replaces the one before.
     pub later: Vec<Later>,
     /// Parameters that differ from the system's, before faults: (component,
     /// parameter, value).
@@ -64,13 +63,13 @@ pub struct Variant<'a> {
     pub inputs: Vec<&'a Piecewise>,
     /// First guess of the states; `None` for the declared one.
     pub guess: Option<&'a [f64]>,
-    /// Length of the run, s; `None` for the ensemble's.
+    /// Duration of the run, s; `None` for the ensemble's.
     pub duration_s: Option<f64>,
 }
 
-/// What takes the samples of one variant.
+/// Receives the samples of one variant.
 pub trait Sink {
-    /// The recorded values at a sample.
+    /// Receives the recorded values at a sample.
     fn sample(&mut self, index: usize, values: &[f64]);
 }
 
@@ -94,7 +93,7 @@ impl Sink for Rows {
     }
 }
 
-/// A thread for each: as many as the machine has processors.
+/// The number of processors of the machine, used as the default number of threads.
 pub fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, |processors| processors.get())
 }
@@ -115,21 +114,19 @@ impl<'p> Ensemble<'p> {
         }
     }
 
-    /// As [`Ensemble::new`], of a system's program, which is compiled where that is worth it.
+    /// As [`Ensemble::new`] for a system's program, which is compiled if that pays off.
     pub fn of(system: &'p System) -> Self {
         Self { compiled: Some(&system.compiled), ..Self::new(&system.program) }
     }
 
     /// Number of samples of every run.
     pub fn samples(&self) -> usize {
-        // A period that divides the duration must not lose its last sample to
-        // rounding.
+        // A period that divides the duration must not lose its last sample to rounding.
         (self.duration_s / self.sample_period_s + 1e-6) as usize + 1
     }
 
-    /// Runs the variants `0 .. count`: `variant` and `sink` make each of them
-    /// in its thread; `done` is called when one has ended, one call at a time,
-    /// in no particular order.
+    /// Runs the variants `0 .. count`. `variant` and `sink` create each of them in its thread. `done` is called when
+    /// one has ended, one call at a time, in no particular order.
     pub fn run<'a, S: Sink + Send>(
         &self,
         count: usize,
@@ -170,8 +167,8 @@ impl<'p> Ensemble<'p> {
         });
     }
 
-    /// Waits for compilers that so many variants are worth, unless [`Ensemble::cancel`] is set: for those who run them
-    /// with another flag.
+    /// Compiles in advance if this many variants justify it, and waits for the compilers unless [`Ensemble::cancel`] is
+    /// set. Use it before a run with another cancel flag.
     pub fn prepare(&self, count: usize) {
         if let Some(compiled) = self.compiled {
             let (level, method) = (self.level.compiled(), self.settings.method);
@@ -180,7 +177,7 @@ impl<'p> Ensemble<'p> {
         }
     }
 
-    /// The compiled step, where it is worth it for so many variants.
+    /// The compiled step, if this many variants justify it.
     fn compiled_steps(&self, count: usize) -> Option<&'p CompiledSteps> {
         let compiled = self.compiled?;
         let (level, method) = (self.level.compiled(), self.settings.method);
@@ -192,11 +189,10 @@ impl<'p> Ensemble<'p> {
         count as f64 * self.duration_s
     }
 
-    /// Runs one variant and gives its samples, one vector per recorded slot. It
-    /// runs to its end: `cancel` is not heeded.
+    /// Runs one variant to its end and returns its samples, one vector per recorded slot. It ignores `cancel`.
     ///
     /// # Errors
-    /// Where the solver could not go on.
+    /// The solver could not continue.
     pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
         let mut result = None;
         Ensemble { cancel: None, record: self.record.clone(), ..*self }.run(
@@ -208,18 +204,18 @@ impl<'p> Ensemble<'p> {
         result.expect("one variant ends once")
     }
 
-    /// The steady state of a variant at its inputs of time zero.
+    /// The steady state of a variant at its initial inputs.
     ///
     /// # Errors
-    /// Where the search met numbers that are not finite.
+    /// The search met numbers that are not finite.
     pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, Failure> {
         settle(self.program, self.job(0, variant))
     }
 
-    /// As [`Ensemble::settle`], with the work that it took: whether there was a rest.
+    /// As [`Ensemble::settle`], with the solver's statistics, which show whether a steady state was found.
     ///
     /// # Errors
-    /// Where the search met numbers that are not finite.
+    /// The search met numbers that are not finite.
     pub fn settle_counted(&self, variant: &Variant) -> Result<(Vec<f64>, Statistics), Failure> {
         settle_counted(self.program, self.job(0, variant))
     }
@@ -245,7 +241,7 @@ impl<'p> Ensemble<'p> {
             changes: variant.later.iter().map(|later| self.change(variant, later)).collect(),
         };
         if explicit {
-            // The search for rest takes steps that only an implicit method can.
+            // The search for a steady state needs an implicit method.
             let rest = settle(self.program, job.clone());
             job.settle = false;
             job.start = rest.unwrap_or(job.start);
@@ -273,7 +269,7 @@ struct Worker<'w, 'p, V, K, S, D> {
     variant: &'w V,
     sink: &'w K,
     done: &'w Mutex<D>,
-    /// Variants that are in a lane now.
+    /// Variants currently in a lane.
     open: Vec<(usize, S)>,
 }
 

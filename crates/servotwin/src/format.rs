@@ -1,5 +1,4 @@
-//! What a file may say, as data: from it a file is checked, its JSON Schema made, and the table of its
-//! keys in the book.
+//! File formats as data. Checks, the JSON Schema and the book's table of keys are derived from it.
 
 use crate::document::{self, Entry, Span, entries};
 use crate::nearest::nearest;
@@ -12,21 +11,21 @@ use toml::de::{DeValue, ValueDeserializer};
 
 /// A key of a table.
 pub struct Key {
-    /// The key.
+    /// Name of the key.
     pub name: &'static str,
-    /// What stands behind it.
+    /// Kind of its value.
     pub value: Value,
-    /// Whether it must be there.
+    /// Whether the key is required.
     pub obligatory: bool,
-    /// One line for people.
+    /// One line for the documentation.
     pub summary: &'static str,
 }
 
-/// What stands behind a key.
+/// Kind of a key's value.
 pub enum Value {
-    /// A number, from the first to the second, in a unit.
+    /// A number from the first to the second, with its unit.
     Number(f64, f64, &'static str),
-    /// A whole number, from the first to the second.
+    /// A whole number from the first to the second.
     Whole(f64, f64),
     /// Two numbers, the lower one first.
     Range,
@@ -34,29 +33,29 @@ pub enum Value {
     Flag,
     /// A text.
     Text,
-    /// One of some words.
+    /// One of a list of words.
     Word(fn() -> Vec<&'static str>),
     /// A signal: a text, a number, a table with `kind`, or a list of them.
     Signal,
-    /// A list of at least so many.
+    /// A list with at least this many elements.
     List(usize, &'static Value),
-    /// A table of at least so many names that are chosen freely.
+    /// A table of freely named entries, with at least this many.
     Names(usize, &'static Value),
     /// A table with known keys.
     Table(&'static [Key]),
 }
 
-/// A key that must be there.
+/// A required key.
 pub const fn must(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: true, summary }
 }
 
-/// A key that may be there.
+/// An optional key.
 pub const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: false, summary }
 }
 
-/// The kind of value that a field's type implies, where no range or list of words narrows it.
+/// The kind of value that a field's type implies, unless a range or a list of words narrows it.
 pub(crate) trait Described {
     /// The kind of value.
     const VALUE: Value;
@@ -97,7 +96,7 @@ impl<T: Described> Described for BTreeMap<String, T> {
 /// Declares a section of a file once: the struct that serde fills, and its keys as data. Checks, JSON Schema, the
 /// book's table and the fields' documentation all come from this declaration.
 ///
-/// A field is `must` or `may`, a name, a type, the kind of value where the type does not imply it, and a summary.
+/// A field has `must` or `may`, a name, a type, the kind of value unless the type implies it, and a summary.
 macro_rules! section {
     (
         $(#[$attribute:meta])*
@@ -139,10 +138,10 @@ macro_rules! section {
 }
 pub(crate) use section;
 
-/// Where mistakes go: the place, and what is wrong there.
+/// Receives mistakes with their places.
 pub type Note<'n> = &'n mut dyn FnMut(&Span, document::Mistake);
 
-/// Checks the keys of a table that stands at a place.
+/// Checks the keys of a table; `at` and `place` locate it in messages.
 pub fn check_table(keys: &[Key], at: &Span, place: &str, all: &[Entry], note: Note) {
     for entry in all {
         match keys.iter().find(|key| key.name == entry.key) {
@@ -167,7 +166,7 @@ pub fn check_table(keys: &[Key], at: &Span, place: &str, all: &[Entry], note: No
 impl Value {
     fn check(&self, summary: &'static str, entry: &Entry, note: Note) {
         if let Err(mistake) = self.checked(summary, entry, note) {
-            // The value of a section is its whole text: the key is the better place.
+            // The value of a section is its whole text, so its key is the better place.
             let is_section = matches!(self, Value::Table(_) | Value::Names(..));
             let at = if is_section { entry.at.clone() } else { entry.value_at() };
             note(&at, mistake);
@@ -242,8 +241,8 @@ impl Value {
         }
     }
 
-    /// A value as it should be: without keys that are not known, and with a stand-in for whatever is missing or cannot be
-    /// read. So what is right elsewhere can be understood, and what is wrong there be told.
+    /// A corrected copy of a value: without unknown keys, and with stand-ins for missing or invalid values. It lets the
+    /// reader continue and report the mistakes elsewhere.
     fn mended(&self, value: Option<toml::Value>) -> toml::Value {
         use toml::Value as Toml;
         match (self, value) {
@@ -294,7 +293,7 @@ impl Value {
         }
     }
 
-    /// How a key with such a value is written.
+    /// An example of a key with such a value.
     fn example(&self, name: &str) -> String {
         match self {
             Value::Number(min, max, unit) => {
@@ -312,7 +311,7 @@ impl Value {
         }
     }
 
-    /// Its JSON Schema.
+    /// The JSON Schema of the value.
     pub fn schema(&self) -> Json {
         match *self {
             Value::Number(min, max, _) => number(min, max),
@@ -334,7 +333,7 @@ impl Value {
         }
     }
 
-    /// What it is, in words.
+    /// A description of the value for the documentation.
     pub fn words(&self) -> String {
         match self {
             Value::Number(min, max, unit) if max.is_finite() => {
@@ -364,8 +363,8 @@ pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
     there.collect()
 }
 
-/// The keys of which a value is missing or cannot be read. What is unknown, or one word of several, changes nothing that
-/// others rest on.
+/// The keys with missing or invalid values. Unknown keys and unknown words do not count, because nothing else depends
+/// on them.
 pub fn doubtful(keys: &[Key], all: &[Entry]) -> Vec<&'static str> {
     use document::Mistake::{UnknownKey, UnknownWord};
     let is_doubtful = |key: &&Key| {
@@ -400,7 +399,7 @@ fn enough(count: usize, least: usize, entry: &Entry) -> Result<(), document::Mis
     Err(document::Mistake::TooFew { key: entry.key.into(), least })
 }
 
-/// The signal that a value is.
+/// Parses a signal.
 fn signal(value: &Spanned<DeValue>) -> Result<Signal, document::Mistake> {
     Signal::deserialize(ValueDeserializer::from(value.clone())).map_err(|error| {
         let message = error.message().trim().to_owned();
@@ -439,7 +438,7 @@ pub fn object(keys: &[Key]) -> Json {
     })
 }
 
-/// All keys with what they are, as a Markdown table; those of inner tables with dots.
+/// All keys as a Markdown table; keys of inner tables have dots.
 pub fn markdown(keys: &[Key]) -> String {
     let mut text = String::from("| key | what it is | meaning |\n| --- | --- | --- |\n");
     rows(keys, "", &mut text);

@@ -1,5 +1,5 @@
-//! Whether a text is a system, a study or a study of traces, also where it is no valid TOML: as what stands in it shows. And where
-//! it is read from.
+//! Detects whether a text is a system, a study or a trace study from its keys, even if it is not valid TOML. Also finds
+//! the text of a path or a built-in name.
 
 use crate::built_in;
 use crate::document::{Collector, Diagnostic, Mistake};
@@ -9,28 +9,28 @@ use std::borrow::Cow;
 use std::path::Path;
 use toml::de::DeTable;
 
-/// What a file for the toolkit is.
+/// The type of a toolkit file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileType {
     /// Components and their connections.
     System,
     /// Faults, cases and sensors of a system.
     Study,
-    /// Which columns of traces are what: a study file of `servotwin features`.
+    /// The roles of columns in traces: a study file of `servotwin features`.
     Traces,
 }
 
-/// What lines of a system begin with, and none of a study.
+/// Line beginnings that occur in systems only.
 const OF_SYSTEM: [&str; 6] =
     ["[components", "[assemblies", "[fluids", "[system]", "components", "assemblies"];
-/// The reverse.
+/// Line beginnings that occur in studies only.
 const OF_STUDY: [&str; 6] =
     ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
-/// What neither has.
+/// Line beginnings that occur in trace studies only.
 const OF_TRACES: [&str; 1] = ["window_rows"];
 
 impl FileType {
-    /// What a text is; `None` where it looks like none of them, or like several.
+    /// The type of a text; `None` if it matches none of them, or several.
     pub fn of(text: &str) -> Option<Self> {
         let begins = |words: &[&str]| {
             text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
@@ -43,8 +43,8 @@ impl FileType {
         }
     }
 
-    /// The text at a path, and what messages call it: what is built in by that name, of this kind before the
-    /// other, which is then told as what it is; else the file.
+    /// The text at a path, and its name in messages. Built-in texts come before files, and those of this type before
+    /// the others.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -66,7 +66,7 @@ impl FileType {
         Ok((text.into(), shown.to_string()))
     }
 
-    /// What is missing and has no ending was meant for a name of what is built in.
+    /// Treats a missing path without extension as a misspelled built-in name.
     fn named(self, error: FileError) -> FileError {
         let FileError::Missing { path } = error else { return error };
         let list = match self {
@@ -91,7 +91,7 @@ impl FileType {
         }
     }
 
-    /// The one mistake of a text that is something else.
+    /// The single mistake of a text that has another type.
     pub(crate) fn wanted(self, text: &str) -> Option<Vec<Diagnostic>> {
         let is = FileType::of(text).filter(|is| *is != self)?;
         let help = match (is, named_system(text)) {
@@ -111,7 +111,7 @@ impl FileType {
     }
 }
 
-/// The system that a study names at the root of its file, also where other lines are no valid TOML.
+/// The system named at the root of a study file, even if other lines are not valid TOML.
 pub(crate) fn named_system(text: &str) -> Option<String> {
     let (root, _) = DeTable::parse_recoverable(text);
     Some(root.get_ref().get("system")?.get_ref().as_str()?.to_owned())

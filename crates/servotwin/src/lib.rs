@@ -38,8 +38,8 @@
 //! # 3. Run a study, and 4. train
 //!
 //! A [`Study`](study::Study) lists faults, intensities and operating cases.
-//! [`Study::run`](study::Study::run) simulates them all, trains the diagnosis, evaluates it on commands that it has never
-//! seen; the crate `servotwin-report` makes a page of the results.
+//! [`Study::run`](study::Study::run) simulates them all, trains the diagnosis and evaluates it on new commands.
+//! The crate `servotwin-report` makes a page of the results.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
@@ -52,7 +52,7 @@
 //!
 //! # 5. Monitor
 //!
-//! A [`Monitor`](monitor::Monitor) runs the twin and the diagnosis beside an actuator.
+//! A [`Monitor`](monitor::Monitor) runs the twin and the diagnosis in parallel with an actuator.
 //! The diagnosis learns from flights, which are part of the [full](study::Study::full) study.
 //!
 //! ```no_run

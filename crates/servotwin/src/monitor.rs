@@ -1,7 +1,7 @@
-//! The twin and the diagnosis beside one system, fed sample by sample with named signals.
+//! The twin and the diagnosis of one system, fed sample by sample with named signals.
 //!
-//! A [`Monitor`] simulates the virtual twin with the inputs that you push, compares it with the sensors, and returns
-//! a [`Finding`] with names: what is at fault, what to do, and why.
+//! A [`Monitor`] simulates the virtual twin with the inputs that you push, compares it with the sensors, and returns a
+//! [`Finding`] with names: the fault, the action and the reasons.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
@@ -36,7 +36,7 @@ pub struct Monitor<'s> {
 }
 
 impl<'s> Monitor<'s> {
-    /// A monitor before its first sample. Inputs stand at their defaults.
+    /// A monitor before its first sample. Inputs have their default values.
     ///
     /// # Errors
     /// The diagnoser was trained for another study.
@@ -53,8 +53,8 @@ impl<'s> Monitor<'s> {
         self.period_s
     }
 
-    /// Sets an input or a sensor of the next sample, SI. An input keeps its value until it is set again; a sensor that is
-    /// not set is missing in that sample.
+    /// Sets an input or a sensor of the next sample, SI. An input keeps its value until you set it again. A sensor that
+    /// you do not set is missing in that sample.
     ///
     /// # Errors
     /// The system has neither an input nor a sensor of this name.
@@ -79,7 +79,7 @@ impl<'s> Monitor<'s> {
         }
     }
 
-    /// Takes the sample that was set, and returns what the diagnosis concludes.
+    /// Takes the sample that you have set, and returns the finding.
     pub fn push(&mut self) -> &Finding {
         let time_s = self.samples as f64 * self.period_s;
         self.samples += 1;
@@ -100,9 +100,9 @@ impl<'s> Monitor<'s> {
         self.watcher.push(time_s, inputs, measured)
     }
 
-    /// Takes every row of a table as a sample, and returns the findings that differ from the one before, with their
-    /// times, s. Columns have the names of inputs and sensors, with or without their unit's suffix, as a
-    /// [`Simulation`](crate::simulate::Simulation) writes them; rows follow each other by the diagnoser's period.
+    /// Takes every row of a table as a sample, and returns each changed finding with its time, s. Columns have the
+    /// names of inputs and sensors, with or without their unit's suffix, as a
+    /// [`Simulation`](crate::simulate::Simulation) writes them. Rows must have the diagnoser's period.
     ///
     /// # Errors
     /// A column holds text.
@@ -140,13 +140,13 @@ impl<'s> Monitor<'s> {
         Ok(columns)
     }
 
-    /// Forgets everything but what is switched off: what follows has nothing to do with what was.
+    /// Restarts, because the next sample does not continue the last one. Actuators that are off stay off.
     pub fn restart(&mut self) {
         self.watcher.restart();
     }
 }
 
-/// Where a column of a table goes.
+/// The target of a table's column.
 #[derive(Clone, Copy)]
 enum Channel {
     Input(usize),

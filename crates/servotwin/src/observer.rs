@@ -1,25 +1,24 @@
-//! What is fed with one sample after the other, and what it says.
+//! The interface of observers, which take one sample after the other, and their findings.
 
 use crate::text::spoken;
 use serde::{Deserialize, Serialize, Serializer};
 
-/// What is fed with one sample after the other.
+/// Observes a system sample by sample.
 pub trait Observer {
-    /// One period: the external inputs of the system in its order and the measured sensor values, in SI;
-    /// NaN is missing.
+    /// Takes one sample in SI units: the inputs and the sensor values, in the order of the system; NaN is missing.
     fn push(&mut self, time_s: f64, inputs: &[f64], measured: &[f64]) -> Observation<'_>;
 
-    /// The clock was set or the stream was away for long: what follows has nothing to do with what
-    /// was.
+    /// Restarts, because the clock was set or the stream was interrupted: the next sample does not continue the last
+    /// one.
     fn restart(&mut self);
 
-    /// Everything it knows, to go on later from there.
+    /// Saves the complete state.
     fn save(&self) -> Vec<u8>;
 
-    /// Goes on from what was saved.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// In words why that is not possible.
+    /// The reason, as text.
     fn restore(&mut self, saved: &[u8]) -> Result<(), String>;
 
     /// The names of [`Observation::features`].
@@ -28,39 +27,39 @@ pub trait Observer {
     }
 }
 
-/// What an observer says after a sample.
+/// The result of one sample.
 #[derive(Debug, Clone, Copy)]
 pub struct Observation<'o> {
     /// The twin's sensor values, SI.
     pub twin: &'o [f64],
-    /// Measured less twin, divided by the sensors' scales.
+    /// Measured minus twin, divided by the sensors' scales.
     pub residuals: &'o [f64],
-    /// Half the width of the band of each residual; NaN for none.
+    /// Half width of each residual's band; NaN for none.
     pub bands: &'o [f64],
-    /// What else is worth showing, as [`Observer::features`] names it.
+    /// Further values to show, named by [`Observer::features`].
     pub features: &'o [f64],
-    /// What it means.
+    /// The current finding.
     pub finding: &'o Finding,
 }
 
-/// What the observer holds for true.
+/// State of the diagnosis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// Nothing so far, or too little data.
+    /// No sample yet, or too little data.
     #[default]
     NoData,
-    /// All is well.
+    /// No fault.
     Healthy,
-    /// All is held for well until there is enough evidence, and it is not likely any more.
+    /// Treated as healthy for lack of evidence, although health is no longer likely.
     Undecided,
-    /// Something is wrong.
+    /// A fault is detected, but not isolated.
     Detected,
-    /// It is known what is wrong.
+    /// The fault is isolated.
     Isolated,
-    /// Something is wrong that is outside everything known.
+    /// A fault unlike any in training.
     Unknown,
-    /// The boundary values cannot be trusted, and so nothing can be said.
+    /// A boundary value is invalid, so the actuator is not judged.
     EnvironmentInvalid,
 }
 
@@ -76,12 +75,12 @@ impl State {
         State::EnvironmentInvalid,
     ];
 
-    /// Whether it says anything of the actuator: not without data, nor behind inputs that are not believed.
+    /// Whether the state judges the actuator: not without data, nor with invalid inputs.
     pub fn is_judgement(self) -> bool {
         !matches!(self, State::NoData | State::EnvironmentInvalid)
     }
 
-    /// In words.
+    /// The state as text.
     pub fn words(self) -> &'static str {
         match self {
             State::NoData => "no data",
@@ -94,7 +93,7 @@ impl State {
         }
     }
 
-    /// One character for a timeline of text.
+    /// One character for a text timeline.
     pub fn mark(self) -> char {
         match self {
             State::NoData => ' ',
@@ -108,23 +107,23 @@ impl State {
     }
 }
 
-/// How far an alarm is.
+/// Phase of an alarm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// No alarm.
     #[default]
     None,
-    /// There is evidence, not enough so far.
+    /// There is evidence, but not enough.
     Pending,
-    /// The command is given.
+    /// An action is raised.
     Raised,
-    /// The evidence is gone, the command stands.
+    /// The evidence is gone, but the action remains raised.
     Recovering,
 }
 
 impl Phase {
-    /// In words; nothing where there is no alarm.
+    /// The phase as text; empty without an alarm.
     pub fn words(self) -> &'static str {
         match self {
             Phase::None => "",
@@ -135,37 +134,37 @@ impl Phase {
     }
 }
 
-/// The most reasons of a finding that is restored, and the most bytes of each of its words.
+/// Limits for restored findings: number of evidence lines, and bytes of each text.
 const MAX_EVIDENCE: usize = 1000;
 const MAX_TEXT: usize = 10_000;
 
-/// A finding: what is wrong, what to do, and why.
+/// A finding: the fault, the action and the reasons.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// What is held for true.
+    /// State of the diagnosis.
     pub state: State,
-    /// How far the alarm is.
+    /// Phase of the alarm.
     pub phase: Phase,
-    /// The unit concerned, from 1.
+    /// Number of the actuator concerned, from 1.
     pub actuator: Option<u32>,
-    /// What the study calls it; empty for the only one of a study that gives it no name, which is null in JSON.
+    /// The actuator's name in the study. It is empty for an only actuator without a name, and null in JSON.
     #[serde(default, serialize_with = "named")]
     pub unit: Option<String>,
-    /// What to do; empty for nothing.
+    /// The action to carry out; empty for none.
     pub command: String,
-    /// What is wrong in particular; empty where that is not known.
+    /// The fault class; empty if unknown.
     pub detail: String,
-    /// How sure that is, from 0 to 1.
+    /// Confidence, from 0 to 1.
     pub confidence: f64,
-    /// Why: residuals, the path through trees.
+    /// The reasons as text, such as the worst residual or missing sensors.
     pub evidence: Vec<String>,
-    /// Whether what is asked of the actuator lies, or just lay, outside of what the band was learned from: there it
-    /// promises nothing.
+    /// Whether the operating point is, or recently was, outside the training range of the band, where its guarantee
+    /// does not hold.
     #[serde(default)]
     pub is_outside: bool,
 }
 
-/// The name of a unit, if it has one.
+/// Writes the name of an actuator, or null if it is empty.
 fn named<S: Serializer>(unit: &Option<String>, out: S) -> Result<S::Ok, S::Error> {
     unit.as_ref().filter(|name| !name.is_empty()).serialize(out)
 }
@@ -177,7 +176,7 @@ impl std::fmt::Display for Finding {
 }
 
 impl Finding {
-    /// Whether another one differs in nothing but how sure it is and why. Healthy and undecided differ in nothing else.
+    /// Whether two findings differ at most in confidence and evidence. Healthy and undecided count as the same state.
     pub fn says_the_same(&self, other: &Finding) -> bool {
         let state = |f: &Finding| match f.state {
             State::Undecided => State::Healthy,
@@ -187,7 +186,7 @@ impl Finding {
         said(self) == said(other) && self.command == other.command && self.detail == other.detail
     }
 
-    /// Whether its words are short, without control characters.
+    /// Whether its texts are short and without control characters.
     pub fn is_text(&self) -> bool {
         let words =
             [&self.command, &self.detail].into_iter().chain(&self.unit).chain(&self.evidence);
@@ -196,7 +195,7 @@ impl Finding {
             && words.all(|text| text.len() <= MAX_TEXT && !text.contains(char::is_control))
     }
 
-    /// The unit concerned as people call it; empty for none, and where there is only one.
+    /// Name of the actuator for people; empty for none, and for an only actuator without a name.
     pub fn unit_in_words(&self) -> String {
         match (&self.unit, self.actuator) {
             (Some(name), _) => spoken(name),
@@ -205,14 +204,14 @@ impl Finding {
         }
     }
 
-    /// In words: `isolated, raised: actuator 1, shutdown, supply valve`.
+    /// The finding as text: `isolated, raised: actuator 1, shutdown, supply valve`.
     pub fn words(&self) -> String {
         let outside =
             if self.is_outside { " (outside of what the band was learned from)" } else { "" };
         self.said() + outside
     }
 
-    /// Says how sure it is, which decides between healthy and undecided.
+    /// Sets the confidence, which decides between healthy and undecided.
     pub fn be_sure(&mut self, confidence: f64) {
         self.confidence = confidence;
         if let State::Healthy | State::Undecided = self.state {
@@ -220,7 +219,7 @@ impl Finding {
         }
     }
 
-    /// The state and how far the alarm is, in words.
+    /// State and phase as text.
     pub fn state_in_words(&self) -> String {
         let state = self.state.words();
         match self.phase {

@@ -1,54 +1,54 @@
-//! The same work on many items, on several threads, with the results in the order of the items.
+//! Applies a function to many items on several threads, with results in the order of the items.
 
 use crate::ensemble::processors;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Who works, and who may stop it.
+/// Number of threads, and an optional cancel flag.
 #[derive(Debug, Clone, Copy)]
 pub struct Workers<'c> {
     threads: usize,
     cancel: Option<&'c AtomicBool>,
 }
 
-/// The work was stopped from elsewhere.
+/// The caller cancelled the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cancelled;
 
 impl<'c> Workers<'c> {
-    /// So many threads.
+    /// This many threads, without a cancel flag.
     pub fn new(threads: usize) -> Self {
         Workers { threads, cancel: None }
     }
 
-    /// A thread for each processor.
+    /// One thread per processor.
     pub fn all() -> Self {
         Workers::new(processors())
     }
 
-    /// The same threads, which stop before the next item once a flag is set.
+    /// The same threads with a cancel flag, which stops them before the next item.
     pub fn stopped_by(self, cancel: &'c AtomicBool) -> Self {
         Workers { cancel: Some(cancel), ..self }
     }
 
-    /// How many threads.
+    /// Number of threads.
     pub fn threads(&self) -> usize {
         self.threads
     }
 
-    /// What stops them.
+    /// The cancel flag.
     pub fn cancel(&self) -> Option<&'c AtomicBool> {
         self.cancel
     }
 
-    /// Whether they were stopped.
+    /// Whether the cancel flag is set.
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
     }
 }
 
-/// Applies a function to every item. Which thread takes which item is left to chance; the results
-/// are not, as long as the function depends on its item only.
+/// Applies a function to every item. Threads take items in any order. The results do not depend on it if the function
+/// depends on its item only.
 ///
 /// # Errors
 /// [`Cancelled`].

@@ -1,5 +1,5 @@
-//! What of a run is recorded, by the names that people use: a sensor, an input, a quantity such as
-//! `actuator_1.cylinder.position_m`, a component for all of its quantities, or `all`.
+//! Chooses what a run records by names: a sensor, an input, a quantity such as `actuator_1.cylinder.position_m`, a
+//! component for all of its quantities, or `all`.
 
 use crate::ensemble::Ensemble;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
@@ -13,20 +13,20 @@ use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
 
-/// Something that is recorded.
+/// A recorded quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
-    /// The column's name, with the unit's suffix.
+    /// Name of the column, with the unit's suffix.
     pub name: String,
-    /// What a figure shows.
+    /// Label in figures.
     pub label: String,
-    /// The unit.
+    /// SI unit of the values.
     pub unit: Unit,
-    /// Where it stands in the variables.
+    /// Slot in the variable array.
     pub slot: Slot,
 }
 
-/// A name of a column: with the unit's suffix, once.
+/// Name of a column, with the unit's suffix added unless present.
 pub fn with_suffix(name: &str, unit: Unit) -> String {
     match name.ends_with(unit.suffix()) {
         true => name.into(),
@@ -34,18 +34,18 @@ pub fn with_suffix(name: &str, unit: Unit) -> String {
     }
 }
 
-/// The column of a table that holds a sensor or an input: its id, with the unit's suffix or without.
+/// The column of a table that holds a sensor or an input: its id, with or without the unit's suffix.
 pub fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
     let full = with_suffix(id, unit);
     let named = |wanted: &str| table.names().find(|name| *name == wanted);
     named(&full).or_else(|| named(id))
 }
 
-/// What to record by `names`; without any the inputs `driven` and the sensors, or the states of a
-/// system without sensors.
+/// The quantities for `names`. Without names it records the inputs `driven` and all sensors, or the states of a system
+/// without sensors.
 ///
 /// # Errors
-/// A name that is none of the system's.
+/// The system has no quantity of this name.
 pub fn choose(
     system: &System,
     names: &[String],
@@ -73,7 +73,7 @@ pub fn choose(
     Ok(recorded)
 }
 
-/// What a name stands for; empty where it is unknown.
+/// The quantities that a name selects; empty if unknown.
 fn named(system: &System, name: &str) -> Vec<Recorded> {
     let program = &system.program;
     if let Some(sensor) = system.sensor(name) {
@@ -106,10 +106,10 @@ pub fn times_s(ensemble: &Ensemble) -> Vec<f64> {
     (0..ensemble.samples()).map(|k| k as f64 * ensemble.sample_period_s).collect()
 }
 
-/// The recorded values of a run as a table, with the time in front.
+/// The recorded values of a run as a table, with the time as the first column.
 ///
 /// # Errors
-/// Two quantities of one name.
+/// Two quantities have the same name.
 pub fn table(
     system: &System,
     recorded: &[Recorded],
@@ -126,8 +126,8 @@ pub fn table(
     Ok(table)
 }
 
-/// Makes of the recorded values of a run what sensors show of them: with the noise that they declare, and in the steps of
-/// their converters. What is no sensor stays. The same for the same seed and run, whatever else is recorded.
+/// Applies the declared noise and converter resolution of sensors to recorded values; other quantities stay unchanged.
+/// The result depends only on seed and run, not on what else is recorded.
 pub fn as_shown(
     system: &System,
     recorded: &[Recorded],
@@ -147,11 +147,10 @@ pub fn as_shown(
     }
 }
 
-/// Quantities of one unit whose sizes differ by more than this have panels of their own: on a common
-/// axis the small one would be a straight line.
+/// Maximum size ratio of quantities with one unit in a common panel; a smaller one would look like a straight line.
 const SIZES: f64 = 8.0;
 
-/// A figure with a panel for each unit, in the order they appear, and for each size of values.
+/// A figure with a panel for each unit, in order of appearance, and for each size of values.
 pub fn figure(
     title: &str,
     recorded: &[Recorded],

@@ -1,4 +1,4 @@
-//! A system at rest: its states there, its eigenvalues, and all that it consists of as JSON.
+//! The steady state of a system: states, eigenvalues, and a description of the system as JSON.
 
 use crate::eigenvalues::{self, Complex};
 use crate::ensemble::{Ensemble, Variant};
@@ -6,32 +6,32 @@ use crate::system::System;
 use serde_json::{Value, json};
 use servotwin_model::solver::{self, Cause};
 
-/// A system at rest.
+/// The steady state of a system.
 pub struct Rest {
     /// The states, in the order of the program.
     pub states: Vec<f64>,
-    /// Slowest first.
+    /// The eigenvalues at these states, 1/s, slowest first.
     pub eigenvalues: Vec<Complex>,
-    /// Whether the states are a rest. Otherwise they are where the search for it ended.
+    /// Whether the states are a steady state. Otherwise the search ended there without one.
     pub is_found: bool,
-    /// Whether the system was measured to swing for ever.
+    /// Whether a limit cycle was measured.
     pub limit_cycle: bool,
 }
 
-/// Why a run stopped, with names.
+/// Why a run stopped, with the name of the state.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the run stopped at {time_s} s at {state}: {cause}")]
 pub struct Stopped {
-    /// When, s.
+    /// Time, s.
     pub time_s: f64,
     /// The state with the largest error.
     pub state: String,
-    /// What happened.
+    /// Cause of the failure.
     pub cause: Cause,
 }
 
 impl Stopped {
-    /// A solver's failure with the name of the state.
+    /// Adds the name of the state to a solver's failure.
     pub fn new(system: &System, failure: solver::Failure) -> Self {
         let state = system.program.states().get(failure.state);
         let state = state.map_or_else(String::new, |state| state.name.clone());
@@ -39,21 +39,21 @@ impl Stopped {
     }
 }
 
-/// Why there is nothing to say of a system at rest.
+/// Why a steady state cannot be described.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RestError {
-    /// The search for rest stopped.
+    /// The search for a steady state stopped.
     #[error(transparent)]
     Stopped(Stopped),
-    /// The equations at rest give numbers that are not finite.
+    /// The equations at the steady state give numbers that are not finite.
     #[error("the equations at rest give numbers that are not finite")]
     NotFinite,
 }
 
-/// The rest of a system at the inputs that it has where a run gives no signal.
+/// The steady state of a system at its default inputs.
 ///
 /// # Errors
-/// Numbers that are not finite.
+/// The solver stopped, or the equations give numbers that are not finite.
 pub fn of(system: &System) -> Result<Rest, RestError> {
     let program = &system.program;
     let inputs = system.default_inputs();

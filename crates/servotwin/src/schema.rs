@@ -1,6 +1,5 @@
-//! JSON Schema (draft 2020-12) of system and study files, from the declarations: editors complete and
-//! check with it. What only the whole of a file tells (whether a port is open, whether a name exists)
-//! is told by `servotwin check`.
+//! JSON Schema (draft 2020-12) of system and study files, from the declarations. Editors use it for completion and
+//! checks. Only `servotwin check` reports mistakes that need the whole file, such as open ports and unknown names.
 
 use crate::catalogue;
 use crate::format::{number, object};
@@ -136,7 +135,7 @@ fn component(spec: &Spec) -> Value {
         let description = "one of [fluids]; may be omitted where there is one";
         properties.insert("fluid".into(), json!({ "type": "string", "description": description }));
     }
-    // An obligatory parameter of an assembly may be left to its instances, so none is required here.
+    // None is required, because an assembly may leave an obligatory parameter to its instances.
     json!({
         "type": "object", "description": spec.summary, "properties": properties,
         "additionalProperties": false,
@@ -157,7 +156,7 @@ fn fluid() -> Value {
     })
 }
 
-/// The points of a fluid by table.
+/// The points of a fluid of kind `table`.
 fn points() -> Value {
     let properties: Map<String, Value> =
         POINT.iter().map(|declared| (declared.name.into(), parameter(declared))).collect();

@@ -1,21 +1,21 @@
-//! The unit in which people read a value: what an actuator moves by in millimetres, where an aircraft flies in metres.
+//! Display units: an actuator's travel in millimeters, an aircraft's altitude in meters.
 
 use servotwin_model::network::Network;
 use servotwin_model::spec::Unit;
 
-/// An input whose range goes so far is no way or speed of an actuator, SI.
+/// An input with a range of at least this, SI, is not an actuator's travel or speed.
 const FAR: f64 = 100.0;
 
-/// How a value of some unit is shown.
+/// The display unit of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shown {
     unit: Unit,
-    /// Whether the SI unit is the one that is read.
+    /// Whether the value is displayed in the SI unit.
     is_far: bool,
 }
 
 impl Shown {
-    /// As values are read of which `largest` is the largest, SI.
+    /// The display unit for values up to `largest`, SI.
     pub fn of(unit: Unit, largest: f64) -> Self {
         let is_far = match unit {
             Unit::Metre | Unit::MetrePerSecond => largest.abs() >= 1.0,
@@ -25,7 +25,7 @@ impl Shown {
         Self { unit, is_far }
     }
 
-    /// As the external input of a network is read, whatever its values are.
+    /// The display unit of a network's external input, whatever its values are.
     pub fn of_input(network: &Network, input: usize) -> Self {
         let unit = network.inputs[input].unit;
         let (_, most) = network.input_range(input);
@@ -34,12 +34,12 @@ impl Shown {
         Self { unit, is_far }
     }
 
-    /// The symbol of the unit.
+    /// Symbol of the display unit.
     pub fn symbol(self) -> &'static str {
         if self.is_far { self.unit.symbol() } else { self.unit.shown() }
     }
 
-    /// An SI value in that unit.
+    /// Converts an SI value to the display unit.
     pub fn value(self, si: f64) -> f64 {
         if self.is_far { si } else { self.unit.to_shown(si) }
     }
@@ -70,13 +70,13 @@ fn without_zeros(text: &str) -> &str {
     }
 }
 
-/// An SI value with the unit that people read.
+/// An SI value as text in its display unit.
 pub fn shown(si: f64, unit: Unit) -> String {
     let (text, unit) = number_and_unit(si, unit);
     if unit.is_empty() { text } else { format!("{text} {unit}") }
 }
 
-/// A value in the unit that people read, and the unit.
+/// The number in the display unit as text, and the unit's symbol.
 pub fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
     let shown = Shown::of(unit, si);
     (number(shown.value(si), 5), shown.symbol())

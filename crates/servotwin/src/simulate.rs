@@ -40,13 +40,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// More recorded values than this are refused: they would take 1.6 GB of memory.
+/// Maximum number of recorded values; they take 1.6 GB of memory.
 pub const MAX_VALUES: f64 = 2e8;
-/// The longest run, s.
+/// Maximum duration of a run, s.
 pub const MAX_DURATION_S: f64 = 1e6;
-/// The allowed times between samples, s.
+/// Minimum and maximum time between samples, s.
 pub const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
-/// The most runs of a sweep.
+/// Maximum number of runs in a sweep.
 pub const MAX_SWEEP_RUNS: usize = 1000;
 
 /// A signal that drives an input.
@@ -112,21 +112,21 @@ pub enum SimulationError {
     /// An input, a fault or a parameter is given twice.
     #[error("'{name}' is given twice")]
     Repeated {
-        /// The input, the fault or the parameter.
+        /// Name of the input, fault or parameter.
         name: String,
     },
-    /// A signal cannot be read, or leaves the range of its input.
+    /// A signal is invalid, or leaves the range of its input.
     #[error("{input}: {error}")]
     Signal {
-        /// The input.
+        /// Name of the input.
         input: String,
         /// The error.
         error: SignalError,
     },
-    /// The samples of an input make no curve.
+    /// The samples of an input do not define a curve.
     #[error("{input}: {error}")]
     Samples {
-        /// The input.
+        /// Name of the input.
         input: String,
         /// The error.
         error: CurveError,
@@ -134,15 +134,15 @@ pub enum SimulationError {
     /// A number lies outside its range.
     #[error("{name} = {} is out of range: allowed are {allowed}", Quantity(*value, unit.symbol()))]
     OutOfRange {
-        /// The quantity that the number sets.
+        /// Name of the quantity.
         name: String,
-        /// The number, SI.
+        /// The value, SI.
         value: f64,
-        /// The least and the largest value allowed, SI.
+        /// The allowed range, SI.
         range: (f64, f64),
         /// The unit of `value` and `range`.
         unit: Unit,
-        /// The range in words, with the reason where there is one.
+        /// The allowed range as text, with the reason if there is one.
         allowed: String,
     },
     /// The parameters contradict each other.
@@ -162,9 +162,9 @@ pub enum SimulationError {
     /// The solver could not finish a run.
     #[error("{}{stopped}", of_variant(*variant))]
     Stopped {
-        /// The place of the run among several; `None` for a single run.
+        /// Index of the run; `None` for a single run.
         variant: Option<usize>,
-        /// When, at which state, and why.
+        /// Time, state and cause.
         stopped: Stopped,
     },
     /// The caller canceled the simulation. There are no results.
@@ -176,16 +176,16 @@ fn of_variant(variant: Option<usize>) -> String {
     variant.map_or_else(String::new, |place| format!("variant {place}: "))
 }
 
-/// How far a simulation is; see [`Prepared::run`].
+/// Progress of a simulation; see [`Prepared::run`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SimulationProgress {
-    /// One more sample of one run.
+    /// One more sample of a run is done.
     Sample,
     /// One more run has ended.
     Run,
 }
 
-/// A simulation of one system: what all of its runs share, and the variant that they start from.
+/// A simulation of one system: the settings of all its runs, and their common variant.
 #[derive(Clone)]
 pub struct Simulation<'s> {
     system: &'s System,
@@ -197,7 +197,7 @@ pub struct Simulation<'s> {
     level: Level,
     threads: usize,
     noise_seed: Option<u64>,
-    /// The faults that begin within the run, with the time, s.
+    /// The faults that begin within the run, with their onset, s.
     onsets: Vec<(String, f64)>,
 }
 
@@ -246,7 +246,7 @@ impl<'s> Simulation<'s> {
         self
     }
 
-    /// Adds everything of a variant.
+    /// Adds the inputs, faults and parameters of a variant.
     #[must_use]
     pub fn variant(mut self, variant: VariantSpec) -> Self {
         self.variant.inputs.extend(variant.inputs);
@@ -255,57 +255,57 @@ impl<'s> Simulation<'s> {
         self
     }
 
-    /// Records these quantities instead: a sensor, an input, a quantity such as `actuator_1.cylinder.position_m`,
-    /// a component for all of its quantities, or `all`.
+    /// Sets the recorded quantities: a sensor, an input, a quantity such as `actuator_1.cylinder.position_m`, a
+    /// component for all of its quantities, or `all`.
     #[must_use]
     pub fn record<N: Into<String>>(mut self, names: impl IntoIterator<Item = N>) -> Self {
         self.record = names.into_iter().map(Into::into).collect();
         self
     }
 
-    /// The length of every run, s, up to [`MAX_DURATION_S`].
+    /// Sets the duration of every run, s, up to [`MAX_DURATION_S`].
     #[must_use]
     pub fn duration_s(mut self, duration_s: f64) -> Self {
         self.duration_s = duration_s;
         self
     }
 
-    /// The time between samples, s, within [`SAMPLE_PERIODS_S`].
+    /// Sets the time between samples, s, within [`SAMPLE_PERIODS_S`].
     #[must_use]
     pub fn sample_period_s(mut self, period_s: f64) -> Self {
         self.sample_period_s = period_s;
         self
     }
 
-    /// The solver's method instead of the campaign's.
+    /// Sets the solver's method; the default is the campaign's.
     #[must_use]
     pub fn method(mut self, method: Method) -> Self {
         self.settings.method = method;
         self
     }
 
-    /// The allowed error of a step relative to the states' scales, up to 0.1, instead of the campaign's.
+    /// Sets the allowed error of a step relative to the states' scales, up to 0.1.
     #[must_use]
     pub fn tolerance(mut self, tolerance: f64) -> Self {
         self.settings.control = Control::within(tolerance);
         self
     }
 
-    /// A fixed step instead of error control, s, up to 1 s.
+    /// Sets a fixed step without error control, s, up to 1 s.
     #[must_use]
     pub fn step_s(mut self, step_s: f64) -> Self {
         self.settings.control = Control::Fixed { step_s };
         self
     }
 
-    /// The instruction set instead of the widest; results do not depend on it.
+    /// Sets the instruction set; results do not depend on it.
     #[must_use]
     pub fn level(mut self, level: Level) -> Self {
         self.level = level;
         self
     }
 
-    /// The number of threads instead of one per processor; results do not depend on it.
+    /// Sets the number of threads; results do not depend on it.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads.max(1);
@@ -429,7 +429,7 @@ fn within(name: &str, value: f64, range: (f64, f64), unit: Unit) -> Result<(), S
     Err(SimulationError::OutOfRange { name: name.to_owned(), value, range, unit, allowed })
 }
 
-/// Whether a name is a fault's, and its unit.
+/// Whether a name is a fault's, and the unit of its values.
 fn sweep_target(system: &System, id: &str) -> Result<(bool, Unit), UnknownName> {
     if let Some((component, parameter)) = system.parameter(id) {
         let spec = system.network().components[component].component.spec();
@@ -445,10 +445,10 @@ fn sweep_target(system: &System, id: &str) -> Result<(bool, Unit), UnknownName> 
     }
 }
 
-/// A parameter, or a fault's intensity, that has another value in every run.
+/// A parameter, or a fault's intensity, with another value in every run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// The parameter or the fault.
+    /// Name of the parameter or fault.
     pub id: String,
     /// The unit of the values; intensities have none.
     pub unit: Unit,
@@ -467,13 +467,13 @@ impl Sweep {
         }
     }
 
-    /// The value of a run with its unit, for people.
+    /// The value of a run with its display unit.
     pub fn label(&self, run: usize) -> String {
         shown(self.values[run], self.unit)
     }
 }
 
-/// Turns names into places. Variants that share a signal text share its curve.
+/// Resolves names to indices. Variants with the same signal text share its curve.
 struct Resolver<'r, 's> {
     simulation: &'r Simulation<'s>,
     curves: BTreeMap<(usize, String), Arc<Piecewise>>,
@@ -565,7 +565,7 @@ fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
 pub struct PreparedRun {
     /// The faults with their intensities.
     pub faults: Vec<FaultAt>,
-    /// When each of them begins, s; at zero the run starts with it.
+    /// Onset of each fault, s; at 0 the run starts with the fault.
     pub onsets_s: Vec<f64>,
     /// Parameters that differ from the system's: (component, parameter, SI value).
     pub parameters: Vec<(usize, usize, f64)>,
@@ -644,12 +644,12 @@ pub struct Prepared<'s> {
 }
 
 impl<'s> Prepared<'s> {
-    /// How the solver steps.
+    /// The solver's settings.
     pub fn settings(&self) -> Settings {
         self.simulation.settings
     }
 
-    /// The samples of each run.
+    /// Number of samples in each run.
     pub fn samples(&self) -> usize {
         self.ensemble(None).samples()
     }
@@ -698,7 +698,7 @@ impl<'s> Prepared<'s> {
                 progress(SimulationProgress::Run);
             },
         );
-        // A canceled run leaves no result at all.
+        // A canceled simulation has no results at all.
         let results: Option<Vec<_>> = results.into_iter().collect();
         let results = results.ok_or(SimulationError::Canceled)?;
         let is_single = results.len() == 1;
@@ -741,7 +741,7 @@ impl Sink for Recorder<'_> {
 pub struct RunResult {
     /// One list per recorded quantity with one value per sample, SI.
     pub values: Vec<Vec<f64>>,
-    /// The work of the solver.
+    /// Statistics of the solver.
     pub statistics: Statistics,
     /// The pressures that left the range of validity, recorded or not.
     pub outside_validity: Vec<PressureFinding>,
@@ -753,7 +753,7 @@ impl RunResult {
         self.statistics.limit_cycles > 0
     }
 
-    /// Whether the run began in the steady state of its inputs at time zero.
+    /// Whether the run began in the steady state of its initial inputs.
     pub fn starts_at_steady_state(&self) -> bool {
         self.statistics.unsettled == 0
     }

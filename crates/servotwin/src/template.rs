@@ -1,4 +1,4 @@
-//! A system and a study to begin with, which run as they are: a servo actuator, two of them on one load, or an axis of a press.
+//! A system and a study to start with, which run unchanged: a servo actuator, two of them on one load, or a press axis.
 
 use crate::built_in;
 
@@ -7,26 +7,26 @@ const STUDY: &str = include_str!("template/study.toml");
 const DUAL_SYSTEM: &str = include_str!("template/dual_system.toml");
 const DUAL_STUDY: &str = include_str!("template/dual_study.toml");
 
-/// The built-in system and study that a press begins with.
+/// Name of the built-in system and study for a press.
 const PRESS: &str = "press_axis";
 
-/// What the files describe.
+/// Which system the files describe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Like {
-    /// An actuator with a servo valve against a spring, whose command is an angle.
+    /// An actuator with a servo valve against a spring; its command is an angle.
     ServoActuator,
     /// Two equal actuators on one load, written once as an assembly: the redundancy of the built-in `aileron_dual`
     /// without the details of an aircraft.
     AileronDual,
-    /// A vertical ram with a proportional valve, a pump and an accumulator, whose command is a position.
+    /// A vertical ram with a proportional valve, a pump and an accumulator; its command is a position.
     PressAxis,
 }
 
 impl Like {
-    /// All there are.
+    /// All templates.
     pub const ALL: [Like; 3] = [Like::ServoActuator, Like::AileronDual, Like::PressAxis];
 
-    /// The name in commands.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Like::ServoActuator => "servo_actuator",
@@ -35,7 +35,7 @@ impl Like {
         }
     }
 
-    /// What it is, in words.
+    /// A description as text.
     pub fn words(self) -> &'static str {
         match self {
             Like::ServoActuator => "a servo actuator against a spring",
@@ -44,7 +44,7 @@ impl Like {
         }
     }
 
-    /// What a name lets expect: a press where it has that word.
+    /// Guesses the template from a name: a press if it contains that word.
     pub fn of_name(name: &str) -> Self {
         match name.split('_').any(|word| word == "press") {
             true => Like::PressAxis,
@@ -52,7 +52,7 @@ impl Like {
         }
     }
 
-    /// A command that it can follow, as a signal.
+    /// A command signal that the system can follow.
     pub fn command(self) -> &'static str {
         match self {
             Like::ServoActuator | Like::AileronDual => "step:size=5deg",
@@ -61,31 +61,31 @@ impl Like {
     }
 }
 
-/// Both files under a name of the user's.
+/// The two files with a user's name.
 pub struct Template {
     name: String,
     like: Like,
 }
 
 impl Template {
-    /// `None` where a system cannot have this name.
+    /// Creates a template; `None` if a system cannot have this name.
     pub fn new(name: &str, like: Like) -> Option<Self> {
         let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         let fits = !name.is_empty() && name.chars().all(good);
         fits.then(|| Self { name: name.into(), like })
     }
 
-    /// The system's file name.
+    /// File name of the system.
     pub fn system_name(&self) -> String {
         format!("{}.toml", self.name)
     }
 
-    /// The study's file name.
+    /// File name of the study.
     pub fn study_name(&self) -> String {
         format!("{}_study.toml", self.name)
     }
 
-    /// The system file.
+    /// Text of the system file.
     pub fn system(&self) -> String {
         match self.like {
             Like::ServoActuator => SYSTEM.replace("NAME", &self.name),
@@ -94,7 +94,7 @@ impl Template {
         }
     }
 
-    /// The study file, which looks for the system beside itself.
+    /// Text of the study file, which expects the system file in the same folder.
     pub fn study(&self) -> String {
         match self.like {
             Like::ServoActuator => STUDY.replace("NAME", &self.name),

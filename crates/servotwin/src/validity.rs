@@ -1,4 +1,4 @@
-//! Whether the pressures of a run stay where the laws of the fluids hold.
+//! Checks whether the pressures of a run stay in the validity range of the fluid laws.
 
 use crate::system::System;
 use servotwin_model::fluid::VAPOR_PRESSURE_PA;
@@ -7,14 +7,14 @@ use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// Density and viscosity are laws of temperature alone, and the bulk modulus grows in a straight line: no data sheet
-/// behind them goes beyond this pressure, Pa.
+/// Maximum valid pressure, Pa. No data sheet goes beyond it, and there the laws (density and viscosity from temperature
+/// alone, linear bulk modulus) do not hold.
 pub const MAX_PRESSURE_PA: f64 = 1e8;
 
-/// The end of the validity range that a pressure has left.
+/// The limit of the validity range that a pressure crossed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// Vapor pressure: the place holds a cavity, or a boundary gives less than any fluid can have.
+    /// Vapor pressure: there is a cavity, or a boundary value is below that of any fluid.
     Vapor,
     /// [`MAX_PRESSURE_PA`].
     High,
@@ -23,15 +23,15 @@ pub enum Limit {
 /// A pressure that left the range of validity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PressureFinding {
-    /// The pressure, by the name of what a run records.
+    /// Name of the pressure among the recordable quantities.
     pub name: String,
-    /// The end of the range.
+    /// The crossed limit.
     pub limit: Limit,
-    /// When it was first outside, s.
+    /// Time of the first sample outside, s.
     pub first_s: f64,
-    /// How long it was outside in all, s.
+    /// Total time outside, s.
     pub duration_s: f64,
-    /// The farthest that it went, Pa.
+    /// The farthest value, Pa.
     pub extreme_pa: f64,
 }
 
@@ -55,16 +55,16 @@ impl fmt::Display for PressureFinding {
     }
 }
 
-/// A pressure while it is watched.
+/// A watched pressure.
 #[derive(Clone, Debug)]
 struct Watched {
     name: String,
     slot: Slot,
-    /// By limit: first sample outside, samples outside, farthest value.
+    /// For each limit: first sample outside, number of samples outside, farthest value.
     outside: [Option<(usize, usize, f64)>; 2],
 }
 
-/// Watches every pressure of a system while it runs, sample by sample.
+/// Watches every pressure of a system during a run, sample by sample.
 #[derive(Clone, Debug)]
 pub struct PressureMonitor {
     period_s: f64,
@@ -72,7 +72,7 @@ pub struct PressureMonitor {
 }
 
 impl PressureMonitor {
-    /// For samples that are so far apart, s.
+    /// A monitor for this time between samples, s.
     pub fn new(system: &System, period_s: f64) -> Self {
         let mut seen = BTreeSet::new();
         let observables = system.program.observables().iter();
@@ -87,7 +87,7 @@ impl PressureMonitor {
         Self { period_s, watched: own.map(watch).collect() }
     }
 
-    /// The variables to record for it.
+    /// The variables that a run must record for the monitor.
     pub fn slots(&self) -> impl Iterator<Item = Slot> + '_ {
         self.watched.iter().map(|watched| watched.slot)
     }

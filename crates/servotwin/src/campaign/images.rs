@@ -18,7 +18,7 @@ const LARGEST_DIFFERENCE: f64 = 1e-3;
 /// likewise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Source {
-    /// The variant that is simulated.
+    /// The simulated variant.
     simulated: u32,
     /// By how many places the units are rotated: the fault is in this unit, and in the first one of the simulated
     /// variant.

@@ -178,7 +178,7 @@ pub enum CampaignError {
     /// Symmetry was assumed, but the units are not alike.
     #[error("the actuators are not alike enough for variants to be shown by others")]
     NotAlike,
-    /// The healthy system could not be simulated.
+    /// The healthy twin could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin {
         /// The name of the operating case.

@@ -75,7 +75,7 @@ fn checksum(table: &Table) -> String {
     digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The column of one of the window's values.
+/// Name of the column with one of the window's values.
 fn window_column(place: usize) -> String {
     format!("w:{place:03}")
 }

@@ -114,7 +114,7 @@ fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Var
     list
 }
 
-/// Limits the depth of every CART tree.
+/// Limits the depth of every CART stage.
 fn limit(settings: &mut Settings, depth: usize) {
     for stage in [&mut settings.actuator, &mut settings.action, &mut settings.detail] {
         if let classifiers::Settings::Cart(cart) = stage {

@@ -14,13 +14,13 @@ pub const SHARES: [f64; 7] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2];
 /// The remaining result when some answers are withheld.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Level {
-    /// Detected faults without an answer.
+    /// Share of detected faults without an answer.
     pub abstained: Rate,
-    /// Actuator and command are right, of the faults answered.
+    /// Of the faults answered: actuator and action are right.
     pub right_action: Rate,
-    /// The wrong actuator is shut down, of the faults answered.
+    /// Of the faults answered: the wrong actuator is shut down.
     pub wrong_actuator_shutdown: Rate,
-    /// A fault that needs a shutdown gets another answer, of such faults answered.
+    /// Of the answered faults that need a shutdown: the answer is wrong.
     pub shutdown_answered_wrongly: Rate,
 }
 

@@ -13,7 +13,7 @@ pub struct Confused {
     pub kind: String,
     /// The most frequent kind in the leaf where it ended.
     pub taken_for: String,
-    /// The question that was answered wrongly.
+    /// The question answered wrongly.
     pub question: Question,
     /// The number of confusions.
     pub count: u64,

@@ -20,7 +20,7 @@ use super::data_set::{DataSet, Row};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 
-/// The share of healthy training records that may leave a band.
+/// Share of the healthy training records that may leave a band.
 pub const ALARMS: f64 = 0.015;
 
 /// The largest width of a band, relative to the largest residual it was learned from.

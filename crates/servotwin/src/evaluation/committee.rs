@@ -25,7 +25,7 @@ pub const WITHHELD: f64 = 0.02;
 /// A trained committee.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Committee {
-    /// Boosted trees, calibrated.
+    /// Calibrated boosted trees.
     pub hierarchy: Hierarchy,
     /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach; `None` with too few
     /// commands.

@@ -26,7 +26,7 @@ use std::sync::Arc;
 pub struct FeatureInfo {
     /// The feature's name.
     pub name: String,
-    /// The family that computes it.
+    /// The feature family that computes it.
     pub family: String,
     /// The actuators whose sensors it uses, from 0.
     pub units: Vec<usize>,
@@ -75,7 +75,7 @@ pub struct Row {
     pub moved: usize,
     /// The factor by which the fault of its window was scaled.
     pub factor: f64,
-    /// Whether it has no fault.
+    /// Whether the row has no fault.
     pub is_healthy: bool,
     /// Whether it is the symmetric copy of another row, with the actuators exchanged.
     pub reflected: bool,
@@ -275,7 +275,7 @@ impl DataSet {
     /// The judged rows with a detected fault.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`].
+    /// [`EvaluationError::NothingDetectable`] if there are none.
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
         let rows = self.rows_where(Role::Judged, |row| !row.is_healthy && row.is_detected());
         match rows.is_empty() {
@@ -298,7 +298,7 @@ impl DataSet {
     /// there are no training rows.
     ///
     /// # Errors
-    /// [`EvaluationError::NothingDetectable`].
+    /// [`EvaluationError::NothingDetectable`] if none of them has a fault.
     pub fn learnt_from(&self, lessons: TrainingFilter) -> Result<Vec<usize>, EvaluationError> {
         let role = if self.has_training() { Role::Training } else { Role::Judged };
         let rows = self.rows_where(role, |row| lessons.teaches(row));
@@ -380,7 +380,7 @@ impl DataSet {
     /// The same data set with only the features that `choice` selects.
     ///
     /// # Errors
-    /// [`EvaluationError::NoFeatures`].
+    /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn with_features(
         &self,
         choice: impl Fn(&FeatureInfo) -> bool,
@@ -400,7 +400,7 @@ impl DataSet {
     /// The same data set with only the features for diagnosing whole records.
     ///
     /// # Errors
-    /// [`EvaluationError::NoFeatures`].
+    /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn taught(&self) -> Result<Self, EvaluationError> {
         self.with_features(|feature| feature.teaches.of_records())
     }
@@ -408,7 +408,7 @@ impl DataSet {
     /// The same data set with only the features for diagnosing sliding windows.
     ///
     /// # Errors
-    /// [`EvaluationError::NoFeatures`].
+    /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
         self.with_features(|feature| feature.teaches.of_windows())
     }

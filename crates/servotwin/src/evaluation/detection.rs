@@ -8,7 +8,7 @@ use servotwin_learning::metrics::Rate;
 /// The detection results of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
-    /// Faults that leave the band.
+    /// Share of the faults that leave the band.
     pub detected: Rate,
     /// Faults excluded from training because they stay within the band.
     pub excluded: Rate,
@@ -20,7 +20,7 @@ pub struct Detection {
     pub least: Vec<Least>,
 }
 
-/// Detection of a kind of fault against intensity.
+/// Detection of one kind of fault against intensity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// The fault, without the actuator.

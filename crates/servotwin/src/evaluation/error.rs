@@ -81,7 +81,7 @@ pub enum EvaluationError {
     UnknownClass(Box<UnknownClass>),
 }
 
-/// A class that a model was not trained with.
+/// A class that the model was not trained with.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "{place}: column '{column}' holds '{}', which the model was not trained with; it knows {}",

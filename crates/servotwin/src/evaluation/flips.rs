@@ -78,7 +78,7 @@ pub struct SplitFlips {
     pub threshold: f64,
     /// Median standard deviation of the feature over the rows that reach the node.
     pub uncertainty: f64,
-    /// How often its answer changed.
+    /// How often the answer changed.
     pub flips: Share,
 }
 

@@ -16,15 +16,15 @@ pub struct WorstLeaf {
     pub stage: String,
     /// The index of the node.
     pub node: usize,
-    /// The class decided there.
+    /// The class that the leaf decides.
     pub class: String,
-    /// Share of that class.
+    /// Share of that class, from 0 to 1.
     pub purity: f64,
     /// Number of training rows in the leaf, including symmetric copies.
     pub rows: u32,
     /// The questions on the path to it.
     pub conditions: Vec<Condition>,
-    /// Kinds of fault in the leaf, with their class, the most frequent first.
+    /// The kinds of fault in the leaf with their class, the most frequent first.
     pub contents: Vec<Content>,
 }
 
@@ -33,13 +33,13 @@ pub struct WorstLeaf {
 pub struct Condition {
     /// The feature in the question.
     pub feature: String,
-    /// Whether its value is above the threshold.
+    /// Whether the path continues above the threshold.
     pub above: bool,
     /// The threshold of the question.
     pub threshold: f64,
 }
 
-/// Rows of one kind in a leaf.
+/// The rows of one kind in a leaf.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Content {
     /// The kind of fault.
@@ -50,10 +50,10 @@ pub struct Content {
     pub rows: u32,
 }
 
-/// The least pure leaves of every tree, at most `count` of each stage.
+/// The least pure leaves of every tree, at most `count` for each stage.
 ///
 /// # Errors
-/// [`servotwin_diagnosis::Error::NotFinite`].
+/// [`EvaluationError::NothingDetectable`], and errors of the samples.
 pub fn worst(
     data: &DataSet,
     settings: &Settings,

@@ -52,9 +52,9 @@ use crate::study::Role;
 /// The scope and methods of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// How the nine trees are trained.
+    /// Training settings of the nine trees.
     pub training: Training,
-    /// How the committee is trained.
+    /// Training settings of the committee.
     pub committee: Training,
     /// Which training rows the committee learns from; `holding` selects those of the trees.
     pub committee_lessons: TrainingFilter,
@@ -176,9 +176,9 @@ pub struct FalseAlarms {
 pub struct Evaluation {
     /// Detection by the band in use.
     pub detection: detection::Detection,
-    /// The share of faults that the paper's band of 3 % detects.
+    /// Share of the faults that the paper's band of 3 % detects.
     pub paper_detection: Rate,
-    /// The bands learned from healthy specimens.
+    /// Bands learned from healthy specimens.
     pub bands: Option<Vec<Band>>,
     /// Number of features.
     pub features: usize,
@@ -203,7 +203,7 @@ pub struct Evaluation {
     pub reliability: Option<Reliability>,
     /// Flips of the trees and of the committee.
     pub flips: Option<(Flips, Flips)>,
-    /// The classifiers compared.
+    /// Results of the classifier comparison.
     pub classifiers: Vec<comparison::Compared>,
     /// The result without each part.
     pub ablation: Vec<ablation::Ablation>,

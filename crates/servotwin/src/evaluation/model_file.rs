@@ -15,10 +15,7 @@ use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::Panel;
 use std::path::Path;
 
-/// Writes a value as JSON, atomically; the same value gives the same bytes.
-///
-/// # Errors
-/// [`EvaluationError::File`].
+/// Writes a value as JSON, atomically. The same value gives the same bytes.
 pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), EvaluationError> {
     let path = path.as_ref();
     let text = to_json(path, value)?;
@@ -85,7 +82,7 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
     Ok(hierarchy)
 }
 
-/// Reads a classifier for tables and checks it.
+/// Reads a table model and checks it.
 ///
 /// # Errors
 /// As [`read`]; [`EvaluationError::CorruptModel`].

@@ -61,7 +61,7 @@ pub enum Found {
     Trained(Box<Evaluation>),
 }
 
-/// The pieces of an evaluation.
+/// The pieces of an evaluation, in order.
 pub fn all(settings: &Settings) -> Vec<Piece> {
     let has_several = settings.protocols.len() > 1;
     let trees = settings.protocols.iter().map(|&protocol| Piece::Trees(protocol));
@@ -81,7 +81,7 @@ pub fn all(settings: &Settings) -> Vec<Piece> {
 /// Joins the pieces of an evaluation, given in order.
 ///
 /// # Panics
-/// If [`Found::Trained`] is not among them.
+/// If [`Found::Trained`] is missing.
 pub fn joined(found: Vec<Found>) -> Evaluation {
     let is_rest = |found: &Found| matches!(found, Found::Trained(_));
     let (rest, pieces): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_rest);

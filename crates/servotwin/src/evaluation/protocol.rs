@@ -251,7 +251,7 @@ fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
     rows.iter().any(|&row| !data.rows[row].is_healthy)
 }
 
-/// The number of a kind at an intensity.
+/// Index of a kind at an intensity.
 fn cluster(data: &DataSet, row: &Row) -> u32 {
     row.kind * data.intensities.len() as u32 + row.intensity
 }
@@ -342,7 +342,7 @@ pub struct Safety {
     pub wrong_actuator: Rate,
     /// A healthy actuator is shut down because another one has a fault.
     pub wrong_actuator_shutdown: Rate,
-    /// A fault that needs a shutdown does not get it (of the detected faults that need one).
+    /// A fault that needs a shutdown does not get it, of the detected faults that need one.
     pub missed_shutdown: Rate,
     /// The same among all faults that need a shutdown, including undetected ones; `None` unless the protocol tests
     /// every fault once.
@@ -351,7 +351,7 @@ pub struct Safety {
     pub needless_shutdown: Rate,
 }
 
-/// Errors by the component that is broken.
+/// Errors by faulty component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentScore {
     /// The component, without the actuator.
@@ -360,7 +360,7 @@ pub struct ComponentScore {
     pub wrong_actuator: Rate,
     /// Faults that shut the healthy actuator down.
     pub wrong_actuator_shutdown: Rate,
-    /// Actuator, command and detail are right.
+    /// Actuator, action and detail are right.
     pub right: Rate,
 }
 
@@ -388,7 +388,7 @@ pub struct ProtocolResult {
 }
 
 impl ProtocolResult {
-    /// The score of a stage by its letter.
+    /// The score of the stage with this id.
     pub fn stage(&self, id: &str) -> Option<&Score> {
         self.stages.iter().find(|stage| stage.id == id).map(|stage| &stage.score)
     }
@@ -535,7 +535,7 @@ struct Counting<'a> {
     protocol: Protocol,
     data: &'a DataSet,
     outcomes: Vec<&'a Outcome>,
-    /// The commands that switch their actuator off.
+    /// The actions that shut their actuator down.
     shutdowns: Vec<u32>,
 }
 

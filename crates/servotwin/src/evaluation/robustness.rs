@@ -19,7 +19,7 @@ pub struct Cross {
     pub committee: ProtocolResult,
 }
 
-/// A scenario with its model.
+/// A scenario with its data and model.
 pub struct Tested {
     /// The scenario's name.
     pub name: String,

@@ -52,7 +52,7 @@ pub struct FlightCampaign<'s> {
 }
 
 impl<'s> FlightCampaign<'s> {
-    /// Plans the flights and simulates their twins. The extra sensor of a study is not observed.
+    /// Plans the flights and simulates their twins. The study's extra sensor is not observed.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -69,7 +69,7 @@ impl<'s> FlightCampaign<'s> {
     /// The flights of one environment only, with the same numbers as among all flights.
     ///
     /// # Errors
-    /// Its twin cannot be simulated.
+    /// The twin cannot be simulated.
     pub fn in_environment(
         study: &'s Study,
         flights: &'s Flights,

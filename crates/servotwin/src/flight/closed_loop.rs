@@ -46,7 +46,7 @@ pub struct Change {
     pub time_s: f64,
     /// The new finding.
     pub finding: Finding,
-    /// The state of the alarm.
+    /// The new state of the alarm.
     pub alarm: Alarm,
     /// The confidence of the finding.
     pub confidence: f64,

@@ -58,7 +58,7 @@ pub struct ClassMetrics {
     pub silent: Rate,
     /// From the onset to the first of the windows that made the fault visible.
     pub detection: Option<Latency>,
-    /// From the onset to the right command.
+    /// From the onset to the right action.
     pub isolation: Option<Latency>,
     /// From visibility to the right command.
     pub isolation_since_visible: Option<Latency>,
@@ -91,9 +91,9 @@ pub struct TradePoint {
     pub healthy: HealthyMetrics,
     /// Isolation latency of visible, strong shutdown faults.
     pub isolation: Option<Latency>,
-    /// The share of visible, strong shutdown faults that were never isolated.
+    /// Share of visible, strong shutdown faults that were never isolated.
     pub missed: Rate,
-    /// Shutdowns of the wrong actuator in all flights.
+    /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
 }
 
@@ -150,7 +150,7 @@ pub struct FlightMetrics {
     pub onsets: Vec<(String, ClassMetrics)>,
     /// Results without a fault.
     pub healthy: HealthyMetrics,
-    /// Shutdowns of the wrong actuator, in all flights.
+    /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
     /// The trade-off between alarms and latency.
     pub trade: Vec<TradePoint>,
@@ -165,7 +165,7 @@ pub struct MissingSensorMetrics {
     pub setting: String,
     /// The sensor, which is missing during the whole flight.
     pub sensor: String,
-    /// Flights with a fault.
+    /// Number of flights with a fault.
     pub flights: u64,
     /// The share of visible, strong shutdown faults isolated within the limit.
     pub in_time: Rate,
@@ -173,7 +173,7 @@ pub struct MissingSensorMetrics {
     pub isolated: Rate,
     /// Results without a fault.
     pub healthy: HealthyMetrics,
-    /// Shutdowns of the wrong actuator, in all flights.
+    /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
 }
 
@@ -202,7 +202,7 @@ impl WatchedFlights {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
-    /// The flight's number.
+    /// Number of the flight.
     number: usize,
     seen: Option<u64>,
     by_chance: u64,

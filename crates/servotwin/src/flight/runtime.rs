@@ -37,7 +37,7 @@ pub enum RuntimeError {
         .failure.cause, .failure.time_s
     )]
     Twin {
-        /// The state to blame.
+        /// The state that caused the failure.
         state: String,
         /// The failure of the solver, with its time.
         failure: Failure,
@@ -216,7 +216,7 @@ impl<'s> Runtime<'s> {
     /// parameters of the reaction. Its inputs come with the samples.
     ///
     /// # Errors
-    /// The reaction names a unit or a sensor that the diagnoser does not have.
+    /// The reaction names an actuator or a sensor that the diagnoser does not have.
     pub fn follow(&mut self, unit: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
         self.overrides.extend(reaction.parameters.iter().copied());
         let program = &self.study.system.program;

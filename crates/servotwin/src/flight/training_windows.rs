@@ -28,7 +28,7 @@ const BEFORE: usize = 4;
 /// A window is not used if the fault is below this share of its intensity both at the window's middle and at its end.
 const LEAST_SHARE: f64 = 0.5;
 
-/// A window to be cut out of a flight.
+/// A window to cut out of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Cut {
     /// The index of its kind.

@@ -17,7 +17,7 @@ pub struct Watcher<'s> {
     places: Vec<usize>,
     slots: Vec<Slot>,
     scales: Vec<f64>,
-    /// The names of the units.
+    /// Names of the actuators.
     units: Vec<String>,
     /// The reaction that the log shows while a unit is off, by unit.
     off: Vec<Reaction>,

@@ -60,7 +60,7 @@ pub enum SignalError {
         /// An example with the parameter.
         example: &'static str,
     },
-    /// A value that does not begin with a number.
+    /// A value does not begin with a number.
     #[error("{kind}: '{parameter}' needs a number, not '{given}'")]
     NotANumber {
         /// The kind of signal.
@@ -108,7 +108,7 @@ pub enum SignalError {
         given: String,
         /// The allowed range, SI.
         range: Range,
-        /// The unit of the range, or nothing.
+        /// The unit of the range, or empty.
         units: &'static str,
     },
     /// Arguments that are incompatible.
@@ -119,7 +119,7 @@ pub enum SignalError {
         /// The reason.
         reason: Cow<'static, str>,
     },
-    /// A run's duration that is not positive and finite.
+    /// The duration of a run is not positive and finite.
     #[error("a run of {duration_s} s is impossible: greater than 0 is needed")]
     Duration {
         /// The duration of the run, s.
@@ -131,7 +131,7 @@ pub enum SignalError {
     /// The file of a recorded signal cannot be read.
     #[error(transparent)]
     Table(Box<TableError>),
-    /// A column is in another unit than the input.
+    /// A column's unit differs from the input's.
     #[error(
         "column '{column}' is in {}, the input is in {}",
         .found.symbol(), symbol_or_none(*.wanted)

@@ -53,7 +53,7 @@ static SPEC: Spec = Spec {
     ],
 };
 
-/// Sine and cosine of a number of periods.
+/// Sine and cosine of an angle in periods.
 pub(super) fn sin_cos_of_periods(periods: f64) -> (f64, f64) {
     sin_cos(TAU * (periods - periods.round_ties_even()))
 }

@@ -123,7 +123,7 @@ impl Parameter {
 /// The declaration of a kind of signal.
 #[derive(Debug)]
 pub struct Spec {
-    /// Its name in text and files.
+    /// Name in texts and files.
     pub kind: &'static str,
     /// A one-line description.
     pub summary: &'static str,
@@ -170,7 +170,7 @@ pub trait Kind: Sync {
     /// The declaration of the kind.
     fn spec(&self) -> &'static Spec;
 
-    /// The function of time for checked arguments.
+    /// Builds the function of time from checked arguments.
     ///
     /// # Errors
     /// The arguments are incompatible.

@@ -1,19 +1,17 @@
 //! A sine whose frequency changes from one value to another (chirp), in Hermite cubics.
 //!
-//! With x the time since the beginning, T the length, f_0 and f_1 the ends and
-//! L = ln(f_1/f_0)/T, the phase in periods is
+//! With x the time since the beginning, T the length, f_0 and f_1 the ends and L = ln(f_1/f_0)/T, the phase in periods
+//! is
 //!
 //! (SW1)  φ = f_0 x + (f_1 − f_0) x²/(2T)            linear
 //!
 //! (SW2)  φ = f_0 (e^{L x} − 1)/L                     logarithmic
 //!
-//! and s = A sin 2πφ. With ω = 2πφ′ and derivatives of ω the fourth derivative
-//! of s is at most
+//! and s = A sin 2πφ. With ω = 2πφ′ and derivatives of ω the fourth derivative of s is at most
 //!
 //! (SW3)  M = A (ω⁴ + 6 ω² |ω′| + 3 ω′² + 4 ω |ω″| + |ω‴|)
 //!
-//! so pieces of h = (384 · 9e-10 A / M)^{1/4} keep the error below 1e-9 A.
-//! After T the last value holds.
+//! so pieces of h = (384 · 9e-10 A / M)^{1/4} keep the error below 1e-9 A. The last value holds after T.
 
 use super::error::SignalError;
 use super::sine::sin_cos_of_periods;
@@ -78,7 +76,7 @@ static SPEC: Spec = Spec {
     ],
 };
 
-/// The phase of a sweep.
+/// The phase law of a sweep.
 #[derive(Clone, Copy)]
 enum Law {
     Linear { from_hz: f64, growth_hz_s: f64 },

@@ -86,7 +86,7 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
 /// Why a text is not a number with a unit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum QuantityError {
-    /// It does not begin with a finite number.
+    /// The text does not begin with a finite number.
     #[error("'{given}' is not a number")]
     NotANumber {
         /// The text as written.

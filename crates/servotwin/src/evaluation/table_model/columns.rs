@@ -28,17 +28,17 @@ const NO_FEATURE: &str =
 pub enum Input {
     /// A column with numbers, or with booleans (true is 1, false is 0).
     Number {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
     /// A column with times as text, in seconds.
     Time {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
     /// One text of a text column: 1 in rows with this text, 0 in all others.
     Category {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The text that this feature marks.
         value: String,
@@ -67,7 +67,7 @@ impl Input {
 /// An unused column, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Unused {
-    /// The column.
+    /// Name of the column.
     pub column: String,
     /// The reason, as part of a sentence.
     pub reason: String,

@@ -9,11 +9,11 @@ pub enum TableModelError {
     Empty {
         /// "class" or "group".
         what: &'static str,
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The place in the file, such as `line 17`.
         place: String,
-        /// How many rows lack it.
+        /// Number of rows without it.
         rows: usize,
     },
     /// The class column contains measured numbers.
@@ -23,7 +23,7 @@ pub enum TableModelError {
         .limits.0, .limits.1
     )]
     NumericLabel {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The number of distinct values.
         different: usize,
@@ -33,7 +33,7 @@ pub enum TableModelError {
     /// Limits that divide numbers into classes are not ascending, or leave only one class.
     #[error("the limits must ascend and leave at least two classes of column '{column}'")]
     Limits {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
     /// Almost no class occurs twice.
@@ -42,7 +42,7 @@ pub enum TableModelError {
          is nothing to learn"
     )]
     NamesNotClasses {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The number of distinct texts.
         different: usize,
@@ -54,7 +54,7 @@ pub enum TableModelError {
         "column '{column}' holds {different} different texts; at most {largest} can become features"
     )]
     TooManyCategories {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The number of distinct texts.
         different: usize,
@@ -67,7 +67,7 @@ pub enum TableModelError {
         needed_values(.test_value.as_deref()), .values.join(", ")
     )]
     Split {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// Its first values.
         values: Vec<String>,
@@ -96,7 +96,7 @@ pub enum TableModelError {
     /// A value is missing, and the classifier does not support that.
     #[error("{place}, column '{column}': no value, and {reason}")]
     Missing {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// The place in the file.
         place: String,
@@ -106,7 +106,7 @@ pub enum TableModelError {
     /// A weight was given for a class that does not occur.
     #[error("a weight for class '{class}', but there are {}", .known.join(", "))]
     UnknownWeight {
-        /// The class.
+        /// Name of the class.
         class: String,
         /// The classes that occur.
         known: Vec<String>,
@@ -114,15 +114,15 @@ pub enum TableModelError {
     /// A weight is not a positive number.
     #[error("the weight of class '{class}' is {weight}, it must be above 0")]
     Weight {
-        /// The class.
+        /// Name of the class.
         class: String,
-        /// The weight.
+        /// The rejected weight.
         weight: f64,
     },
     /// One column was named for two exclusive purposes.
     #[error("column '{column}' is named for two things that exclude each other")]
     UsedTwice {
-        /// The column.
+        /// Name of the column.
         column: String,
     },
     /// Abstention needs probabilities, but the classifier has none.
@@ -131,13 +131,13 @@ pub enum TableModelError {
          are weighted)"
     )]
     NoProbabilities {
-        /// The classifier.
+        /// Title of the classifier.
         classifier: &'static str,
     },
     /// The table has no such row.
     #[error("there is no row {row}: the table has the rows 1 to {rows}")]
     NoRow {
-        /// The row, from 1.
+        /// The requested row, from 1.
         row: usize,
         /// The number of rows.
         rows: usize,

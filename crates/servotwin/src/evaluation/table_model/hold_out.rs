@@ -6,7 +6,7 @@ use crate::evaluation::EvaluationError;
 use servotwin_diagnosis::Error;
 use servotwin_learning::splits::{Split, grouped_k_fold, stratified_k_fold};
 
-/// How rows of a table are held out.
+/// How the rows of a table are held out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum HoldOut {
     /// Cross-validation folds: of groups if there is a group column, otherwise stratified by class.

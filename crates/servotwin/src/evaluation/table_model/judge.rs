@@ -28,7 +28,7 @@ pub struct Baseline {
     pub accuracy: Option<f64>,
 }
 
-/// The rows of one class.
+/// The result for one class.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClassResult {
     /// The name of the class.
@@ -39,7 +39,7 @@ pub struct ClassResult {
     pub precision: Option<f64>,
 }
 
-/// The rows of one group.
+/// The result for one group.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GroupResult {
     /// The name of the group.
@@ -57,7 +57,7 @@ pub struct GroupResult {
 pub struct Judged {
     /// The score over all held-out rows. With groups, the interval comes from resampling whole groups.
     pub score: Score,
-    /// Whether the intervals are over groups.
+    /// Whether the intervals come from a bootstrap over groups.
     pub intervals_over_groups: bool,
     /// The result of the most frequent class; `None` if nothing was trained.
     pub baseline: Option<Baseline>,

@@ -85,7 +85,7 @@ impl Selection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableModel {
-    /// [`FORMAT`].
+    /// Must equal [`FORMAT`].
     pub format: String,
     /// The column with the class.
     pub label: String,
@@ -155,7 +155,7 @@ impl TableModel {
         }
     }
 
-    /// The names of its features.
+    /// The names of the features.
     pub fn features(&self) -> Vec<String> {
         self.inputs.iter().map(Input::name).collect()
     }

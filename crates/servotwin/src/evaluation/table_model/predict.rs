@@ -395,7 +395,7 @@ fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
 pub struct Explanation {
     /// The row, from 1.
     pub row: usize,
-    /// Its place in the file.
+    /// The place in the file.
     pub place: String,
     /// The class in the table, if it has the column.
     pub truth: Option<String>,
@@ -403,7 +403,7 @@ pub struct Explanation {
     pub said: String,
     /// Every class with its probability, or its score if the classifier has no probabilities; the best first.
     pub scores: Vec<(String, f64)>,
-    /// Whether these are probabilities.
+    /// Whether the scores are probabilities.
     pub probabilities: bool,
     /// For a tree, the questions on the path.
     pub steps: Vec<Step>,

@@ -3,16 +3,16 @@
 //! A small study file in TOML assigns the columns (`docs/tables.md` has worked examples):
 //! ```toml
 //! format = 1
-//! families = ["moments", "deviation"]  # all where not given
-//! window_rows = 10                     # rows in a window; a shorter rest is left out
-//! segments = 2                         # parts of a window, each with features of its own
-//! keep = ["mode"]                      # copied to the features; a window ends where one changes
-//! residuals = ["r1", "r2"]             # columns that are residuals already
+//! families = ["moments", "deviation"]  # all if not given
+//! window_rows = 10                     # rows in a window; a shorter remainder is dropped
+//! segments = 2                         # parts of a window, each with its own features
+//! keep = ["mode"]                      # copied to the result; a window ends where one changes
+//! residuals = ["r1", "r2"]             # columns that already hold residuals
 //!
-//! [healthy]                            # the rows to learn a nominal value from: all of it holds
+//! [healthy]                            # rows to learn nominal values from: all conditions hold
 //! mode = "none"
 //!
-//! [[sensors]]                          # or measured and nominal apart
+//! [[sensors]]                          # or measured and nominal separately
 //! name = "p_A1"
 //! measured = "pressure_a_pa"
 //! nominal = "twin_pressure_a_pa"       # a column; or, to be learned from the healthy rows,
@@ -36,7 +36,7 @@ use servotwin_diagnosis::residual::Window;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// The format of study files for traces that this version reads.
+/// The supported format of trace study files.
 const FORMAT: u32 = 1;
 
 /// The largest residual, in scales: products of four residuals, used in features, remain finite.
@@ -128,14 +128,14 @@ pub enum TraceError {
          healthy traces"
     )]
     NoHealthyRows {
-        /// The sensor.
+        /// Name of the sensor.
         sensor: String,
     },
     /// A sensor has both a nominal column and a learned nominal value, or a learned scale without a learned nominal
     /// value.
     #[error("sensor '{sensor}': {problem}")]
     Nominal {
-        /// The sensor.
+        /// Name of the sensor.
         sensor: String,
         /// The problem.
         problem: &'static str,
@@ -146,13 +146,13 @@ pub enum TraceError {
          {FARTHEST:e} times the scale of {scale:e}"
     )]
     TooFar {
-        /// The column.
+        /// Name of the column.
         column: String,
         /// Its place in the file.
         place: String,
         /// The measured value.
         value: f64,
-        /// Its nominal value.
+        /// The nominal value.
         nominal: f64,
         /// The sensor's scale.
         scale: f64,
@@ -176,7 +176,7 @@ impl<E: Into<EvaluationError>> From<E> for TraceError {
 }
 
 impl TraceStudy {
-    /// Reads the text of a study file.
+    /// Parses a study file.
     ///
     /// # Errors
     /// [`TraceError`], except errors about a table.

@@ -46,7 +46,7 @@ impl BandMerit {
     }
 }
 
-/// A bin in words.
+/// A bin as text.
 fn in_words(source: Source, low: f64, high: f64, network: &Network) -> String {
     let of = |input: u32, per: &str| {
         let shown = Shown::of_input(network, input as usize);

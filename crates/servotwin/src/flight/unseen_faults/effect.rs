@@ -85,11 +85,11 @@ pub fn whole(effect: Effect) -> On {
 /// A change of a reading or an input on its way to the diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Touch {
-    /// A reading is missing.
+    /// The reading is missing.
     Reading(usize),
     /// A reading has additional noise with this standard deviation.
     Noisy(usize, f64),
-    /// An input has another value.
+    /// The input has another value.
     Input(usize, f64),
 }
 
@@ -345,7 +345,7 @@ fn moved(
     value.clamp(min, max)
 }
 
-/// Readings and inputs as they reach the diagnosis.
+/// Applies changes to readings and inputs before the diagnosis.
 pub struct Touched {
     touches: Vec<Touch>,
     onset: usize,

@@ -16,13 +16,13 @@ pub enum Sensible {
     Shutdown,
     /// Any command except a shutdown: only a sensor is wrong.
     NoShutdown,
-    /// Any command for a faulty actuator.
+    /// Any action.
     Any,
     /// No command: no actuator is at fault.
     Nothing,
 }
 
-/// A fault that no diagnosis was trained on.
+/// A fault without training data.
 pub struct Foreign {
     /// The display title.
     pub title: &'static str,

@@ -27,11 +27,11 @@ const FIRST: usize = 500_000;
 /// Number of flights by output; every flight counts once, by its most specific output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Words {
-    /// A sensible command for an actuator at fault was raised first.
+    /// A sensible action against a faulty actuator was raised first.
     pub sensible: u64,
-    /// Another command for an actuator at fault was raised first.
+    /// Another action against a faulty actuator was raised first.
     pub other_command: u64,
-    /// A command for a healthy actuator was raised first.
+    /// An action against a healthy actuator was raised first.
     pub wrong_actuator: u64,
     /// No command was raised, but the actuator at fault was named.
     pub actuator: u64,
@@ -48,7 +48,7 @@ pub struct Words {
 }
 
 impl Words {
-    /// Each count with its name, the best first.
+    /// Each count with its name, the best result first.
     pub fn named(&self) -> [(&'static str, u64); 9] {
         [
             ("sensible command", self.sensible),
@@ -210,7 +210,7 @@ struct Listening {
     at_fault: Vec<usize>,
     misinformed: Vec<usize>,
     is_off: Vec<bool>,
-    /// Unit and command raised first.
+    /// Actuator and action of the first alarm.
     first: Option<(usize, u32)>,
     heard: FindingFlags,
     first_word: Option<u64>,
