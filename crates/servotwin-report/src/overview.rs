@@ -84,8 +84,10 @@ fn missing(material: &Material) -> Option<String> {
         .map(|setting| setting.name().to_owned())
         .collect();
     let has_flights = study.is_full && study.flights().is_ok_and(|flights| flights.is_some());
-    missing
-        .extend((has_flights && flights.is_none()).then(|| format!("{}s", material.words().run())));
+    missing.extend(
+        (has_flights && flights.is_none())
+            .then(|| format!("{}s in which faults begin", material.words().run())),
+    );
     if !missing.is_empty() {
         let missing = missing.join(", ");
         return Some(format!("Not in this report yet: {missing}. servotwin study adds them."));

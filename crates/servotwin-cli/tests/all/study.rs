@@ -162,7 +162,7 @@ fn a_report_names_the_scenarios_that_are_still_to_come() {
     run(&["evaluate", &out]);
     run(&["report", &out]);
     let report = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
-    assert!(report.contains("Not in this report yet: realistic, flights."));
+    assert!(report.contains("Not in this report yet: realistic, runs in which faults begin."));
 }
 
 /// The page of results holds every rate of the JSON, each with its count, and changes nothing in the folder.
