@@ -90,7 +90,9 @@ fn missing(material: &Material) -> Option<String> {
     );
     if !missing.is_empty() {
         let missing = missing.join(", ");
-        return Some(format!("Not in this report yet: {missing}. servotwin study adds them."));
+        return Some(format!(
+            "Not in this report yet: {missing}. servotwin study adds what is missing."
+        ));
     }
     (!study.is_full).then(|| {
         format!(

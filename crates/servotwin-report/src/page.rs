@@ -131,6 +131,9 @@ impl Page {
     /// Adds sections under one heading, each with its anchor and title. A screen shows one at a time, starting with the
     /// first; paper shows all.
     pub(crate) fn choices(&mut self, name: &str, sections: Vec<(&str, &str, Page)>) {
+        if sections.is_empty() {
+            return;
+        }
         let is_alone = sections.len() == 1;
         if !is_alone {
             self.html += "<div class=\"tabs choices\">\n";

@@ -137,7 +137,9 @@ fn a_study_is_quick_first_and_a_full_one_is_never_lost_to_it() {
     let (first, behind) = told.split_once("trained and evaluated").unwrap();
     assert!(!first.contains("report.html"), "{told}");
     assert!(behind.contains("report.html: noise: wrong actuator shut down"), "{told}");
-    assert!(read("report.html").contains("Quick study: records of 1 s, 2 training commands"));
+    let report = read("report.html");
+    assert!(report.contains("Quick study: records of 1 s, 2 training commands"));
+    assert!(!report.contains("id=\"work\""), "no chapter without a section");
     assert!(!there("flights.json").exists());
     let told = stderr(&run(&["study", &study, "--out", &out, "--full"]));
     assert!(told.contains("result files of before the study was changed removed"), "{told}");
