@@ -64,3 +64,15 @@ fn a_run_that_may_only_be_compiled_ends_where_that_fails() {
     assert!(told.contains("'/no/such/compiler' does not start"), "{told}");
     assert_eq!(told.trim_end().lines().count(), 1, "{told}");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_folder_into_which_everybody_can_write_is_no_cache() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new("open-cache");
+    std::fs::create_dir(folder.file("cache")).unwrap();
+    let open = std::fs::Permissions::from_mode(0o777);
+    std::fs::set_permissions(folder.file("cache"), open).unwrap();
+    simulated(&folder, "only");
+    assert!(libraries(&folder).is_empty());
+}

@@ -2,7 +2,7 @@
 //!
 //! The folder is `$SERVOTWIN_CACHE`, or else `servotwin` in the user's folder for caches; an empty `$SERVOTWIN_CACHE`
 //! means none. A file is named after the hash of all that it was compiled from and the hash of its content, so a
-//! damaged or half-written one is not loaded. Whatever cannot be read or written there is compiled again.
+//! damaged or half-written one is not loaded. A folder into which everybody can write is not used. Whatever cannot be read or written there is compiled again.
 
 use crate::files::write_atomically;
 use servotwin_model::lanes::Level;
@@ -88,6 +88,9 @@ impl Entry {
     /// The undamaged library of a level.
     pub fn find(&self, level: Level) -> Option<PathBuf> {
         let stem = self.stem(level);
+        if !is_private(&self.folder) {
+            return None;
+        }
         fs::read_dir(&self.folder).ok()?.flatten().map(|entry| entry.path()).find(|path| {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let hash = name.strip_prefix(&stem).and_then(|rest| rest.strip_suffix(".so"));
@@ -100,7 +103,7 @@ impl Entry {
     /// Copies a library into the folder. Failing to do so costs the next run some seconds, no result.
     pub fn keep(&self, level: Level, library: &Path) {
         let Ok(content) = fs::read(library) else { return };
-        if fs::create_dir_all(&self.folder).is_err() {
+        if create(&self.folder).is_err() || !is_private(&self.folder) {
             return;
         }
         let name = format!("{}{}.so", self.stem(level), content_hash(&content));
@@ -108,6 +111,28 @@ impl Entry {
         for (path, _) in libraries(&self.folder).unwrap_or_default().iter().skip(MAX_LIBRARIES) {
             let _ = fs::remove_file(path);
         }
+    }
+}
+
+/// Creates the folder, for this user alone.
+fn create(folder: &Path) -> io::Result<()> {
+    let mut builder = fs::DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.recursive(true).create(folder)
+}
+
+/// Whether not everybody can write into the folder: its libraries run as part of this program.
+fn is_private(folder: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let is_open = |data: fs::Metadata| data.permissions().mode() & 0o002 != 0;
+        !fs::metadata(folder).is_ok_and(is_open)
+    }
+    #[cfg(not(unix))]
+    {
+        folder.is_dir()
     }
 }
 
