@@ -83,11 +83,9 @@ fn missing(material: &Material) -> Option<String> {
         .filter(|setting| setting.is_possible(study) && !is_there(*setting))
         .map(|setting| setting.name().to_owned())
         .collect();
-    let has_flights = study.is_full && study.flights().is_ok_and(|flights| flights.is_some());
-    missing.extend(
-        (has_flights && flights.is_none())
-            .then(|| format!("{}s in which faults begin", material.words().run())),
-    );
+    if study.is_full && study.has_flights() && flights.is_none() {
+        missing.push(format!("{}s in which faults begin", material.words().run()));
+    }
     if !missing.is_empty() {
         let missing = missing.join(", ");
         return Some(format!(

@@ -577,21 +577,8 @@ fn first_error(messages: &Path) -> Option<String> {
 /// Simulated seconds per second of one uncompiled lane at the declared inputs.
 fn simulated_per_second(program: &Program) -> f64 {
     const DURATION_S: f64 = 0.5;
-    let parameters = program.parameters(&[]);
-    let inputs: Vec<Piecewise> = (program.network().inputs.iter())
-        .map(|input| Piecewise::new(vec![0.0], vec![swing(input.default)]).expect("one piece"))
-        .collect();
-    let job = Job {
-        number: 0,
-        constants: program.block_constants(&parameters),
-        stand_ins: program.stand_in_values(&parameters),
-        inputs: inputs.iter().collect(),
-        start: program.first_guess(&parameters),
-        settle: true,
-        duration_s: DURATION_S,
-        sample_period_s: 0.01,
-        changes: Vec::new(),
-    };
+    let inputs = trial_inputs(program, swing);
+    let job = trial_job(program, 0, &inputs, DURATION_S);
     let mut moments = Moments { waiting: vec![job], of_jobs: vec![Moment::default()] };
     let begin = Instant::now();
     run(program, None, Settings::campaign(), &[], Level::Single, &mut moments);
@@ -603,6 +590,35 @@ fn swing(default: f64) -> [f64; 4] {
     [default, 0.1 * default + 1e-3, 0.0, 0.0]
 }
 
+/// One piece for each input, made from the input's default.
+fn trial_inputs(program: &Program, piece: fn(f64) -> [f64; 4]) -> Vec<Piecewise> {
+    let inputs = program.network().inputs.iter();
+    inputs
+        .map(|input| Piecewise::new(vec![0.0], vec![piece(input.default)]).expect("one piece"))
+        .collect()
+}
+
+/// A run of the healthy system from its steady state.
+fn trial_job<'i>(
+    program: &Program,
+    number: usize,
+    inputs: &'i [Piecewise],
+    duration_s: f64,
+) -> Job<'i> {
+    let parameters = program.parameters(&[]);
+    Job {
+        number,
+        constants: program.block_constants(&parameters),
+        stand_ins: program.stand_in_values(&parameters),
+        inputs: inputs.iter().collect(),
+        start: program.first_guess(&parameters),
+        settle: true,
+        duration_s,
+        sample_period_s: 0.01,
+        changes: Vec::new(),
+    }
+}
+
 /// Offsets of the initial states from the first guess, in units of their scale: operating point, beyond the upper end
 /// stop, and below vapor pressure beyond the lower one.
 const OFFSETS: [f64; 3] = [0.0, 1.5, -1.5];
@@ -611,29 +627,17 @@ const OFFSETS: [f64; 3] = [0.0, 1.5, -1.5];
 /// valves and open a bypass.
 fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>) -> Vec<Moment> {
     const DURATION_S: f64 = 0.05;
-    let constant = |piece| Piecewise::new(vec![0.0], vec![piece]).expect("one piece");
-    let declared = &program.network().inputs;
-    let inputs: [Vec<Piecewise>; 2] = [
-        declared.iter().map(|input| constant(swing(input.default))).collect(),
-        declared.iter().map(|_| constant([0.0; 4])).collect(),
-    ];
-    let parameters = program.parameters(&[]);
-    let guess = program.first_guess(&parameters);
-    let start = |offset: f64| {
-        let moved = guess.iter().zip(program.states()).map(|(y, state)| y + offset * state.scale);
-        moved.collect::<Vec<f64>>()
-    };
-    let job = |number: usize| Job {
-        number,
-        constants: program.block_constants(&parameters),
-        stand_ins: program.stand_in_values(&parameters),
-        inputs: inputs[number % inputs.len()].iter().collect(),
-        start: start(OFFSETS[number % OFFSETS.len()]),
-        settle: number.is_multiple_of(OFFSETS.len()),
+    let inputs = [trial_inputs(program, swing), trial_inputs(program, |_| [0.0; 4])];
+    let job = |number: usize| {
         // Different durations, so that the last runs continue in fewer lanes.
-        duration_s: DURATION_S * (1 + number % 2) as f64,
-        sample_period_s: 0.01,
-        changes: Vec::new(),
+        let duration_s = DURATION_S * (1 + number % 2) as f64;
+        let mut job = trial_job(program, number, &inputs[number % inputs.len()], duration_s);
+        let offset = OFFSETS[number % OFFSETS.len()];
+        for (y, state) in job.start.iter_mut().zip(program.states()) {
+            *y += offset * state.scale;
+        }
+        job.settle = number.is_multiple_of(OFFSETS.len());
+        job
     };
     let count = level.width().max(inputs.len() * OFFSETS.len());
     let mut moments =

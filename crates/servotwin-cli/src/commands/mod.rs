@@ -83,7 +83,7 @@ pub struct StudyOptions {
     /// The folder for data sets, models, results and the report.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
-    /// The full sizes of the study, not those of its `[quick]`; of its flights those of `full`.
+    /// Use the full sizes of the study instead of those in its `[quick]`; flights use those in `full`.
     #[arg(long)]
     full: bool,
     /// Remove what the folder holds of another study, or of the full size of this one.
@@ -96,8 +96,8 @@ pub struct StudyOptions {
 }
 
 impl StudyOptions {
-    /// Reads the study, in its full size where that is wanted or in the folder, and warns of its doubtful parts before
-    /// it runs.
+    /// Reads the study and warns about doubtful entries. Its size is full if the user wants that, or if the folder
+    /// holds it.
     fn read(&self, global: Global) -> Result<Study, Failure> {
         let study = self.find()?;
         warn(global, &study.warnings_in_words());

@@ -15,9 +15,9 @@ use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Runs, one after the other, what `campaign`, `train`, `evaluate`, `flights` and `report` do alone. The report is
-/// there after the first scenario, and grows. An interrupted study goes on where it was; run again, it gives the same
-/// bytes.
+/// Runs `campaign`, `train`, `evaluate`, `flights` and `report` one after the other. The report exists
+/// after the first scenario, and grows. An interrupted study continues where it stopped, and gives the
+/// same bytes.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]

@@ -328,6 +328,11 @@ impl Study {
         self.drawn(self.parsed.flights.as_ref())
     }
 
+    /// Whether the study declares flights; cheaper than drawing them.
+    pub fn has_flights(&self) -> bool {
+        self.parsed.flights.is_some()
+    }
+
     /// Draws the flights in their full sizes; `None` if the study declares none.
     ///
     /// # Errors
