@@ -238,7 +238,8 @@ impl Evaluation {
 const WORST_LEAVES: usize = 3;
 
 /// Protocols of the committee.
-const OF_COMMITTEE: [Protocol; 4] = [
+const OF_COMMITTEE: [Protocol; 5] = [
+    Protocol::LeaveKindOut,
     Protocol::NewCommand,
     Protocol::NewCommandAndFault,
     Protocol::WeakToStrong,

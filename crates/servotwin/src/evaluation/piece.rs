@@ -158,6 +158,8 @@ impl<'b> Bench<'b> {
                 let of = (&settings.committee, committee);
                 Found::Committee(self.judged_trained(of, of_boosted)?)
             }
+            // The committee is calibrated on training commands.
+            Piece::Committee(_) if !data.has_training() => Found::Committee(None),
             Piece::Committee(protocol) => {
                 let data = &data.for_committee()?;
                 let found = self.judged(protocol, data, &settings.committee, of_boosted)?;

@@ -8,7 +8,7 @@
 //! - groups of one kind and one intensity stay together, including symmetric copies;
 //! - one intensity, one operating case (its command stays in training at the other load), one command, or one command
 //!   and one load are left out;
-//! - one kind of fault is left out, for the stage that finds the actuator.
+//! - one kind of fault is left out, for the stages that find the actuator and the action.
 //!
 //! The others learn from the study's training commands, which no judged case uses:
 //! - a new command;
@@ -44,7 +44,7 @@ pub enum Protocol {
     LeaveCommandOut,
     /// One command and one load at a time.
     LeaveCommandAndLoadOut,
-    /// One kind of fault at a time, for the stage that finds the actuator.
+    /// One kind of fault at a time, for the stages that find the actuator and the action.
     LeaveKindOut,
     /// Trained on the training commands.
     NewCommand,
@@ -109,7 +109,7 @@ impl Protocol {
             Protocol::LeaveCaseOut => "one operating case left out",
             Protocol::LeaveCommandOut => "one command left out",
             Protocol::LeaveCommandAndLoadOut => "one command and one load left out",
-            Protocol::LeaveKindOut => "one kind of fault left out (actuator only)",
+            Protocol::LeaveKindOut => "one kind of fault left out (actuator and command)",
             Protocol::NewCommand => "new command",
             Protocol::NewCommandAndFault => "new command, fault unseen at its intensity",
             Protocol::NewCommandAndNeighbours => {
@@ -123,7 +123,7 @@ impl Protocol {
     /// Which stages of the hierarchy it evaluates.
     pub fn scope(self) -> Scope {
         match self {
-            Protocol::LeaveKindOut => Scope::Actuator,
+            Protocol::LeaveKindOut => Scope::Action,
             Protocol::NewCommandAndFault | Protocol::Grouped => Scope::AllTracing,
             _ => Scope::All,
         }
@@ -442,8 +442,9 @@ fn judged_splits(
     settings: &Settings,
     holding: Holding,
 ) -> Result<Vec<Split>, EvaluationError> {
-    let single = data.examples.names().actuators.len() == 1;
-    if single && protocol.scope() == Scope::Actuator {
+    let names = data.examples.names();
+    let decides_nothing = names.actuators.len() == 1 && names.actions.len() == 1;
+    if decides_nothing && protocol.scope() == Scope::Action {
         return Ok(vec![]);
     }
     let mut splits = protocol.splits(data, holding)?;
@@ -465,7 +466,7 @@ pub fn summary(
     shutdowns: &[String],
 ) -> ProtocolResult {
     let counting = Counting::new(protocol, data, outcomes, shutdowns);
-    let full = protocol.scope() != Scope::Actuator;
+    let full = protocol.scope() != Scope::Action;
     let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
     let acted =
         |outcome: &Outcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
@@ -477,9 +478,9 @@ pub fn summary(
         splits: outcomes.len(),
         stages: stage_scores(data, outcomes, full),
         end_to_end: full.then_some(right),
-        right_action: full.then(|| counting.rate(|_| true, acted)),
+        right_action: Some(counting.rate(|_| true, acted)),
         isolated_of_all: right.share.zip(detected).filter(|_| full).map(|(a, b)| a * b),
-        safety: (full && !counting.shutdowns.is_empty()).then(|| counting.safety()),
+        safety: (!counting.shutdowns.is_empty()).then(|| counting.safety()),
         components: if full { counting.components() } else { vec![] },
     }
 }
@@ -491,7 +492,7 @@ fn stage_scores(data: &DataSet, outcomes: &[Vec<Outcome>], full: bool) -> Vec<St
         let own = data.examples.places(false);
         places.extend(own.into_iter().filter(|place| place.question != Question::Actuator));
     }
-    places.retain(|place| full || place.question == Question::Actuator);
+    places.retain(|place| full || place.question != Question::Detail);
     places.iter().map(|place| stage_score(data, outcomes, place)).collect()
 }
 

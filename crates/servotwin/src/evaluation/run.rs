@@ -19,8 +19,8 @@ use std::collections::BTreeMap;
 pub enum Scope {
     /// All stages.
     All,
-    /// Only the stage that finds the actuator.
-    Actuator,
+    /// Only the stages that find the actuator and the action. The detail of a kind without training has no right answer.
+    Action,
     /// Every stage; wrong answers are traced to the kind of fault with which they were confused.
     AllTracing,
 }
@@ -106,7 +106,7 @@ fn fit_scope(
     workers: Workers,
 ) -> Result<Hierarchy, EvaluationError> {
     let mut places = data.examples.places(settings.pool);
-    places.retain(|p| scope != Scope::Actuator || p.question == Question::Actuator);
+    places.retain(|p| scope != Scope::Action || p.question != Question::Detail);
     let one = |place: &Place| settings.fit_stage(&data.examples, rows, place);
     let stages: Result<Vec<_>, _> = parallel::map(&places, workers, one)?.into_iter().collect();
     let stages: Vec<Stage> = stages?.into_iter().flatten().collect();

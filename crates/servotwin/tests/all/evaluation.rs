@@ -222,7 +222,10 @@ fn an_easy_campaign_is_solved_under_every_protocol() {
         assert!(share(Some(safety.missed_shutdown)) < 0.03);
     }
     let kinds = evaluation.protocol(Protocol::LeaveKindOut).unwrap();
-    assert!(kinds.end_to_end.is_none() && kinds.stages.len() == 1);
+    assert!(kinds.end_to_end.is_none());
+    // A and B, and B of each actuator.
+    assert_eq!(kinds.stages.len(), 4);
+    assert!(kinds.right_action.is_some() && kinds.safety.is_some());
     assert_eq!(kinds.splits, KINDS.len());
     // Pooled: A, B and one detail stage for each command.
     let ids: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
@@ -313,7 +316,9 @@ fn a_single_actuator_needs_no_stage_for_it() {
     let (evaluation, trained) = evaluated_with(&judged(table), &settings(), 1);
     let ids: Vec<&str> = trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();
     assert_eq!(ids, ["B", "C", "D", "E"]);
-    assert!(evaluation.protocol(Protocol::LeaveKindOut).is_none());
+    let kinds = evaluation.protocol(Protocol::LeaveKindOut).unwrap();
+    let ids: Vec<&str> = kinds.stages.iter().map(|stage| stage.id.as_str()).collect();
+    assert_eq!(ids, ["B"], "one actuator leaves the action to find");
     assert!(share(evaluation.protocol(Protocol::Grouped).unwrap().end_to_end) > 0.9);
 }
 
