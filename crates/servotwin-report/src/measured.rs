@@ -10,7 +10,9 @@ use serde::Serialize;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
+use servotwin::flight::judge::{
+    ClassMetrics, EnvironmentMetrics, FlightMetrics, HealthyMetrics, STRONG,
+};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::FlightResults;
@@ -203,7 +205,8 @@ impl MeasuredFlights {
     }
 
     fn markdown(&self) -> String {
-        let HealthyMetrics { hours, alarms, shutdowns, alarms_per_h_upper, .. } = self.healthy;
+        let HealthyMetrics { hours, alarms, shutdowns, alarms_per_h_upper, environments, .. } =
+            self.healthy;
         let mut page = format!(
             "\n## Flights, scenario {}\n\nA fault begins in {} flights.\n",
             self.scenario, self.flights
@@ -213,6 +216,13 @@ impl MeasuredFlights {
                 "In {hours:.1} hours without a fault the diagnosis raised {alarms} false alarms, {shutdowns} of them shutdowns.\n\
                  The rate of false alarms is at most {} in 1,000 hours, with a confidence of 95 %.\n",
                 number(1000.0 * alarms_per_h_upper)
+            );
+        }
+        if let Some(EnvironmentMetrics { flown, with_alarm, share_upper }) = environments {
+            page += &format!(
+                "Alarms cluster by environment: {with_alarm} of {flown} environments had one, which is at most {} % of \
+                 environments, with the same confidence.\n",
+                number(100.0 * share_upper)
             );
         }
         page += &rate_tables(&self.rates);

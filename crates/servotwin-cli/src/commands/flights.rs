@@ -7,7 +7,9 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics};
+use servotwin::flight::judge::{
+    ClassMetrics, EnvironmentMetrics, FlightMetrics, Latency, MissingSensorMetrics,
+};
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, JobError, manifest};
@@ -195,6 +197,11 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
             None => String::new(),
         }
     );
+    if let Some(EnvironmentMetrics { flown, with_alarm, share_upper }) = healthy.environments {
+        let most = number(100.0 * share_upper);
+        let _ =
+            writeln!(out, "  alarms in {with_alarm} of {flown} environments (at most {most} %)");
+    }
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);
         let _ = writeln!(out, "  shutdowns of the wrong {unit}: {wrong}");

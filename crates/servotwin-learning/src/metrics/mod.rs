@@ -5,5 +5,7 @@ mod rate;
 mod score;
 
 pub use confusion::Confusion;
-pub use rate::{Rate, Trial, cluster_bootstrap, wilson_interval};
+pub use rate::{
+    Rate, Trial, at_least, cluster_bootstrap, largest_share, share_at, wilson_interval,
+};
 pub use score::{Prediction, Score};

@@ -92,6 +92,41 @@ pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
+/// The probability that at least `least` of `draws` independent draws succeed, each with `probability` (within 0 … 1,
+/// both excluded).
+pub fn at_least(least: u64, draws: u64, probability: f64) -> f64 {
+    let odds = libm::log(probability / (1.0 - probability));
+    let mut logarithm = draws as f64 * libm::log(1.0 - probability);
+    let mut sum = 0.0;
+    for k in 0..least.min(draws + 1) {
+        sum += libm::exp(logarithm);
+        logarithm += libm::log((draws - k) as f64 / (k as f64 + 1.0)) + odds;
+    }
+    1.0 - sum
+}
+
+/// The largest share of successes that is not refuted by `count` successes in `of` independent trials: the upper end of
+/// the one-sided interval of Clopper and Pearson (1934) with `confidence`. 1 where all succeeded or nothing was tried.
+pub fn largest_share(count: u64, of: u64, confidence: f64) -> f64 {
+    if count >= of {
+        return 1.0;
+    }
+    share_at(|share| at_least(count + 1, of, share), confidence)
+}
+
+/// The share at which a probability that grows with it reaches a value.
+pub fn share_at(probability: impl Fn(f64) -> f64, value: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        match probability(middle) < value {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    high
+}
+
 /// 95 % interval of a rate `Σ count / Σ of` whose rows form dependent clusters. The percentile bootstrap draws whole
 /// clusters with replacement, `resamples` times, and the interval holds the middle 95 % of the rates. Row `i` belongs
 /// to `clusters[i]` and contributes `count[i]` successes of `of[i]` trials. The same numbers and seed give the same

@@ -8,7 +8,9 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, chosen, number, rate, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
+use servotwin::flight::judge::{
+    ClassMetrics, EnvironmentMetrics, FlightMetrics, HealthyMetrics, Latency, STRONG,
+};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
@@ -248,10 +250,11 @@ impl SettingLimits<'_> {
             "false alarms per hour".into(),
             self.marked(chosen(limit), "false_alarms_per_h"),
             format!(
-                "{} in {:.1} h\nat most {} per hour (95 %)",
+                "{} in {:.1} h\nat most {} per hour (95 %){}",
                 healthy.alarms,
                 healthy.hours,
-                number(healthy.alarms_per_h_upper)
+                number(healthy.alarms_per_h_upper),
+                by_environment(healthy)
             ),
             match healthy {
                 h if h.alarms_per_h_upper <= limit => MET,
@@ -599,6 +602,15 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
             parts.join("; ")
         )
     })
+}
+
+/// A line that counts false alarms by environment; empty where these were not counted.
+fn by_environment(healthy: &HealthyMetrics) -> String {
+    let Some(EnvironmentMetrics { flown, with_alarm, share_upper }) = healthy.environments else {
+        return String::new();
+    };
+    let most = number(100.0 * share_upper);
+    format!("\nin {with_alarm} of {flown} environments, at most {most} % of them (95 %)")
 }
 
 #[cfg(test)]

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
-use servotwin_learning::metrics::{Rate, Trial};
+use servotwin_learning::metrics::{Rate, Trial, largest_share};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Target rates of false alarms besides the diagnoser's own, per hour.
@@ -80,6 +81,33 @@ pub struct HealthyMetrics {
     /// How often windows left their bands as if a fault were visible; `None` in results from before this was counted.
     #[serde(default)]
     pub visible_by_chance: Option<u64>,
+    /// The same alarms by environment; `None` in results from before these were counted.
+    #[serde(default)]
+    pub environments: Option<EnvironmentMetrics>,
+}
+
+/// False alarms counted by environment. Alarms cluster: what raises one raises others in the same environment. So hours
+/// in one environment are not independent, and environments are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct EnvironmentMetrics {
+    /// Number of environments with time without a fault.
+    pub flown: u64,
+    /// Number of these with an alarm in that time.
+    pub with_alarm: u64,
+    /// The upper limit of the share of environments with an alarm, with 95 % confidence (one-sided, Clopper-Pearson).
+    pub share_upper: f64,
+}
+
+impl EnvironmentMetrics {
+    /// From each environment with time without a fault: whether an alarm was raised in it.
+    fn new(alarmed: impl Iterator<Item = bool>) -> Self {
+        let (mut flown, mut with_alarm) = (0, 0);
+        for alarmed in alarmed {
+            flown += 1;
+            with_alarm += u64::from(alarmed);
+        }
+        Self { flown, with_alarm, share_upper: largest_share(with_alarm, flown, 0.95) }
+    }
 }
 
 /// A point of the trade-off between alarms and latency.
@@ -619,13 +647,18 @@ impl Judged<'_> {
 
     fn healthy(&self, session: usize) -> HealthyMetrics {
         let (mut seconds, mut alarms, mut shutdowns) = (0.0, 0, 0);
+        let mut alarmed = BTreeMap::new();
         for Ended { flight, stories, .. } in self.ended {
             let until_s = flight.onset_s.min(flight.duration_s);
             seconds += until_s;
+            let before = alarms;
             let early = stories[session].raised.iter();
             for raised in early.filter(|r| (r.sample as f64 * self.period_s) < until_s) {
                 alarms += 1;
                 shutdowns += u64::from(self.is_off(raised.action));
+            }
+            if until_s > 0.0 {
+                *alarmed.entry(flight.environment).or_insert(false) |= alarms > before;
             }
         }
         let hours = seconds / 3600.0;
@@ -636,6 +669,7 @@ impl Judged<'_> {
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
             visible_by_chance: Some(self.ended.iter().map(|ended| ended.by_chance).sum()),
+            environments: Some(EnvironmentMetrics::new(alarmed.into_values())),
         }
     }
 
@@ -739,6 +773,19 @@ mod tests {
         // From tables of the chi-squared distribution.
         assert!((most_of_poisson(1) - 4.7439).abs() < 1e-3);
         assert!((most_of_poisson(10) - 16.9622).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_environment_counts_once_however_many_alarms_it_has() {
+        let none = EnvironmentMetrics::new(vec![false; 480].into_iter());
+        assert_eq!((none.flown, none.with_alarm), (480, 0));
+        // Without an event the limit is 1 − 0.05^(1/n).
+        assert!((none.share_upper - 0.006_222).abs() < 1e-6, "{}", none.share_upper);
+        let two = EnvironmentMetrics::new([true, false, true, false, false].into_iter());
+        assert_eq!((two.flown, two.with_alarm), (5, 2));
+        // The table of Clopper and Pearson for two of five.
+        assert!((two.share_upper - 0.810_7).abs() < 1e-4, "{}", two.share_upper);
+        assert_eq!(EnvironmentMetrics::new([].into_iter()).share_upper, 1.0);
     }
 
     #[test]

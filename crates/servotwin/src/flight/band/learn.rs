@@ -3,6 +3,7 @@
 
 use super::BandError;
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate};
+use servotwin_learning::metrics::{at_least, share_at};
 
 /// Rounds in which the factors are fitted one after the other.
 const ROUNDS: usize = 8;
@@ -65,32 +66,14 @@ fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
 pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let place = (place_of(target, flights)).min(flights);
     let above = flights + 1 - place;
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        // Beta(a, b) is below x if, of a + b − 1 draws with probability x, at least a succeed.
-        match at_least(above, flights, middle) < 0.95 {
-            true => low = middle,
-            false => high = middle,
-        }
-    }
-    (above as f64 / (flights as f64 + 1.0), high)
+    // Beta(a, b) is below x if, of a + b − 1 draws with probability x, at least a succeed.
+    let quantile = share_at(|share| at_least(above as u64, flights as u64, share), 0.95);
+    (above as f64 / (flights as f64 + 1.0), quantile)
 }
 
 /// k: the rank of the score that becomes q, counted from one.
 fn place_of(target: f64, flights: usize) -> usize {
     ((flights as f64 + 1.0) * (1.0 - target) - 1e-9).ceil() as usize
-}
-
-/// The probability that at least `least` of the draws succeed.
-fn at_least(least: usize, draws: usize, probability: f64) -> f64 {
-    let (mut sum, mut logarithm) = (0.0, draws as f64 * (1.0 - probability).ln());
-    let odds = (probability / (1.0 - probability)).ln();
-    for k in 0..least {
-        sum += logarithm.exp();
-        logarithm += ((draws - k) as f64 / (k as f64 + 1.0)).ln() + odds;
-    }
-    1.0 - sum
 }
 
 /// Learns a band for several sensors: s from the first traces, q from the others. Without covariates the band is
