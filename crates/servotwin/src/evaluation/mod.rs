@@ -126,7 +126,10 @@ impl Settings {
     /// Reduces an evaluation for a quick study.
     pub fn quick(mut self) -> Self {
         self.protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
-        self.committee_protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
+        // A committee for each kind of fault takes as long as everything else of the evaluation.
+        self.committee_protocols.retain(|protocol| {
+            QUICK_PROTOCOLS.contains(protocol) && *protocol != Protocol::LeaveKindOut
+        });
         Settings { ablation: false, learning_curve: false, ..self }
     }
 }
