@@ -5,14 +5,12 @@
 
 use crate::lines::{self, Measure, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{NONE, begun, chosen, number, percent, spoken};
+use crate::words::{NONE, begun, by_environment, chosen, number, percent, spoken};
 use serde::Serialize;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::flight::judge::{
-    ClassMetrics, EnvironmentMetrics, FlightMetrics, HealthyMetrics, STRONG,
-};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::FlightResults;
@@ -218,11 +216,10 @@ impl MeasuredFlights {
                 number(1000.0 * alarms_per_h_upper)
             );
         }
-        if let Some(EnvironmentMetrics { flown, with_alarm, share_upper }) = environments {
+        if let Some(all) = environments {
             page += &format!(
-                "Alarms cluster by environment: {with_alarm} of {flown} environments had one, which is at most {} % of \
-                 environments, with the same confidence.\n",
-                number(100.0 * share_upper)
+                "Alarms cluster by environment: there were any {}.\n",
+                by_environment(all)
             );
         }
         page += &rate_tables(&self.rates);

@@ -1,8 +1,16 @@
 //! Formats numbers and names for reports.
 
 use servotwin::evaluation::metrics::Rate;
+use servotwin::flight::judge::EnvironmentMetrics;
 
 pub use servotwin_io::text::{number, spoken};
+
+/// The environments with a false alarm: their count and the upper limit of their share.
+pub fn by_environment(all: EnvironmentMetrics) -> String {
+    let EnvironmentMetrics { flown, with_alarm, share_upper } = all;
+    let most = number(100.0 * share_upper);
+    format!("in {with_alarm} of {flown} environments, at most {most} % of them (95 %)")
+}
 
 /// The placeholder for a missing value.
 pub const NONE: &str = "–";

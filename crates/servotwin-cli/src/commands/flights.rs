@@ -7,15 +7,13 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::flight::judge::{
-    ClassMetrics, EnvironmentMetrics, FlightMetrics, Latency, MissingSensorMetrics,
-};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics};
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::study::{Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::number;
+use servotwin_report::words::{by_environment, number};
 use std::fmt::Write;
 
 /// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.
@@ -197,10 +195,8 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
             None => String::new(),
         }
     );
-    if let Some(EnvironmentMetrics { flown, with_alarm, share_upper }) = healthy.environments {
-        let most = number(100.0 * share_upper);
-        let _ =
-            writeln!(out, "  alarms in {with_alarm} of {flown} environments (at most {most} %)");
+    if let Some(all) = healthy.environments {
+        let _ = writeln!(out, "  false alarms {}", by_environment(all));
     }
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);

@@ -6,6 +6,7 @@ mod score;
 
 pub use confusion::Confusion;
 pub use rate::{
-    Rate, Trial, at_least, cluster_bootstrap, largest_share, share_at, wilson_interval,
+    Rate, Trial, binomial_tail, clopper_pearson_upper, cluster_bootstrap, find_share,
+    wilson_interval,
 };
 pub use score::{Prediction, Score};

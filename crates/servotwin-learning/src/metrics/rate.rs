@@ -94,7 +94,7 @@ pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
 
 /// The probability that at least `least` of `draws` independent draws succeed, each with `probability` (within 0 … 1,
 /// both excluded).
-pub fn at_least(least: u64, draws: u64, probability: f64) -> f64 {
+pub fn binomial_tail(least: u64, draws: u64, probability: f64) -> f64 {
     let odds = libm::log(probability / (1.0 - probability));
     let mut logarithm = draws as f64 * libm::log(1.0 - probability);
     let mut sum = 0.0;
@@ -105,17 +105,17 @@ pub fn at_least(least: u64, draws: u64, probability: f64) -> f64 {
     1.0 - sum
 }
 
-/// The largest share of successes that is not refuted by `count` successes in `of` independent trials: the upper end of
-/// the one-sided interval of Clopper and Pearson (1934) with `confidence`. 1 where all succeeded or nothing was tried.
-pub fn largest_share(count: u64, of: u64, confidence: f64) -> f64 {
+/// The upper end of the one-sided interval of Clopper and Pearson (1934) for the share of successes, after `count`
+/// successes in `of` independent trials. 1 if every trial succeeded or there was none.
+pub fn clopper_pearson_upper(count: u64, of: u64, confidence: f64) -> f64 {
     if count >= of {
         return 1.0;
     }
-    share_at(|share| at_least(count + 1, of, share), confidence)
+    find_share(|share| binomial_tail(count + 1, of, share), confidence)
 }
 
-/// The share at which a probability that grows with it reaches a value.
-pub fn share_at(probability: impl Fn(f64) -> f64, value: f64) -> f64 {
+/// Finds the share at which a probability reaches a value, by bisection. The probability must grow with the share.
+pub fn find_share(probability: impl Fn(f64) -> f64, value: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

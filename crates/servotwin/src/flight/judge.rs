@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
-use servotwin_learning::metrics::{Rate, Trial, largest_share};
+use servotwin_learning::metrics::{Rate, Trial, clopper_pearson_upper};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -106,7 +106,7 @@ impl EnvironmentMetrics {
             flown += 1;
             with_alarm += u64::from(alarmed);
         }
-        Self { flown, with_alarm, share_upper: largest_share(with_alarm, flown, 0.95) }
+        Self { flown, with_alarm, share_upper: clopper_pearson_upper(with_alarm, flown, 0.95) }
     }
 }
 

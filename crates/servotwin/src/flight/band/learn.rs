@@ -3,7 +3,7 @@
 
 use super::BandError;
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate};
-use servotwin_learning::metrics::{at_least, share_at};
+use servotwin_learning::metrics::{binomial_tail, find_share};
 
 /// Rounds in which the factors are fitted one after the other.
 const ROUNDS: usize = 8;
@@ -67,7 +67,7 @@ pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
     let place = (place_of(target, flights)).min(flights);
     let above = flights + 1 - place;
     // Beta(a, b) is below x if, of a + b − 1 draws with probability x, at least a succeed.
-    let quantile = share_at(|share| at_least(above as u64, flights as u64, share), 0.95);
+    let quantile = find_share(|share| binomial_tail(above as u64, flights as u64, share), 0.95);
     (above as f64 / (flights as f64 + 1.0), quantile)
 }
 
