@@ -298,7 +298,7 @@ fn main() {
     let moving = inputs.clone().position(|input| input.id == "command").expect("a command");
     let compiled = Compiled::at_once();
     let begin = Instant::now();
-    let steps = match compiled.steps(&study.system.program, Level::best().compiled()) {
+    let steps = match compiled.steps(&study.system.program, Level::best()) {
         Some(_) => format!("steps compiled in {:.1} s", begin.elapsed().as_secs_f64()),
         None => "steps walk lists (no C compiler)".into(),
     };
@@ -311,7 +311,7 @@ fn main() {
         many.len(),
         study.faults.len(),
         study.system.program.states().len(),
-        Level::best().compiled().name(),
+        Level::best().name(),
     );
     report(&many, duration_s, measure(&setup, &many, duration_s));
     let (task, exact, wanted) = comparable(&setup, &few, peer_duration_s);

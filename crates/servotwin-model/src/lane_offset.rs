@@ -1,8 +1,8 @@
 //! The offset of an element in an array, in a form that needs no arithmetic.
 //!
 //! A step finds half of its operands through lists of offsets. Processors scale an
-//! index by up to eight for free, but lanes are up to 128 bytes long. A lane offset
-//! therefore stores sixteen times the index.
+//! index by up to eight for free, but lanes are up to 64 bytes long. A lane offset
+//! therefore stores eight times the index.
 
 /// The index of a variable in the array of all variables.
 pub type Slot = u16;
@@ -12,7 +12,7 @@ pub type Slot = u16;
 pub(crate) struct LaneOffset(u32);
 
 /// The offset per index.
-const STEP: u32 = 16;
+const STEP: u32 = 8;
 
 impl LaneOffset {
     /// The offset of an index.

@@ -134,16 +134,10 @@ pub trait Work<V> {
 /// `f64` is the case of one lane.
 ///
 /// # Safety
-/// An implementation is laid out as its `WIDTH` numbers in order, and as its
-/// `REGISTERS` registers in order, and nothing else.
+/// An implementation is laid out as its `WIDTH` numbers in order, and nothing else.
 pub unsafe trait Lanes: Primitive {
     /// Number of variants side by side.
     const WIDTH: usize;
-    /// The lanes of one processor register, for work with so many live values
-    /// that wider lanes would spill.
-    type Register: Lanes;
-    /// Number of registers in these lanes.
-    const REGISTERS: usize = Self::WIDTH / Self::Register::WIDTH;
 
     /// The lanes `f(0), f(1), …`.
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;

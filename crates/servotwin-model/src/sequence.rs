@@ -452,46 +452,34 @@ impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: us
         let Differentiate { evaluate, partials } = self.0;
         let Evaluate { group, sequence, constants, variables } = evaluate;
         assert!(partials.len() >= group.count * I * O);
-        let mut own = partials.as_mut_ptr().cast::<V::Register>();
+        let mut own = partials.as_mut_ptr();
         // SAFETY: `Sequence::differentiate` asserts the constants.
         let blocks = unsafe { lists::<V, I, O, C>(group, sequence, constants) };
-        for (inputs, outputs, constants) in blocks {
-            let all_held = constants.as_ptr().cast::<V::Register>();
+        for (inputs, outputs, held) in blocks {
             let first = variables.as_mut_ptr();
-            for register in 0..V::REGISTERS {
-                // SAFETY: a slot's registers are contiguous, and all slots of a sequence
-                // are below the length that the caller asserts.
-                let at = |place: LaneOffset| unsafe {
-                    place.among(first).cast::<V::Register>().add(register)
-                };
-                let place = |index: usize| index * V::REGISTERS + register;
-                let mut held = [V::Register::constant(0.0); C];
-                for (c, held) in held.iter_mut().enumerate() {
-                    // SAFETY: there are `C` constants.
-                    *held = unsafe { *all_held.add(place(c)) };
-                }
-                let mut values = [Dual::from_base(V::Register::constant(0.0)); I];
-                for (i, (value, &input)) in values.iter_mut().zip(inputs).enumerate() {
-                    // SAFETY: as above.
-                    *value = Dual::input(unsafe { *at(input) }, i);
-                }
-                let results = E::evaluate::<Dual<V::Register, I>>(&held, values);
-                let mut plain = [V::Register::constant(0.0); O];
-                for (o, result) in results.iter().enumerate() {
-                    plain[o] = result.value;
-                    for (i, &partial) in result.partials.iter().enumerate() {
-                        // No term reads the slot of a zero or a one (`SparseJacobian::list_terms`).
-                        if let Partial::Number(number) = partial {
-                            // SAFETY: `own` has `I · O` slots for every block.
-                            unsafe { *own.add(place(o * I + i)) = number };
-                        }
+            // SAFETY: all slots of a sequence are below the length that the caller asserts.
+            let at = |place: LaneOffset| unsafe { place.among(first) };
+            let mut values = [Dual::from_base(V::constant(0.0)); I];
+            for (i, (value, &input)) in values.iter_mut().zip(inputs).enumerate() {
+                // SAFETY: as above.
+                *value = Dual::input(unsafe { *at(input) }, i);
+            }
+            let results = E::evaluate::<Dual<V, I>>(held, values);
+            let mut plain = [V::constant(0.0); O];
+            for (o, result) in results.iter().enumerate() {
+                plain[o] = result.value;
+                for (i, &partial) in result.partials.iter().enumerate() {
+                    // No term reads the slot of a zero or a one (`SparseJacobian::list_terms`).
+                    if let Partial::Number(number) = partial {
+                        // SAFETY: `own` has `I · O` slots for every block.
+                        unsafe { *own.add(o * I + i) = number };
                     }
                 }
-                // SAFETY: as above.
-                unsafe { scatter(group, outputs, &plain, at) };
             }
             // SAFETY: as above.
-            own = unsafe { own.add(I * O * V::REGISTERS) };
+            unsafe { scatter(group, outputs, &plain, at) };
+            // SAFETY: as above.
+            own = unsafe { own.add(I * O) };
         }
     }
 }

@@ -490,7 +490,7 @@ fn compile(
         8 => &["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"],
         4 => &["-mavx2"],
         // Avoids branches for selections.
-        _ if Level::Avx2Once.available() => &["-mavx2"],
+        _ if Level::Avx2.available() => &["-mavx2"],
         _ => &[],
     };
     let iterating = Some(ITERATING).filter(|_| level.register_width() == 8 && roots_wait());

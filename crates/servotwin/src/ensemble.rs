@@ -24,7 +24,7 @@ pub struct Ensemble<'p> {
     pub compiled: Option<&'p Compiled>,
     /// The solver's settings.
     pub settings: Settings,
-    /// The lanes for few variants; see [`Level::for_many`].
+    /// The lanes of every thread.
     pub level: Level,
     /// Number of threads, at least one.
     pub threads: usize,
@@ -138,10 +138,6 @@ impl<'p> Ensemble<'p> {
         let done = Mutex::new(done);
         let threads = self.threads.clamp(1, count.max(1));
         let compiled_steps = self.compiled_steps(count);
-        let level = match compiled_steps {
-            Some(_) => self.level.compiled(),
-            None => self.level.for_many(count / threads),
-        };
         std::thread::scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(|| {
@@ -159,7 +155,7 @@ impl<'p> Ensemble<'p> {
                         compiled_steps,
                         self.settings,
                         &self.record,
-                        level,
+                        self.level,
                         &mut worker,
                     );
                 });
@@ -171,18 +167,16 @@ impl<'p> Ensemble<'p> {
     /// set. Use it before a run with another cancel flag.
     pub fn prepare(&self, count: usize) {
         if let Some(compiled) = self.compiled {
-            let (level, method) = (self.level.compiled(), self.settings.method);
-            let simulated_s = self.simulated_s(count);
-            compiled.prepare(self.program, method, level, simulated_s, self.cancel);
+            let (method, simulated_s) = (self.settings.method, self.simulated_s(count));
+            compiled.prepare(self.program, method, self.level, simulated_s, self.cancel);
         }
     }
 
     /// The compiled step, if this many variants justify it.
     fn compiled_steps(&self, count: usize) -> Option<&'p CompiledSteps> {
         let compiled = self.compiled?;
-        let (level, method) = (self.level.compiled(), self.settings.method);
-        let simulated_s = self.simulated_s(count);
-        compiled.when_worth(self.program, method, level, simulated_s, self.cancel)
+        let (method, simulated_s) = (self.settings.method, self.simulated_s(count));
+        compiled.when_worth(self.program, method, self.level, simulated_s, self.cancel)
     }
 
     fn simulated_s(&self, count: usize) -> f64 {

@@ -1,6 +1,6 @@
 //! Flights and the closed loop, run as users run them, on a study small enough for a test.
 
-use super::{Folder, servotwin, stderr, stdout};
+use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
 use std::path::Path;
 
 /// What follows the beginning that all tiny studies have.
@@ -11,13 +11,18 @@ fn tiny() -> String {
     format!("{}{STUDY}", head.replace("[0.4, 0.6, 0.8, 1.0]", "[1.0]"))
 }
 
-/// Study and diagnoser, learned in a folder.
+/// Study and diagnoser. They are learned once, and copied into a folder.
 pub fn learned(folder: &Folder) -> [String; 2] {
-    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    std::fs::write(&study, tiny()).unwrap();
-    let output = servotwin(&["flights", &study, "--out", &out]);
-    assert!(output.status.success(), "{}", stderr(&output));
-    [study, format!("{out}/diagnoser-realistic.json")]
+    static LEARNED: Shared = Shared::new("flights-learned");
+    let learned = LEARNED.get(|path| {
+        let (study, out) = (path.join("tiny.toml"), path.join("out"));
+        std::fs::write(&study, tiny()).unwrap();
+        let [study, out] = [&study, &out].map(|path| path.to_str().unwrap());
+        let output = servotwin(&["flights", study, "--out", out]);
+        assert!(output.status.success(), "{}", stderr(&output));
+    });
+    copy_folder(learned, &folder.0);
+    [folder.file("tiny.toml"), folder.file("out/diagnoser-realistic.json")]
 }
 
 #[test]

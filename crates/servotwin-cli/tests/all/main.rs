@@ -19,8 +19,9 @@ mod units;
 mod watch;
 
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
 
 const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
 
@@ -55,6 +56,44 @@ impl Folder {
 
     fn file(&self, name: &str) -> String {
         self.0.join(name).display().to_string()
+    }
+}
+
+/// A folder that the first test to need it fills, and that all tests read or copy. It stays until the next run of the
+/// tests, because nobody knows who is the last.
+struct Shared {
+    name: &'static str,
+    filled: OnceLock<PathBuf>,
+}
+
+impl Shared {
+    const fn new(name: &'static str) -> Self {
+        Self { name, filled: OnceLock::new() }
+    }
+
+    /// The folder; `fill` is called once.
+    fn get(&self, fill: impl FnOnce(&Path)) -> &Path {
+        self.filled.get_or_init(|| {
+            let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(self.name);
+            let _ = std::fs::remove_dir_all(&path);
+            std::fs::create_dir_all(&path).expect("a temporary folder");
+            fill(&path);
+            path
+        })
+    }
+}
+
+/// Copies a folder with everything in it.
+fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let (from, to) = (entry.path(), to.join(entry.file_name()));
+        if from.is_dir() {
+            copy_folder(&from, &to);
+        } else {
+            std::fs::copy(from, to).unwrap();
+        }
     }
 }
 

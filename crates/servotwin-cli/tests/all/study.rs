@@ -1,6 +1,6 @@
 //! The main job and its stages, run as users run them, on a study small enough for a test.
 
-use super::{Folder, servotwin, stderr, stdout};
+use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
 use servotwin_report::excerpt;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -58,6 +58,40 @@ fn write_study(folder: &Folder, classes: &str) -> String {
     path
 }
 
+/// The results of the whole study in one go, on one thread.
+fn whole() -> &'static Path {
+    static WHOLE: Shared = Shared::new("study-whole");
+    filled(&WHOLE, &["study", "--fitted", "--threads", "1"])
+}
+
+/// The campaigns of all scenarios but the fitted one.
+fn campaigns() -> &'static Path {
+    static CAMPAIGNS: Shared = Shared::new("study-campaigns");
+    filled(&CAMPAIGNS, &["campaign"])
+}
+
+/// The campaign of the ideal scenario.
+fn ideal() -> &'static Path {
+    static IDEAL: Shared = Shared::new("study-ideal");
+    filled(&IDEAL, &["campaign", "--setting", "ideal"])
+}
+
+/// What a command over the tiny study leaves in a folder.
+fn filled(shared: &'static Shared, command: &[&str]) -> &'static Path {
+    shared.get(|path| {
+        let folder = Folder::new(shared.name);
+        let study = write_study(&folder, CLASSES);
+        run(&[command, &[&study, "--out", path.to_str().unwrap()]].concat());
+    })
+}
+
+/// A copy of such a folder.
+fn copy_of(shared: &Path, folder: &Folder) -> String {
+    let out = folder.file("out");
+    copy_folder(shared, Path::new(&out));
+    out
+}
+
 fn run(arguments: &[&str]) -> Output {
     let output = servotwin(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
@@ -103,26 +137,25 @@ fn fails(arguments: &[&str], code: i32, message: &str) {
 fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     let folder = Folder::new("study");
     let study = write_study(&folder, CLASSES);
-    let (whole, staged) = (folder.file("whole"), folder.file("staged"));
-    let output = run(&["study", &study, "--out", &whole, "--threads", "1", "--fitted"]);
-    assert!(stdout(&output).starts_with("new command\n"), "{}", stdout(&output));
-    assert!(stdout(&output).contains("wrong actuator shut down"));
+    let staged = folder.file("staged");
     run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
     run(&["campaign", &study, "--out", &staged, "--setting", "fitted"]);
     run(&["train", &staged]);
     run(&["flights", &study, "--out", &staged, "--threads", "2"]);
     run(&["evaluate", &staged, "--threads", "2"]);
     run(&["report", &staged]);
-    let first = contents(Path::new(&whole));
+    let first = contents(whole());
     assert_same(&first, &contents(Path::new(&staged)));
     // Once more over the results of the first time, and with the features computed anew.
-    run(&["features", &whole]);
-    run(&["study", &study, "--out", &whole, "--quiet"]);
-    assert_same(&first, &contents(Path::new(&whole)));
+    run(&["features", &staged]);
+    let output = run(&["study", &study, "--out", &staged]);
+    assert!(stdout(&output).starts_with("new command\n"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("wrong actuator shut down"));
+    assert_same(&first, &contents(Path::new(&staged)));
     report_is_sound(&String::from_utf8(first[Path::new("report.html")].clone()).unwrap());
-    explains(&whole);
-    shows_its_data(&whole);
-    lists_its_results(&whole);
+    explains(&staged);
+    shows_its_data(&staged);
+    lists_its_results(&staged);
 }
 
 #[test]
@@ -264,10 +297,11 @@ fn explains(out: &str) {
 fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
     let folder = Folder::new("killed");
     let study = write_study(&folder, CLASSES);
-    let (calm, killed) = (folder.file("calm"), folder.file("killed"));
+    let killed = folder.file("killed");
+    let calm = contents(whole());
     let begin = std::time::Instant::now();
-    run(&["study", &study, "--out", &calm, "--fitted"]);
-    let whole = begin.elapsed().as_millis() as u64;
+    run(&["study", &study, "--out", &folder.file("timed"), "--fitted"]);
+    let duration_ms = begin.elapsed().as_millis() as u64;
     let mut random = 12_345_u64;
     for _ in 0..10 {
         let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
@@ -277,12 +311,12 @@ fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
             .spawn()
             .unwrap();
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-        std::thread::sleep(Duration::from_millis((random >> 33) % whole.max(1)));
+        std::thread::sleep(Duration::from_millis((random >> 33) % duration_ms.max(1)));
         child.kill().unwrap();
         child.wait().unwrap();
     }
     run(&["study", &study, "--out", &killed, "--fitted"]);
-    assert_same(&contents(Path::new(&calm)), &contents(Path::new(&killed)));
+    assert_same(&calm, &contents(Path::new(&killed)));
 }
 
 #[test]
@@ -330,9 +364,7 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
 #[test]
 fn broken_and_foreign_data_sets_are_named() {
     let folder = Folder::new("broken");
-    let study = write_study(&folder, CLASSES);
-    let out = folder.file("out");
-    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    let out = copy_of(ideal(), &folder);
     fails(&["evaluate", &out], 3, "panel-ideal.json: no such file; 'servotwin train' writes it");
     fails(&["report", &out], 3, "evaluation.json: no such file; 'servotwin evaluate' writes it");
     let data_set = Path::new(&out).join("dataset-ideal.parquet");
@@ -369,8 +401,7 @@ fn flip(path: &Path) -> Vec<u8> {
 #[test]
 fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let folder = Folder::new("flipped");
-    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
-    run(&["study", &study, "--out", &out]);
+    let (study, out) = (write_study(&folder, CLASSES), copy_of(whole(), &folder));
     let file = |name: &str| Path::new(&out).join(name);
     let (log, diagnoser) = (folder.file("log.csv"), file("diagnoser-realistic.json"));
     run(&["simulate", "--duration", "1s", "--command", "step:size=1deg", "--out", &log]);
@@ -441,8 +472,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
 #[test]
 fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     let folder = Folder::new("held");
-    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
-    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    let (study, out) = (write_study(&folder, CLASSES), copy_of(ideal(), &folder));
     let lock = Path::new(&out).join(servotwin::job::hold::NAME);
     let held = std::fs::File::options().write(true).open(&lock).unwrap();
     held.lock().unwrap();
@@ -472,8 +502,7 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
 #[test]
 fn results_of_another_study_are_only_replaced_when_that_is_asked_for() {
     let folder = Folder::new("another");
-    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
-    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    let (study, out) = (write_study(&folder, CLASSES), copy_of(ideal(), &folder));
     let before = contents(Path::new(&out));
     let other = folder.file("other.toml");
     std::fs::write(&other, tiny(CLASSES).replacen("name = \"", "name = \"another_", 1)).unwrap();
@@ -521,8 +550,7 @@ fn the_report_of_a_table_compares_all_classifiers() {
 fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
     let folder = Folder::new("missing parts");
     let study = write_study(&folder, CLASSES);
-    let (whole, parts) = (folder.file("whole"), folder.file("parts"));
-    run(&["campaign", &study, "--out", &whole]);
+    let parts = folder.file("parts");
     // Parts of two submissions, and a shard that is damaged.
     run(&["campaign", &study, "--out", &parts, "--shards", "3/4"]);
     run(&["campaign", &study, "--out", &parts, "--shards", "2/9"]);
@@ -539,7 +567,7 @@ fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
     let line = line.replace("servotwin campaign", &format!("{program} campaign"));
     assert!(Command::new("sh").args(["-c", &line]).output().unwrap().status.success(), "{line}");
     run(&["merge", &parts]);
-    assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
+    assert_same(&contents(campaigns()), &contents(Path::new(&parts)));
     // Another number of parts may be asked for.
     std::fs::remove_file(&first).unwrap();
     let counted = servotwin(&["merge", &parts, "--parts", "2"]);
@@ -550,8 +578,7 @@ fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
 fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     let folder = Folder::new("parts");
     let study = write_study(&folder, CLASSES);
-    let (whole, parts) = (folder.file("whole"), folder.file("parts"));
-    run(&["campaign", &study, "--out", &whole]);
+    let (whole, parts) = (copy_of(campaigns(), &folder), folder.file("parts"));
     run(&["campaign", &study, "--out", &parts, "--shards", "2/2"]);
     assert_eq!(servotwin(&["merge", &parts]).status.code(), Some(4));
     run(&["campaign", &study, "--out", &parts, "--shards", "1/2", "--threads", "1"]);

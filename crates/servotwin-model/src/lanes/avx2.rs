@@ -113,7 +113,6 @@ impl Primitive for Avx2 {
 // SAFETY: `repr(transparent)` over its numbers.
 unsafe impl Lanes for Avx2 {
     const WIDTH: usize = 4;
-    type Register = Self;
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

@@ -108,7 +108,6 @@ impl Primitive for Avx512 {
 // SAFETY: `repr(transparent)` over its numbers.
 unsafe impl Lanes for Avx512 {
     const WIDTH: usize = 8;
-    type Register = Self;
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

@@ -7,7 +7,6 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-mod pair;
 mod portable;
 mod single;
 
@@ -16,7 +15,7 @@ pub use portable::Portable;
 
 // Private, because their values may exist only where the processor supports them.
 #[cfg(target_arch = "x86_64")]
-use {avx2::Avx2, avx512::Avx512, pair::Pair};
+use {avx2::Avx2, avx512::Avx512};
 
 /// An instruction set for lanes, with their number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,28 +25,13 @@ pub enum Level {
     /// Plain arrays of four; runs on every machine.
     Portable,
     /// Four lanes of 256 bits.
-    Avx2Once,
-    /// Two times four lanes of 256 bits.
     Avx2,
     /// Eight lanes of 512 bits.
     Avx512,
-    /// Two times eight lanes of 512 bits.
-    Avx512Twice,
 }
 
 /// Every level, from the slowest in campaigns to the fastest.
-pub const ALL: [Level; 6] = [
-    Level::Single,
-    Level::Portable,
-    Level::Avx2Once,
-    Level::Avx2,
-    Level::Avx512,
-    Level::Avx512Twice,
-];
-
-/// Variants per lane from which on sixteen lanes are faster overall for interpreted steps. Their step takes longer,
-/// and at the end most of them are idle.
-const MANY_PER_LANE: usize = 8;
+pub const ALL: [Level; 4] = [Level::Single, Level::Portable, Level::Avx2, Level::Avx512];
 
 impl Level {
     /// The name on the command line.
@@ -55,10 +39,8 @@ impl Level {
         match self {
             Level::Single => "single",
             Level::Portable => "portable",
-            Level::Avx2Once => "avx2x1",
             Level::Avx2 => "avx2",
             Level::Avx512 => "avx512",
-            Level::Avx512Twice => "avx512x2",
         }
     }
 
@@ -66,9 +48,8 @@ impl Level {
     pub fn width(self) -> usize {
         match self {
             Level::Single => 1,
-            Level::Portable | Level::Avx2Once => 4,
-            Level::Avx2 | Level::Avx512 => 8,
-            Level::Avx512Twice => 16,
+            Level::Portable | Level::Avx2 => 4,
+            Level::Avx512 => 8,
         }
     }
 
@@ -76,8 +57,8 @@ impl Level {
     pub fn register_width(self) -> usize {
         match self {
             Level::Single | Level::Portable => 1,
-            Level::Avx2Once | Level::Avx2 => 4,
-            Level::Avx512 | Level::Avx512Twice => 8,
+            Level::Avx2 => 4,
+            Level::Avx512 => 8,
         }
     }
 
@@ -88,15 +69,15 @@ impl Level {
         match self {
             Level::Single | Level::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2Once | Level::Avx2 => detected::AVX2.get(detected::avx2),
+            Level::Avx2 => detected::AVX2.get(detected::avx2),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 | Level::Avx512Twice => detected::AVX512.get(detected::avx512),
+            Level::Avx512 => detected::AVX512.get(detected::avx512),
             #[cfg(not(target_arch = "x86_64"))]
             _ => false,
         }
     }
 
-    /// The fastest level of this processor for interpreted steps.
+    /// The fastest level of this processor.
     pub fn best() -> Level {
         let mut best = Level::Portable;
         for level in [Level::Avx2, Level::Avx512] {
@@ -111,30 +92,8 @@ impl Level {
     /// further change.
     pub fn narrower(self) -> Option<Level> {
         match self {
-            Level::Avx512Twice | Level::Avx512 | Level::Avx2 => {
-                Some(Level::Avx2Once).filter(|level| level.available())
-            }
-            Level::Avx2Once | Level::Portable | Level::Single => None,
-        }
-    }
-
-    /// The fastest level for compiled steps, given the fastest for interpreted ones. Two registers share the time
-    /// that it takes to walk a list, but compiled straight-line code needs half the memory with one.
-    pub fn compiled(self) -> Level {
-        match self {
-            Level::Avx2 => Level::Avx2Once,
-            level => level,
-        }
-    }
-
-    /// The level that finishes this number of variants first, given the fastest level for a
-    /// step.
-    pub fn for_many(self, variants: usize) -> Level {
-        match self {
-            Level::Avx512 if variants >= MANY_PER_LANE * Level::Avx512Twice.width() => {
-                Level::Avx512Twice
-            }
-            level => level,
+            Level::Avx512 => Some(Level::Avx2).filter(|level| level.available()),
+            Level::Avx2 | Level::Portable | Level::Single => None,
         }
     }
 }
@@ -208,16 +167,10 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
         Level::Portable => kernel.run::<Portable>(),
         // SAFETY: the level is available.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2Once => unsafe { run_avx2_once(kernel) },
-        // SAFETY: the level is available.
-        #[cfg(target_arch = "x86_64")]
         Level::Avx2 => unsafe { run_avx2(kernel) },
         // SAFETY: the level is available.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe { run_avx512(kernel) },
-        // SAFETY: the level is available.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512Twice => unsafe { run_avx512_twice(kernel) },
         #[cfg(not(target_arch = "x86_64"))]
         _ => unreachable!(),
     }
@@ -225,26 +178,14 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn run_avx2_once<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx2>()
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Pair<Avx2>>()
+    kernel.run::<Avx2>()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq")]
 fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx512>()
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq")]
-fn run_avx512_twice<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Pair<Avx512>>()
 }
 
 /// The part of [`Scalar`](crate::scalar::Scalar) that is the same for all

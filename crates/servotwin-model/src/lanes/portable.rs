@@ -89,7 +89,6 @@ impl Primitive for Portable {
 // SAFETY: `repr(C)`, four numbers.
 unsafe impl Lanes for Portable {
     const WIDTH: usize = WIDTH;
-    type Register = Self;
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

@@ -51,7 +51,6 @@ impl Primitive for f64 {
 // SAFETY: one number.
 unsafe impl Lanes for f64 {
     const WIDTH: usize = 1;
-    type Register = Self;
 
     #[inline(always)]
     fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {

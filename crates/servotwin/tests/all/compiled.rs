@@ -68,7 +68,7 @@ fn it_gives_the_bits_of_the_lists_in_every_built_in_system() {
     for (name, text) in built_in::SYSTEMS {
         let system = System::parse(text, name).unwrap();
         let compiled = Compiled::at_once();
-        let level = Level::best().compiled();
+        let level = Level::best();
         assert!(compiled.steps(&system.program, level).is_some(), "{name}: a C compiler");
         let lists = runs(&system, level, None);
         assert!(lists.iter().filter(|run| run.is_ok()).count() > VARIANTS / 2, "{name}");
