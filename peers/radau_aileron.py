@@ -69,12 +69,19 @@ VALVE_DAMPING = 0.7
 SLEW = 0.15
 
 
+def pilot_speed(drop):
+    """(W2), with a flow that is laminar below 1000 Pa."""
+    laminar = sqrt(1e3)
+    return (sqrt(max(drop, 0.0) + 1e3) - laminar) / (sqrt(20e6 + 1e3) - laminar)
+
+
 def edge_flow(opening_travel, drop):
     """The flow through an edge whose spool has moved so far in its opening direction."""
     xi = opening_travel - OVERLAP
     plus = (xi + sqrt(xi * xi + SMOOTHING**2)) / 2
     lap = plus - xi
     gap = sqrt((plus + 2 * EDGE_RADIUS) ** 2 + (CLEARANCE + 2 * EDGE_RADIUS) ** 2) - 2 * EDGE_RADIUS
+    lap *= lap / (plus + lap)
     area = WIDTH * gap
     resistance = REYNOLDS * DENSITY * VISCOSITY / (2 * DISCHARGE**2 * 2 * gap * area)
     resistance += 12 * DENSITY * VISCOSITY * lap / (WIDTH * CLEARANCE**3)
@@ -98,16 +105,17 @@ def air_moment(angle, rate):
     return AIR_SCALE * coefficient
 
 
-def friction(v_p):
-    """(Y5)"""
-    return 6e3 * v_p + 500 * (1 + 0.5 * exp(-((v_p / 5e-3) ** 2))) * tanh(v_p / 5e-3)
+def friction(v_p, p_a, p_b):
+    """(Y5) at 40 °C"""
+    load = 1 + 0.5 * ((p_a + p_b) / (2 * 1.06e7) - 1)
+    return 6e3 * v_p + load * 500 * (1 + 0.5 * exp(-((v_p / 5e-3) ** 2))) * tanh(v_p / 5e-3)
 
 
 PRESSURE_SENSOR_HZ = 125
 RAM_SENSOR_HZ = 160
 ARM = 0.0525
 AREA = 2.2723e-3
-FULL_PA = 206.84e5
+FULL_PA = 344.74e5
 STIFFNESS = 2.0e7
 DAMPING = 2.0e3
 
@@ -132,8 +140,10 @@ def actuator(s, command, correction, angle, rate):
     current = min(max(272 * error - 0.45 * (difference - d) / 20.684e6, -1.0), 1.0)
     d_d = (difference - d) / 0.10
     # (W1)-(W3)
-    d_x_v = SLEW * tanh(v_v / SLEW)
+    speed = pilot_speed(p_s - p_t)
+    d_x_v = speed * SLEW * tanh(v_v / SLEW)
     d_v_v = VALVE_OMEGA**2 * (STROKE * current - x_v) - 2 * VALVE_DAMPING * VALVE_OMEGA * v_v
+    d_v_v *= speed
     q_pa = edge_flow(x_v, p_s - p_a)
     q_pb = edge_flow(-x_v, p_s - p_b)
     q_at = edge_flow(-x_v, p_a - p_t)
@@ -150,7 +160,7 @@ def actuator(s, command, correction, angle, rate):
     d_p_b = bulk_modulus_pa(p_b) / (65e-6 - AREA * x_p) * (q_pb - q_bt + q_seal + AREA * v_p)
     # (T3), (L1)
     force = STIFFNESS * (x_p - ARM * sin(angle)) + DAMPING * (v_p - ARM * cos(angle) * rate)
-    d_v_p = (AREA * (p_a - p_b) - force - friction(v_p)) / 2.0
+    d_v_p = (AREA * (p_a - p_b) - force - friction(v_p, p_a, p_b)) / 2.0
     # (PS1), (D1), (D2)
     omega = 2 * pi * PRESSURE_SENSOR_HZ
     d_i_a = omega * (4e-3 + 16e-3 * min(max(p_a / FULL_PA, 0.0), 1.0) - i_a)

@@ -62,6 +62,8 @@ pub enum Unit {
     PascalSecondPerCubicMetre,
     /// Pascal second squared per meter to the sixth: a turbulent resistance.
     PascalSecondSquaredPerMetreToTheSixth,
+    /// One per kelvin.
+    PerKelvin,
     /// One per second.
     PerSecond,
     /// One per second squared.
@@ -129,6 +131,7 @@ impl Unit {
             Unit::PascalSecondSquaredPerMetreToTheSixth => {
                 facts("_pa_s2_m6", "Pa s²/m⁶", "bar min²/L²", 1e-5 / 3.6e9)
             }
+            Unit::PerKelvin => facts("_per_k", "1/K", "1/K", 1.0),
             Unit::PerSecond => facts("_per_s", "1/s", "1/s", 1.0),
             Unit::PerSecondSquared => facts("_per_s2", "1/s²", "1/s²", 1.0),
             Unit::Ampere => facts("_a", "A", "mA", 1e3),
@@ -162,7 +165,7 @@ impl Unit {
     }
 
     /// All units, for tests and for the parser's hints.
-    pub const ALL: [Unit; 31] = [
+    pub const ALL: [Unit; 32] = [
         Unit::None,
         Unit::Pascal,
         Unit::Kelvin,
@@ -191,6 +194,7 @@ impl Unit {
         Unit::CubicMetrePerSecondPascal,
         Unit::PascalSecondPerCubicMetre,
         Unit::PascalSecondSquaredPerMetreToTheSixth,
+        Unit::PerKelvin,
         Unit::PerSecond,
         Unit::PerSecondSquared,
         Unit::Ampere,

@@ -1,12 +1,11 @@
 //! Built-in systems and studies, which names select wherever a file is expected.
 
 /// Systems: name and text of the file.
-pub const SYSTEMS: [(&str, &str); 5] = [
+pub const SYSTEMS: [(&str, &str); 4] = [
     ("aileron_dual", include_str!("../../../systems/aileron_dual.toml")),
     ("spring_actuator", include_str!("../../../systems/spring_actuator.toml")),
     ("valve_and_cylinder", include_str!("../../../systems/valve_and_cylinder.toml")),
     ("press_axis", include_str!("../../../systems/press_axis.toml")),
-    ("aileron_relief", include_str!("../../../systems/aileron_relief.toml")),
 ];
 
 /// Studies: name and text of the file.

@@ -124,6 +124,7 @@ pub static TABLE: &[NamedUnit] = &[
     named("bar min/L", Unit::PascalSecondPerCubicMetre, 6e9),
     si(Unit::PascalSecondSquaredPerMetreToTheSixth),
     named("bar min²/L²", Unit::PascalSecondSquaredPerMetreToTheSixth, 3.6e14),
+    si(Unit::PerKelvin),
     si(Unit::PerSecond),
     si(Unit::PerSecondSquared),
 ];

@@ -57,7 +57,7 @@ use std::path::{Path, PathBuf};
 /// The system that a command is about.
 #[derive(clap::Args)]
 pub struct SystemOption {
-    /// A system file, or the name of a built-in system (aileron_dual, aileron_relief, spring_actuator,
+    /// A system file, or the name of a built-in system (aileron_dual, spring_actuator,
     /// valve_and_cylinder, press_axis); without it, the aileron with two actuators.
     #[arg(value_name = "SYSTEM")]
     path: Option<PathBuf>,

@@ -212,7 +212,6 @@ const SHIPPED: &str = "shipped-files.md";
 /// Its sections: what a file is called there, its folder and its name.
 const FILES: [(&str, &str, &str); 9] = [
     ("System", "systems", "aileron_dual"),
-    ("System", "systems", "aileron_relief"),
     ("System", "systems", "spring_actuator"),
     ("System", "systems", "valve_and_cylinder"),
     ("System", "systems", "press_axis"),

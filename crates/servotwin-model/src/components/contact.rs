@@ -1,10 +1,10 @@
 //! Contact forces between solid bodies: dry friction and end stops, each written once for all components.
 //!
 //! ```text
-//! F = b v + F_C (1 + (κ − 1) e^{−(v/v_s)²}) tanh(v/v_0)                    (CO1)
+//! F = b v + n F_C (1 + (κ − 1) e^{−(v/v_s)²}) tanh(v/v_0)                  (CO1)
 //! ```
 //!
-//! with κ static over Coulomb friction, the Stribeck velocity v_s and the smoothing velocity v_0.
+//! with the load n on the surfaces per unit of that at which F_C holds, κ static over Coulomb friction, the Stribeck velocity v_s and the smoothing velocity v_0.
 //! Equation (Y6) of the cylinder describes end stops. Both return a force, or an acceleration if the
 //! constants are divided by the mass.
 
@@ -34,15 +34,16 @@ pub fn stribeck_constants<S: Scalar<Base = S>>(of: Stribeck<S>) -> [S; STRIBECK_
     [of.viscous, of.coulomb, excess, one / of.velocity, one / of.smoothing]
 }
 
-/// Equation (CO1): the friction that opposes a velocity.
+/// Equation (CO1): the friction that opposes a velocity, with the relative load on the surfaces.
 #[inline(always)]
 pub fn stribeck<S: Scalar>(
     velocity: S,
+    load: S,
     &[viscous, coulomb, excess, per_stribeck, per_smoothing]: &[S::Base; STRIBECK_CONSTANTS],
 ) -> S {
     let relative = velocity * per_stribeck;
     let level = (-(relative * relative)).exp() * excess + coulomb;
-    velocity * viscous + level * (velocity * per_smoothing).tanh()
+    velocity * viscous + load * level * (velocity * per_smoothing).tanh()
 }
 
 /// Number of constants of [`end_stop`].

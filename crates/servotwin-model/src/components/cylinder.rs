@@ -4,9 +4,10 @@
 //! V_A  = max(V_A0 + A_A x, V_A0/100),   V_B = max(V_B0 − A_B x, V_B0/100)    (Y1)
 //! s_A' = E(s_A)/V_A [q_A − (1 − φ_A) A_A v],   p_A = max(s_A, p_v)           (Y2)
 //! s_B' = E(s_B)/V_B [q_B + (1 − φ_B) A_B v],   p_B = max(s_B, p_v)
-//! q_li = C_li (p_A − p_B)                                   a → b          (Y3)
+//! q_li = C_li (μ_r/μ) (p_A − p_B)                           a → b          (Y3)
 //! x'   = v,   m v' = A_A (p_A − p_0) − A_B (p_B − p_0) + F − F_f − F_stop    (Y4)
-//! F_f  = B v + F_c [1 + (κ − 1) e^{−(v/v_st)²}] tanh(v/v_t)                  (Y5)
+//! F_f  = B (μ/μ_r) v + n F_c [1 + (κ − 1) e^{−(v/v_st)²}] tanh(v/v_t),
+//! n    = [1 + g ((p_A + p_B)/(2 p_n) − 1)] e^{−β (T − T_r)}                 (Y5)
 //! F_stop = k e + c v min(|e|/d, 1),   e = x − clamp(x, −x_st, x_st)          (Y6)
 //! ```
 //!
@@ -15,14 +16,16 @@
 //! the rod's end. The friction is Stribeck's with `κ` static over Coulomb
 //! friction, smoothed over `v_t`: the rod creeps instead of sticking, and where
 //! `v_t` is as large as `v_st` (the defaults) `κ` raises the slope at rest but no
-//! peak above `F_c` is left. The stop's
+//! peak above `F_c` is left. The pressure presses the seals onto rod and bore: a share `g` of the Coulomb friction
+//! grows with the mean chamber pressure and is complete at `p_n`. Cold seals are stiffer (`β`). `F_c`, `B` and
+//! `C_li` hold at `T_r` = 40 °C, where the dynamic viscosity `μ` is `μ_r`. The stop's
 //! damping fades in over the first thousandth of the stroke (`d`), and the stop
 //! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
 //! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the cavity's share of a chamber, zero above the
 //! vapor pressure `p_v` (equations (F4)–(F6) of [`crate::fluid`]).
 //!
 //! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; friction of Stribeck
-//! as in Olsson 1998; the stop is the toolkit's own choice.
+//! as in Olsson 1998; the stop and the growth of the seals' friction are the toolkit's own choice.
 
 use super::contact::{
     END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,
@@ -31,7 +34,9 @@ use super::contact::{
 use super::volume::fluid_pressure;
 use crate::component::Component;
 use crate::equation::{Equation, Given};
-use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, liquid_share, pressure_rate_pa_s};
+use crate::fluid::{
+    BULK_CONSTANTS, NORMAL_PRESSURE_PA, REFERENCE_TEMPERATURE_K, liquid_share, pressure_rate_pa_s,
+};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
@@ -53,10 +58,28 @@ parameters! {
         Unit::CubicMetrePerSecondPascal,
         2e-14,
         (0.0, 1e-8),
-        "laminar leakage across the piston seal",
+        "laminar leakage across the piston seal at 40 °C",
     ),
     mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "piston and rod"),
-    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals"),
+    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals at 40 °C"),
+    friction_pressure_share: parameter(
+        Unit::None,
+        0.5,
+        (0.0, 1.0),
+        "share of the Coulomb friction that grows with pressure",
+    ),
+    friction_pressure_pa: parameter(
+        Unit::Pascal,
+        1.06e7,
+        (1e5, 1e8),
+        "mean chamber pressure at which the Coulomb friction holds",
+    ),
+    friction_temperature_per_k: parameter(
+        Unit::PerKelvin,
+        6e-3,
+        (0.0, 0.1),
+        "loss of Coulomb friction with temperature",
+    ),
     static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static over Coulomb"),
     stribeck_velocity_m_s: parameter(
         Unit::MetrePerSecond,
@@ -74,7 +97,7 @@ parameters! {
         Unit::NewtonSecondPerMetre,
         6e3,
         (0.0, 1e7),
-        "viscous friction",
+        "viscous friction at 40 °C",
     ),
     stroke_half_m: parameter(Unit::Metre, 23.5e-3, (1e-4, 10.0), "from centre to end stop"),
     stop_stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e8, (0.0, 1e12), "end stop"),
@@ -162,7 +185,8 @@ impl Component for Cylinder {
         let faster = Output::add(wiring.derivative("velocity_m_s"));
         let slower = Output::subtract(wiring.derivative("velocity_m_s"));
         wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
-        wiring.equation::<PistonFriction, 1, 2, STRIBECK_CONSTANTS>(0, [velocity], [shift, slower]);
+        let friction = [velocity, p_a, p_b];
+        wiring.equation::<PistonFriction, 3, 2, FRICTION_CONSTANTS>(0, friction, [shift, slower]);
         wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
     }
 
@@ -215,7 +239,7 @@ pub struct SealLeakage;
 
 impl Equation<2, 1, 1> for SealLeakage {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[index::internal_leakage_m3_s_pa]]
+        [given[index::internal_leakage_m3_s_pa] / given.fluid.relative_viscosity]
     }
 
     #[inline(always)]
@@ -241,24 +265,34 @@ impl Equation<3, 1, 4> for PistonForce {
     }
 }
 
-/// Equation (Y5): (v) → (x', deceleration by friction).
+/// Number of constants of [`PistonFriction`].
+const FRICTION_CONSTANTS: usize = 2 + STRIBECK_CONSTANTS;
+
+/// Equation (Y5): (v, p_a, p_b) → (x', deceleration by friction).
 pub struct PistonFriction;
 
-impl Equation<1, 2, STRIBECK_CONSTANTS> for PistonFriction {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; STRIBECK_CONSTANTS] {
+impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; FRICTION_CONSTANTS] {
         let mass = given[index::mass_kg];
-        stribeck_constants(Stribeck {
-            viscous: given[index::viscous_friction_n_s_m] / mass,
-            coulomb: given[index::coulomb_friction_n] / mass,
+        let share = given[index::friction_pressure_share];
+        let warmer_k = given.fluid.temperature_k - S::constant(REFERENCE_TEMPERATURE_K);
+        let stiffness = (-(warmer_k * given[index::friction_temperature_per_k])).exp();
+        let [a, b, c, d, e] = stribeck_constants(Stribeck {
+            viscous: given[index::viscous_friction_n_s_m] * given.fluid.relative_viscosity / mass,
+            coulomb: given[index::coulomb_friction_n] * stiffness / mass,
             static_ratio: given[index::static_friction_ratio],
             velocity: given[index::stribeck_velocity_m_s],
             smoothing: given[index::friction_smoothing_m_s],
-        })
+        });
+        let per_pressure = share / (given[index::friction_pressure_pa] * S::constant(2.0));
+        [a, b, c, d, e, per_pressure, S::constant(1.0) - share]
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; STRIBECK_CONSTANTS], [v]: [S; 1]) -> [S; 2] {
-        [v, stribeck(v, c)]
+    fn evaluate<S: Scalar>(c: &[S::Base; FRICTION_CONSTANTS], [v, p_a, p_b]: [S; 3]) -> [S; 2] {
+        let [a, b, e, d, f, per_pressure, rest] = *c;
+        let load = (p_a + p_b) * per_pressure + rest;
+        [v, stribeck(v, load, &[a, b, e, d, f])]
     }
 }
 
@@ -300,9 +334,9 @@ mod tests {
 
     fn friction_n(smoothing_m_s: f64, velocity_m_s: f64) -> f64 {
         let changes = [("viscous_friction_n_s_m", 0.0), ("friction_smoothing_m_s", smoothing_m_s)];
-        let c = constants::<PistonFriction, 1, 2, 5>(&Cylinder, &changes, 0);
+        let c = constants::<PistonFriction, 3, 2, 7>(&Cylinder, &changes, 0);
         let mass_kg = 2.0;
-        PistonFriction::evaluate(&c, [velocity_m_s])[1] * mass_kg
+        PistonFriction::evaluate(&c, [velocity_m_s, 1.06e7, 1.06e7])[1] * mass_kg
     }
 
     #[test]
@@ -324,6 +358,15 @@ mod tests {
         assert!(largest(0.2e-3) > 720.0);
         // A smoothing velocity as large as the Stribeck velocity hides the peak.
         assert!(largest(5e-3) <= 500.0 + 1e-6, "{}", largest(5e-3));
+    }
+
+    #[test]
+    fn pressure_presses_the_seals_onto_the_rod() {
+        let c = constants::<PistonFriction, 3, 2, 7>(&Cylinder, &[], 0);
+        let friction = |bar: f64| PistonFriction::evaluate(&c, [0.1, bar * 1e5, bar * 1e5])[1];
+        let viscous = 6e3 * 0.1 / 2.0;
+        let ratio = |bar| (friction(bar) - viscous) / (friction(106.0) - viscous);
+        assert!((ratio(0.0) - 0.5).abs() < 1e-9 && (ratio(212.0) - 1.5).abs() < 1e-9);
     }
 
     #[test]

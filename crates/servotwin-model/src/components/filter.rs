@@ -1,12 +1,12 @@
 //! A filter, a cooler, a hose: a resistance that is known from its data sheet.
 //!
 //! ```text
-//! Δp = R q + K q|q|                                                       (F1)
+//! Δp = R q + K q|q|,   R = R_r μ/μ_r                                       (F1)
 //! q  = 2Δp / (R + √(R² + 4 K |Δp|))                                        (F2)
 //! ```
 //!
-//! (F2) is (F1) solved for the flow. Both resistances are taken as they are:
-//! they do not follow the fluid's temperature.
+//! (F2) is (F1) solved for the flow. The laminar resistance holds at 40 °C and grows with the fluid's
+//! dynamic viscosity `μ`. The turbulent one is taken as it is.
 //!
 //! Source: the sum of a laminar and a turbulent drop, as data sheets are fitted.
 
@@ -24,7 +24,7 @@ parameters! {
         Unit::PascalSecondPerCubicMetre,
         3.84e9,
         (1.0, 1e16),
-        "laminar resistance R",
+        "laminar resistance at 40 °C",
     ),
     quadratic_pa_s2_m6: parameter(
         Unit::PascalSecondSquaredPerMetreToTheSixth,
@@ -68,7 +68,10 @@ pub struct FilterFlow;
 
 impl Equation<2, 1, 2> for FilterFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[index::resistance_pa_s_m3], given[index::quadratic_pa_s2_m6] * S::constant(4.0)]
+        [
+            given[index::resistance_pa_s_m3] * given.fluid.relative_viscosity,
+            given[index::quadratic_pa_s2_m6] * S::constant(4.0),
+        ]
     }
 
     #[inline(always)]

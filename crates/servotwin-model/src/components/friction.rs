@@ -99,6 +99,6 @@ impl Equation<1, 1, STRIBECK_CONSTANTS> for Rubbing {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; STRIBECK_CONSTANTS], [velocity]: [S; 1]) -> [S; 1] {
-        [stribeck(velocity, c)]
+        [stribeck(velocity, S::constant(1.0), c)]
     }
 }

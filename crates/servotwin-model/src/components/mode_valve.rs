@@ -4,7 +4,7 @@
 //! m'   = (m_c − m)/τ,   m_c = m_0 + (m_1 − m_0) · command                  (M1)
 //! m_e  = m + (1 − m) i                                                    (M2)
 //! q_by = (1 − m) A_d v(p_A − p_B)                        a → b             (M3)
-//! q_k  = (1 − m) A_k σ(Δp/Δp_k) v(Δp)                                      (M4)
+//! q_k  = A_k σ(Δp/Δp_k) v(Δp)                                              (M4)
 //! ```
 //!
 //! `m` is 1 when active, 0 when damped. `m_e` is the transmission by which the
@@ -12,7 +12,8 @@
 //! the damping orifice, `v` the velocity (O2) of [`super::orifice`]. (M4) are
 //! check valves, opened by `σ`, the cubic step of
 //! [`crate::math::smooth_step`]: from the reserve into each chamber
-//! (Δp = p_reserve − p_chamber), and from the return gallery into the reserve.
+//! (Δp = p_reserve − p_chamber), and from the return gallery into the reserve. They act in either mode: a chamber
+//! whose rod is pulled faster than the servo valve feeds it is filled.
 //! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
 //!
@@ -25,7 +26,7 @@ use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Variable, Wiring};
+use crate::wiring::{Output, Wiring};
 
 /// A mode valve; see the module documentation.
 pub struct ModeValve;
@@ -101,10 +102,10 @@ static SPEC: Spec = Spec {
 };
 
 impl ModeValve {
-    fn check_valve(wiring: &mut Wiring, position: Variable, which: usize, up: &str, down: &str) {
-        let inputs = [position, wiring.pressure(up), wiring.pressure(down)];
+    fn check_valve(wiring: &mut Wiring, which: usize, up: &str, down: &str) {
+        let inputs = [wiring.pressure(up), wiring.pressure(down)];
         let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-        wiring.equation::<ReserveFlow, 3, 1, 4>(which, inputs, [flow]);
+        wiring.equation::<ReserveFlow, 2, 1, 4>(which, inputs, [flow]);
     }
 }
 
@@ -125,10 +126,10 @@ impl Component for ModeValve {
         let inputs = [position, wiring.pressure("a"), wiring.pressure("b")];
         let bypass = Output::transfer(wiring.flow("a"), wiring.flow("b"));
         wiring.equation::<BypassFlow, 3, 1, 3>(0, inputs, [bypass]);
-        Self::check_valve(wiring, position, index::make_up_area_m2, "reserve", "a");
-        Self::check_valve(wiring, position, index::make_up_area_m2, "reserve", "b");
+        Self::check_valve(wiring, index::make_up_area_m2, "reserve", "a");
+        Self::check_valve(wiring, index::make_up_area_m2, "reserve", "b");
         if wiring.connected("return") {
-            Self::check_valve(wiring, position, index::return_area_m2, "return", "reserve");
+            Self::check_valve(wiring, index::return_area_m2, "return", "reserve");
         }
     }
 }
@@ -191,11 +192,11 @@ impl Equation<3, 1, 3> for BypassFlow {
     }
 }
 
-/// Equation (M4): (m, p_up, p_down) → flow. `which` is the index of the area's
+/// Equation (M4): (p_up, p_down) → flow. `which` is the index of the area's
 /// parameter.
 pub struct ReserveFlow;
 
-impl Equation<3, 1, 4> for ReserveFlow {
+impl Equation<2, 1, 4> for ReserveFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
         let [factor, r, four_k] = hole(
             given[given.which],
@@ -207,10 +208,10 @@ impl Equation<3, 1, 4> for ReserveFlow {
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 4], [m, up, down]: [S; 3]) -> [S; 1] {
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [up, down]: [S; 2]) -> [S; 1] {
         // The check valve is closed at a negative drop.
         let drop = (up - down).max(S::constant(0.0));
-        let opening = damped(m) * smooth_step(drop * c[3]) * c[0];
+        let opening = smooth_step(drop * c[3]) * c[0];
         [opening * scaled_velocity_pa_s_m(drop, S::from_base(c[1]), c[2])]
     }
 }
@@ -236,10 +237,9 @@ mod tests {
 
     #[test]
     fn the_reserve_only_gives() {
-        let c = constants::<ReserveFlow, 3, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
-        assert!(ReserveFlow::evaluate(&c, [0.0, 15e5, 14e5])[0] > 0.0);
-        assert_eq!(ReserveFlow::evaluate(&c, [0.0, 15e5, 16e5])[0], 0.0);
-        assert_eq!(ReserveFlow::evaluate(&c, [1.0, 15e5, 14e5])[0], 0.0);
+        let c = constants::<ReserveFlow, 2, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
+        assert!(ReserveFlow::evaluate(&c, [15e5, 14e5])[0] > 0.0);
+        assert_eq!(ReserveFlow::evaluate(&c, [15e5, 16e5])[0], 0.0);
     }
 
     #[test]

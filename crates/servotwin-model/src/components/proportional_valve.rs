@@ -13,15 +13,15 @@
 //! density `ρ_N` (ISO 10770-1 rates proportional valves at 5 bar an edge, servo valves at 35 bar); `f` the share
 //! of it that an edge passes, as in the spools for cylinders with one rod. Below `p_t` the flow becomes
 //! proportional to the drop. `C_l` is what leaks past a land. `m` is the transmission, as in the servo valve.
-//! Flow forces are left to the valve's own position loop.
+//! Flow forces are left to the valve's own position loop, which needs no supply (σ of (W2) is 1).
 //!
 //! Source: the square root law through the rated point of ISO 10770-1; the spool is that of the servo valve.
 //! The smoothing of (PV1) and (PV2) is the toolkit's own choice.
 
 use super::spool::{
-    ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
-    damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
-    spool_motion, states,
+    ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, breakaway, clogging,
+    connect_edges, damping_loss, gain_high, gain_low, jam, motion_variables,
+    natural_frequency_loss, ports, spool_constants, spool_motion, states,
 };
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -93,7 +93,7 @@ parameters! {
     ),
     null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
     current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "stroke gained per full signal"),
-    mobility: parameter(Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
+    breakaway: breakaway(),
     transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
 }
 
@@ -145,7 +145,9 @@ impl Component for ProportionalValve {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        connect::<ControlledSpool, RatedEdge, 6>(wiring);
+        let (inputs, rates) = motion_variables(wiring);
+        wiring.equation::<ControlledSpool, 3, 2, SPOOL_CONSTANTS>(0, inputs, rates);
+        connect_edges::<RatedEdge, 6>(wiring);
     }
 }
 
@@ -161,14 +163,14 @@ impl Equation<3, 2, SPOOL_CONSTANTS> for ControlledSpool {
             slew_rate_m_s: given[index::stroke_m] / given[index::opening_time_s],
             null_bias: given[index::null_bias],
             current_gain: given[index::current_gain],
-            mobility: given[index::mobility],
+            breakaway: given[index::breakaway],
             stop: STOP.map(S::constant),
         })
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; SPOOL_CONSTANTS], inputs: [S; 3]) -> [S; 2] {
-        spool_motion(c, inputs)
+        spool_motion(c, inputs, S::constant(1.0))
     }
 }
 

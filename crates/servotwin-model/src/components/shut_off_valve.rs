@@ -3,11 +3,11 @@
 //!
 //! ```text
 //! A = u A_0,   u = max(opening, 0)                                         (S1)
-//! q = A/(2k) · sgn(Δp) (√(r² + 4 k |Δp|) − r),   r = r_t + R_s A            (S2)
+//! q = A/(2k) · sgn(Δp) (√(r² + 4 k |Δp|) − r),   r = r_t + R_s (μ/μ_r) A     (S2)
 //! ```
 //!
 //! (S2) is (O2) of [`super::orifice`] with the series resistance `R_s` of
-//! filter and line. `r_t` is taken at the hydraulic diameter of the open valve:
+//! filter and line, which holds at 40 °C and grows with the dynamic viscosity `μ`. `r_t` is taken at the hydraulic diameter of the open valve:
 //! while it closes, the share of laminar flow is underestimated, which matters
 //! below about one percent of opening.
 //!
@@ -29,7 +29,7 @@ parameters! {
         Unit::PascalSecondPerCubicMetre,
         0.0,
         (0.0, 1e15),
-        "laminar resistance of filter and line",
+        "laminar resistance of filter and line at 40 °C",
     ),
     discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
     transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
@@ -83,7 +83,8 @@ impl Equation<3, 1, 4> for ShutOffFlow {
             given[index::transition_reynolds],
             given.fluid,
         );
-        [factor, r, four_k, given[index::area_m2] * given[index::series_resistance_pa_s_m3]]
+        let series = given[index::series_resistance_pa_s_m3] * given.fluid.relative_viscosity;
+        [factor, r, four_k, given[index::area_m2] * series]
     }
 
     #[inline(always)]

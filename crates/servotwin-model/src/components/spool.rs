@@ -4,8 +4,8 @@
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::equation::Equation;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Port, Start, State, Unit, declare::*};
-use crate::wiring::{Listed, Output, Wiring};
+use crate::spec::{Category, Fault, Parameter, Port, Start, State, Unit, declare::*};
+use crate::wiring::{Listed, Output, Variable, Wiring};
 
 /// Whether each edge opens with the spool or against it, in the order of `which`.
 pub const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
@@ -82,28 +82,38 @@ pub const fn gain_low(summary: &'static str) -> Fault {
     adds("gain_low", "current_gain", -0.8, (-2.0, 0.0), Category::Calibration, summary)
 }
 
-/// Fault: the spool sticks.
+/// Fault: dirt holds the spool.
 pub const fn jam() -> Fault {
-    let summary = "the spool sticks where it began";
-    shrinks("jam", "mobility", 1e-5, (1e-12, 1.0), Category::Jamming, summary)
+    let summary =
+        "dirt holds the spool where it is, until a larger difference to its command tears it loose";
+    adds("jam", "breakaway", 1.0, (0.0, 1.0), Category::Jamming, summary)
 }
 
-/// Wires the motion of the spool, `Motion`: (current, x, v) → (x', v'), and the flow through each edge, `Edge`:
-/// (x, transmission, p_up, p_down) → flow.
-pub fn connect<Motion, Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
-where
-    Motion: Equation<3, 2, SPOOL_CONSTANTS> + Listed,
-    Edge: Equation<4, 1, EDGE_CONSTANTS> + Listed,
-{
+/// The parameter that [`jam`] raises.
+pub const fn breakaway(name: &'static str) -> Parameter {
+    let summary =
+        "difference to the command, per unit of the largest, below which the spool sticks";
+    parameter(name, Unit::None, 0.0, (0.0, 1.0), summary)
+}
+
+/// Inputs, current, position and velocity, and outputs, the rates of the latter two, of the spool's motion.
+pub fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 2]) {
     let position = wiring.state("spool_position_m");
     let velocity = wiring.state("spool_velocity_m_s");
     wiring.set("spool_position", position);
-    let inputs = [wiring.signal("current"), position, velocity];
     let rates = [
         Output::add(wiring.derivative("spool_position_m")),
         Output::add(wiring.derivative("spool_velocity_m_s")),
     ];
-    wiring.equation::<Motion, 3, 2, SPOOL_CONSTANTS>(0, inputs, rates);
+    ([wiring.signal("current"), position, velocity], rates)
+}
+
+/// Wires the flow through each edge, `Edge`: (x, transmission, p_up, p_down) → flow.
+pub fn connect_edges<Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
+where
+    Edge: Equation<4, 1, EDGE_CONSTANTS> + Listed,
+{
+    let position = wiring.state("spool_position_m");
     let transmission = wiring.signal("transmission");
     for (which, (up, down)) in EDGES.into_iter().enumerate() {
         let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
@@ -120,13 +130,13 @@ pub struct Spool<S> {
     pub slew_rate_m_s: S,
     pub null_bias: S,
     pub current_gain: S,
-    pub mobility: S,
+    pub breakaway: S,
     /// Position per unit of stroke, stiffness and damping of the end stops.
     pub stop: [S; 3],
 }
 
 /// Number of constants of [`spool_motion`].
-pub const SPOOL_CONSTANTS: usize = 7 + END_STOP_CONSTANTS;
+pub const SPOOL_CONSTANTS: usize = 8 + END_STOP_CONSTANTS;
 
 /// The constants of [`spool_motion`].
 pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
@@ -134,14 +144,17 @@ pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTA
     let square = omega * omega;
     let [fraction, stiffness, damping] = spool.stop;
     let [a, b, c, d] = end_stop_constants(spool.stroke_m * fraction, stiffness, damping);
+    // From one end stop, at full command to the other side.
+    let largest_m = spool.stroke_m * (fraction + S::constant(1.0));
     [
         spool.current_gain,
         spool.null_bias,
-        square * spool.stroke_m,
+        spool.stroke_m,
         square,
         omega * spool.damping_ratio * S::constant(2.0),
-        spool.slew_rate_m_s * spool.mobility,
+        spool.slew_rate_m_s,
         S::constant(1.0) / spool.slew_rate_m_s,
+        largest_m * spool.breakaway,
         a,
         b,
         c,
@@ -149,12 +162,20 @@ pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTA
     ]
 }
 
-/// Equations (W1)–(W3): (current, x, v) → (x', v').
+/// Equations (W1)–(W3): (current, x, v) → (x', v'), with the speed of the pilot stage per unit of the rated one.
 #[inline(always)]
-pub fn spool_motion<S: Scalar>(c: &[S::Base; SPOOL_CONSTANTS], [current, x, v]: [S; 3]) -> [S; 2] {
+pub fn spool_motion<S: Scalar>(
+    c: &[S::Base; SPOOL_CONSTANTS],
+    [current, x, v]: [S; 3],
+    speed: S,
+) -> [S; 2] {
+    let [gain, bias, stroke, square, damping, slew, per_slew, breakaway, ..] = *c;
     let one = S::constant(1.0);
-    let command = (current * c[0] + c[1]).clamp(-one, one);
-    let spring = command * c[2] - x * c[3];
-    let rate = (v * c[6]).tanh() * c[5];
-    [rate, spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]])]
+    let command = (current * gain + bias).clamp(-one, one);
+    let difference = command * stroke - x;
+    let held = S::from_base(breakaway);
+    let driving = difference - difference.clamp(-held, held);
+    let acceleration = (driving * square - v * damping) * speed;
+    let rate = (v * per_slew).tanh() * slew * speed;
+    [rate, acceleration - end_stop(x, v, &[c[8], c[9], c[10], c[11]])]
 }

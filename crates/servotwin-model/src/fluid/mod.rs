@@ -104,6 +104,9 @@ pub struct FluidState<S> {
     pub density_kg_m3: S,
     /// Kinematic viscosity, m²/s.
     pub kinematic_viscosity_m2_s: S,
+    /// Dynamic viscosity per unit of that at [`REFERENCE_TEMPERATURE_K`]. Laminar resistances and viscous friction
+    /// grow with it, laminar leakage falls with it.
+    pub relative_viscosity: S,
     /// Constants of the effective bulk modulus.
     pub bulk: BulkModulus<S>,
     /// Temperature, K.
@@ -148,6 +151,8 @@ pub struct BulkModulus<S> {
     pub wall_compliance_per_pa: S,
 }
 
+/// The temperature at which the parameters of laminar resistances, laminar leakage and seal friction hold, K.
+pub const REFERENCE_TEMPERATURE_K: f64 = 313.15;
 /// Normal pressure, Pa.
 pub const NORMAL_PRESSURE_PA: f64 = 101_325.0;
 /// Vapor pressure `p_v`, Pa: the lowest pressure of any fluid. It is so low that the gas expands first.
@@ -299,11 +304,15 @@ impl Fluid {
     /// The fluid's properties at a temperature.
     pub fn at<S: Scalar>(&self, temperature_k: S) -> FluidState<S> {
         let (density, viscosity, bulk, slope) = self.laws(temperature_k);
+        let (coldest, hottest) = self.range_k();
+        let reference_k = S::constant(REFERENCE_TEMPERATURE_K.min(hottest).max(coldest));
+        let (reference_density, reference_viscosity, ..) = self.laws(reference_k);
         let exponent = 1.0 / self.polytropic_exponent;
         let gas = self.air_fraction * power(NORMAL_PRESSURE_PA, exponent);
         FluidState {
             density_kg_m3: density,
             kinematic_viscosity_m2_s: viscosity,
+            relative_viscosity: density * viscosity / (reference_density * reference_viscosity),
             bulk: BulkModulus {
                 liquid_pa: bulk,
                 slope: S::constant(slope),

@@ -92,7 +92,7 @@ pub static ALL: &[Foreign] = &[
         vec![own(Noise(Supply, s))]
     }),
     foreign("spool jams where it is", ONCE, Shutdown, |_| {
-        vec![own(Value("servo_valve.mobility", 0.0))]
+        vec![own(Value("servo_valve.breakaway", 1.0))]
     }),
     foreign("spool drags", (&[0.03, 0.1], "slew rate 3 and 10 %"), Shutdown, |s| {
         vec![own(Times("servo_valve.slew_rate_m_s", s))]
