@@ -180,7 +180,7 @@ catalogue! {
     shut_off_valve::ShutOffValve [ShutOffFlow],
     servo_valve::ServoValve [SpoolMotion, EdgeFlow, PilotFlow],
     proportional_valve::ProportionalValve [ControlledSpool, RatedEdge],
-    mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, ReserveFlow],
+    mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, MakeUpFlow, ReserveFlow],
     cylinder::Cylinder [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
 
     fixed::Fixed [],

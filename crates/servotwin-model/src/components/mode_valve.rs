@@ -4,16 +4,17 @@
 //! m'   = (m_c − m)/τ,   m_c = m_0 + (m_1 − m_0) · command                  (M1)
 //! m_e  = m + (1 − m) i                                                    (M2)
 //! q_by = (1 − m) A_d v(p_A − p_B)                        a → b             (M3)
-//! q_k  = A_k σ(Δp/Δp_k) v(Δp)                                              (M4)
+//! q_mk = A_k σ(Δp/Δp_k) v(Δp)                                              (M4)
+//! q_k  = (1 − m) A_k σ(Δp/Δp_k) v(Δp)                                      (M5)
 //! ```
 //!
 //! `m` is 1 when active, 0 when damped. `m_e` is the transmission by which the
 //! servo valve's flows are multiplied; `i` the leak of a closed valve. (M3) is
-//! the damping orifice, `v` the velocity (O2) of [`super::orifice`]. (M4) are
+//! the damping orifice, `v` the velocity (O2) of [`super::orifice`]. (M4) and (M5) are
 //! check valves, opened by `σ`, the cubic step of
-//! [`crate::math::smooth_step`]: from the reserve into each chamber
-//! (Δp = p_reserve − p_chamber), and from the return gallery into the reserve. They act in either mode: a chamber
-//! whose rod is pulled faster than the servo valve feeds it is filled.
+//! [`crate::math::smooth_step`]. Make-up valves (M4) lead from the return gallery into each chamber
+//! (Δp = p_return − p_chamber) in either mode: they fill a chamber whose rod is pulled faster than the servo valve
+//! feeds it. In damped mode the reserve also fills the chambers, and the return gallery fills the reserve (M5).
 //! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
 //!
@@ -102,10 +103,18 @@ static SPEC: Spec = Spec {
 };
 
 impl ModeValve {
-    fn check_valve(wiring: &mut Wiring, which: usize, up: &str, down: &str) {
-        let inputs = [wiring.pressure(up), wiring.pressure(down)];
+    /// A check valve that acts only when damped.
+    fn reserve_valve(wiring: &mut Wiring, which: usize, up: &str, down: &str) {
+        let inputs = [wiring.state("position"), wiring.pressure(up), wiring.pressure(down)];
         let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-        wiring.equation::<ReserveFlow, 2, 1, 4>(which, inputs, [flow]);
+        wiring.equation::<ReserveFlow, 3, 1, 4>(which, inputs, [flow]);
+    }
+
+    /// A check valve that acts in either mode.
+    fn make_up_valve(wiring: &mut Wiring, down: &str) {
+        let inputs = [wiring.pressure("return"), wiring.pressure(down)];
+        let flow = Output::transfer(wiring.flow("return"), wiring.flow(down));
+        wiring.equation::<MakeUpFlow, 2, 1, 4>(index::make_up_area_m2, inputs, [flow]);
     }
 }
 
@@ -126,10 +135,12 @@ impl Component for ModeValve {
         let inputs = [position, wiring.pressure("a"), wiring.pressure("b")];
         let bypass = Output::transfer(wiring.flow("a"), wiring.flow("b"));
         wiring.equation::<BypassFlow, 3, 1, 3>(0, inputs, [bypass]);
-        Self::check_valve(wiring, index::make_up_area_m2, "reserve", "a");
-        Self::check_valve(wiring, index::make_up_area_m2, "reserve", "b");
+        Self::reserve_valve(wiring, index::make_up_area_m2, "reserve", "a");
+        Self::reserve_valve(wiring, index::make_up_area_m2, "reserve", "b");
         if wiring.connected("return") {
-            Self::check_valve(wiring, index::return_area_m2, "return", "reserve");
+            Self::reserve_valve(wiring, index::return_area_m2, "return", "reserve");
+            Self::make_up_valve(wiring, "a");
+            Self::make_up_valve(wiring, "b");
         }
     }
 }
@@ -192,27 +203,50 @@ impl Equation<3, 1, 3> for BypassFlow {
     }
 }
 
-/// Equation (M4): (p_up, p_down) → flow. `which` is the index of the area's
-/// parameter.
-pub struct ReserveFlow;
+/// The constants of a check valve. `which` is the index of the area's parameter.
+fn check_valve_constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+    let [factor, r, four_k] = hole(
+        given[given.which],
+        given[index::discharge_coefficient],
+        given[index::transition_reynolds],
+        given.fluid,
+    );
+    [factor, r, four_k, S::constant(1.0) / given[index::make_up_range_pa]]
+}
 
-impl Equation<2, 1, 4> for ReserveFlow {
+/// The flow through a check valve, which is closed at a negative drop, m³/s.
+#[inline(always)]
+fn check_valve_flow<S: Scalar>(c: &[S::Base; 4], up: S, down: S) -> S {
+    let drop = (up - down).max(S::constant(0.0));
+    let opening = smooth_step(drop * c[3]) * c[0];
+    opening * scaled_velocity_pa_s_m(drop, S::from_base(c[1]), c[2])
+}
+
+/// Equation (M4): (p_return, p_chamber) → flow.
+pub struct MakeUpFlow;
+
+impl Equation<2, 1, 4> for MakeUpFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [factor, r, four_k] = hole(
-            given[given.which],
-            given[index::discharge_coefficient],
-            given[index::transition_reynolds],
-            given.fluid,
-        );
-        [factor, r, four_k, S::constant(1.0) / given[index::make_up_range_pa]]
+        check_valve_constants(given)
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [up, down]: [S; 2]) -> [S; 1] {
-        // The check valve is closed at a negative drop.
-        let drop = (up - down).max(S::constant(0.0));
-        let opening = smooth_step(drop * c[3]) * c[0];
-        [opening * scaled_velocity_pa_s_m(drop, S::from_base(c[1]), c[2])]
+        [check_valve_flow(c, up, down)]
+    }
+}
+
+/// Equation (M5): (m, p_up, p_down) → flow.
+pub struct ReserveFlow;
+
+impl Equation<3, 1, 4> for ReserveFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        check_valve_constants(given)
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [m, up, down]: [S; 3]) -> [S; 1] {
+        [damped(m) * check_valve_flow(c, up, down)]
     }
 }
 
@@ -237,9 +271,17 @@ mod tests {
 
     #[test]
     fn the_reserve_only_gives() {
-        let c = constants::<ReserveFlow, 2, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
-        assert!(ReserveFlow::evaluate(&c, [15e5, 14e5])[0] > 0.0);
-        assert_eq!(ReserveFlow::evaluate(&c, [15e5, 16e5])[0], 0.0);
+        let c = constants::<ReserveFlow, 3, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
+        assert!(ReserveFlow::evaluate(&c, [0.0, 15e5, 14e5])[0] > 0.0);
+        assert_eq!(ReserveFlow::evaluate(&c, [0.0, 15e5, 16e5])[0], 0.0);
+        assert_eq!(ReserveFlow::evaluate(&c, [1.0, 15e5, 14e5])[0], 0.0);
+    }
+
+    #[test]
+    fn the_return_line_fills_a_chamber_in_either_mode() {
+        let c = constants::<MakeUpFlow, 2, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
+        assert!(MakeUpFlow::evaluate(&c, [6e5, 5e5])[0] > 0.0);
+        assert_eq!(MakeUpFlow::evaluate(&c, [6e5, 7e5])[0], 0.0);
     }
 
     #[test]

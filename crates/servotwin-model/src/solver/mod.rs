@@ -20,15 +20,15 @@
 //! entry holds one number per lane.
 //!
 //! ```text
-//!  constants [84]              y [6]
+//!  constants [88]              y [6]
 //!      |                         |  copy, with the inputs at the beginning of the step
 //!      v                         v
 //!  variables [29] = states [6] | inputs [1] | stand-ins [3] | sums [11] | derivatives [6] | spare [2]
 //!      |
 //!      |  evaluate_with_jacobian:  equation blocks [14]  fill sums, derivatives and partials;
-//!      |                           chain-rule products [26]  fill the gradients of the sums
+//!      |                           chain-rule products [28]  fill the gradients of the sums
 //!      v
-//!  gradients [71] = one and zero [2] | input slopes [1] | sum gradients [27] | partials [41]
+//!  gradients [79] = one and zero [2] | input slopes [1] | sum gradients [27] | partials [49]
 //!      |
 //!      |  factor:  Jacobian entries [18]  ->  I/(gamma h) - J = L U,  update products [9]
 //!      v

@@ -284,8 +284,11 @@ fn the_intensity_of_a_fault_lies_in_its_interval() {
 
 #[test]
 fn a_gain_beyond_the_end_of_a_sensors_range_has_an_interval_to_the_largest() {
-    let study = Study::default();
-    // This supply sensor saturates at 207 bar already at an intensity of 0.1.
+    // With a range of 207 bar the supply sensor saturates already at an intensity of 0.1.
+    let system = include_str!("../../../../systems/aileron_dual.toml");
+    let system = system.replace("full_scale_pa = 344.74e5", "full_scale_pa = 206.84e5");
+    let system = System::parse(&system, "aileron.toml").unwrap();
+    let study = Study::parse_for(&Study::default().text, "paper.toml", system).unwrap();
     let at = fault(&study, "actuator_1.sensor_supply.gain_high", 0.6);
     let mut problem = Fit::of_study(&study, vec![record(&study, Some(0), vec![at], 6.0)]);
     problem.suspects.clear();

@@ -39,7 +39,7 @@ fn a_load_held_by_a_relief_valve_comes_to_rest() {
         near("cylinder.pressure_a_pa", 145.56 * BAR, 0.05 * BAR);
         near("cylinder.pressure_b_pa", 66.17 * BAR, 0.05 * BAR);
         near("cylinder.velocity_m_s", 0.0, 1e-9);
-        near("cylinder.position_m", -12.328e-3 + 0.125 * null_bias, 5e-6);
+        near("cylinder.position_m", -12.334e-3 + 0.125 * null_bias, 5e-6);
     }
 }
 

@@ -67,10 +67,11 @@ fn blocked() -> crate::aileron::Test {
 
 #[test]
 fn the_unloaded_ram_moves_at_the_rate_of_the_full_spool() {
-    // C3: 91.60 mm/s is 100 °/s at the horn and 12.5 L/min.
+    // C3: 91.60 mm/s is 100 °/s at the horn and 12.5 L/min. An open edge has no slit, which takes 0.4 % in the
+    // prototype.
     let moved = test().load(0.0).command(step(0.1, -0.42, 0.42)).lasting(0.8, 1e-3).run(&[X_P_1]);
     let rate = crossing_rate(&moved.time_s, moved.of(X_P_1), 8e-3);
-    near("rate m/s", rate, 91.60e-3, 2e-3);
+    near("rate m/s", rate, 91.93e-3, 1e-3);
 }
 
 #[test]
@@ -113,7 +114,7 @@ fn without_load_both_chambers_stand_half_way_and_the_valve_leaks_at_null() {
     near("null leakage L/min", flow(&rest), 0.441, 5e-3);
     let without_pilot =
         test().load(0.0).with("actuator_1.servo_valve.pilot_area_m2", 0.0).at_rest();
-    near("of the four edges", flow(&without_pilot), 0.129, 0.01);
+    near("of the four edges", flow(&without_pilot), 0.1306, 2e-3);
 }
 
 #[test]
@@ -125,7 +126,7 @@ fn one_percent_of_spool_gives_most_of_the_pressure() {
         .with_both("servo_valve.null_bias", 0.01)
         .at_rest();
     near("spool", rest.of("actuator_1.servo_valve.spool_position_m"), 10e-6, 1e-6);
-    near("pressure gain", rest.of(P_A_1) - rest.of(P_B_1), 151.8 * BAR, 3e-3);
+    near("pressure gain", rest.of(P_A_1) - rest.of(P_B_1), 152.46 * BAR, 1e-3);
 }
 
 // --------------------------------------------------------------- eigenvalues
@@ -428,7 +429,9 @@ fn the_work_of_the_oil_goes_into_friction_springs_motion_and_air() {
         let v = |k: usize| at(velocity[a], k);
         work += run.integral(|k| AREA_M2 * (at(drop[a].0, k) - at(drop[a].1, k)) * v(k));
         lost += run.integral(|k| {
-            let level = 500.0 * (1.0 + 0.5 * (-(v(k) / 5e-3).powi(2)).exp());
+            let pressure_pa = 0.5 * (at(drop[a].0, k) + at(drop[a].1, k));
+            let load = 0.5 + 0.5 * pressure_pa / 1.06e7;
+            let level = load * 500.0 * (1.0 + 0.5 * (-(v(k) / 5e-3).powi(2)).exp());
             (6e3 * v(k) + level * (v(k) / 5e-3).tanh()) * v(k)
         });
         lost += run.integral(|k| 2e3 * (v(k) - lever_speed(k)).powi(2));
@@ -641,7 +644,8 @@ const READINGS: [(&str, f64); 6] = [
 
 #[test]
 fn residuals_have_the_size_and_sign_of_their_fault() {
-    // 7.3: S2 at 100 % load, 90 s; means in percent of scale. The realisation of
+    // 7.3: S2 at 100 % load, 90 s; means in percent of scale. A bias of a pressure sensor is a share of its range,
+    // which is 5/3 of the prototype's. The realisation of
     // the noise is another one: a quarter, or 0.35 %, is allowed.
     const ZERO: [f64; 6] = [0.0; 6];
     let table = [
@@ -669,8 +673,8 @@ fn residuals_have_the_size_and_sign_of_their_fault() {
         (
             "actuator_1.sensor_pressure_a.bias_positive",
             1.0,
-            [16.7, 3.3, -0.7, -0.6, 0.0, 0.0],
-            [3.3, -3.3, 0.7, 0.6, 0.0, 0.0],
+            [27.8, 5.5, -1.2, -1.0, 0.0, 0.0],
+            [5.5, -5.5, 1.2, 1.0, 0.0, 0.0],
         ),
         (
             "actuator_1.sensor_ram.bias_positive",
@@ -823,10 +827,10 @@ fn the_work_of_a_run_is_what_it_was() {
             test().command(command).settings(settings).lasting(2.0, 0.01).run(&[ANGLE]).statistics;
         [statistics.steps, statistics.rejected, statistics.jacobians, statistics.evaluations]
     };
-    assert_eq!(work(Settings::campaign()), [335, 12, 348, 1740]);
+    assert_eq!(work(Settings::campaign()), [328, 11, 340, 1700]);
     // Of one Jacobian: entries, products of the chain rule; of its factors: entries, updates.
     let (jacobian, lu) = (program().jacobian(), program().lu());
     let sizes = [jacobian.entries().len(), jacobian.products(), lu.slots(), lu.updates()];
     // Each of the eight pressures is a block of its own, which costs 22 products of a Jacobian and no step.
-    assert_eq!(sizes, [146, 317, 192, 138]);
+    assert_eq!(sizes, [154, 357, 209, 174]);
 }

@@ -88,16 +88,17 @@ fn in_healthy_flight_the_valves_are_shut() {
 fn behind_a_clogged_edge_a_relief_valve_holds_the_pressure() {
     let [relieved, plain] = with_and_without();
     let [set_pa, open_pa, return_pa] = set_open_and_return_pa(&relieved);
-    for (fault, chamber) in [
-        ("actuator_1.servo_valve.clogging_at", CHAMBERS[0]),
-        ("actuator_1.servo_valve.clogging_bt", CHAMBERS[1]),
-        ("actuator_1.tank_valve.stuck", CHAMBERS[0]),
+    for (fault, chamber, without_bar) in [
+        ("actuator_1.servo_valve.clogging_at", CHAMBERS[0], 400.0),
+        ("actuator_1.servo_valve.clogging_bt", CHAMBERS[1], 400.0),
+        // The return line's pressure also takes the pilot stage its drop: the spool slows down, and the ram with it.
+        ("actuator_1.tank_valve.stuck", CHAMBERS[0], 250.0),
     ] {
         let [without_pa, with_pa] =
             [&plain, &relieved].map(|system| highest(&fly(system, &[chamber], &[fault])[0]));
         println!("{fault}: {:.0} bar, with valves {:.0} bar", without_pa / BAR, with_pa / BAR);
         // Nothing but the other actuator's strength bounds it without them.
-        assert!(without_pa > 400.0 * BAR, "{fault}: {without_pa}");
+        assert!(without_pa > without_bar * BAR, "{fault}: {without_pa}");
         assert!(with_pa > set_pa + return_pa, "{fault}: the valve opens");
         assert!(with_pa < open_pa + return_pa, "{fault}: and need not open fully: {with_pa}");
     }

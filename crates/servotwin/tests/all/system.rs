@@ -121,14 +121,14 @@ viscosity_m2_s = 6.8e-6",
 fn the_aileron_has_the_agreed_parts() {
     let system = System::default();
     assert_eq!(system.name, "aileron_dual");
-    assert_eq!(system.network().components.len(), 2 * 24 + 5);
+    assert_eq!(system.network().components.len(), 2 * 26 + 5);
     assert_eq!(system.program.states().len(), 43);
     let ids: Vec<&str> = system.network().components.iter().map(|c| c.id.as_str()).collect();
     let first = ["supply", "tank", "supply_valve", "tank_valve", "manifold_supply"];
     for (id, name) in ids.iter().zip(first) {
         assert_eq!(*id, format!("actuator_1.{name}"), "components keep the file's order");
     }
-    assert_eq!(ids[48..], ["equaliser", "aileron", "lever", "air", "sensor_aileron"]);
+    assert_eq!(ids[52..], ["equaliser", "aileron", "lever", "air", "sensor_aileron"]);
     let inputs: Vec<&str> = system.network().inputs.iter().map(|i| i.id.as_str()).collect();
     assert_eq!(
         inputs,
