@@ -70,7 +70,7 @@ fn list() -> String {
         ("kind", Side::Left),
         ("parameters", Side::Right),
         ("faults", Side::Right),
-        ("what it is", Side::Left),
+        ("description", Side::Left),
     ]);
     let mut kinds = 0;
     for spec in catalogue::all() {
@@ -121,7 +121,7 @@ fn found(hit: &Hit) -> String {
 fn people(spec: &Spec) -> String {
     let mut text = format!("{}: {}\n\n{}\n", spec.kind, spec.summary, prose(spec.kind).trim_end());
     let mut ports =
-        Grid::new(&[("port", Side::Left), ("what flows", Side::Left), ("meaning", Side::Left)]);
+        Grid::new(&[("port", Side::Left), ("type", Side::Left), ("meaning", Side::Left)]);
     for port in spec.ports {
         ports.push(vec![port.name.into(), flow(port, spec), port.summary.into()]);
     }
