@@ -1,4 +1,4 @@
-//! The hinge moment of the air on a control surface.
+//! The aerodynamic hinge moment on a control surface.
 //!
 //! ```text
 //! q = λ ρ V²/2,   m² = V²/a²                                              (H1)
@@ -6,14 +6,14 @@
 //! M = s (C_0 + C_α α + C_θ θ) + s_ω C_ω ω                                  (H3)
 //! ```
 //!
-//! Density ρ and speed of sound a of the standard atmosphere, the Prandtl-Glauert
-//! factor for compressibility, λ the load factor. Linear in small angles; valid
-//! below a Mach number of about 0.8, and 1 − m² is held above 0.19 (Mach 0.9; the range of V goes as far).
-//! Below 1 m/s the damping counts as at 1 m/s. The air is an equation only where
-//! the altitude is connected, else a constant.
+//! ρ and a are the density and the speed of sound of the standard atmosphere, and λ is the load factor. The
+//! Prandtl-Glauert factor accounts for compressibility. The moment is linear in small angles and valid below
+//! a Mach number of about 0.8. 1 − m² is held above 0.19 (Mach 0.9, which the range of V reaches). Below 1
+//! m/s, the damping is that at 1 m/s. The air is an equation only if the altitude is connected; otherwise it
+//! is a constant.
 //!
-//! Source: hinge moments linear in the angles, as Etkin & Reid 1996 have them; Prandtl and Glauert; the
-//! atmosphere of ISO 2533.
+//! Source: hinge moments linear in the angles, as in Etkin & Reid 1996; Prandtl and Glauert; the atmosphere
+//! of ISO 2533.
 
 use crate::atmosphere::standard_air;
 use crate::component::Component;

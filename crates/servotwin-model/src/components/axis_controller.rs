@@ -1,4 +1,4 @@
-//! The position loop of a linear axis, continuous: the command is a position.
+//! The continuous position loop of a linear axis, whose command is a position.
 //!
 //! ```text
 //! e = x_c + x_rig − x_m                                                   (AX1)
@@ -7,13 +7,13 @@
 //! u = mode · clamp(y, −1, 1)                                              (AX4)
 //! ```
 //!
-//! Proportional and integral, with dynamic pressure feedback where both pressures are connected: the
-//! washout `d` takes the steady load out of Δp = p_A − p_B. The integral does not wind up: beyond the limit
-//! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
-//! switches the output off.
+//! The law is proportional and integral, with dynamic pressure feedback if both pressures are connected. The
+//! washout `d` removes the steady load from Δp = p_A − p_B. The integral does not wind up: beyond the limit,
+//! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current. Mode 0 switches
+//! the output off.
 //!
-//! Source: the loop and feedback of the position controller; what stops the integral is the tracking of
-//! Åström & Hägglund 1995.
+//! Source: the loop and the feedback of the position controller. The integral stops by tracking, as in Åström
+//! & Hägglund 1995.
 
 use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;

@@ -5,16 +5,14 @@
 //! q = A v(p_a − p_b)                                                      (K2)
 //! ```
 //!
-//! `σ` is the cubic step of [`crate::math::smooth_step`] and `v` the velocity
-//! (O2) of [`super::orifice`]. The valve begins to open at the cracking pressure
-//! `p_c` and is open at `p_c + Δp_r`; `A_l` is a leak through the seat, in both
-//! directions. Its own inertia is neglected. The laminar part is that of the
-//! open valve.
+//! `σ` is the cubic step of [`crate::math::smooth_step`], and `v` the velocity (O2) of [`super::orifice`].
+//! The valve begins to open at the cracking pressure `p_c` and is fully open at `p_c + Δp_r`. `A_l` is a leak
+//! through the seat, in both directions. The inertia of the valve is neglected. The laminar part is that of
+//! the open valve.
 //!
-//! The relief valve is the same valve with a higher spring force and uses the
-//! same equation.
+//! The relief valve is the same valve with a higher spring force, and uses the same equation.
 //!
-//! Source: the orifice; that the area grows by the cubic step is the toolkit's own choice.
+//! Source: the orifice. The growth of the area by the cubic step is the toolkit's own choice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

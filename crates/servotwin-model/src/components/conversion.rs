@@ -1,7 +1,7 @@
-//! The conversions that all sensors share: two conversions, each with its faults.
+//! The two conversions that all sensors share, each with its faults.
 //!
-//! A quantity becomes an electrical signal in the sensor and a number in the
-//! computer. Either conversion can be biased or miscalibrated:
+//! The sensor converts a quantity to an electrical signal, and the computer converts this signal to a number.
+//! Either conversion can be biased or miscalibrated:
 //!
 //! ```text
 //! y = (1 + g) x + b                                                       (C1)
@@ -9,8 +9,8 @@
 //! x' = (1 + g_d) (i − 4 mA) / 16 mA + b_d                                  (C3)
 //! ```
 //!
-//! `x` is a fraction of full scale, and so is a bias. (C2) and (C3) describe the
-//! current loop; the sensor's output saturates at full scale.
+//! `x` and the biases are fractions of full scale. (C2) and (C3) describe the current loop. The sensor's
+//! output saturates at full scale.
 
 use crate::equation::Given;
 use crate::scalar::Scalar;

@@ -10,19 +10,17 @@
 //! F_stop = k e + c v min(|e|/d, 1),   e = x − clamp(x, −x_st, x_st)          (Y6)
 //! ```
 //!
-//! `x` is the piston's place relative to the body, 0 at the centre, positive
-//! when chamber A grows; `F` the force on the rod; `p_0` the normal pressure on
-//! the rod's end. The friction is Stribeck's with `κ` static over Coulomb
-//! friction, smoothed over `v_t`: the rod creeps instead of sticking, and where
-//! `v_t` is as large as `v_st` (the defaults) `κ` raises the slope at rest but no
-//! peak above `F_c` is left. The stop's
-//! damping fades in over the first thousandth of the stroke (`d`), and the stop
-//! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
-//! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the cavity's share of a chamber, zero above the
+//! `x` is the position of the piston relative to the body, 0 at the center and positive when chamber A grows.
+//! `F` is the force on the rod, and `p_0` the normal pressure on the rod's end. The friction is Stribeck's,
+//! with `κ` the ratio of static to Coulomb friction. It is smoothed over `v_t`: the rod creeps instead of
+//! sticking. If `v_t` is as large as `v_st`, as by default, `κ` raises the slope at rest but leaves no peak
+//! above `F_c`. The damping of the stop fades in over the first thousandth of the stroke (`d`), and the stop
+//! never pulls. The end stops keep the piston away from the lower limit of (Y1) (see `check`). The volumetric
+//! form (Y2) errs by at most p/E, 1.4 %. `φ` is the share of the cavity in a chamber, which is zero above the
 //! vapor pressure `p_v` (equations (F4)–(F6) of [`crate::fluid`]).
 //!
-//! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; friction of Stribeck
-//! as in Olsson 1998; the stop is the toolkit's own choice.
+//! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; Stribeck friction as
+//! in Olsson 1998. The stop is the toolkit's own choice.
 
 use super::contact::{
     END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,

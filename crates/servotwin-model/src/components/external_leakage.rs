@@ -1,13 +1,13 @@
-//! A leak to the surroundings: a worn rod seal, a cracked line.
+//! A leak to the surroundings, such as a worn rod seal or a cracked line.
 //!
 //! ```text
 //! q = A v(max(p − p_amb, 0))                                              (E1)
 //! ```
 //!
-//! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the
-//! ambient pressure nothing is drawn in. A closed leak passes exactly nothing.
+//! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the ambient pressure, the leak
+//! draws nothing in. A closed leak passes exactly nothing.
 //!
-//! Source: the orifice; that nothing is drawn in is the toolkit's own choice.
+//! Source: the orifice. The one-way flow is the toolkit's own choice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

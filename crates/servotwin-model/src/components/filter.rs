@@ -1,14 +1,14 @@
-//! A filter, a cooler, a hose: a resistance that is known from its data sheet.
+//! A filter, a cooler or a hose, whose resistance comes from a data sheet.
 //!
 //! ```text
 //! Δp = R q + K q|q|                                                       (F1)
 //! q  = 2Δp / (R + √(R² + 4 K |Δp|))                                        (F2)
 //! ```
 //!
-//! (F2) is (F1) solved for the flow. Both resistances are taken as they are:
-//! they do not follow the fluid's temperature.
+//! (F2) is (F1) solved for the flow. Both resistances are used as given: they do not depend on the
+//! temperature of the fluid.
 //!
-//! Source: the sum of a laminar and a turbulent drop, as data sheets are fitted.
+//! Source: the sum of a laminar and a turbulent pressure drop, the usual fit to data sheets.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -1,14 +1,14 @@
-//! A pump of constant displacement at constant speed.
+//! A pump of constant displacement.
 //!
 //! ```text
 //! q = n Q − C_li (p_out − p_in)                        inlet → outlet      (FS1)
 //! ```
 //!
-//! `n` is the speed per unit of the rated one, `C_li` its internal leakage: laminar, as gaps are. It pushes
-//! against any pressure: a relief valve and a volume belong at its outlet. Its pulsation is neglected, and
-//! that it draws less where its inlet cavitates.
+//! `n` is the speed per unit of the rated speed. `C_li` is the internal leakage, which is laminar, as in
+//! gaps. The pump pushes against any pressure, so it needs a relief valve and a volume at its outlet.
+//! Pulsation is neglected, and so is the smaller intake of an inlet that cavitates.
 //!
-//! Source: ideal flow less a laminar leakage, as Merritt 1967 has pumps and motors.
+//! Source: ideal flow minus a laminar leakage, as for the pumps and motors in Merritt 1967.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -1,23 +1,23 @@
 //! Balances the forces of two, three or four actuators on one surface.
 //!
 //! ```text
-//! of two:           d_i = p_Ai − p_Bi
+//! two actuators:    d_i = p_Ai − p_Bi
 //! dz/dt = [m_1 m_2 (d_1 − d_2) − z]/τ                                        (Q1)
 //! x_corr = clamp(K z/2, −x_max, x_max),   −x_corr to 1, +x_corr to 2         (Q2)
 //!
-//! of three or four, each against the mean of the others that are active:
+//! three or four actuators, each compared with the mean of the other active ones:
 //! dz_i/dt = [m_i Σ_j m_j (d_i − d_j)/max(Σ_j m_j, 1) − z_i]/τ,   j ≠ i        (Q3)
 //! x_corr,i = −clamp(K z_i/2, −x_max, x_max)                                  (Q4)
 //! ```
 //!
-//! `m_i` are the modes (1 active): the correction of a passive actuator fades, and the others no longer follow its
-//! pressures. Of two actuators (Q3) and (Q4) are (Q1) and (Q2).
+//! `m_i` are the modes (1 active). The correction of a passive actuator fades, and the others no longer
+//! follow its pressures. For two actuators, (Q3) and (Q4) are (Q1) and (Q2).
 //!
-//! The number of actuators is in the kind: `force_fight_equaliser` has two, `force_fight_equaliser_3` three,
-//! `force_fight_equaliser_4` four.
+//! The kind states the number of actuators: `force_fight_equaliser` has two, `force_fight_equaliser_3` three,
+//! and `force_fight_equaliser_4` four.
 //!
-//! Source: the toolkit's own choice, as simple as takes a lasting force fight out; that filtered differential
-//! pressures are compared is usual.
+//! Source: the toolkit's own choice, the simplest law that removes a lasting force fight. Comparing filtered
+//! differential pressures is usual.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;

@@ -1,15 +1,14 @@
-//! Friction of a moving part against the ground (Stribeck).
+//! Stribeck friction between a moving part and the ground.
 //!
 //! ```text
 //! F = B v + F_c [1 + (r_s − 1) exp(−(v/v_s)²)] tanh(v/v_t)                 (R1)
 //! ```
 //!
-//! `r_s` is the ratio of static to Coulomb friction. Regularised by tanh: a
-//! force below the static friction lets the part creep at up to about `v_t`
-//! instead of holding it.
+//! `r_s` is the ratio of static to Coulomb friction. tanh regularizes the law: a force below the static
+//! friction lets the part creep at up to about `v_t` instead of holding it.
 //!
-//! Source: the law of Stribeck as in Olsson 1998, where it is one of the static models; that tanh takes the
-//! place of the sign is usual.
+//! Source: the law of Stribeck as in Olsson 1998, where it is one of the static models. Replacing the sign
+//! function by tanh is usual.
 
 use super::contact::{STRIBECK_CONSTANTS, Stribeck, stribeck, stribeck_constants};
 use crate::component::Component;

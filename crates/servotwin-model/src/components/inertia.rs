@@ -1,13 +1,13 @@
-//! A body turning about a hinge: a control surface.
+//! A body that turns about a hinge, such as a control surface.
 //!
 //! ```text
 //! dθ/dt = ω,   J dω/dt = M − B_h ω − M_f tanh(ω/ω_f)                       (J1)
 //! ```
 //!
-//! The dry friction is regularised: a moment below `M_f` lets the body creep at
-//! up to about `ω_f` instead of holding it.
+//! The dry friction is regularized: a moment below `M_f` lets the body creep at up to about `ω_f` instead of
+//! holding it.
 //!
-//! Source: Newton's second law for a rotation; that tanh takes the place of the sign is usual.
+//! Source: Newton's second law for a rotation. Replacing the sign function by tanh is usual.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

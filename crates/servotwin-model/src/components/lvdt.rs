@@ -7,10 +7,10 @@
 //! reading = x_FS ((1 + g_d) 2y + b_d)                                      (D3)
 //! ```
 //!
-//! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, `z` its rate
-//! per unit of ω. Faults as in [`super::conversion`].
+//! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, and `z` its rate per unit of ω. The faults
+//! are those of [`super::conversion`].
 //!
-//! Source: the ratio of difference and sum is how demodulators work; the second order is usual.
+//! Source: demodulators form the ratio of difference and sum. The second order is usual.
 
 use super::conversion;
 use crate::component::{Component, Span};

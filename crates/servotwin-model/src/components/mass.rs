@@ -1,10 +1,10 @@
-//! A mass on a line, with optional end stops. No gravity.
+//! A mass that moves on a line, with optional end stops and without gravity.
 //!
 //! ```text
 //! dx/dt = v,   m dv/dt = F − b v                                          (M1)
 //! ```
 //!
-//! The stops at ± x_s exist where their stiffness is not zero; they are those of the cylinder (Y6).
+//! The stops at ± x_s exist if their stiffness is not zero. They are those of the cylinder, (Y6).
 //!
 //! Source: Newton's second law.
 

@@ -1,4 +1,4 @@
-//! A mode valve: active, or damped with the chambers joined through an orifice.
+//! A mode valve, which is active, or damped with the chambers joined through an orifice.
 //!
 //! ```text
 //! m'   = (m_c − m)/τ,   m_c = m_0 + (m_1 − m_0) · command                  (M1)
@@ -7,17 +7,14 @@
 //! q_k  = (1 − m) A_k σ(Δp/Δp_k) v(Δp)                                      (M4)
 //! ```
 //!
-//! `m` is 1 when active, 0 when damped. `m_e` is the transmission by which the
-//! servo valve's flows are multiplied; `i` the leak of a closed valve. (M3) is
-//! the damping orifice, `v` the velocity (O2) of [`super::orifice`]. (M4) are
-//! check valves, opened by `σ`, the cubic step of
-//! [`crate::math::smooth_step`]: from the reserve into each chamber
-//! (Δp = p_reserve − p_chamber), and from the return gallery into the reserve.
-//! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
+//! `m` is 1 when active and 0 when damped. `m_e` is the transmission, which multiplies the flows of the servo
+//! valve, and `i` the leak of a closed valve. (M3) is the damping orifice, with `v` the velocity (O2) of
+//! [`super::orifice`]. (M4) are check valves that `σ`, the cubic step of [`crate::math::smooth_step`], opens:
+//! from the reserve into each chamber (Δp = p_reserve − p_chamber), and from the return gallery into the
+//! reserve. `m_0` and `m_1` are the positions in which the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
 //!
-//! Source: the orifice; that areas grow linearly with `m`, which is of first order, is the toolkit's own
-//! choice.
+//! Source: the orifice. The first order of `m`, and the areas linear in `m`, are the toolkit's own choice.
 
 use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

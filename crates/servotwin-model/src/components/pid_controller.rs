@@ -1,4 +1,4 @@
-//! A controller with proportional, integral and derivative parts, continuous.
+//! A continuous controller with proportional, integral and derivative parts.
 //!
 //! ```text
 //! e  = w + b − x,   de_f/dt = (e − e_f)/τ_d                                (PI1)
@@ -7,14 +7,14 @@
 //! u  = clamp(y, y_min, y_max − (1 − s) (y_max − y_min))                    (PI4)
 //! ```
 //!
-//! s is the share of its range that the output stage reaches: a part of the range and not of y_max, so that the limits
-//! keep their order whatever their signs are.
+//! s is the share of its range that the output stage reaches. It is a share of the range and not of y_max, so
+//! the limits keep their order whatever their signs are.
 //!
-//! All signals are pure numbers: put a `gain`, or a sensor's share of its range, before it. The derivative is
-//! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
-//! constant 1/K_i.
+//! All signals are pure numbers: scale an input with a `gain`, or use a sensor's share of its range. The
+//! derivative is filtered with τ_d. The integral does not wind up: beyond a limit, it follows the output with
+//! the time constant 1/K_i.
 //!
-//! Source: Åström & Hägglund 1995: filtered derivative, and tracking that stops the integral.
+//! Source: Åström & Hägglund 1995: the filtered derivative, and the tracking that stops the integral.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;

@@ -1,4 +1,4 @@
-//! The position loop of one actuator, continuous.
+//! The continuous position loop of one actuator.
 //!
 //! ```text
 //! e = r sin(θ_c) + x_rig − x_m + x_corr                                    (K1)
@@ -6,12 +6,12 @@
 //! u = mode · clamp(y, −1, 1)                                              (K3)
 //! ```
 //!
-//! Proportional with dynamic pressure feedback: the washout `d` takes the
-//! steady load out of Δp = p_A − p_B, so that only its changes damp the loop.
-//! `u` is per unit of the rated current; mode 0 switches the output off.
+//! The law is proportional, with dynamic pressure feedback. The washout `d` removes the steady load from Δp =
+//! p_A − p_B, so only the changes of Δp damp the loop. `u` is per unit of the rated current. Mode 0 switches
+//! the output off.
 //!
-//! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that servo valves of this
-//! name have inside.
+//! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that is built into servo
+//! valves of that name.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;

@@ -8,7 +8,7 @@
 //! The conversions are those of [`super::conversion`]. The output is limited to
 //! 0 … full scale.
 //!
-//! Source: the current loop of IEC 60381-1; the first order is usual for transducers.
+//! Source: the current loop of IEC 60381-1. The first order is usual for transducers.
 
 use super::conversion;
 use crate::component::{Component, Span};

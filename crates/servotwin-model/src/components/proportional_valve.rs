@@ -1,22 +1,22 @@
-//! A proportional directional valve with four edges, by the numbers of a data sheet.
+//! A proportional directional valve with four edges, described by the numbers of a data sheet.
 //!
-//! The spool moves as that of [`super::servo_valve`], equations (W1) to (W3). Edge `e` of PA, PB, AT, BT,
-//! which opens with the spool for PA and BT and against it for PB and AT (`s_e` = ±1), with stroke `x_max`,
-//! overlap `o` and smoothing `ε` per unit of it:
+//! The spool moves as in [`super::servo_valve`], equations (W1) to (W3). Of its edges PA, PB, AT and BT, a
+//! positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT (`s_e` = −1). `x_max` is the stroke. The
+//! overlap `o` and the smoothing `ε` of an edge are per unit of stroke:
 //!
 //! ```text
 //! ξ  = (s_e x/x_max − o)/(1 − o),   ξ₊ = (ξ + √(ξ² + ε²))/2                 (PV1)
 //! q  = m (f Q_N √(ρ_N/(ρ Δp_N)) ξ₊ Δp/(Δp² + p_t²)^¼ + C_l Δp)             (PV2)
 //! ```
 //!
-//! `Q_N` is the flow of one edge at full stroke and the pressure drop `Δp_N` over this edge, with an oil of
-//! density `ρ_N` (ISO 10770-1 rates proportional valves at 5 bar an edge, servo valves at 35 bar); `f` the share
-//! of it that an edge passes, as in the spools for cylinders with one rod. Below `p_t` the flow becomes
-//! proportional to the drop. `C_l` is what leaks past a land. `m` is the transmission, as in the servo valve.
-//! Flow forces are left to the valve's own position loop.
+//! `Q_N` is the flow of one edge at full stroke and at the pressure drop `Δp_N` over this edge, with an oil
+//! of density `ρ_N`. ISO 10770-1 rates proportional valves at 5 bar per edge, and servo valves at 35 bar. `f`
+//! is the share of this flow that an edge passes, as in spools for cylinders with one rod. Below `p_t`, the
+//! flow becomes proportional to the drop. `C_l` is the leakage past a land. `m` is the transmission, as in
+//! the servo valve. The valve's own position loop takes care of flow forces.
 //!
-//! Source: the square root law through the rated point of ISO 10770-1; the spool is that of the servo valve.
-//! The smoothing of (PV1) and (PV2) is the toolkit's own choice.
+//! Source: the square root law through the rated point of ISO 10770-1, and the spool of the servo valve. The
+//! smoothing of (PV1) and (PV2) is the toolkit's own choice.
 
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,

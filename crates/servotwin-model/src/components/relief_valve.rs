@@ -1,13 +1,11 @@
-//! A relief valve: it opens from a to b when the pressure drop exceeds its set
-//! pressure.
+//! A relief valve, which opens from a to b when the pressure drop exceeds its set pressure.
 //!
 //! ```text
 //! A = A_0 σ((p_a − p_b − p_set)/Δp_r) + A_l
 //! ```
 //!
-//! Equations (K1) and (K2) of [`super::check_valve`] with the set pressure for
-//! the cracking pressure. The spring chamber is at the outlet's pressure. The
-//! poppet's own dynamics are neglected.
+//! These are equations (K1) and (K2) of [`super::check_valve`], with the set pressure in place of the
+//! cracking pressure. The spring chamber is at the outlet pressure. The dynamics of the poppet are neglected.
 //!
 //! Source: the check valve.
 

@@ -7,9 +7,8 @@
 //! output = u_{k−n}                                                        (Z3)
 //! ```
 //!
-//! The law and its symbols are those of [`super::position_controller`]; (Z2) is
-//! its washout solved exactly for a held input. Inputs are read at the ticks,
-//! `T` apart; `n` is 0, 1 or 2 samples.
+//! The law and its symbols are those of [`super::position_controller`]. (Z2) is its washout, solved exactly
+//! for a held input. The inputs are read at the ticks, `T` apart. `n` is 0, 1 or 2 samples.
 //!
 //! Source: the zero-order hold of Åström & Wittenmark 1997.
 

@@ -1,15 +1,13 @@
-//! A shut-off valve with the filter and the line in series: supply valve, tank
-//! valve.
+//! A shut-off valve with a filter and a line in series, such as a supply valve or a tank valve.
 //!
 //! ```text
 //! A = u A_0,   u = max(opening, 0)                                         (S1)
 //! q = A/(2k) · sgn(Δp) (√(r² + 4 k |Δp|) − r),   r = r_t + R_s A            (S2)
 //! ```
 //!
-//! (S2) is (O2) of [`super::orifice`] with the series resistance `R_s` of
-//! filter and line. `r_t` is taken at the hydraulic diameter of the open valve:
-//! while it closes, the share of laminar flow is underestimated, which matters
-//! below about one percent of opening.
+//! (S2) is (O2) of [`super::orifice`] with the series resistance `R_s` of filter and line. `r_t` is taken at
+//! the hydraulic diameter of the open valve. While the valve closes, this underestimates the share of laminar
+//! flow, which matters below about one percent of opening.
 //!
 //! Source: the orifice.
 

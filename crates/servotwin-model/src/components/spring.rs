@@ -4,7 +4,7 @@
 //! F = F_0 − k x − c v                                                     (S1)
 //! ```
 //!
-//! Source: Hooke's law, and a damper of first order.
+//! Source: Hooke's law, and a linear damper.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

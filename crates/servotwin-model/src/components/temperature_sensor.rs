@@ -10,7 +10,7 @@
 //! `T_s` is the probe's own temperature. The conversions are those of
 //! [`super::conversion`].
 //!
-//! Source: the current loop of IEC 60381-1; the first order is a body that heat flows into.
+//! Source: the current loop of IEC 60381-1. The first order is that of a body into which heat flows.
 
 use super::conversion;
 use crate::component::{Component, Span};

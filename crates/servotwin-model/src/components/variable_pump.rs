@@ -6,13 +6,13 @@
 //! q   = n Q s − C_li Δp                                inlet → outlet      (VP3)
 //! ```
 //!
-//! The compensator takes the displacement back from 1 to 0 over the last `Δp_r` below its set pressure; `σ` is
-//! the cubic step of [`crate::math::smooth_step`]. `s` is the position of its swash plate or ring, with the
-//! time constant τ of the stroking piston; `n` the speed per unit of the rated one. Pulsation is neglected,
-//! and that it draws less where its inlet cavitates.
+//! The compensator reduces the displacement from 1 to 0 over the last `Δp_r` below its set pressure; `σ` is
+//! the cubic step of [`crate::math::smooth_step`]. `s` is the position of the swash plate or ring, with the
+//! time constant τ of the stroking piston. `n` is the speed per unit of the rated speed. Pulsation is
+//! neglected, and so is the smaller intake of an inlet that cavitates.
 //!
-//! Source: (VP3) as Merritt 1967 has pumps and motors; (VP1) is the line of a data sheet and (VP2) the first
-//! order that is usual for it, both the toolkit's own choice.
+//! Source: (VP3) as for the pumps and motors in Merritt 1967. (VP1), the line of a data sheet, and (VP2), the
+//! first order that is usual for it, are the toolkit's own choice.
 
 use super::flow_source::{WEAR, delivered, full_flow, internal_leakage, speed};
 use crate::component::Component;
