@@ -32,8 +32,13 @@ const SEATED: f64 = 0.95;
 parameters! {
     gas_volume_m3: required(Unit::CubicMetre, (1e-7, 1.0), "gas volume before filling"),
     precharge_pa: required(Unit::Pascal, (1e4, 1e8), "gas pressure before filling, absolute"),
-    polytropic_exponent: parameter(Unit::None, 1.4, (1.0, 1.7), "of the gas"),
-    fluid_volume_m3: parameter(Unit::CubicMetre, 2e-5, (1e-8, 1.0), "in the connection"),
+    polytropic_exponent: parameter(Unit::None, 1.4, (1.0, 1.7), "polytropic exponent of the gas"),
+    fluid_volume_m3: parameter(
+        Unit::CubicMetre,
+        2e-5,
+        (1e-8, 1.0),
+        "fluid volume in the connection",
+    ),
     start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
 }
 

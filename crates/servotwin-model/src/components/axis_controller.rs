@@ -29,10 +29,15 @@ parameters! {
     gain_per_m: parameter(Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
     integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e3), "integral gain K_i"),
     pressure_gain: parameter(Unit::None, 0.0, (0.0, 100.0), "pressure feedback gain K_d"),
-    pressure_reference_pa: parameter(Unit::Pascal, 20e6, (1e3, 1e9), "p_ref"),
+    pressure_reference_pa: parameter(Unit::Pascal, 20e6, (1e3, 1e9), "reference pressure p_ref"),
     washout_s: parameter(Unit::Second, 0.1, (1e-4, 1e3), "washout time constant τ"),
     rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
-    no_pressure_pa: parameter(Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
+    no_pressure_pa: parameter(
+        Unit::Pascal,
+        1e5,
+        (0.0, 1e9),
+        "value of pressures that are not connected",
+    ),
     mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
 }
 
@@ -55,7 +60,7 @@ static SPEC: Spec = Spec {
             Unit::Pascal,
             2e7,
             Start::Value(0.0),
-            "slow part of the differential pressure, d",
+            "slow part d of the differential pressure",
         ),
         state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),
     ],

@@ -27,11 +27,26 @@ pub struct CheckValve;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-    cracking_pa: parameter(Unit::Pascal, 5e4, (0.0, 1e7), "drop at which it begins to open"),
-    range_pa: parameter(Unit::Pascal, 1e5, (1e2, 1e7), "further drop until it is open"),
+    cracking_pa: parameter(
+        Unit::Pascal,
+        5e4,
+        (0.0, 1e7),
+        "pressure drop at which the valve begins to open",
+    ),
+    range_pa: parameter(
+        Unit::Pascal,
+        1e5,
+        (1e2, 1e7),
+        "further pressure drop until the valve is open",
+    ),
     leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
 }
 
 static SPEC: Spec = Spec {
@@ -45,7 +60,7 @@ static SPEC: Spec = Spec {
             1e-6,
             (0.0, 1e-2),
             Category::Jamming,
-            "does not close: it passes fluid back",
+            "does not close and passes fluid back",
         ),
         scales(
             "clogging",

@@ -18,7 +18,7 @@ use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
 
 /// Bias of the first conversion.
 pub const fn bias_electrical(name: &'static str) -> Parameter {
-    share(name, (-2.0, 2.0), "bias of the sensor, share of full scale")
+    share(name, (-2.0, 2.0), "bias of the sensor, as a share of full scale")
 }
 
 /// Gain error of the first conversion.
@@ -28,7 +28,7 @@ pub const fn gain_electrical(name: &'static str) -> Parameter {
 
 /// Bias of the second conversion.
 pub const fn bias_digital(name: &'static str) -> Parameter {
-    share(name, (-2.0, 2.0), "bias of the computer's input, share of full scale")
+    share(name, (-2.0, 2.0), "bias of the computer's input, as a share of full scale")
 }
 
 /// Gain error of the second conversion.
@@ -38,12 +38,12 @@ pub const fn gain_digital(name: &'static str) -> Parameter {
 
 /// Noise, which is added to sampled readings.
 pub const fn noise_sigma(name: &'static str) -> Parameter {
-    share(name, (0.0, 1.0), "noise of a sample, share of full scale")
+    share(name, (0.0, 1.0), "standard deviation of the noise, as a share of full scale")
 }
 
 /// Resolution, which is applied to sampled readings.
 pub const fn bits(name: &'static str) -> Parameter {
-    share(name, (0.0, 32.0), "resolution of a sample over full scale; 0 for ideal")
+    share(name, (0.0, 32.0), "resolution over full scale, in bits; 0 for ideal")
 }
 
 const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> Parameter {

@@ -45,28 +45,48 @@ const SMALLEST: f64 = 0.01;
 parameters! {
     area_a_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side A"),
     area_b_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side B"),
-    volume_a_m3: parameter(Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber A at the centre"),
-    volume_b_m3: parameter(Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber B at the centre"),
+    volume_a_m3: parameter(
+        Unit::CubicMetre,
+        65e-6,
+        (1e-8, 1.0),
+        "volume of chamber A at the center",
+    ),
+    volume_b_m3: parameter(
+        Unit::CubicMetre,
+        65e-6,
+        (1e-8, 1.0),
+        "volume of chamber B at the center",
+    ),
     internal_leakage_m3_s_pa: parameter(
         Unit::CubicMetrePerSecondPascal,
         2e-14,
         (0.0, 1e-8),
         "laminar leakage across the piston seal",
     ),
-    mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "piston and rod"),
-    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals"),
-    static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static over Coulomb"),
+    mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "mass of piston and rod"),
+    coulomb_friction_n: parameter(
+        Unit::Newton,
+        500.0,
+        (0.0, 1e6),
+        "Coulomb friction F_c of the seals",
+    ),
+    static_friction_ratio: parameter(
+        Unit::None,
+        1.5,
+        (1.0, 10.0),
+        "ratio κ of static to Coulomb friction",
+    ),
     stribeck_velocity_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-5, 1.0),
-        "where static friction has faded",
+        "velocity v_st at which static friction has faded",
     ),
     friction_smoothing_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-5, 1.0),
-        "where Coulomb friction is reached",
+        "velocity v_t at which Coulomb friction is reached",
     ),
     viscous_friction_n_s_m: parameter(
         Unit::NewtonSecondPerMetre,
@@ -74,11 +94,26 @@ parameters! {
         (0.0, 1e7),
         "viscous friction",
     ),
-    stroke_half_m: parameter(Unit::Metre, 23.5e-3, (1e-4, 10.0), "from centre to end stop"),
-    stop_stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e8, (0.0, 1e12), "end stop"),
-    stop_damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 5e4, (0.0, 1e9), "end stop"),
-    start_a_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure A"),
-    start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure B"),
+    stroke_half_m: parameter(
+        Unit::Metre,
+        23.5e-3,
+        (1e-4, 10.0),
+        "distance from the center to an end stop",
+    ),
+    stop_stiffness_n_m: parameter(
+        Unit::NewtonPerMetre,
+        2e8,
+        (0.0, 1e12),
+        "stiffness of the end stops",
+    ),
+    stop_damping_n_s_m: parameter(
+        Unit::NewtonSecondPerMetre,
+        5e4,
+        (0.0, 1e9),
+        "damping of the end stops",
+    ),
+    start_a_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure A"),
+    start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure B"),
 }
 
 static SPEC: Spec = Spec {
@@ -100,7 +135,7 @@ static SPEC: Spec = Spec {
             10.0,
             (1.0, 100.0),
             Category::Friction,
-            "the seals drag, sticking and sliding",
+            "the seals drag, both sticking and sliding",
         ),
         scales(
             "viscous_friction",
@@ -108,14 +143,14 @@ static SPEC: Spec = Spec {
             10.0,
             (1.0, 100.0),
             Category::Friction,
-            "the guides drag with velocity",
+            "the guides drag in proportion to velocity",
         ),
     ],
     ports: &[
         pressure("a", "chamber A, which pushes the rod out"),
         pressure("b", "chamber B"),
         optional(moving("rod", "piston and rod, relative to the body")),
-        output("position", Unit::Metre, "piston position, 0 at the centre"),
+        output("position", Unit::Metre, "piston position, 0 at the center"),
         output("velocity", Unit::MetrePerSecond, "piston velocity"),
     ],
     states: &[

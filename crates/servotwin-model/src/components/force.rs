@@ -25,7 +25,7 @@ static SPEC: Spec = Spec {
     parameters: &PARAMETERS,
     faults: &[],
     ports: &[
-        translational("port", "the part it acts on"),
+        translational("port", "part on which the force acts"),
         input_or("force", Unit::Newton, "force_n", "force along the coordinate"),
     ],
     states: &[],

@@ -33,8 +33,8 @@ parameters! {
     gain_m_pa: parameter(Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
     time_constant_s: parameter(Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
     limit_m: parameter(Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
-    mode_1: parameter(Unit::None, 1.0, (0.0, 1.0), "actuator 1: 1 active"),
-    mode_2: parameter(Unit::None, 1.0, (0.0, 1.0), "actuator 2: 1 active"),
+    mode_1: parameter(Unit::None, 1.0, (0.0, 1.0), "mode of actuator 1: 1 active, 0 passive"),
+    mode_2: parameter(Unit::None, 1.0, (0.0, 1.0), "mode of actuator 2: 1 active, 0 passive"),
 }
 
 static SPEC: Spec = Spec {
@@ -47,17 +47,17 @@ static SPEC: Spec = Spec {
         input("pressure_b_1", Unit::Pascal, "measured p_B of actuator 1"),
         input("pressure_a_2", Unit::Pascal, "measured p_A of actuator 2"),
         input("pressure_b_2", Unit::Pascal, "measured p_B of actuator 2"),
-        input_or("mode_1", Unit::None, "mode_1", "actuator 1: 1 active, 0 passive"),
-        input_or("mode_2", Unit::None, "mode_2", "actuator 2: 1 active, 0 passive"),
-        output("correction_1", Unit::Metre, "to the controller of actuator 1"),
-        output("correction_2", Unit::Metre, "to the controller of actuator 2"),
+        input_or("mode_1", Unit::None, "mode_1", "mode of actuator 1: 1 active, 0 passive"),
+        input_or("mode_2", Unit::None, "mode_2", "mode of actuator 2: 1 active, 0 passive"),
+        output("correction_1", Unit::Metre, "correction for the controller of actuator 1"),
+        output("correction_2", Unit::Metre, "correction for the controller of actuator 2"),
     ],
     states: &[state(
         "difference_pa",
         Unit::Pascal,
         2e7,
         Start::Value(0.0),
-        "filtered difference of the differential pressures, z",
+        "filtered difference z of the differential pressures",
     )],
     reference: false,
 };
@@ -111,7 +111,7 @@ macro_rules! equaliser {
                                 Unit::None,
                                 1.0,
                                 (0.0, 1.0),
-                                concat!("actuator ", $n, ": 1 active"),
+                                concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
                             ),)*
                         ]
                     },
@@ -133,12 +133,12 @@ macro_rules! equaliser {
                             concat!("mode_", $n),
                             Unit::None,
                             concat!("mode_", $n),
-                            concat!("actuator ", $n, ": 1 active, 0 passive"),
+                            concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
                         ),)*
                         $(output(
                             concat!("correction_", $n),
                             Unit::Metre,
-                            concat!("to the controller of actuator ", $n),
+                            concat!("correction for the controller of actuator ", $n),
                         ),)*
                     ],
                     states: &[$(state(
@@ -146,7 +146,7 @@ macro_rules! equaliser {
                         Unit::Pascal,
                         2e7,
                         Start::Value(0.0),
-                        concat!("filtered difference of actuator ", $n, " and the others, z_", $n),
+                        concat!("filtered difference z_", $n, " between actuator ", $n, " and the others"),
                     ),)*],
                     reference: false,
                 };

@@ -22,24 +22,29 @@ pub struct Friction;
 
 parameters! {
     coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
-    static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static to dry, r_s"),
+    static_friction_ratio: parameter(
+        Unit::None,
+        1.5,
+        (1.0, 10.0),
+        "ratio r_s of static to dry friction",
+    ),
     stribeck_velocity_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-6, 10.0),
-        "velocity that ends static friction, v_s",
+        "velocity v_s at which static friction has faded",
     ),
     friction_smoothing_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-6, 10.0),
-        "velocity over which friction turns its sign, v_t",
+        "velocity v_t over which friction changes its sign",
     ),
     viscous_friction_n_s_m: parameter(
         Unit::NewtonSecondPerMetre,
         6e3,
         (0.0, 1e9),
-        "friction per velocity B",
+        "friction B per velocity",
     ),
 }
 
@@ -65,7 +70,7 @@ static SPEC: Spec = Spec {
             "thickened grease",
         ),
     ],
-    ports: &[translational("port", "the part that rubs")],
+    ports: &[translational("port", "part that rubs")],
     states: &[],
     reference: false,
 };

@@ -31,7 +31,7 @@ parameters! {
         Unit::RadianPerSecond,
         0.05,
         (1e-6, 10.0),
-        "rate over which dry friction turns its sign",
+        "rate ω_f over which dry friction changes its sign",
     ),
 }
 
@@ -47,7 +47,7 @@ static SPEC: Spec = Spec {
         Category::Friction,
         "dry or corroded hinge bearings",
     )],
-    ports: &[turning("shaft", "what turns with it")],
+    ports: &[turning("shaft", "parts that turn with the body")],
     states: &[
         state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
         with_error_weight(

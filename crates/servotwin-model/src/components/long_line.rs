@@ -49,7 +49,7 @@ static SPEC: Spec = Spec {
     )],
     ports: &[
         hydraulic("a", "end with the inertia"),
-        pressure("b", "end with the capacitance, whose pressure it sets"),
+        pressure("b", "end with the capacitance, which sets the pressure"),
     ],
     states: &[
         state("flow_m3_s", Unit::CubicMetrePerSecond, 2e-4, Start::Value(0.0), "flow from a to b"),

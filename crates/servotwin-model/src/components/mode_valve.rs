@@ -28,10 +28,15 @@ use crate::wiring::{Output, Variable, Wiring};
 pub struct ModeValve;
 
 parameters! {
-    time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "of switching"),
-    damping_area_m2: parameter(Unit::SquareMetre, 2e-6, (0.0, 1e-3), "damping orifice"),
-    make_up_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "each make-up valve"),
-    return_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "return to reserve"),
+    time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "time constant of switching"),
+    damping_area_m2: parameter(Unit::SquareMetre, 2e-6, (0.0, 1e-3), "area of the damping orifice"),
+    make_up_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "area of each make-up valve"),
+    return_area_m2: parameter(
+        Unit::SquareMetre,
+        1e-5,
+        (0.0, 1e-3),
+        "area of the valve from return to reserve",
+    ),
     make_up_range_pa: parameter(
         Unit::Pascal,
         2e4,
@@ -39,11 +44,16 @@ parameters! {
         "pressure drop at which a check valve is fully open",
     ),
     isolation: parameter(Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
     damped_position: parameter(Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
     active_position: parameter(Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
-    command: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+    command: parameter(Unit::None, 1.0, (0.0, 1.0), "command if no signal is connected"),
 }
 
 static SPEC: Spec = Spec {
@@ -66,7 +76,7 @@ static SPEC: Spec = Spec {
             1.0,
             (0.0, 1.0),
             Category::Jamming,
-            "does not go to damping",
+            "does not switch to damped",
         ),
         scales(
             "stuck_damped",
@@ -74,7 +84,7 @@ static SPEC: Spec = Spec {
             0.0,
             (0.0, 1.0),
             Category::Jamming,
-            "does not become active",
+            "does not switch to active",
         ),
         adds("isolation_wear", "isolation", 0.2, (0.0, 1.0), Category::Wear, "leaks when damped"),
     ],
@@ -85,7 +95,7 @@ static SPEC: Spec = Spec {
         optional(hydraulic("return", "return gallery, which fills the reserve")),
         input_or("command", Unit::None, "command", "1 active, 0 damped"),
         output("active", Unit::None, "position: 1 active … 0 damped"),
-        output("transmission", Unit::None, "factor on the servo valve's flows"),
+        output("transmission", Unit::None, "factor on the flows of the servo valve"),
     ],
     states: &[state(
         "position",

@@ -31,11 +31,16 @@ parameters! {
     gain: parameter(Unit::None, 1.0, (-1e6, 1e6), "gain K"),
     integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e4), "integral gain K_i"),
     derivative_time_s: parameter(Unit::Second, 0.0, (0.0, 1e3), "derivative time T_d"),
-    derivative_filter_s: parameter(Unit::Second, 0.01, (1e-5, 1e3), "its filter τ_d"),
-    least: parameter(Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
-    largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
-    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "what is wanted more, b"),
-    reach: parameter(Unit::None, 1.0, (0.0, 1.0), "reached share s of the output's range"),
+    derivative_filter_s: parameter(
+        Unit::Second,
+        0.01,
+        (1e-5, 1e3),
+        "filter time constant τ_d of the derivative",
+    ),
+    least: parameter(Unit::None, -1.0, (-1e6, 1e6), "minimum output y_min"),
+    largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "maximum output y_max"),
+    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "offset b of the setpoint"),
+    reach: parameter(Unit::None, 1.0, (0.0, 1.0), "share s of the range that the output reaches"),
 }
 
 static SPEC: Spec = Spec {
@@ -53,13 +58,13 @@ static SPEC: Spec = Spec {
             0.75,
             (0.0, 1.0),
             Category::Calibration,
-            "the output stage ends before its largest output",
+            "the output stage does not reach its maximum output",
         ),
     ],
     ports: &[
-        input("setpoint", Unit::None, "what is wanted, w"),
-        input("measured", Unit::None, "what is, x"),
-        output("output", Unit::None, "the controller's output u"),
+        input("setpoint", Unit::None, "setpoint w"),
+        input("measured", Unit::None, "measured value x"),
+        output("output", Unit::None, "output u of the controller"),
     ],
     states: &[
         state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),

@@ -44,8 +44,8 @@ static SPEC: Spec = Spec {
         "clogged pressure tapping",
     )),
     ports: &[
-        hydraulic("port", "where it measures"),
-        output("reading", Unit::Pascal, "pressure as the computer has it"),
+        hydraulic("port", "node whose pressure it measures"),
+        output("reading", Unit::Pascal, "pressure that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
     states: &[state(

@@ -27,8 +27,8 @@ pub struct SampledPositionController;
 
 // These parameters follow those of the continuous controller.
 parameters! {
-    period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "between ticks, T"),
-    delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "whole samples, n"),
+    period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "time T between ticks"),
+    delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "computation delay n, in whole samples"),
 }
 
 /// Number of parameters of the continuous controller.

@@ -26,21 +26,21 @@ use crate::wiring::{Output, Variable, Wiring};
 pub struct Selector;
 
 parameters! {
-    select: parameter(Unit::None, 0.0, (0.0, 1.0), "0 the first, 1 the vote, s"),
+    select: parameter(Unit::None, 0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
 }
 
 static SPEC: Spec = Spec {
     kind: "selector",
-    summary: "one of two to four displacements, or their vote, as a controller is told",
+    summary: "one of two to four displacements, or their vote, for a controller",
     parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         input("first", Unit::Metre, "x_1"),
         input("second", Unit::Metre, "x_2"),
-        optional(input("third", Unit::Metre, "x_3; open: the vote is of two")),
-        optional(input("fourth", Unit::Metre, "x_4; open: the vote is of three")),
-        input_or("select", Unit::None, "select", "0 the first, 1 the vote"),
-        output("output", Unit::Metre, "the selected one, y"),
+        optional(input("third", Unit::Metre, "x_3; if open, the vote is of two")),
+        optional(input("fourth", Unit::Metre, "x_4; if open, the vote is of three")),
+        input_or("select", Unit::None, "select", "0 for the first, 1 for the vote"),
+        output("output", Unit::Metre, "selected displacement y"),
     ],
     states: &[],
     reference: false,

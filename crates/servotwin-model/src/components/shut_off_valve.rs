@@ -29,9 +29,14 @@ parameters! {
         (0.0, 1e15),
         "laminar resistance of filter and line",
     ),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening where no signal is connected"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
+    opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening if no signal is connected"),
 }
 
 static SPEC: Spec = Spec {

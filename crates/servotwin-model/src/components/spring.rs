@@ -33,7 +33,7 @@ static SPEC: Spec = Spec {
         Category::Looseness,
         "broken coils",
     )],
-    ports: &[translational("port", "the part it pushes")],
+    ports: &[translational("port", "part that the spring pushes")],
     states: &[],
     reference: false,
 };

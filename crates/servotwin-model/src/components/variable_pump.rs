@@ -27,9 +27,24 @@ pub struct VariablePump;
 
 parameters! {
     flow_m3_s: full_flow(),
-    set_pa: parameter(Unit::Pascal, 21e6, (1e5, 1e8), "set pressure: no flow there"),
-    range_pa: parameter(Unit::Pascal, 1e6, (1e3, 1e8), "below it, from full to no flow"),
-    time_constant_s: parameter(Unit::Second, 0.04, (1e-4, 10.0), "of the compensator, τ"),
+    set_pa: parameter(
+        Unit::Pascal,
+        21e6,
+        (1e5, 1e8),
+        "set pressure, at which the displacement is zero",
+    ),
+    range_pa: parameter(
+        Unit::Pascal,
+        1e6,
+        (1e3, 1e8),
+        "range below the set pressure, from full to no flow",
+    ),
+    time_constant_s: parameter(
+        Unit::Second,
+        0.04,
+        (1e-4, 10.0),
+        "time constant τ of the compensator",
+    ),
     internal_leakage_m3_s_pa: internal_leakage(),
     speed: speed(),
 }
@@ -62,21 +77,21 @@ static SPEC: Spec = Spec {
             20.0,
             (1.0, 100.0),
             Category::Dynamics,
-            "the stroking piston is slow: dirt in its orifice",
+            "dirt in its orifice slows the stroking piston",
         ),
     ],
     ports: &[
         hydraulic("inlet", "from the tank"),
         hydraulic("outlet", "to the system"),
-        input_or("speed", Unit::None, "speed", "speed per unit of the rated one"),
-        output("displacement", Unit::None, "position s: 1 full, 0 none"),
+        input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
+        output("displacement", Unit::None, "position s: 1 full displacement, 0 none"),
     ],
     states: &[state(
         "displacement",
         Unit::None,
         1.0,
         Start::Value(0.5),
-        "position of the swash plate, s",
+        "position s of the swash plate",
     )],
     reference: false,
 };
