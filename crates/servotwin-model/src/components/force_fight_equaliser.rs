@@ -146,7 +146,7 @@ macro_rules! equaliser {
                         Unit::Pascal,
                         2e7,
                         Start::Value(0.0),
-                        concat!("filtered difference z_", $n, " between actuator ", $n, " and the others"),
+                        concat!("filtered difference z_", $n, " of actuator ", $n, " and the others"),
                     ),)*],
                     reference: false,
                 };
