@@ -11,10 +11,10 @@ use servotwin::evaluation::table_model::{Predicted, TableModel, predict};
 use servotwin::table::{self, Table, csv};
 use std::path::PathBuf;
 
-/// Classify every row of a table with a trained classifier. The table needs no class column.
+/// Classify every row of a table with a trained classifier.
 ///
-/// For each row, the result has the predicted class, the probability of every class and, for a tree, the path to its
-/// leaf. Without `--out`, it is printed as CSV.
+/// The table needs no class column. For each row, the result has the predicted class, the probability of every class
+/// and, for a tree, the path to its leaf. Without `--out`, it is printed as CSV.
 #[derive(clap::Args)]
 pub struct Options {
     /// The model, a file written by `servotwin train --out`.

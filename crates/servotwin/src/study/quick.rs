@@ -20,7 +20,7 @@ section! {
     /// The section of a study file.
     #[derive(Copy)]
     pub(super) struct Text {
-        may duration_s: Option<f64> = RUN_S, "length of every run";
+        may duration_s: Option<f64> = RUN_S, "maximum length of a run";
         may draws: Option<usize> = SPECIMENS,
             "maximum number of training commands from each pattern";
         may healthy: Option<usize> = SPECIMENS, "maximum number of healthy specimens in each case";
