@@ -8,9 +8,9 @@
 //!
 //! ρ and a are the density and the speed of sound of the standard atmosphere, and λ is the load factor. The
 //! Prandtl-Glauert factor accounts for compressibility. The moment is linear in small angles and valid below
-//! a Mach number of about 0.8. 1 − m² is held above 0.19 (Mach 0.9, which the range of V reaches). Below 1
-//! m/s, the damping is that at 1 m/s. The air is an equation only if the altitude is connected; otherwise it
-//! is a constant.
+//! a Mach number of about 0.8. 1 − m² is held above 0.19 (Mach 0.9, which the range of V reaches). Below
+//! 1 m/s, the damping is that at 1 m/s. The air is an equation only if the altitude is connected; otherwise
+//! it is a constant.
 //!
 //! Source: hinge moments linear in the angles, as in Etkin & Reid 1996; Prandtl and Glauert; the atmosphere
 //! of ISO 2533.

@@ -8,11 +8,11 @@
 //! ```
 //!
 //! The line is one section, with its inertia at `a` and its whole capacitance at `b`. The first mode is
-//! `1/(2π √(L_h C_h))`, and the model is valid well below it. Friction follows Hagen–Poiseuille up to Re =
-//! 2300, and Blasius for smooth pipes from 4000 to 1e5. The cubic step of [`crate::math::smooth_step`] joins
-//! these two textbook laws for steady flow. Below the vapor pressure `p_v`, the state `s` is the size of the
-//! cavity at `b` (equations (F4)–(F6) of [`crate::fluid`]): the column separates there, and rejoins when the
-//! cavity is filled.
+//! `1/(2π √(L_h C_h))`, and the model is valid well below it. Friction follows Hagen–Poiseuille up to
+//! Re = 2300, and Blasius for smooth pipes from 4000 to 1e5. The cubic step of [`crate::math::smooth_step`]
+//! joins these two textbook laws for steady flow. Below the vapor pressure `p_v`, the state `s` is the size
+//! of the cavity at `b` (equations (F4)–(F6) of [`crate::fluid`]): the column separates there, and rejoins
+//! when the cavity is filled.
 //!
 //! Source: Hagen and Poiseuille for laminar flow, Blasius 1913 for turbulent flow; one lumped section of
 //! inertia, resistance and capacitance.

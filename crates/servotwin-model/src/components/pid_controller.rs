@@ -39,7 +39,7 @@ parameters! {
     ),
     least: parameter(Unit::None, -1.0, (-1e6, 1e6), "minimum output y_min"),
     largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "maximum output y_max"),
-    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "offset b of the setpoint"),
+    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "offset b added to the setpoint"),
     reach: parameter(Unit::None, 1.0, (0.0, 1.0), "share s of the range that the output reaches"),
 }
 

@@ -6,9 +6,9 @@
 //! u = mode · clamp(y, −1, 1)                                              (K3)
 //! ```
 //!
-//! The law is proportional, with dynamic pressure feedback. The washout `d` removes the steady load from Δp =
-//! p_A − p_B, so only the changes of Δp damp the loop. `u` is per unit of the rated current. Mode 0 switches
-//! the output off.
+//! The law is proportional, with dynamic pressure feedback. The washout `d` removes the steady load from
+//! Δp = p_A − p_B, so only the changes of Δp damp the loop. `u` is per unit of the rated current. Mode 0
+//! switches the output off.
 //!
 //! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that is built into servo
 //! valves of that name.

@@ -107,7 +107,7 @@ parameters! {
         "shortest time from the center to full opening",
     ),
     null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
-    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "relative stroke per full signal"),
+    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "gain g from signal to stroke"),
     mobility: parameter(Unit::None, 1.0, (0.0, 1.0), "1 for a free spool, 0 for a held one"),
     transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "transmission if no signal is connected"),
 }

@@ -1,7 +1,7 @@
 //! A two-stage servo valve with a four-edge spool.
 //!
 //! The torque motor, the pilot stage and the mechanical feedback move the spool as a second order with a
-//! limited rate. Flow forces and stick-slip are neglected, because the feedback spring closes the inner loop:
+//! limited rate. Flow forces and stick-slip are neglected; the feedback spring closes the inner loop:
 //!
 //! ```text
 //! u_c  = clamp(g u + b, −1, 1)                                             (W1)
@@ -9,9 +9,9 @@
 //! v'   = ω² (x_max u_c − x) − 2 ζ ω v − stop(x, v)                          (W3)
 //! ```
 //!
-//! Of the edges PA, PB, AT and BT, a positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT (`s_e`
-//! = −1). Each has an overlap `o`, a radial clearance `c`, an edge radius `r`, a width `w` and a smoothing
-//! `ε`:
+//! Of the edges PA, PB, AT and BT, a positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT
+//! (`s_e` = −1). Each has an overlap `o`, a radial clearance `c`, an edge radius `r`, a width `w` and a
+//! smoothing `ε`:
 //!
 //! ```text
 //! ξ  = s_e x − o,   h = √(ξ² + ε²),   ξ₊ = (ξ + h)/2,   L = ξ₊ − ξ            (W4)
@@ -20,11 +20,11 @@
 //! q  = m w/(2k) · sgn(Δp) (√(a² + 4 k s² |Δp|) − a),   a = R A s             (W7)
 //! ```
 //!
-//! (W7) is (O2) of [`super::orifice`] with `s` moved into the root: `a = Re_t ν k/2 + b L s²` with `b = 12 ρ
-//! ν / (c³ (1 + 1.5 e²))`. `m` is the transmission (1 open; a mode valve isolates the cylinder with it). The
-//! overlap is a laminar slit, and `e` the relative eccentricity of the spool. The pilot stage takes its
-//! quiescent flow from p to t through a hole. `μ` is 1 for a free spool; a jammed one stays where it began.
-//! The model is valid for |x| up to a few strokes and for Δp of either sign.
+//! (W7) is (O2) of [`super::orifice`] with `s` moved into the root: `a = Re_t ν k/2 + b L s²` with
+//! `b = 12 ρ ν / (c³ (1 + 1.5 e²))`. `m` is the transmission (1 open; a mode valve isolates the cylinder with
+//! it). The overlap is a laminar slit, and `e` the relative eccentricity of the spool. The pilot stage takes
+//! its quiescent flow from p to t through a hole. `μ` is 1 for a free spool; a jammed one stays where it
+//! began. The model is valid for |x| up to a few strokes and for Δp of either sign.
 //!
 //! Source: a second order for the valve up to its spool as in Thayer 1958, the leak of an eccentric gap as in
 //! Merritt 1967, and the rounded-edge geometry of common component libraries. The limits are the toolkit's
@@ -104,7 +104,7 @@ parameters! {
         "orifice area of the pilot stage, p to t",
     ),
     null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of rated current"),
-    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "relative stroke per rated current"),
+    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "gain g from current to stroke"),
     mobility: parameter(Unit::None, 1.0, (0.0, 1.0), "1 for a free spool, 0 for a held one"),
     stop_fraction: parameter(
         Unit::None,
