@@ -5,9 +5,9 @@
 //!
 //! | code | meaning |
 //! |---|---|
-//! | 0 | done |
+//! | 0 | success |
 //! | 1 | the run failed, or a result could not be written |
-//! | 2 | wrong use: an option, a signal, a name that the system does not have |
+//! | 2 | wrong usage: an option, a signal, a name that the system does not have |
 //! | 3 | a system file (or another input file) is missing or has mistakes |
 //! | 4 | parts of a campaign are missing: run them, then merge again |
 //! | 130 | stopped by Ctrl-C or another request to end; no file was left half-written |
@@ -46,14 +46,14 @@ pub(crate) struct Cli {
 /// Options of every command.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct Global {
-    /// Write the result as JSON (numbers in SI units).
+    /// Write the result as JSON, with numbers in SI units.
     #[arg(long, global = true)]
     json: bool,
-    /// Quiet: no progress, no notes, and no summary of what was run, checked or written to files.
+    /// Write no progress, no notes, and no summary of what the command ran, checked or wrote to files.
     #[arg(long, short, global = true)]
     quiet: bool,
-    /// Compile the equations with the C compiler: where it saves time, never, or always (a failure
-    /// to compile then ends the run). The results are the same.
+    /// When to compile the equations with the C compiler: where it saves time (auto, the default), never, or always
+    /// (only). With only, a failed compilation ends the run. The results are the same.
     #[arg(
         long,
         global = true,
@@ -93,7 +93,7 @@ impl Compile {
     }
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
+const EXIT_CODES: &str = "Exit codes: 0 success, 1 the run failed, 2 wrong usage, \
     3 an input file is missing or has mistakes, 4 parts of a campaign are missing, 130 stopped by Ctrl-C or another request to end.";
 
 #[derive(Subcommand)]

@@ -80,7 +80,7 @@ pub fn range(parameter: &Parameter) -> String {
 
 /// A parameter's default, as text.
 pub fn default(parameter: &Parameter) -> String {
-    parameter.default.map_or("obligatory".into(), |value| Quantity(value, "").to_string())
+    parameter.default.map_or("required".into(), |value| Quantity(value, "").to_string())
 }
 
 /// The effect of a fault on its parameter as a formula, with `i` the intensity.
@@ -128,7 +128,7 @@ pub fn flow(port: &Port, spec: &Spec) -> String {
 
 /// The column headers of [`fluids`].
 pub const FLUID_HEADS: [&str; 6] =
-    ["fluid", "what it is", "°C", "kg/m³ at 40 °C", "cSt at 40 and 100 °C", "E₀ at 40 °C, GPa"];
+    ["fluid", "description", "°C", "kg/m³ at 40 °C", "cSt at 40 and 100 °C", "E₀ at 40 °C, GPa"];
 
 /// The fluids with their properties, in the order of [`FLUID_HEADS`].
 pub fn fluids() -> Vec<[String; 6]> {
@@ -157,7 +157,7 @@ pub fn is_fluid(word: &str) -> bool {
 
 /// The keys that describe a kind of fluid in a system file, grouped under headings.
 pub fn fluid_keys(kind: &str) -> Vec<(&'static str, &'static [Parameter])> {
-    let of_fluid = "keys of [fluids.NAME], beside kind";
+    let of_fluid = "keys of [fluids.NAME], in addition to kind";
     match kind {
         own::NAME => vec![(of_fluid, &FLUID)],
         by_table::NAME => {
@@ -182,15 +182,15 @@ fn overview() -> String {
             names(spec.faults.iter().map(|fault| fault.name).collect()),
         ]
     };
-    table(&["kind", "what it is", "ports", "states", "faults"], all().map(row).collect())
+    table(&["kind", "description", "ports", "states", "faults"], all().map(row).collect())
 }
 
 /// All that the book says of the catalogue: a row and a page for each component, and the liquids.
 pub fn book() -> String {
     let pages: Vec<String> = all().map(markdown).collect();
     let rows = fluids().into_iter().map(Vec::from).collect();
-    let fluids = "The numbers of `own` are those of its defaults, `table` has what its points say, here those of HLP 46; \
-                  [the system format](system-format.md) has their keys.";
+    let fluids = "The numbers of `own` are its defaults, and `table` takes its numbers from its points, here those of HLP 46. \
+                  [The system format](system-format.md) lists their keys.";
     let (overview, pages) = (overview(), pages.join("\n"));
     let liquids = table(&FLUID_HEADS, rows);
     format!("## All kinds\n{overview}\n{pages}\n## Fluids\n\n{fluids}\n{liquids}")
@@ -212,7 +212,7 @@ pub fn markdown(spec: &Spec) -> String {
     let plain = |text: &str| text.replace('|', "\\|");
     let ports = spec.ports.iter();
     let ports = ports.map(|p| vec![code(p.name), flow(p, spec), plain(p.summary)]);
-    page += &table(&["port", "what flows through it", "meaning"], ports.collect());
+    page += &table(&["port", "type", "meaning"], ports.collect());
     if !spec.parameters.is_empty() {
         let rows = spec
             .parameters
@@ -224,7 +224,7 @@ pub fn markdown(spec: &Spec) -> String {
         let rows = spec.faults.iter().map(|f| {
             vec![code(f.name), f.category.name().into(), code(&law(f, spec)), plain(f.summary)]
         });
-        let heads = ["fault", "category", "the parameter at intensity i", "meaning"];
+        let heads = ["fault", "category", "parameter at intensity i", "meaning"];
         page += &table(&heads, rows.collect());
     }
     page

@@ -340,14 +340,16 @@ impl Value {
                 document::Quantities(*min, *max, unit).to_string()
             }
             Value::Number(..) => "a number".into(),
-            Value::Whole(min, max) => format!("whole, {}", document::Quantities(*min, *max, "")),
+            Value::Whole(min, max) => {
+                format!("whole number, {}", document::Quantities(*min, *max, ""))
+            }
             Value::Range => "two numbers, the lower one first".into(),
             Value::Flag => "true or false".into(),
             Value::Text => "a text".into(),
             Value::Word(words) => words().join(", "),
             Value::Signal => "a signal".into(),
             Value::List(_, of) => format!("a list: {}", of.words()),
-            Value::Names(_, of) => format!("names of yours with: {}", of.words()),
+            Value::Names(_, of) => format!("your own names, each with {}", of.words()),
             Value::Table(_) => "a table".into(),
         }
     }
@@ -440,7 +442,7 @@ pub fn object(keys: &[Key]) -> Json {
 
 /// All keys as a Markdown table; keys of inner tables have dots.
 pub fn markdown(keys: &[Key]) -> String {
-    let mut text = String::from("| key | what it is | meaning |\n| --- | --- | --- |\n");
+    let mut text = String::from("| key | value | meaning |\n| --- | --- | --- |\n");
     rows(keys, "", &mut text);
     text
 }
@@ -448,7 +450,7 @@ pub fn markdown(keys: &[Key]) -> String {
 fn rows(keys: &[Key], before: &str, text: &mut String) {
     for key in keys {
         let name = format!("{before}{}", key.name);
-        let must = if key.obligatory { ", obligatory" } else { "" };
+        let must = if key.obligatory { ", required" } else { "" };
         *text += &format!("| `{name}` | {}{must} | {} |\n", key.value.words(), key.summary);
         let (inner, dots) = match &key.value {
             Value::Table(keys) => (Some(*keys), "."),

@@ -41,8 +41,8 @@ pub fn system() -> Value {
         json!({
             "type": "object", "required": ["assembly"],
             "properties": {
-                "assembly": { "type": "string", "description": "the assembly of which this is one" },
-                "fluid": { "type": "string", "description": "for all its sources and tanks" },
+                "assembly": { "type": "string", "description": "the assembly of which this is an instance" },
+                "fluid": { "type": "string", "description": "fluid of all its sources and tanks" },
                 "kind": false,
             },
             "patternProperties": { NAME: { "type": ["object", "string"] } },
@@ -60,7 +60,7 @@ pub fn system() -> Value {
         "properties": {
             "format": { "const": FORMAT },
             "name": { "type": "string", "pattern": NAME },
-            "title": { "type": "string", "description": "one line for people" },
+            "title": { "type": "string", "description": "title of the system, one line" },
             "fluids": named(fluid()),
             "assemblies": named(json!({ "$ref": "#/$defs/assembly" })),
             "components": named(json!({
@@ -132,7 +132,7 @@ fn component(spec: &Spec) -> Value {
         json!({ "type": "object", "properties": faults, "additionalProperties": false }),
     );
     if spec.reference {
-        let description = "one of [fluids]; may be omitted where there is one";
+        let description = "one of [fluids]; may be omitted if there is only one";
         properties.insert("fluid".into(), json!({ "type": "string", "description": description }));
     }
     // None is required, because an assembly may leave an obligatory parameter to its instances.
@@ -145,7 +145,7 @@ fn component(spec: &Spec) -> Value {
 fn fluid() -> Value {
     let kinds: Vec<&str> = FluidKind::ALL.iter().map(|kind| kind.name()).collect();
     let mut properties = Map::new();
-    properties.insert("kind".into(), json!({ "enum": kinds, "description": "the liquid" }));
+    properties.insert("kind".into(), json!({ "enum": kinds, "description": "kind of fluid" }));
     for declared in &FLUID {
         properties.insert(declared.name.into(), parameter(declared));
     }
@@ -162,7 +162,7 @@ fn points() -> Value {
         POINT.iter().map(|declared| (declared.name.into(), parameter(declared))).collect();
     json!({
         "type": "array", "minItems": 2,
-        "description": "of a fluid of kind table: its numbers at several temperatures, from cold to hot",
+        "description": "numbers of a fluid of kind table at several temperatures, from cold to hot",
         "items": {
             "type": "object", "properties": properties, "additionalProperties": false,
             "required": ["temperature_k", "density_kg_m3", "viscosity_m2_s"],

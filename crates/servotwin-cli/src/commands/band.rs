@@ -14,28 +14,29 @@ use servotwin::job::{Among, Folder, JobError};
 use servotwin::study::{Setting, Study};
 use std::path::PathBuf;
 
-/// Learn the confidence band of the twin as a field over command, rate, load and boundary values.
+/// Learn the twin's confidence band as a field over command, rate, load and boundary values.
 ///
-/// Flies the healthy flights of the study's `[flights]`: half of the environments say how residuals depend on what is
-/// asked, the others calibrate the band, so that at most --share of healthy flights of new specimens leave it (conformal
-/// prediction). Both this field and a band that is the same everywhere are judged in the judged flights.
+/// Flies the healthy flights of the study's `[flights]`. Half of the environments show how the residuals depend on
+/// these values; the other half calibrates the band. By conformal prediction, at most the share --share of the healthy
+/// flights of new specimens leaves the band. The evaluation flights judge this band and one that is the same
+/// everywhere.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The study, a file or a built-in name; without it, the paper's.
+    /// A study file or the name of a built-in study [default: paper].
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// The share of healthy flights that may leave the band.
+    /// Share of the healthy flights that may leave the band.
     #[arg(long, value_name = "SHARE", default_value_t = 0.05)]
     share: f64,
-    /// Specimens that are their twins (noise), that have twins fitted to their calibration flight (fitted: one
-    /// specimen for each environment), or that have their tolerances beside the nominal twin (realistic).
+    /// Scenario of the specimens: each equals its twin (noise), has a twin fitted to its calibration flight (fitted,
+    /// one specimen for each environment), or differs from the nominal twin by its tolerances (realistic).
     #[arg(long, value_parser = ["noise", "fitted", "realistic"], default_value = "realistic")]
     setting: String,
-    /// Write the band and what it is worth into this folder, as band-SETTING.json: for `servotwin watch --band` and
-    /// the report.
+    /// Write the band and its measured performance to band-SETTING.json in this folder, for `servotwin watch --band`
+    /// and the report.
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// The full sizes of the study's flights.
+    /// Use the full sizes of the study's flights.
     #[arg(long)]
     full: bool,
     /// Draw the field to a .svg or .png file.

@@ -9,8 +9,8 @@ use servotwin::files::FileError;
 
 /// Show the cache of compiled equations, or clear it.
 ///
-/// Long simulations compile the equations of the system and keep the result in the folder that
-/// SERVOTWIN_CACHE names, or else in the user's folder for caches.
+/// Long simulations compile the system's equations and keep the result for later runs. The cache is the folder named by
+/// SERVOTWIN_CACHE, or else `servotwin` in your cache folder.
 #[derive(clap::Args)]
 pub struct Options {
     /// Remove everything in the cache.

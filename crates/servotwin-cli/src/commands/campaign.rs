@@ -13,29 +13,29 @@ use servotwin::parallel::Workers;
 use servotwin::study::{Role, Setting, Study};
 use std::time::Instant;
 
-/// Simulate every fault of a study under every operating case, into a data set.
+/// Simulate every fault of a study in every operating case, and write a data set.
 ///
-/// A campaign that was interrupted goes on where it was: shards that are
-/// complete are taken over, and the result is the same bytes.
+/// An interrupted campaign continues where it stopped. It keeps the complete shards, and the result is the same to the
+/// byte.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// Only perfect sensors and a plant that is the twin (ideal), only sensors with noise and
-    /// quantisation (noise), only these and specimens with tolerances (realistic), or specimens beside
-    /// twins that are fitted to them (fitted) [default: all but fitted].
+    /// Run only this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise and
+    /// quantization (noise), these sensors and specimens with tolerances (realistic), or such specimens with twins
+    /// fitted to them (fitted) [default: all but fitted].
     #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
     setting: Option<String>,
-    /// Write the time series of every variant, too (gigabytes).
+    /// Also write the time series of every variant (gigabytes).
     #[arg(long)]
     keep_traces: bool,
-    /// Simulate also the variants that are mirror images of others (units alike, no
-    /// tolerances), which are otherwise shown by the simulations of those.
+    /// Also simulate the variants that are symmetric copies of others (identical actuators, no tolerances). By default,
+    /// the simulations of the others stand for them.
     #[arg(long)]
     all: bool,
-    /// Simulate only one of so many parts, such as 3/100, for machines that share the folder (or whose
-    /// 'shards' are copied together): no data set is written, which 'servotwin merge' does when
-    /// all parts have ended.
+    /// Simulate only one part of the campaign, e.g. 3/100 for the third of 100 parts. Use this for machines that share
+    /// the folder, or whose 'shards' folders you copy together. No data set is written; run 'servotwin merge' when all
+    /// parts have ended.
     #[arg(long, value_name = "PART", conflicts_with = "keep_traces")]
     shards: Option<Part>,
 }

@@ -13,17 +13,17 @@ use servotwin::study::{Setting, Study, StudyError};
 use servotwin::system::{System, SystemError};
 use std::path::PathBuf;
 
-/// Check a system or a study file and show its mistakes at their places.
+/// Check a system or a study file, and show each mistake at its place.
 ///
-/// Everything that 'study' refuses in a file is a mistake here, too. A study also gets warnings about
-/// valid entries that are hardly meant, such as a fault that changes nothing.
+/// The check reports every mistake for which 'study' would reject the file. For a study, it also warns about valid
+/// entries that are probably not intended, such as a fault that changes nothing.
 ///
-/// What a file is shows in its content: a study names its system. The first 20 mistakes are shown,
-/// with --json all of them. A built-in name may stand for a system and a study: both are checked, and
-/// --json gives a list of both.
+/// The content decides whether a file is a system or a study: a study names its system. The output shows the first 20
+/// mistakes, or all of them with --json. If a built-in name stands for a system and a study, both are checked, and
+/// --json returns a list of both.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The file, or the name of a built-in system or study.
+    /// A file, or the name of a built-in system or study.
     file: PathBuf,
 }
 

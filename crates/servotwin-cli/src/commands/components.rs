@@ -1,4 +1,4 @@
-//! `servotwin components`: shows the catalogue.
+//! `servotwin components`: shows the catalog.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -9,16 +9,16 @@ use servotwin::document::counted;
 use servotwin::nearest::nearest;
 use servotwin_model::spec::{PortKind, Spec};
 
-/// List the components of the catalogue, describe one, or search them.
+/// List the components of the catalog, describe one, or search them.
 ///
-/// Without a word all kinds are listed. A kind is described: equations, ports, parameters with their
-/// ranges, faults with their laws. Any other word is searched for in all of these.
+/// Without a word, lists all kinds. For a kind, shows its equations, its ports, its parameters with their ranges, and
+/// its faults with their laws. Any other word is searched for in all of these.
 #[derive(clap::Args)]
 pub struct Options {
     /// A kind of component, or a word to search for.
     #[arg(value_name = "KIND|WORD")]
     word: Option<String>,
-    /// Write pages in Markdown, as the book has them.
+    /// Write Markdown pages, as in the book.
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
 }
@@ -70,7 +70,7 @@ fn list() -> String {
         ("kind", Side::Left),
         ("parameters", Side::Right),
         ("faults", Side::Right),
-        ("what it is", Side::Left),
+        ("description", Side::Left),
     ]);
     let mut kinds = 0;
     for spec in catalogue::all() {
@@ -79,7 +79,7 @@ fn list() -> String {
         grid.push(vec![spec.kind.into(), parameters, faults, spec.summary.into()]);
         kinds += 1;
     }
-    let kinds = format!("{kinds} kinds; 'servotwin components KIND' tells all about one");
+    let kinds = format!("{kinds} kinds; 'servotwin components KIND' describes one");
     format!("{}\n{kinds}\n\n{}", grid.text(), fluids(""))
 }
 
@@ -121,7 +121,7 @@ fn found(hit: &Hit) -> String {
 fn people(spec: &Spec) -> String {
     let mut text = format!("{}: {}\n\n{}\n", spec.kind, spec.summary, prose(spec.kind).trim_end());
     let mut ports =
-        Grid::new(&[("port", Side::Left), ("what flows", Side::Left), ("meaning", Side::Left)]);
+        Grid::new(&[("port", Side::Left), ("type", Side::Left), ("meaning", Side::Left)]);
     for port in spec.ports {
         ports.push(vec![port.name.into(), flow(port, spec), port.summary.into()]);
     }

@@ -12,13 +12,13 @@ use servotwin_report::schematic;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-/// Describe a system: components with parameters, states, inputs, sensors, and
-/// the eigenvalues at rest.
+/// Describe a system: its components with their parameters, its states, inputs and sensors, and its eigenvalues at
+/// rest.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     system: SystemOption,
-    /// Draw components and connections to a .svg or .png file.
+    /// Draw the components and their connections to a .svg or .png file.
     #[arg(long, value_name = "FILE")]
     schematic: Option<PathBuf>,
 }

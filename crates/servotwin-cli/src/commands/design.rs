@@ -14,13 +14,13 @@ use servotwin_model::spec::Unit;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Limits of --design")]
 pub struct Limits {
-    /// The largest size of the command.
+    /// Largest amplitude of the command.
     #[arg(long, value_name = "SIZE", requires = "design", default_value = "10deg")]
     amplitude: String,
-    /// Its largest rate.
+    /// Largest rate of the command.
     #[arg(long, value_name = "RATE", requires = "design", default_value = "40deg/s")]
     rate: String,
-    /// How long it is flown.
+    /// Duration of the command.
     #[arg(long, value_name = "TIME", requires = "design", default_value = "60s")]
     duration: String,
 }

@@ -16,16 +16,15 @@ use servotwin::parallel::Workers;
 use servotwin::study::Study;
 use std::path::{Path, PathBuf};
 
-/// Say how good the diagnosis of a campaign is, or judge a classifier with a table.
+/// Evaluate the diagnosis of a campaign, or a classifier on a table.
 ///
-/// With the output folder of a campaign for which `servotwin train` has run, writes
-/// `evaluation.json` there. With a table, judges the `--model` on it.
+/// With the output folder of a campaign that `servotwin train` has processed, writes `evaluation.json` into this
+/// folder. With a table, evaluates the `--model` on it.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The output folder of a campaign; or a table (.csv or .parquet) with the features and the
-    /// class that the model knows.
+    /// The output folder of a campaign, or a table (.csv or .parquet) with the model's features and class.
     input: PathBuf,
-    /// The column of a table with the group: intervals are then over groups.
+    /// The column of the table with the group. Intervals are then computed over groups.
     #[arg(long)]
     group: Option<String>,
     #[command(flatten)]
@@ -35,7 +34,7 @@ pub struct Options {
 /// What judges, and with how many threads.
 #[derive(clap::Args)]
 pub struct Judging {
-    /// The model for a table, a file that `servotwin train --out` has written.
+    /// The model for a table, a file written by `servotwin train --out`.
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Number of threads [default: all processors; the results do not depend on it].

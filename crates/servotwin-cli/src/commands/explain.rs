@@ -15,23 +15,24 @@ use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{number, of_unit, percent, spoken};
 use std::path::{Path, PathBuf};
 
-/// Explain what the trees say about one variant, or a classifier about one row of a table.
+/// Explain the trees' answer for one variant, or a classifier's answer for one row of a table.
 ///
-/// Shows every question with its value and threshold.
+/// Shows every question with its value and its threshold.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The number of the variant in the data set, from 0; or of the row of a table, from 1.
+    /// The number of the variant in the data set, counted from 0, or of the row in the table, counted from 1.
     variant: u32,
-    /// A table (.csv or .parquet), instead of the output folder of a campaign.
+    /// A table (.csv or .parquet) instead of the output folder of a campaign.
     #[arg(long, requires = "model")]
     table: Option<PathBuf>,
-    /// The model for the table, a file that `servotwin train --out` has written.
+    /// The model for the table, a file written by `servotwin train --out`.
     #[arg(long, requires = "table")]
     model: Option<PathBuf>,
-    /// The output folder of a campaign for which `servotwin train` has run.
+    /// The output folder of a campaign that `servotwin train` has processed.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
-    /// Which data set, with which sensors [default: realistic if it is there, else the last of the report].
+    /// The data set, named by its scenario and sensors [default: realistic if it exists, else the last one of the
+    /// report].
     #[arg(long, value_parser = Subject::ALL.map(Subject::name))]
     subject: Option<String>,
 }

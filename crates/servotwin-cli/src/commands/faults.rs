@@ -14,7 +14,7 @@ use servotwin::table::csv;
 pub struct Options {
     #[command(flatten)]
     system: SystemOption,
-    /// Write the list as CSV (numbers in SI units).
+    /// Write the list as CSV, with numbers in SI units.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
 }

@@ -15,31 +15,29 @@ use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
 
-/// Compute the features of a campaign anew, or those of traces.
+/// Recompute the features of a campaign, or compute those of traces.
 ///
-/// With the output folder of a campaign, makes its data sets again from the stored windows, without
-/// simulating anything: for a program whose features have changed. With traces (measured and
-/// nominal signals as columns of a table), writes a table of the features of their windows. With
-/// `--list`, says what every feature means.
+/// With the output folder of a campaign, rebuilds its data sets from the stored windows without simulating. This is for
+/// a program version whose features have changed. With traces, which are a table with columns of measured and nominal
+/// signals, writes a table with the features of their windows. With `--list`, describes every feature.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a campaign, or traces (.csv or .parquet).
     #[arg(required_unless_present = "list")]
     input: Option<PathBuf>,
-    /// List every feature with its unit and meaning instead: of the paper's sensors, or of those in
-    /// --study.
+    /// List every feature with its unit and meaning instead: for the paper's sensors, or for those of --study.
     #[arg(long, conflicts_with_all = ["input", "out", "csv", "healthy"])]
     list: bool,
-    /// The study file that says which columns of the traces are what (docs/tables.md).
+    /// The study file that assigns the columns of the traces (docs/tables.md).
     #[arg(long)]
     study: Option<PathBuf>,
-    /// Traces in which nothing is wrong, to learn nominal values from.
+    /// Healthy traces, from which to learn the nominal values.
     #[arg(long, value_name = "FILE")]
     healthy: Option<PathBuf>,
-    /// The table of features to write (.csv or .parquet).
+    /// Write the features to this table (.csv or .parquet).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Write the data sets of a folder as .csv, too.
+    /// Also write the data sets of the folder as .csv.
     #[arg(long)]
     csv: bool,
 }

@@ -22,45 +22,46 @@ use servotwin_watch::span::Span;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Fit the twin to its actuator: parameters inside of their tolerances from records of its sensors.
+/// Fit the twin to its actuator: estimate its parameters within their tolerances from records of the sensors.
 ///
-/// A record is a log with a column of times, one for each sensor and one for each input that is not at its default, as
-/// `servotwin simulate --out` writes it; any file that `servotwin watch` reads is one. A minute in which the actuator moves
-/// much is good. The first line is the verdict: healthy, a fault with its intensity and the time when it began, or a record
-/// that cannot be explained. What no tolerance explains is a finding: then nothing is written, and the exit code is 1.
+/// A record is a log with a column of times, a column for each sensor, and a column for each input that is not at its
+/// default. `servotwin simulate --out` writes such a log, and any file that `servotwin watch` reads will do. A minute
+/// with much motion is a good record. The first line of the output is the verdict: healthy, a fault with its intensity
+/// and onset, or a record that cannot be explained. A deviation that no tolerance explains is a finding: then nothing
+/// is written, and the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The record (.csv, .parquet, .mcap, .jsonl).
+    /// A record (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "LOG", required_unless_present = "design")]
     log: Option<PathBuf>,
-    /// The system file; without it, the study's.
+    /// The system file [default: the study's system].
     #[arg(value_name = "SYSTEM")]
     system: Option<PathBuf>,
-    /// A study file with the tolerances and faults; without it, the paper's.
+    /// A study file with the tolerances and faults [default: paper].
     #[arg(long, value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// A further record of the same actuator; may be given for several.
+    /// Another record of the same actuator. Repeat the option for several records.
     #[arg(long = "log", value_name = "LOG")]
     more: Vec<PathBuf>,
-    /// A map file: which column of a record is which input or sensor, in which unit, as `servotwin watch` has it
+    /// A map file that assigns the columns of a record to inputs and sensors with their units, as for `servotwin watch`
     /// (docs/watch.md).
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     #[command(flatten)]
     span: SpanOptions,
-    /// The parameters, separated by commas: names or their ends, e.g. null_bias; with =SIGMA (a number
-    /// with unit, or a percentage of the value) also those without a tolerance [default: all that have
-    /// one].
+    /// The parameters to fit, separated by commas: full names or their ends, e.g. null_bias. With =SIGMA (a number with
+    /// a unit, or a percentage of the value), a parameter needs no tolerance [default: all parameters with a
+    /// tolerance].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     parameters: Vec<String>,
-    /// Estimate the intensity of these faults instead, and say which of them it is.
+    /// Estimate the intensities of these faults instead, separated by commas, and report which fault it is.
     #[arg(long, value_name = "IDS", value_delimiter = ',', conflicts_with = "out")]
     faults: Vec<String>,
-    /// The system file to write, with the fitted values.
+    /// Write a system file with the fitted values.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Say instead which command shows the parameters best, among signals of the catalogue inside of
-    /// the limits that follow.
+    /// Find the command that determines the parameters best instead. It is a signal of the catalog within the limits
+    /// below.
     #[arg(long, conflicts_with_all = ["log", "more", "faults", "out", "map"])]
     design: bool,
     #[command(flatten)]

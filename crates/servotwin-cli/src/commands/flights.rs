@@ -16,19 +16,19 @@ use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment, number};
 use std::fmt::Write;
 
-/// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.
+/// Train the diagnosis on flights in which faults begin, and measure how fast and how reliable it is.
 ///
-/// Writes `diagnoser-<setting>.json`, which `servotwin watch` and `servotwin fly` read, and
-/// `flights.json` into the output folder.
+/// Writes `diagnoser-<scenario>.json`, which `servotwin watch` and `servotwin fly` read, and `flights.json` into the
+/// output folder.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// Only this setting; what was measured in the other stays if its flights had the same sizes.
+    /// Run only this scenario. The results of the other scenario stay if its flights had the same sizes.
     #[arg(long, value_name = "SETTING", value_parser = ["noise", "realistic"])]
     setting: Option<String>,
-    /// Only say what it costs to lose a sensor: the diagnosers that lie in the folder judge the same flights once more
-    /// for each sensor that gives nothing. Writes `missing_sensors.json`.
+    /// Only measure the cost of losing a sensor. The diagnosers in the folder judge the same flights again, once
+    /// without each sensor. Writes `missing_sensors.json`.
     #[arg(long)]
     missing_sensors: bool,
 }

@@ -25,31 +25,32 @@ use servotwin_report::words::{number, spoken};
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// Fly with a fault that begins, with the diagnosis and without, and show what it is good for.
+/// Fly a plant in which a fault begins, with and without the diagnosis, and show the benefit.
 ///
-/// Needs no option: without them the stroke sensor of the first unit gets a bias, or the study's first fault
-/// begins. The flight knows the truth, so the output states whether actuator, action and component were right. Writes
-/// `flight.svg`, in which onset, detection and reaction are marked, and the records `flight-reacting.csv` and
-/// `flight-alone.csv`, into the folder `flight` of the output folder. A diagnoser that is not there is
-/// learned first, which takes half a minute.
+/// No option is required: by default, the stroke sensor of the first actuator gets a bias, or the study's first fault
+/// begins. The flight knows the truth, so the output states whether actuator, action and component were right. The
+/// command writes into the folder `flight` of the output folder: `flight.svg`, which marks onset, detection and
+/// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. If the diagnoser is missing, the command
+/// trains it first, which takes half a minute.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// A fault and its intensity from 0 to 1, or 'none'; may be given several times [default: a bias of the
-    /// stroke sensor of 0.7, or the first fault of the study].
+    /// A fault with its intensity from 0 to 1, or 'none'. Repeat the option for several faults [default: a bias of the
+    /// stroke sensor, or the study's first fault, with intensity 0.7].
     #[arg(long, value_name = "FAULT=INTENSITY")]
     fault: Vec<String>,
-    /// When it begins; of several faults each its own, in the same order, or all at the last one given.
+    /// The onset of the fault. For several faults, repeat the option in the same order; the last onset applies to all
+    /// remaining faults.
     #[arg(long, value_name = "TIME", default_value = "6s")]
     at: Vec<String>,
-    /// How long the flight is.
+    /// Duration of the flight.
     #[arg(long, value_name = "TIME", default_value = "20s")]
     duration: String,
-    /// The command [default: the first one of the study].
+    /// The command signal [default: the study's first one].
     #[arg(long, value_name = "SIGNAL")]
     command: Option<Signal>,
-    /// Which specimen flies: its number, another one has other tolerances [default: one that is the
+    /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
     /// twin].
     #[arg(long, value_name = "NUMBER")]
     specimen: Option<usize>,

@@ -26,48 +26,48 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Follow the flights of one tail number: each log is fitted and diagnosed, what is at fault is tracked from the
-/// first flight to the last, with a trend and the time to a threshold.
+/// Follow the wear of one tail number: fit and diagnose the log of each flight, and track each fault with its trend and
+/// the time to a threshold.
 ///
-/// The logs of a folder are taken in the order of their names; each is a record as `servotwin fit` takes it. A log
-/// that is none is told and left out, and so is what is no regular file. Where an intensity falls, a repair is
-/// reported, and the trend begins anew. Where a threshold is reached, or will be within the flights of --within with
-/// 95 %, that is an alarm: the exit code is 1.
+/// The logs of the folder are read in the order of their names. Each is a record as for `servotwin fit`. Files that are
+/// not records, and entries that are not regular files, are reported and skipped. If an intensity falls, the command
+/// reports a repair, and the trend starts again from there. If an intensity has reached the threshold, or may reach it
+/// within the flights of --within (95 % interval), the command raises an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder with the logs (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
-    /// The system file; without it, the study's.
+    /// The system file [default: the study's system].
     #[arg(value_name = "SYSTEM")]
     system: Option<PathBuf>,
-    /// A study file with the tolerances and faults; without it, the paper's.
+    /// A study file with the tolerances and faults [default: paper].
     #[arg(long, value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// A map file: which column of a log is which input or sensor, in which unit, as `servotwin watch` has it
+    /// A map file that assigns the columns of a log to inputs and sensors with their units, as for `servotwin watch`
     /// (docs/watch.md).
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     #[command(flatten)]
     span: SpanOptions,
-    /// A trained diagnoser, a file that `servotwin flights` has written: what it says of each flight stands beside
-    /// what the fit found.
+    /// A trained diagnoser, a file written by `servotwin flights`. Its result for each flight is shown next to that of
+    /// the fit.
     #[arg(long, value_name = "FILE")]
     diagnoser: Option<PathBuf>,
-    /// A confidence band for it that `servotwin band` has written: flights outside of what it was learned from are
+    /// A confidence band for the diagnoser, written by `servotwin band`. Flights outside the range of its training are
     /// marked.
     #[arg(long, value_name = "FILE", requires = "diagnoser")]
     band: Option<PathBuf>,
-    /// Track these faults, separated by commas [default: what the flights with findings look like].
+    /// Track these faults, separated by commas [default: the faults found in the flights with findings].
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     faults: Vec<String>,
-    /// The intensity that must not be reached.
+    /// Intensity that no fault may reach.
     #[arg(long, value_name = "INTENSITY", default_value_t = 0.5)]
     threshold: f64,
-    /// Alarm where it may be reached within so many flights.
+    /// Raise an alarm if the threshold may be reached within this number of flights.
     #[arg(long, value_name = "FLIGHTS", default_value_t = 20)]
     within: u32,
-    /// The table to write (.csv or .parquet): one row for each flight.
+    /// Write a table with one row for each flight (.csv or .parquet).
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Draw intensities, trends and parameters to a .svg or .png file.

@@ -9,12 +9,12 @@ use servotwin::files;
 use servotwin::template::{Like, Template};
 use std::path::PathBuf;
 
-/// Write a system and a study of your own to begin with: a servo actuator, two of them on one load, or an axis of a press.
+/// Write a system and a study of your own to start from: a servo actuator, two of them on one load, or a press axis.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The name of the system: small letters, digits and '_'.
+    /// The name of the system: lowercase letters, digits and '_'.
     name: String,
-    /// What it is like [default: press_axis where the name has the word 'press', else servo_actuator].
+    /// The template [default: press_axis if the name contains the word 'press', else servo_actuator].
     #[arg(long, value_parser = likes())]
     like: Option<Like>,
     /// The folder for both files.

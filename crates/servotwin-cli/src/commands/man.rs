@@ -5,10 +5,10 @@ use crate::failure::Failure;
 use clap::CommandFactory;
 use clap_mangen::Man;
 
-/// Write a manual page to standard output: of the program, or of one of its commands.
+/// Write the manual page of the program, or of one of its commands, to standard output.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The command.
+    /// The command [default: the program as a whole].
     command: Option<String>,
 }
 

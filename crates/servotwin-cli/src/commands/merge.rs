@@ -11,20 +11,18 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Join what 'servotwin campaign --shards' has simulated to data sets.
+/// Join the results of 'servotwin campaign --shards' into data sets.
 ///
-/// The files are those of a campaign in one go, to the byte. If parts are missing, the message names them
-/// with the line that runs them, and the exit code is 4. Parts of different submissions (3/100 and 2/7) may
-/// lie in one folder.
+/// The files equal those of an undivided campaign to the byte. If parts are missing, the message names them with the
+/// command that runs them, and the exit code is 4. Parts of different divisions (3/100 and 2/7) may share one folder.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The folder in which all parts have worked.
+    /// The output folder of all parts.
     folder: PathBuf,
-    /// The setting that was named to 'servotwin campaign' [default: all but fitted].
+    /// The scenario that you gave to 'servotwin campaign' [default: all but fitted].
     #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
     setting: Option<String>,
-    /// In how many parts to count what is missing [default: as many as there are bundles, which fits parts of
-    /// any submission].
+    /// Number of parts in which to count the missing work [default: the number of bundles, which fits any division].
     #[arg(long, value_name = "NUMBER")]
     parts: Option<NonZeroUsize>,
 }

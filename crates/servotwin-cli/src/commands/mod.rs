@@ -57,8 +57,8 @@ use std::path::{Path, PathBuf};
 /// The system that a command is about.
 #[derive(clap::Args)]
 pub struct SystemOption {
-    /// A system file, or the name of a built-in system (aileron_dual, spring_actuator,
-    /// valve_and_cylinder, press_axis); without it, the aileron with two actuators.
+    /// A system file, or the name of a built-in system (aileron_dual, spring_actuator, valve_and_cylinder,
+    /// press_axis) [default: aileron_dual, the aileron with two actuators].
     #[arg(value_name = "SYSTEM")]
     path: Option<PathBuf>,
 }
@@ -76,17 +76,17 @@ impl SystemOption {
 /// The study that a command runs, and where its results go.
 #[derive(clap::Args)]
 pub struct StudyOptions {
-    /// A study file, the name of a built-in study (paper, spring_actuator, press_axis), or a folder with results,
-    /// for the study they are of; without it, the paper's study of the aileron.
+    /// A study file, the name of a built-in study (paper, spring_actuator, press_axis), or a folder with results, which
+    /// stands for their study [default: paper, the paper's study of the aileron].
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
     /// The folder for data sets, models, results and the report.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
-    /// Use the full sizes of the study instead of those in its `[quick]`; flights use those in `full`.
+    /// Use the full sizes of the study instead of those in its section `[quick]`. Flights use those in `flights.full`.
     #[arg(long)]
     full: bool,
-    /// Remove what the folder holds of another study, or of the full size of this one.
+    /// Remove results of another study, or of the full size of this study, from the folder.
     #[arg(long)]
     replace: bool,
     /// Number of threads [default: all processors; the results do not depend
@@ -143,47 +143,44 @@ fn removed(global: Global, folder: &str, files: usize) {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Tables")]
 pub struct TableOptions {
-    /// The column with the class (tables only, as all options that follow).
+    /// The column with the class. This option and all that follow apply to tables only.
     #[arg(long)]
     label: Option<String>,
-    /// Limits that make classes of a measured label: up to the first, to the
-    /// second, above.
+    /// Limits that turn a measured label into classes: up to the first limit, up to the second, and above the last.
     #[arg(long, value_name = "A,B,…", value_delimiter = ',', allow_hyphen_values = true)]
     label_limits: Vec<f64>,
-    /// The column with the group; rows of one group are held out together.
+    /// The column with the group. Rows of one group are held out together.
     #[arg(long)]
     group: Option<String>,
-    /// The columns to learn from; without, all others that can tell something.
+    /// The columns to learn from, separated by commas [default: all other columns that carry information].
     #[arg(long, value_delimiter = ',')]
     features: Vec<String>,
-    /// Columns not to learn from.
+    /// Columns to ignore in training, separated by commas.
     #[arg(long, value_delimiter = ',')]
     ignore: Vec<String>,
-    /// Columns with numbers that are names: each number becomes a feature.
+    /// Columns whose numbers are names, separated by commas. Each number becomes a feature.
     #[arg(long, value_delimiter = ',')]
     categorical: Vec<String>,
-    /// How much a row of a class weighs in training: 'balanced', or
-    /// CLASS=WEIGHT,…
+    /// The weight of each class's rows in training: 'balanced', or CLASS=WEIGHT,…
     #[arg(long, value_name = "WEIGHTS", value_parser = class_weights)]
     class_weights: Option<ClassWeights>,
     /// Number of folds.
     #[arg(long, default_value_t = 5)]
     folds: usize,
-    /// The seed of the folds, and of classifiers that draw.
+    /// Seed of the folds, and of classifiers that draw random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Hold out this last part of each class instead of folds (with --group its
-    /// last groups): for series in time.
+    /// Hold out this last part of each class instead of folds; with --group, its last groups. Use this for time series.
     #[arg(long, value_name = "SHARE", conflicts_with_all = ["folds", "split_column", "test"])]
     last: Option<f64>,
-    /// The column that says which rows train and which test, instead of folds.
+    /// The column that assigns each row to training or test, instead of folds.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["folds", "test"])]
     split_column: Option<String>,
-    /// Its value that means test [default: test, beside train].
+    /// The value of --split-column that means test [default: test, testing, true or 1, if the other value is train,
+    /// training, false or 0].
     #[arg(long, value_name = "VALUE", requires = "split_column")]
     test_value: Option<String>,
-    /// A second table to test with, instead of folds; all rows of the first
-    /// train.
+    /// A second table to test with, instead of folds. All rows of the first table are used for training.
     #[arg(long, value_name = "FILE", conflicts_with = "folds")]
     test: Option<PathBuf>,
 }
@@ -355,11 +352,10 @@ fn is_read<'o>(model: &'o TableModel, named: &'o [&str]) -> impl Fn(&str) -> boo
 /// The part of a log that a command reads.
 #[derive(clap::Args)]
 pub struct SpanOptions {
-    /// Read the log from this time on: seconds behind its first sample (12.5, 2min), or a date
-    /// (2026-11-21T08:15:02).
+    /// Read the log from this time on: seconds after its first sample (12.5, 2min), or a date (2026-11-21T08:15:02).
     #[arg(long, value_name = "TIME")]
     from: Option<String>,
-    /// Read it up to this time.
+    /// Read the log up to this time.
     #[arg(long, value_name = "TIME")]
     to: Option<String>,
 }

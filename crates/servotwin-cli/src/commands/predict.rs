@@ -11,23 +11,23 @@ use servotwin::evaluation::table_model::{Predicted, TableModel, predict};
 use servotwin::table::{self, Table, csv};
 use std::path::PathBuf;
 
-/// Say what a trained classifier makes of every row of a table, which needs no column with the class.
+/// Classify every row of a table with a trained classifier.
 ///
-/// The result has for each row what is predicted, the probability of every class, and for a tree the
-/// way to its leaf. Without `--out` it is printed as CSV.
+/// The table needs no class column. For each row, the result has the predicted class, the probability of every class
+/// and, for a tree, the path to its leaf. Without `--out`, it is printed as CSV.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The model, a file that `servotwin train --out` has written.
+    /// The model, a file written by `servotwin train --out`.
     model: PathBuf,
     /// The table (.csv or .parquet), with the columns that the model reads.
     table: PathBuf,
-    /// The table of predictions to write (.csv or .parquet).
+    /// Write the predictions to this table (.csv or .parquet).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Predict nothing where the highest probability is lower than this.
+    /// Make no prediction where the highest probability is lower than this.
     #[arg(long, value_name = "P")]
     abstain_below: Option<f64>,
-    /// Columns to copy into the result.
+    /// Columns to copy into the result, separated by commas.
     #[arg(long, value_delimiter = ',')]
     keep: Vec<String>,
 }

@@ -18,19 +18,18 @@ use std::path::{Path, PathBuf};
 
 /// Write a report: one HTML file that needs no network.
 ///
-/// With the output folder of an evaluated campaign, writes report.html there, and its figures as
-/// SVG. With a table, compares all classifiers on rows held out and draws the tree; or shows how
-/// good a trained `--model` is on it.
+/// With the output folder of an evaluated campaign, writes report.html and its figures as SVG into this folder. With a
+/// table, compares all classifiers on held-out rows and draws the tree. With a table and a trained `--model`, shows how
+/// good the model is on it.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The output folder of a campaign for which `servotwin evaluate` has run, or a table (.csv or
-    /// .parquet).
+    /// The output folder of a campaign that `servotwin evaluate` has processed, or a table (.csv or .parquet).
     input: PathBuf,
     #[command(flatten)]
     judging: Judging,
     #[command(flatten)]
     table: TableOptions,
-    /// The report to write (.html).
+    /// Write the report to this .html file.
     #[arg(long)]
     out: Option<PathBuf>,
 }

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 
 /// Write the measured results of a study to standard output, as Markdown.
 ///
-/// Every share stands with its count and its 95 % interval. Reads evaluation.json, and flights.json
-/// if it exists. Nothing on the page depends on the machine.
+/// Every share comes with its count and its 95 % interval. The command reads evaluation.json, and flights.json if it
+/// exists. Nothing on the page depends on the machine.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of an evaluated study.

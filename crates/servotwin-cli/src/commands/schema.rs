@@ -3,10 +3,10 @@
 use crate::render::json;
 use servotwin::schema;
 
-/// Write the JSON Schema (draft 2020-12) of system or study files, with which editors complete and check.
+/// Write the JSON Schema (draft 2020-12) of system or study files, for completion and checks in editors.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Whose.
+    /// The file format.
     format: Format,
 }
 

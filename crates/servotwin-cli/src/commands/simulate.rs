@@ -27,55 +27,53 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Simulate a system, healthy or with faults, from rest.
+/// Simulate a system, healthy or with faults, starting at rest.
 #[derive(clap::Args)]
 #[command(after_long_help = format!("Signals:\n{}", help()))]
 pub struct Options {
     #[command(flatten)]
     system: SystemOption,
-    /// The signal of the input 'command', e.g. step:size=10deg,at=0.1s
-    /// (--help lists all kinds).
+    /// The signal of the input 'command', e.g. step:size=10deg,at=0.1s (--help lists all kinds of signals).
     #[arg(long, value_name = "SIGNAL", allow_hyphen_values = true)]
     command: Option<Signal>,
     /// The signal of the input 'load_factor', e.g. 50%.
     #[arg(long, value_name = "SIGNAL", allow_hyphen_values = true)]
     load: Option<Signal>,
-    /// The signal of any input; may be given for several.
+    /// The signal of any input. Repeat the option for several inputs.
     #[arg(long = "input", value_name = "ID=SIGNAL")]
     inputs: Vec<String>,
-    /// A fault with its intensity from 0 (healthy) to 1, e.g. leakage_a.leakage=0.3; with @TIME, e.g. =0.3@12s, it begins
-    /// at that time; may be given for several.
+    /// A fault with its intensity from 0 (healthy) to 1, e.g. leakage_a.leakage=0.3. With @TIME, e.g. =0.3@12s, it
+    /// begins at that time. Repeat the option for several faults.
     #[arg(long = "fault", value_name = "ID=INTENSITY[@TIME]")]
     faults: Vec<String>,
-    /// Another value for a parameter, such as servo_valve.null_bias=2% (a number without a unit is
-    /// SI); may be given for several.
+    /// Set a parameter, e.g. servo_valve.null_bias=2%. A number without a unit is in SI units. Repeat the option for
+    /// several parameters.
     #[arg(long = "set", value_name = "ID=VALUE")]
     parameters: Vec<String>,
     /// Run once for each of N values from A to B of a parameter, or of a fault's intensity.
     #[arg(long, value_name = "ID=A:B:N")]
     sweep: Option<String>,
-    /// How long.
+    /// Duration of the simulation.
     #[arg(long, value_name = "TIME", default_value = "5s", allow_hyphen_values = true)]
     duration: String,
-    /// Samples per second of what is recorded.
+    /// Sampling rate of the recorded values.
     #[arg(long, value_name = "FREQUENCY", default_value = "100Hz", allow_hyphen_values = true)]
     rate: String,
-    /// What to record, separated by commas: a sensor, an input, a quantity such
-    /// as actuator_1.cylinder.position_m, a component for all of its
-    /// quantities, or 'all' [default: the driven inputs and the sensors].
+    /// What to record, separated by commas: a sensor, an input, a quantity such as actuator_1.cylinder.position_m, a
+    /// component for all of its quantities, or 'all' [default: the driven inputs and the sensors].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     record: Vec<String>,
-    /// Record of sensors what they show: with the noise that they declare, drawn from this seed, and in the steps of their
-    /// converters. Nothing that is simulated changes.
+    /// Record sensors as they read: with their declared noise, drawn from this seed, and in the steps of their
+    /// converters. The simulation does not change.
     #[arg(long, value_name = "SEED")]
     noise: Option<u64>,
     /// The solver's method.
     #[arg(long, default_value = "rodas4p2", value_parser = methods())]
     method: Method,
-    /// Allowed error of a step, relative to the states' scales [default: 4e-6].
+    /// Error tolerance of a step, relative to the scales of the states [default: 4e-6].
     #[arg(long, conflicts_with = "step", allow_hyphen_values = true)]
     tolerance: Option<String>,
-    /// A fixed step instead of error control.
+    /// Use this fixed step instead of error control.
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     step: Option<String>,
     /// The instruction set [default: the widest of this processor; the results

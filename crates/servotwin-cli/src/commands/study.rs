@@ -15,15 +15,14 @@ use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Runs `campaign`, `train`, `evaluate`, `flights` and `report` one after the other. The report exists
-/// after the first scenario, and grows. An interrupted study continues where it stopped, and gives the
-/// same bytes.
+/// Runs `campaign`, `train`, `evaluate`, `flights` and `report` one after the other. The first scenario already
+/// produces a report, and the next ones extend it. An interrupted study continues where it stopped, and the results are
+/// the same to the byte.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// Also the setting in which every specimen has a twin that was fitted to it in a calibration
-    /// flight.
+    /// Also run the scenario in which every specimen has a twin fitted to it in a calibration flight.
     #[arg(long)]
     fitted: bool,
 }

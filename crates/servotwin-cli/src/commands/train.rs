@@ -20,22 +20,21 @@ use std::path::PathBuf;
 
 /// Train the hierarchies of a campaign, or a classifier from a table.
 ///
-/// With the output folder of a campaign, writes a hierarchy for each data set there. With a table
-/// of features, says how good a classifier is on rows held out, and with `--out` writes one trained
-/// with all rows (with those that train, where the split is fixed).
+/// With the output folder of a campaign, writes a hierarchy for each data set into it. With a table of features,
+/// reports how good a classifier is on held-out rows. With `--out`, also writes a classifier trained on all rows, or on
+/// the training rows if the split is fixed.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The output folder of a campaign; or a table (.csv or .parquet): a row is an example, columns
-    /// are features.
+    /// The output folder of a campaign, or a table (.csv or .parquet) whose rows are examples and whose columns are
+    /// features.
     input: PathBuf,
     #[command(flatten)]
     table: TableOptions,
     /// The classifier.
     #[arg(long, default_value = "cart")]
     classifier: Choice,
-    /// Questions on the longest way through a tree (cart [default: 7], boosted_trees [default: 4],
-    /// random_forest [default: no limit], adaboost [default: as many as leaves for every class
-    /// need]).
+    /// Maximum number of questions on a path through a tree (cart [default: 7], boosted_trees [default: 4],
+    /// random_forest [default: no limit], adaboost [default: as many as one leaf per class needs]).
     #[arg(long)]
     depth: Option<usize>,
     /// Number of trees (adaboost [default: 50], boosted_trees [default: 60], random_forest

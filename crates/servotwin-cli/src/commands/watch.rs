@@ -36,63 +36,62 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-/// Watch an actuator: a log, or a live stream, beside its twin.
+/// Watch an actuator: run its twin and the diagnosis on a log or a live stream.
 ///
-/// Which column is which signal says a map file; --make-map writes one for a log to be looked over.
-/// Without one, columns are found by their names. A file is read faster than real time, a stream
-/// until it ends or Ctrl-C.
+/// A map file assigns the columns of the source to signals. --make-map writes one for a log, for you to review. Without
+/// a map file, columns are found by their names. A file is read faster than real time; a stream is read until it ends
+/// or until Ctrl-C.
 #[derive(clap::Args)]
 pub struct Options {
-    /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat with the features of these names), - for lines of standard
-    /// input, udp://HOST:PORT to listen at, or mqtt://HOST/TOPIC to subscribe to.
+    /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat if the program has the features of these names), - for lines
+    /// from standard input, udp://HOST:PORT to listen on, or mqtt://HOST/TOPIC to subscribe to.
     source: String,
-    /// A study file, which names the system; without it, the paper's study of the aileron.
+    /// A study file, which names the system [default: paper, the paper's study of the aileron].
     #[arg(long, value_name = "FILE")]
     study: Option<PathBuf>,
-    /// The diagnoser, a file that `servotwin flights` has written [default:
-    /// out/diagnoser-realistic.json].
+    /// The diagnoser, a file written by `servotwin flights` [default: out/diagnoser-realistic.json].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// A confidence band that `servotwin band` has written, instead of the diagnoser's own: where it says nothing,
-    /// outcomes are marked.
+    /// A confidence band written by `servotwin band`, to use instead of the diagnoser's own. Outcomes outside the range
+    /// of its training are marked.
     #[arg(long, value_name = "FILE")]
     band: Option<PathBuf>,
-    /// The map file: which column is which signal.
+    /// The map file, which assigns columns to signals.
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
-    /// Of a file: read it from this time on, in seconds behind its first sample (12.5, 2min) or as a date
-    /// (2026-11-21T08:15:02). Of udp://: take datagrams of this sender only, IP or IP:PORT; may be given several times. any
-    /// takes all [default: the first that sends a sample, until it is silent for 2 s].
+    /// For a file: read it from this time on, in seconds after its first sample (12.5, 2min) or as a date
+    /// (2026-11-21T08:15:02). For udp://: accept datagrams only from this sender, IP or IP:PORT; repeat the option for
+    /// several senders. With 'any', accept all [default: the first sender of a sample, until it is silent for 2 s].
     #[arg(long, value_name = "TIME|ADDRESS")]
     from: Vec<String>,
-    /// Of a file: read it up to this time.
+    /// For a file: read it up to this time.
     #[arg(long, value_name = "TIME")]
     to: Option<String>,
-    /// Write a map file for the columns of the source, and end.
+    /// Write a map file for the columns of the source, and exit.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
     /// Write the timeline as an HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write inputs, measured values, twin, residuals, bands and decisions as MCAP, which Foxglove, Rerun and
-    /// PlotJuggler open: into a file, or as a live stream to whoever listens at tcp://HOST:PORT. May be given for
-    /// both.
+    /// Write inputs, measured values, twin, residuals, bands and decisions as MCAP for Foxglove, Rerun and PlotJuggler:
+    /// into a file, or as a live stream to clients that connect to tcp://HOST:PORT. Repeat the option for both.
     #[arg(long, value_name = "FILE|tcp://HOST:PORT")]
     mcap: Vec<PathBuf>,
-    /// Write every change as a line of JSON, as it comes.
+    /// Write every change as a line of JSON when it happens.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
-    /// Keep here what is needed to go on later.
+    /// Save the state of the watch in this file, so that --resume can continue from it.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Go on from the checkpoint.
+    /// Continue from the checkpoint.
     #[arg(long, requires = "checkpoint")]
     resume: bool,
-    /// Of a live source: report no data after this time without any, of the source and of each column; by the wall clock
-    /// [default: 2 s, or ten periods of the diagnoser if these are longer].
+    /// For a live source: report missing data when the source or a column sends nothing for this time, by the wall
+    /// clock [default: 2 s, or ten periods of the diagnoser if that is longer].
     #[arg(long, value_name = "TIME")]
     no_data_after: Option<String>,
-    /// Of a live source: report this often that the watch lives, and what each output lost. 0s reports nothing.
+    /// For a live source: time between reports that the watch is alive and how much each output has lost. 0s turns
+    /// these reports off.
     #[arg(long, value_name = "TIME", default_value = "10s")]
     heartbeat: String,
 }

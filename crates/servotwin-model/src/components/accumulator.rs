@@ -1,4 +1,4 @@
-//! A gas accumulator: a fluid reserve, a pulsation damper.
+//! A gas accumulator, which stores fluid or damps pulsations.
 //!
 //! ```text
 //! V_g  = V_0 (p_0/p)^{1/n}                      polytropic gas            (A1)
@@ -6,14 +6,13 @@
 //! p'   = q/C                                                              (A3)
 //! ```
 //!
-//! `V_0` and `p_0` are the gas volume and the pressure before it is filled. Below
-//! the precharge the bladder rests on its seat and only the fluid in the
-//! connection, `V_f`, is compressed: `σ`, the cubic step of
-//! [`crate::math::smooth_step`], closes the gas off between 1.0 and 0.95 times
-//! `p_0`. With `E` the modulus of [`crate::fluid`] an empty accumulator parts from its fluid: the pressure stays at
-//! the vapor pressure until the cavity is filled again.
+//! `V_0` and `p_0` are the gas volume and the gas pressure before filling. Below the precharge, the bladder
+//! rests on its seat and only the fluid in the connection, `V_f`, is compressed: `σ`, the cubic step of
+//! [`crate::math::smooth_step`], closes off the gas between 1.0 and 0.95 times `p_0`. `E` is the modulus of
+//! [`crate::fluid`]. With it, an empty accumulator separates from its fluid: the pressure stays at the vapor
+//! pressure until the cavity is filled again.
 //!
-//! Source: the polytropic change of an ideal gas, and continuity; the seat is the toolkit's own choice.
+//! Source: the polytropic change of an ideal gas, and continuity. The seat is the toolkit's own choice.
 
 use super::volume::fluid_pressure;
 use crate::component::Component;
@@ -33,8 +32,13 @@ const SEATED: f64 = 0.95;
 parameters! {
     gas_volume_m3: required(Unit::CubicMetre, (1e-7, 1.0), "gas volume before filling"),
     precharge_pa: required(Unit::Pascal, (1e4, 1e8), "gas pressure before filling, absolute"),
-    polytropic_exponent: parameter(Unit::None, 1.4, (1.0, 1.7), "of the gas"),
-    fluid_volume_m3: parameter(Unit::CubicMetre, 2e-5, (1e-8, 1.0), "in the connection"),
+    polytropic_exponent: parameter(Unit::None, 1.4, (1.0, 1.7), "polytropic exponent of the gas"),
+    fluid_volume_m3: parameter(
+        Unit::CubicMetre,
+        2e-5,
+        (1e-8, 1.0),
+        "fluid volume in the connection",
+    ),
     start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
 }
 

@@ -1,4 +1,4 @@
-//! The hinge moment of the air on a control surface.
+//! The aerodynamic hinge moment on a control surface.
 //!
 //! ```text
 //! q = λ ρ V²/2,   m² = V²/a²                                              (H1)
@@ -6,14 +6,14 @@
 //! M = s (C_0 + C_α α + C_θ θ) + s_ω C_ω ω                                  (H3)
 //! ```
 //!
-//! Density ρ and speed of sound a of the standard atmosphere, the Prandtl-Glauert
-//! factor for compressibility, λ the load factor. Linear in small angles; valid
-//! below a Mach number of about 0.8, and 1 − m² is held above 0.19 (Mach 0.9; the range of V goes as far).
-//! Below 1 m/s the damping counts as at 1 m/s. The air is an equation only where
-//! the altitude is connected, else a constant.
+//! ρ and a are the density and the speed of sound of the standard atmosphere, and λ is the load factor. The
+//! Prandtl-Glauert factor accounts for compressibility. The moment is linear in small angles and valid below
+//! a Mach number of about 0.8. 1 − m² is held above 0.19 (Mach 0.9, which the range of V reaches). Below
+//! 1 m/s, the damping is that at 1 m/s. The air is an equation only if the altitude is connected; otherwise
+//! it is a constant.
 //!
-//! Source: hinge moments linear in the angles, as Etkin & Reid 1996 have them; Prandtl and Glauert; the
-//! atmosphere of ISO 2533.
+//! Source: hinge moments linear in the angles, as in Etkin & Reid 1996; Prandtl and Glauert; the atmosphere
+//! of ISO 2533.
 
 use crate::atmosphere::standard_air;
 use crate::component::Component;
@@ -37,27 +37,27 @@ parameters! {
     ),
     altitude_m: parameter(Unit::Metre, 3000.0, (-2e3, 2e4), "altitude"),
     incidence_rad: parameter(Unit::Radian, 0.05236, (-0.5, 0.5), "incidence α"),
-    load_factor: parameter(Unit::None, 1.0, (0.0, 10.0), "share of the dynamic pressure λ"),
+    load_factor: parameter(Unit::None, 1.0, (0.0, 10.0), "factor λ on the dynamic pressure"),
     reference_area_m2: parameter(Unit::SquareMetre, 1.93, (1e-3, 1e3), "surface area S"),
     chord_m: parameter(Unit::Metre, 0.58, (1e-2, 1e2), "surface chord c"),
-    hinge_moment_zero: parameter(Unit::None, -0.01, (-1.0, 1.0), "C_0"),
+    hinge_moment_zero: parameter(Unit::None, -0.01, (-1.0, 1.0), "coefficient C_0"),
     hinge_moment_incidence_per_rad: parameter(
         Unit::PerRadian,
         -0.25,
         (-10.0, 10.0),
-        "C_α, by incidence",
+        "coefficient C_α of the incidence",
     ),
     hinge_moment_deflection_per_rad: parameter(
         Unit::PerRadian,
         -0.60,
         (-10.0, 10.0),
-        "C_θ, by deflection",
+        "coefficient C_θ of the deflection",
     ),
     hinge_moment_rate_per_rad: parameter(
         Unit::PerRadian,
         -1.5,
         (-100.0, 100.0),
-        "C_ω, by ω c/(2V)",
+        "coefficient C_ω of ω c/(2V)",
     ),
 }
 
@@ -67,11 +67,11 @@ static SPEC: Spec = Spec {
     parameters: &PARAMETERS,
     faults: &[],
     ports: &[
-        rotational("shaft", "the surface's hinge"),
+        rotational("shaft", "hinge of the surface"),
         input_or("air_speed", Unit::MetrePerSecond, "air_speed_m_s", "true air speed"),
         input_or("altitude", Unit::Metre, "altitude_m", "altitude"),
         input_or("incidence", Unit::Radian, "incidence_rad", "incidence of the wing"),
-        input_or("load_factor", Unit::None, "load_factor", "share of the dynamic pressure"),
+        input_or("load_factor", Unit::None, "load_factor", "factor on the dynamic pressure"),
         output("dynamic_pressure", Unit::Pascal, "dynamic pressure with the load factor"),
     ],
     states: &[],

@@ -1,4 +1,4 @@
-//! The elastic joint between two moving parts, with play.
+//! An elastic joint with play between two moving parts.
 //!
 //! ```text
 //! δ = x_a − x_b − δ_0,   d = δ − clamp(δ, −b, b)                           (T1)
@@ -6,13 +6,12 @@
 //! F = k d + c w (v_a − v_b)                                               (T3)
 //! ```
 //!
-//! `F` pulls `a` back and drives `b`. Inside the play ±b the force is zero but
-//! for a share ε/(b/10 + ε) of the damping (ε = 1 nm: 2e-5 of it at 0.5 mm); the
-//! damping comes in over a tenth of the play beyond contact, so that the force
-//! does not jump. Without play `w` is exactly one and the joint exactly linear.
+//! `F` pulls `a` back and drives `b`. Inside the play ±b the force is zero, except for a share ε/(b/10 + ε)
+//! of the damping (ε = 1 nm: a share of 2e-5 at 0.5 mm). Beyond contact, the damping fades in over a tenth of
+//! the play, so the force does not jump. Without play, `w` is exactly one and the joint is exactly linear.
 //!
-//! Source: the dead zone of Nordin & Gutman 2002, with damping; how this comes in, (T2), is the toolkit's own
-//! choice.
+//! Source: the dead zone of Nordin & Gutman 2002, with damping. The way the damping fades in, (T2), is the
+//! toolkit's own choice.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -1,4 +1,4 @@
-//! The position loop of a linear axis, continuous: the command is a position.
+//! The continuous position loop of a linear axis, whose command is a position.
 //!
 //! ```text
 //! e = x_c + x_rig − x_m                                                   (AX1)
@@ -7,13 +7,13 @@
 //! u = mode · clamp(y, −1, 1)                                              (AX4)
 //! ```
 //!
-//! Proportional and integral, with dynamic pressure feedback where both pressures are connected: the
-//! washout `d` takes the steady load out of Δp = p_A − p_B. The integral does not wind up: beyond the limit
-//! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
-//! switches the output off.
+//! The law is proportional and integral, with dynamic pressure feedback if both pressures are connected. The
+//! washout `d` removes the steady load from Δp = p_A − p_B. The integral does not wind up: beyond the limit,
+//! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current. Mode 0 switches
+//! the output off.
 //!
-//! Source: the loop and feedback of the position controller; what stops the integral is the tracking of
-//! Åström & Hägglund 1995.
+//! Source: the loop and the feedback of the position controller. The integral stops by tracking, as in Åström
+//! & Hägglund 1995.
 
 use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;
@@ -29,10 +29,15 @@ parameters! {
     gain_per_m: parameter(Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
     integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e3), "integral gain K_i"),
     pressure_gain: parameter(Unit::None, 0.0, (0.0, 100.0), "pressure feedback gain K_d"),
-    pressure_reference_pa: parameter(Unit::Pascal, 20e6, (1e3, 1e9), "p_ref"),
+    pressure_reference_pa: parameter(Unit::Pascal, 20e6, (1e3, 1e9), "reference pressure p_ref"),
     washout_s: parameter(Unit::Second, 0.1, (1e-4, 1e3), "washout time constant τ"),
     rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
-    no_pressure_pa: parameter(Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
+    no_pressure_pa: parameter(
+        Unit::Pascal,
+        1e5,
+        (0.0, 1e9),
+        "value of pressures that are not connected",
+    ),
     mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
 }
 
@@ -55,7 +60,7 @@ static SPEC: Spec = Spec {
             Unit::Pascal,
             2e7,
             Start::Value(0.0),
-            "slow part of the differential pressure, d",
+            "slow part d of the differential pressure",
         ),
         state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),
     ],

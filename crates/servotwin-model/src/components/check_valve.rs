@@ -5,16 +5,14 @@
 //! q = A v(p_a − p_b)                                                      (K2)
 //! ```
 //!
-//! `σ` is the cubic step of [`crate::math::smooth_step`] and `v` the velocity
-//! (O2) of [`super::orifice`]. The valve begins to open at the cracking pressure
-//! `p_c` and is open at `p_c + Δp_r`; `A_l` is a leak through the seat, in both
-//! directions. Its own inertia is neglected. The laminar part is that of the
-//! open valve.
+//! `σ` is the cubic step of [`crate::math::smooth_step`], and `v` the velocity (O2) of [`super::orifice`].
+//! The valve begins to open at the cracking pressure `p_c` and is fully open at `p_c + Δp_r`. `A_l` is a leak
+//! through the seat, in both directions. The inertia of the valve is neglected. The laminar part is that of
+//! the open valve.
 //!
-//! The relief valve is the same valve with a higher spring force and uses the
-//! same equation.
+//! The relief valve is the same valve with a higher spring force, and uses the same equation.
 //!
-//! Source: the orifice; that the area grows by the cubic step is the toolkit's own choice.
+//! Source: the orifice. The growth of the area by the cubic step is the toolkit's own choice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
@@ -29,11 +27,26 @@ pub struct CheckValve;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-    cracking_pa: parameter(Unit::Pascal, 5e4, (0.0, 1e7), "drop at which it begins to open"),
-    range_pa: parameter(Unit::Pascal, 1e5, (1e2, 1e7), "further drop until it is open"),
+    cracking_pa: parameter(
+        Unit::Pascal,
+        5e4,
+        (0.0, 1e7),
+        "pressure drop at which the valve begins to open",
+    ),
+    range_pa: parameter(
+        Unit::Pascal,
+        1e5,
+        (1e2, 1e7),
+        "further pressure drop until the valve is open",
+    ),
     leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
 }
 
 static SPEC: Spec = Spec {
@@ -47,7 +60,7 @@ static SPEC: Spec = Spec {
             1e-6,
             (0.0, 1e-2),
             Category::Jamming,
-            "does not close: it passes fluid back",
+            "does not close and passes fluid back",
         ),
         scales(
             "clogging",

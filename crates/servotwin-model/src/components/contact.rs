@@ -4,9 +4,10 @@
 //! F = b v + n F_C (1 + (κ − 1) e^{−(v/v_s)²}) tanh(v/v_0)                  (CO1)
 //! ```
 //!
-//! with the load n on the surfaces per unit of that at which F_C holds, κ static over Coulomb friction, the Stribeck velocity v_s and the smoothing velocity v_0.
-//! Equation (Y6) of the cylinder describes end stops. Both return a force, or an acceleration if the
-//! constants are divided by the mass.
+//! n is the load on the surfaces, relative to that at which F_C holds. κ is the ratio of static to Coulomb
+//! friction, v_s the Stribeck velocity and v_0 the smoothing velocity.
+//! Equation (Y6) of the cylinder describes end stops. Both functions return a force, or an acceleration if
+//! the constants are divided by the mass.
 
 use crate::scalar::Scalar;
 

@@ -1,7 +1,7 @@
-//! The conversions that all sensors share: two conversions, each with its faults.
+//! The two conversions that all sensors share, each with its faults.
 //!
-//! A quantity becomes an electrical signal in the sensor and a number in the
-//! computer. Either conversion can be biased or miscalibrated:
+//! The sensor converts a quantity to an electrical signal, and the computer converts this signal to a number.
+//! Either conversion can be biased or miscalibrated:
 //!
 //! ```text
 //! y = (1 + g) x + b                                                       (C1)
@@ -9,8 +9,8 @@
 //! x' = (1 + g_d) (i − 4 mA) / 16 mA + b_d                                  (C3)
 //! ```
 //!
-//! `x` is a fraction of full scale, and so is a bias. (C2) and (C3) describe the
-//! current loop; the sensor's output saturates at full scale.
+//! `x` and the biases are fractions of full scale. (C2) and (C3) describe the current loop. The sensor's
+//! output saturates at full scale.
 
 use crate::equation::Given;
 use crate::scalar::Scalar;
@@ -18,7 +18,7 @@ use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
 
 /// Bias of the first conversion.
 pub const fn bias_electrical(name: &'static str) -> Parameter {
-    share(name, (-2.0, 2.0), "bias of the sensor, share of full scale")
+    share(name, (-2.0, 2.0), "bias of the sensor, as a share of full scale")
 }
 
 /// Gain error of the first conversion.
@@ -28,7 +28,7 @@ pub const fn gain_electrical(name: &'static str) -> Parameter {
 
 /// Bias of the second conversion.
 pub const fn bias_digital(name: &'static str) -> Parameter {
-    share(name, (-2.0, 2.0), "bias of the computer's input, share of full scale")
+    share(name, (-2.0, 2.0), "bias of the computer's input, as a share of full scale")
 }
 
 /// Gain error of the second conversion.
@@ -38,12 +38,12 @@ pub const fn gain_digital(name: &'static str) -> Parameter {
 
 /// Noise, which is added to sampled readings.
 pub const fn noise_sigma(name: &'static str) -> Parameter {
-    share(name, (0.0, 1.0), "noise of a sample, share of full scale")
+    share(name, (0.0, 1.0), "standard deviation of the noise, as a share of full scale")
 }
 
 /// Resolution, which is applied to sampled readings.
 pub const fn bits(name: &'static str) -> Parameter {
-    share(name, (0.0, 32.0), "resolution of a sample over full scale; 0 for ideal")
+    share(name, (0.0, 32.0), "resolution over full scale, in bits; 0 for ideal")
 }
 
 const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> Parameter {

@@ -11,21 +11,19 @@
 //! F_stop = k e + c v min(|e|/d, 1),   e = x − clamp(x, −x_st, x_st)          (Y6)
 //! ```
 //!
-//! `x` is the piston's place relative to the body, 0 at the centre, positive
-//! when chamber A grows; `F` the force on the rod; `p_0` the normal pressure on
-//! the rod's end. The friction is Stribeck's with `κ` static over Coulomb
-//! friction, smoothed over `v_t`: the rod creeps instead of sticking, and where
-//! `v_t` is as large as `v_st` (the defaults) `κ` raises the slope at rest but no
-//! peak above `F_c` is left. The pressure presses the seals onto rod and bore: a share `g` of the Coulomb friction
-//! grows with the mean chamber pressure and is complete at `p_n`. Cold seals are stiffer (`β`). `F_c`, `B` and
-//! `C_li` hold at `T_r` = 40 °C, where the dynamic viscosity `μ` is `μ_r`. The stop's
-//! damping fades in over the first thousandth of the stroke (`d`), and the stop
-//! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
-//! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the cavity's share of a chamber, zero above the
-//! vapor pressure `p_v` (equations (F4)–(F6) of [`crate::fluid`]).
+//! `x` is the position of the piston relative to the body, 0 at the center and positive when chamber A grows.
+//! `F` is the force on the rod, and `p_0` the normal pressure on the rod's end. The friction is Stribeck's,
+//! with `κ` the ratio of static to Coulomb friction. It is smoothed over `v_t`: the rod creeps instead of
+//! sticking. If `v_t` is as large as `v_st`, as by default, `κ` raises the slope at rest but leaves no peak
+//! above `F_c`. Pressure presses the seals onto rod and bore: a share `g` of the Coulomb friction grows with the
+//! mean chamber pressure, and `F_c` is reached at `p_n`. Cold seals are stiffer (`β`). `F_c`, `B` and `C_li` hold
+//! at `T_r` = 40 °C, where the dynamic viscosity `μ` is `μ_r`. The damping of the stop fades in over the first
+//! thousandth of the stroke (`d`), and the stop never pulls. The end stops keep the piston away from the lower
+//! limit of (Y1) (see `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the share of the
+//! cavity in a chamber, which is zero above the vapor pressure `p_v` (equations (F4)–(F6) of [`crate::fluid`]).
 //!
-//! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; friction of Stribeck
-//! as in Olsson 1998; the stop and the growth of the seals' friction are the toolkit's own choice.
+//! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; Stribeck friction as
+//! in Olsson 1998. The stop and the growth of seal friction are the toolkit's own choice.
 
 use super::contact::{
     END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,
@@ -52,46 +50,66 @@ const SMALLEST: f64 = 0.01;
 parameters! {
     area_a_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side A"),
     area_b_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side B"),
-    volume_a_m3: parameter(Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber A at the centre"),
-    volume_b_m3: parameter(Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber B at the centre"),
+    volume_a_m3: parameter(
+        Unit::CubicMetre,
+        65e-6,
+        (1e-8, 1.0),
+        "volume of chamber A at the center",
+    ),
+    volume_b_m3: parameter(
+        Unit::CubicMetre,
+        65e-6,
+        (1e-8, 1.0),
+        "volume of chamber B at the center",
+    ),
     internal_leakage_m3_s_pa: parameter(
         Unit::CubicMetrePerSecondPascal,
         2e-14,
         (0.0, 1e-8),
         "laminar leakage across the piston seal at 40 °C",
     ),
-    mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "piston and rod"),
-    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals at 40 °C"),
+    mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "mass of piston and rod"),
+    coulomb_friction_n: parameter(
+        Unit::Newton,
+        500.0,
+        (0.0, 1e6),
+        "Coulomb friction F_c of the seals at 40 °C",
+    ),
     friction_pressure_share: parameter(
         Unit::None,
         0.5,
         (0.0, 1.0),
-        "share of the Coulomb friction that grows with pressure",
+        "share g of the Coulomb friction that grows with pressure",
     ),
     friction_pressure_pa: parameter(
         Unit::Pascal,
         1.06e7,
         (1e5, 1e8),
-        "mean chamber pressure at which the Coulomb friction holds",
+        "mean chamber pressure p_n at which the Coulomb friction is F_c",
     ),
     friction_temperature_per_k: parameter(
         Unit::PerKelvin,
         6e-3,
         (0.0, 0.1),
-        "loss of Coulomb friction with temperature",
+        "decrease β of the Coulomb friction with temperature",
     ),
-    static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static over Coulomb"),
+    static_friction_ratio: parameter(
+        Unit::None,
+        1.5,
+        (1.0, 10.0),
+        "ratio κ of static to Coulomb friction",
+    ),
     stribeck_velocity_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-5, 1.0),
-        "where static friction has faded",
+        "velocity v_st at which static friction has faded",
     ),
     friction_smoothing_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-5, 1.0),
-        "where Coulomb friction is reached",
+        "velocity v_t at which Coulomb friction is reached",
     ),
     viscous_friction_n_s_m: parameter(
         Unit::NewtonSecondPerMetre,
@@ -99,11 +117,26 @@ parameters! {
         (0.0, 1e7),
         "viscous friction at 40 °C",
     ),
-    stroke_half_m: parameter(Unit::Metre, 23.5e-3, (1e-4, 10.0), "from centre to end stop"),
-    stop_stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e8, (0.0, 1e12), "end stop"),
-    stop_damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 5e4, (0.0, 1e9), "end stop"),
-    start_a_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure A"),
-    start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure B"),
+    stroke_half_m: parameter(
+        Unit::Metre,
+        23.5e-3,
+        (1e-4, 10.0),
+        "distance from the center to an end stop",
+    ),
+    stop_stiffness_n_m: parameter(
+        Unit::NewtonPerMetre,
+        2e8,
+        (0.0, 1e12),
+        "stiffness of the end stops",
+    ),
+    stop_damping_n_s_m: parameter(
+        Unit::NewtonSecondPerMetre,
+        5e4,
+        (0.0, 1e9),
+        "damping of the end stops",
+    ),
+    start_a_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure A"),
+    start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure B"),
 }
 
 static SPEC: Spec = Spec {
@@ -125,7 +158,7 @@ static SPEC: Spec = Spec {
             10.0,
             (1.0, 100.0),
             Category::Friction,
-            "the seals drag, sticking and sliding",
+            "the seals drag, both sticking and sliding",
         ),
         scales(
             "viscous_friction",
@@ -133,14 +166,14 @@ static SPEC: Spec = Spec {
             10.0,
             (1.0, 100.0),
             Category::Friction,
-            "the guides drag with velocity",
+            "the guides drag in proportion to velocity",
         ),
     ],
     ports: &[
         pressure("a", "chamber A, which pushes the rod out"),
         pressure("b", "chamber B"),
         optional(moving("rod", "piston and rod, relative to the body")),
-        output("position", Unit::Metre, "piston position, 0 at the centre"),
+        output("position", Unit::Metre, "piston position, 0 at the center"),
         output("velocity", Unit::MetrePerSecond, "piston velocity"),
     ],
     states: &[

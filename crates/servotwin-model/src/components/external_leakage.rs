@@ -1,13 +1,13 @@
-//! A leak to the surroundings: a worn rod seal, a cracked line.
+//! A leak to the surroundings, such as a worn rod seal or a cracked line.
 //!
 //! ```text
 //! q = A v(max(p − p_amb, 0))                                              (E1)
 //! ```
 //!
-//! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the
-//! ambient pressure nothing is drawn in. A closed leak passes exactly nothing.
+//! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the ambient pressure, the leak
+//! draws nothing in. A closed leak passes exactly nothing.
 //!
-//! Source: the orifice; that nothing is drawn in is the toolkit's own choice.
+//! Source: the orifice. The one-way flow is the toolkit's own choice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
@@ -21,9 +21,14 @@ pub struct ExternalLeakage;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
-    ambient_pa: parameter(Unit::Pascal, 101_325.0, (0.0, 1e7), "pressure outside, absolute"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    ambient_pa: parameter(Unit::Pascal, 101_325.0, (0.0, 1e7), "ambient pressure, absolute"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
 }
 
 static SPEC: Spec = Spec {
@@ -38,7 +43,7 @@ static SPEC: Spec = Spec {
         Category::ExternalLeakage,
         "a seal or a line leaks to the outside",
     )],
-    ports: &[hydraulic("port", "where it leaks")],
+    ports: &[hydraulic("port", "node that leaks")],
     states: &[],
     reference: false,
 };

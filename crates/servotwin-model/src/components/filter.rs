@@ -1,14 +1,14 @@
-//! A filter, a cooler, a hose: a resistance that is known from its data sheet.
+//! A filter, a cooler or a hose, whose resistance comes from a data sheet.
 //!
 //! ```text
 //! Δp = R q + K q|q|,   R = R_r μ/μ_r                                       (F1)
 //! q  = 2Δp / (R + √(R² + 4 K |Δp|))                                        (F2)
 //! ```
 //!
-//! (F2) is (F1) solved for the flow. The laminar resistance holds at 40 °C and grows with the fluid's
-//! dynamic viscosity `μ`. The turbulent one is taken as it is.
+//! (F2) is (F1) solved for the flow. The laminar resistance `R_r` holds at 40 °C and grows with the dynamic
+//! viscosity `μ` of the fluid. The turbulent resistance is used as given.
 //!
-//! Source: the sum of a laminar and a turbulent drop, as data sheets are fitted.
+//! Source: the sum of a laminar and a turbulent pressure drop, the usual fit to data sheets.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

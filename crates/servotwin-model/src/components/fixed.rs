@@ -14,7 +14,7 @@ use crate::wiring::Wiring;
 pub struct Fixed;
 
 parameters! {
-    position_m: parameter(Unit::Metre, 0.0, (-1e3, 1e3), "where it stands"),
+    position_m: parameter(Unit::Metre, 0.0, (-1e3, 1e3), "position of the wall"),
 }
 
 static SPEC: Spec = Spec {
@@ -22,7 +22,7 @@ static SPEC: Spec = Spec {
     summary: "wall that does not move",
     parameters: &PARAMETERS,
     faults: &[],
-    ports: &[moving("port", "what is fastened")],
+    ports: &[moving("port", "part that is fastened")],
     states: &[],
     reference: false,
 };

@@ -1,14 +1,14 @@
-//! A pump of constant displacement at constant speed.
+//! A pump of constant displacement.
 //!
 //! ```text
 //! q = n Q − C_li (p_out − p_in)                        inlet → outlet      (FS1)
 //! ```
 //!
-//! `n` is the speed per unit of the rated one, `C_li` its internal leakage: laminar, as gaps are. It pushes
-//! against any pressure: a relief valve and a volume belong at its outlet. Its pulsation is neglected, and
-//! that it draws less where its inlet cavitates.
+//! `n` is the speed per unit of the rated speed. `C_li` is the internal leakage, which is laminar, as in
+//! gaps. The pump pushes against any pressure, so it needs a relief valve and a volume at its outlet.
+//! Pulsation is neglected, and so is the smaller intake of an inlet that cavitates.
 //!
-//! Source: ideal flow less a laminar leakage, as Merritt 1967 has pumps and motors.
+//! Source: ideal flow minus a laminar leakage, as for the pumps and motors in Merritt 1967.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -33,7 +33,7 @@ pub(crate) const fn internal_leakage(name: &'static str) -> Parameter {
 
 /// The parameter for the speed, which every pump has.
 pub(crate) const fn speed(name: &'static str) -> Parameter {
-    parameter(name, Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one")
+    parameter(name, Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated speed")
 }
 
 /// The fault of worn gaps, which every pump has.
@@ -43,7 +43,7 @@ pub(crate) const WEAR: Fault = adds(
     1e-11,
     (1e-14, 1e-7),
     Category::InternalLeakage,
-    "gaps are worn: 6 L/min more at 100 bar",
+    "worn gaps: leakage rises by 6 L/min at 100 bar",
 );
 
 parameters! {
@@ -64,13 +64,13 @@ static SPEC: Spec = Spec {
             0.3,
             (0.0, 1.0),
             Category::Wear,
-            "displacement is lost: a broken vane or piston",
+            "lost displacement: a broken vane or piston",
         ),
     ],
     ports: &[
         hydraulic("inlet", "from the tank"),
         hydraulic("outlet", "to the system"),
-        input_or("speed", Unit::None, "speed", "speed per unit of the rated one"),
+        input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
     ],
     states: &[],
     reference: false,

@@ -1,10 +1,10 @@
-//! A force from outside on a moving part.
+//! An external force on a moving part.
 //!
 //! ```text
 //! F = F_signal                                                            (P1)
 //! ```
 //!
-//! Source: an ideal element, by definition: what acts from outside is not modelled.
+//! Source: an ideal element, by definition. The origin of the force is not modeled.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -25,7 +25,7 @@ static SPEC: Spec = Spec {
     parameters: &PARAMETERS,
     faults: &[],
     ports: &[
-        translational("port", "the part it acts on"),
+        translational("port", "part on which the force acts"),
         input_or("force", Unit::Newton, "force_n", "force along the coordinate"),
     ],
     states: &[],

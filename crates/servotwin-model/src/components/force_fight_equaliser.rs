@@ -1,23 +1,23 @@
 //! Balances the forces of two, three or four actuators on one surface.
 //!
 //! ```text
-//! of two:           d_i = p_Ai − p_Bi
+//! two actuators:    d_i = p_Ai − p_Bi
 //! dz/dt = [m_1 m_2 (d_1 − d_2) − z]/τ                                        (Q1)
 //! x_corr = clamp(K z/2, −x_max, x_max),   −x_corr to 1, +x_corr to 2         (Q2)
 //!
-//! of three or four, each against the mean of the others that are active:
+//! three or four actuators, each compared with the mean of the other active ones:
 //! dz_i/dt = [m_i Σ_j m_j (d_i − d_j)/max(Σ_j m_j, 1) − z_i]/τ,   j ≠ i        (Q3)
 //! x_corr,i = −clamp(K z_i/2, −x_max, x_max)                                  (Q4)
 //! ```
 //!
-//! `m_i` are the modes (1 active): the correction of a passive actuator fades, and the others no longer follow its
-//! pressures. Of two actuators (Q3) and (Q4) are (Q1) and (Q2).
+//! `m_i` are the modes (1 active). The correction of a passive actuator fades, and the others no longer
+//! follow its pressures. For two actuators, (Q3) and (Q4) are (Q1) and (Q2).
 //!
-//! The number of actuators is in the kind: `force_fight_equaliser` has two, `force_fight_equaliser_3` three,
-//! `force_fight_equaliser_4` four.
+//! The kind states the number of actuators: `force_fight_equaliser` has two, `force_fight_equaliser_3` three,
+//! and `force_fight_equaliser_4` four.
 //!
-//! Source: the toolkit's own choice, as simple as takes a lasting force fight out; that filtered differential
-//! pressures are compared is usual.
+//! Source: the toolkit's own choice, the simplest law that removes a lasting force fight. Comparing filtered
+//! differential pressures is usual.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;
@@ -33,8 +33,8 @@ parameters! {
     gain_m_pa: parameter(Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
     time_constant_s: parameter(Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
     limit_m: parameter(Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
-    mode_1: parameter(Unit::None, 1.0, (0.0, 1.0), "actuator 1: 1 active"),
-    mode_2: parameter(Unit::None, 1.0, (0.0, 1.0), "actuator 2: 1 active"),
+    mode_1: parameter(Unit::None, 1.0, (0.0, 1.0), "mode of actuator 1: 1 active, 0 passive"),
+    mode_2: parameter(Unit::None, 1.0, (0.0, 1.0), "mode of actuator 2: 1 active, 0 passive"),
 }
 
 static SPEC: Spec = Spec {
@@ -47,17 +47,17 @@ static SPEC: Spec = Spec {
         input("pressure_b_1", Unit::Pascal, "measured p_B of actuator 1"),
         input("pressure_a_2", Unit::Pascal, "measured p_A of actuator 2"),
         input("pressure_b_2", Unit::Pascal, "measured p_B of actuator 2"),
-        input_or("mode_1", Unit::None, "mode_1", "actuator 1: 1 active, 0 passive"),
-        input_or("mode_2", Unit::None, "mode_2", "actuator 2: 1 active, 0 passive"),
-        output("correction_1", Unit::Metre, "to the controller of actuator 1"),
-        output("correction_2", Unit::Metre, "to the controller of actuator 2"),
+        input_or("mode_1", Unit::None, "mode_1", "mode of actuator 1: 1 active, 0 passive"),
+        input_or("mode_2", Unit::None, "mode_2", "mode of actuator 2: 1 active, 0 passive"),
+        output("correction_1", Unit::Metre, "correction for the controller of actuator 1"),
+        output("correction_2", Unit::Metre, "correction for the controller of actuator 2"),
     ],
     states: &[state(
         "difference_pa",
         Unit::Pascal,
         2e7,
         Start::Value(0.0),
-        "filtered difference of the differential pressures, z",
+        "filtered difference z of the differential pressures",
     )],
     reference: false,
 };
@@ -111,7 +111,7 @@ macro_rules! equaliser {
                                 Unit::None,
                                 1.0,
                                 (0.0, 1.0),
-                                concat!("actuator ", $n, ": 1 active"),
+                                concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
                             ),)*
                         ]
                     },
@@ -133,12 +133,12 @@ macro_rules! equaliser {
                             concat!("mode_", $n),
                             Unit::None,
                             concat!("mode_", $n),
-                            concat!("actuator ", $n, ": 1 active, 0 passive"),
+                            concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
                         ),)*
                         $(output(
                             concat!("correction_", $n),
                             Unit::Metre,
-                            concat!("to the controller of actuator ", $n),
+                            concat!("correction for the controller of actuator ", $n),
                         ),)*
                     ],
                     states: &[$(state(
@@ -146,7 +146,7 @@ macro_rules! equaliser {
                         Unit::Pascal,
                         2e7,
                         Start::Value(0.0),
-                        concat!("filtered difference of actuator ", $n, " and the others, z_", $n),
+                        concat!("filtered difference z_", $n, " of actuator ", $n, " and the others"),
                     ),)*],
                     reference: false,
                 };

@@ -1,15 +1,14 @@
-//! Friction of a moving part against the ground (Stribeck).
+//! Stribeck friction between a moving part and the ground.
 //!
 //! ```text
 //! F = B v + F_c [1 + (r_s − 1) exp(−(v/v_s)²)] tanh(v/v_t)                 (R1)
 //! ```
 //!
-//! `r_s` is the ratio of static to Coulomb friction. Regularised by tanh: a
-//! force below the static friction lets the part creep at up to about `v_t`
-//! instead of holding it.
+//! `r_s` is the ratio of static to Coulomb friction. tanh regularizes the law: a force below the static
+//! friction lets the part creep at up to about `v_t` instead of holding it.
 //!
-//! Source: the law of Stribeck as in Olsson 1998, where it is one of the static models; that tanh takes the
-//! place of the sign is usual.
+//! Source: the law of Stribeck as in Olsson 1998, where it is one of the static models. Replacing the sign
+//! function by tanh is usual.
 
 use super::contact::{STRIBECK_CONSTANTS, Stribeck, stribeck, stribeck_constants};
 use crate::component::Component;
@@ -23,24 +22,29 @@ pub struct Friction;
 
 parameters! {
     coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
-    static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static to dry, r_s"),
+    static_friction_ratio: parameter(
+        Unit::None,
+        1.5,
+        (1.0, 10.0),
+        "ratio r_s of static to dry friction",
+    ),
     stribeck_velocity_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-6, 10.0),
-        "velocity that ends static friction, v_s",
+        "velocity v_s at which static friction has faded",
     ),
     friction_smoothing_m_s: parameter(
         Unit::MetrePerSecond,
         5e-3,
         (1e-6, 10.0),
-        "velocity over which friction turns its sign, v_t",
+        "velocity v_t over which friction changes its sign",
     ),
     viscous_friction_n_s_m: parameter(
         Unit::NewtonSecondPerMetre,
         6e3,
         (0.0, 1e9),
-        "friction per velocity B",
+        "friction B per velocity",
     ),
 }
 
@@ -66,7 +70,7 @@ static SPEC: Spec = Spec {
             "thickened grease",
         ),
     ],
-    ports: &[translational("port", "the part that rubs")],
+    ports: &[translational("port", "part that rubs")],
     states: &[],
     reference: false,
 };

@@ -1,13 +1,13 @@
-//! A body turning about a hinge: a control surface.
+//! A body that turns about a hinge, such as a control surface.
 //!
 //! ```text
 //! dθ/dt = ω,   J dω/dt = M − B_h ω − M_f tanh(ω/ω_f)                       (J1)
 //! ```
 //!
-//! The dry friction is regularised: a moment below `M_f` lets the body creep at
-//! up to about `ω_f` instead of holding it.
+//! The dry friction is regularized: a moment below `M_f` lets the body creep at up to about `ω_f` instead of
+//! holding it.
 //!
-//! Source: Newton's second law for a rotation; that tanh takes the place of the sign is usual.
+//! Source: Newton's second law for a rotation. Replacing the sign function by tanh is usual.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -31,7 +31,7 @@ parameters! {
         Unit::RadianPerSecond,
         0.05,
         (1e-6, 10.0),
-        "rate over which dry friction turns its sign",
+        "rate ω_f over which dry friction changes its sign",
     ),
 }
 
@@ -47,7 +47,7 @@ static SPEC: Spec = Spec {
         Category::Friction,
         "dry or corroded hinge bearings",
     )],
-    ports: &[turning("shaft", "what turns with it")],
+    ports: &[turning("shaft", "parts that turn with the body")],
     states: &[
         state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
         with_error_weight(

@@ -5,11 +5,10 @@
 //! M = r cos θ · F                                                         (L2)
 //! ```
 //!
-//! `F` is the force on the rod's end of the lever, `M` the moment on the shaft.
-//! The rod stays parallel to itself: for a rod of length l the error of (L1) is
-//! about r²(1 − cos θ)²/(2 l). Angles within ±π.
+//! `F` is the force on the rod's end of the lever, and `M` the moment on the shaft. The rod stays parallel to
+//! itself: for a rod of length l, the error of (L1) is about r²(1 − cos θ)²/(2 l). Angles are within ±π.
 //!
-//! Source: kinematics, and that what goes in as power comes out: M ω = F v.
+//! Source: kinematics, and the conservation of power: M ω = F v.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

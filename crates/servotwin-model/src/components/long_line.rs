@@ -1,4 +1,4 @@
-//! A long line with the inertia, the friction and the stiffness of its fluid.
+//! A long line with the inertia, friction and stiffness of its fluid.
 //!
 //! ```text
 //! q' = (p_a − p_b − Δp_f)/L_h,   L_h = ρ l/A                               (L1)
@@ -7,15 +7,15 @@
 //! φ  = 0.3164 Re^{3/4}/64,  Re = |q| d/(A ν),  σ = step((Re − 2300)/1700)    (L4)
 //! ```
 //!
-//! One section: the inertia stands at `a`, the whole capacitance at `b`; the
-//! first mode is `1/(2π √(L_h C_h))`, valid well below it. Friction is
-//! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
-//! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
-//! textbook laws for steady flow. Below the vapor pressure `p_v` the state `s` is the size of the cavity at `b`
-//! (equations (F4)–(F6) of [`crate::fluid`]): the column parts there, and returns when the cavity is filled.
+//! The line is one section, with its inertia at `a` and its whole capacitance at `b`. The first mode is
+//! `1/(2π √(L_h C_h))`, and the model is valid well below it. Friction follows Hagen–Poiseuille up to
+//! Re = 2300, and Blasius for smooth pipes from 4000 to 1e5. The cubic step of [`crate::math::smooth_step`]
+//! joins these two textbook laws for steady flow. Below the vapor pressure `p_v`, the state `s` is the size
+//! of the cavity at `b` (equations (F4)–(F6) of [`crate::fluid`]): the column separates there, and rejoins
+//! when the cavity is filled.
 //!
-//! Source: Hagen and Poiseuille for laminar, Blasius 1913 for turbulent flow; one lumped section of inertia,
-//! resistance and capacitance.
+//! Source: Hagen and Poiseuille for laminar flow, Blasius 1913 for turbulent flow; one lumped section of
+//! inertia, resistance and capacitance.
 
 use super::volume::fluid_pressure;
 use crate::component::Component;
@@ -49,7 +49,7 @@ static SPEC: Spec = Spec {
     )],
     ports: &[
         hydraulic("a", "end with the inertia"),
-        pressure("b", "end with the capacitance, whose pressure it sets"),
+        pressure("b", "end with the capacitance, which sets the pressure"),
     ],
     states: &[
         state("flow_m3_s", Unit::CubicMetrePerSecond, 2e-4, Start::Value(0.0), "flow from a to b"),

@@ -29,13 +29,13 @@ static SPEC: Spec = Spec {
         0.1,
         (1e-5, 1.0),
         Category::Lag,
-        "the filter became slow: a changed capacitor",
+        "the filter is slow: a changed capacitor",
     )],
     ports: &[
-        input("input", Unit::None, "what is filtered"),
-        output("output", Unit::None, "filtered"),
+        input("input", Unit::None, "signal to filter"),
+        output("output", Unit::None, "filtered signal"),
     ],
-    states: &[state("filtered", Unit::None, 1.0, Start::Value(0.0), "the output")],
+    states: &[state("filtered", Unit::None, 1.0, Start::Value(0.0), "filtered signal")],
     reference: false,
 };
 

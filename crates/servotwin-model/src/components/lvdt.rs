@@ -7,10 +7,10 @@
 //! reading = x_FS ((1 + g_d) 2y + b_d)                                      (D3)
 //! ```
 //!
-//! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, `z` its rate
-//! per unit of ω. Faults as in [`super::conversion`].
+//! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, and `z` its rate per unit of ω. The faults
+//! are those of [`super::conversion`].
 //!
-//! Source: the ratio of difference and sum is how demodulators work; the second order is usual.
+//! Source: demodulators form the ratio of difference and sum. The second order is usual.
 
 use super::conversion;
 use crate::component::{Component, Span};
@@ -25,7 +25,7 @@ pub struct Lvdt;
 parameters! {
     full_scale_m: required(Unit::Metre, (1e-6, 10.0), "range ±x_FS"),
     bandwidth_hz: parameter(Unit::Hertz, 160.0, (1e-3, 1e5), "natural frequency f"),
-    damping_ratio: parameter(Unit::None, 0.6, (0.05, 5.0), "of the demodulator, ζ"),
+    damping_ratio: parameter(Unit::None, 0.6, (0.05, 5.0), "damping ratio ζ of the demodulator"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),
     bias_digital: conversion::bias_digital(),
@@ -47,13 +47,19 @@ static SPEC: Spec = Spec {
         "slow demodulation",
     )),
     ports: &[
-        input("position", Unit::Metre, "what it measures"),
-        output("reading", Unit::Metre, "position as the computer has it"),
+        input("position", Unit::Metre, "measured displacement"),
+        output("reading", Unit::Metre, "position that the computer reads"),
         output("electrical", Unit::None, "voltage ratio"),
     ],
     states: &[
         state("ratio", Unit::None, 0.5, Start::Value(0.0), "voltage ratio y"),
-        state("ratio_rate", Unit::None, 0.5, Start::Value(0.0), "its rate per unit of ω, z"),
+        state(
+            "ratio_rate",
+            Unit::None,
+            0.5,
+            Start::Value(0.0),
+            "rate z of the ratio, per unit of ω",
+        ),
     ],
     reference: false,
 };

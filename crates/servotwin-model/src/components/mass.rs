@@ -1,10 +1,10 @@
-//! A mass on a line, with optional end stops. No gravity.
+//! A mass that moves on a line, with optional end stops and without gravity.
 //!
 //! ```text
 //! dx/dt = v,   m dv/dt = F − b v                                          (M1)
 //! ```
 //!
-//! The stops at ± x_s exist where their stiffness is not zero; they are those of the cylinder (Y6).
+//! The stops at ± x_s exist if their stiffness is not zero. They are those of the cylinder, (Y6).
 //!
 //! Source: Newton's second law.
 
@@ -26,7 +26,7 @@ parameters! {
         (0.0, 1e9),
         "friction per velocity",
     ),
-    stroke_half_m: parameter(Unit::Metre, 1.0, (1e-6, 1e3), "the stops stand at ± this"),
+    stroke_half_m: parameter(Unit::Metre, 1.0, (1e-6, 1e3), "distance x_s of each stop from zero"),
     stop_stiffness_n_m: parameter(
         Unit::NewtonPerMetre,
         0.0,
@@ -63,7 +63,7 @@ static SPEC: Spec = Spec {
             "the guide is dry or clamps",
         ),
     ],
-    ports: &[moving("port", "what moves with it")],
+    ports: &[moving("port", "parts that move with the mass")],
     states: &[
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),
         with_error_weight(

@@ -1,4 +1,4 @@
-//! A mode valve: active, or damped with the chambers joined through an orifice.
+//! A mode valve, which is active, or damped with the chambers joined through an orifice.
 //!
 //! ```text
 //! m'   = (m_c − m)/τ,   m_c = m_0 + (m_1 − m_0) · command                  (M1)
@@ -8,18 +8,16 @@
 //! q_k  = (1 − m) A_k σ(Δp/Δp_k) v(Δp)                                      (M5)
 //! ```
 //!
-//! `m` is 1 when active, 0 when damped. `m_e` is the transmission by which the
-//! servo valve's flows are multiplied; `i` the leak of a closed valve. (M3) is
-//! the damping orifice, `v` the velocity (O2) of [`super::orifice`]. (M4) and (M5) are
-//! check valves, opened by `σ`, the cubic step of
-//! [`crate::math::smooth_step`]. Make-up valves (M4) lead from the return gallery into each chamber
-//! (Δp = p_return − p_chamber) in either mode: they fill a chamber whose rod is pulled faster than the servo valve
-//! feeds it. In damped mode the reserve also fills the chambers, and the return gallery fills the reserve (M5).
-//! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
+//! `m` is 1 when active and 0 when damped. `m_e` is the transmission, which multiplies the flows of the servo
+//! valve, and `i` the leak of a closed valve. (M3) is the damping orifice, with `v` the velocity (O2) of
+//! [`super::orifice`]. (M4) and (M5) are check valves that `σ`, the cubic step of [`crate::math::smooth_step`],
+//! opens. The make-up valves (M4) lead from the return gallery into each chamber (Δp = p_return − p_chamber) in
+//! either mode: they fill a chamber whose rod is pulled faster than the servo valve feeds it. In damped mode, the
+//! reserve also fills the chambers, and the return gallery fills the reserve (M5). `m_0` and `m_1` are the
+//! positions in which the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
 //!
-//! Source: the orifice; that areas grow linearly with `m`, which is of first order, is the toolkit's own
-//! choice.
+//! Source: the orifice. The first order of `m`, and the areas linear in `m`, are the toolkit's own choice.
 
 use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
@@ -33,10 +31,15 @@ use crate::wiring::{Output, Wiring};
 pub struct ModeValve;
 
 parameters! {
-    time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "of switching"),
-    damping_area_m2: parameter(Unit::SquareMetre, 2e-6, (0.0, 1e-3), "damping orifice"),
-    make_up_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "each make-up valve"),
-    return_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "return to reserve"),
+    time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "time constant of switching"),
+    damping_area_m2: parameter(Unit::SquareMetre, 2e-6, (0.0, 1e-3), "area of the damping orifice"),
+    make_up_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "area of each make-up valve"),
+    return_area_m2: parameter(
+        Unit::SquareMetre,
+        1e-5,
+        (0.0, 1e-3),
+        "area of the valve from return to reserve",
+    ),
     make_up_range_pa: parameter(
         Unit::Pascal,
         2e4,
@@ -44,11 +47,16 @@ parameters! {
         "pressure drop at which a check valve is fully open",
     ),
     isolation: parameter(Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
     damped_position: parameter(Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
     active_position: parameter(Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
-    command: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+    command: parameter(Unit::None, 1.0, (0.0, 1.0), "command if no signal is connected"),
 }
 
 static SPEC: Spec = Spec {
@@ -71,7 +79,7 @@ static SPEC: Spec = Spec {
             1.0,
             (0.0, 1.0),
             Category::Jamming,
-            "does not go to damping",
+            "does not switch to damped",
         ),
         scales(
             "stuck_damped",
@@ -79,7 +87,7 @@ static SPEC: Spec = Spec {
             0.0,
             (0.0, 1.0),
             Category::Jamming,
-            "does not become active",
+            "does not switch to active",
         ),
         adds("isolation_wear", "isolation", 0.2, (0.0, 1.0), Category::Wear, "leaks when damped"),
     ],
@@ -90,7 +98,7 @@ static SPEC: Spec = Spec {
         optional(hydraulic("return", "return gallery, which fills the reserve")),
         input_or("command", Unit::None, "command", "1 active, 0 damped"),
         output("active", Unit::None, "position: 1 active … 0 damped"),
-        output("transmission", Unit::None, "factor on the servo valve's flows"),
+        output("transmission", Unit::None, "factor on the flows of the servo valve"),
     ],
     states: &[state(
         "position",

@@ -6,15 +6,13 @@
 //! r  = Re_t ρ ν / (2 C_d² D_h) + R_s A,    D_h = √(4A/π)                   (O3)
 //! ```
 //!
-//! (O2) is (O1) solved for the flow, written so that it also holds for a closed
-//! orifice (A = 0 gives q = 0), and without a division: what the difference
-//! loses by cancellation is below 1e-16 r A/(2k). It is smooth at Δp = 0, where its slope is A/r,
-//! and tends to `C_d A √(2Δp/ρ)`. `Re_t` is the transition Reynolds number;
-//! `R_s` a laminar resistance in series (a filter, a line), exact by adding the
-//! resistances.
+//! (O2) is (O1) solved for the flow. This form also holds for a closed orifice (A = 0 gives q = 0), and needs
+//! no division. The difference loses less than 1e-16 r A/(2k) by cancellation. The flow is smooth at Δp = 0,
+//! where its slope is A/r, and tends to `C_d A √(2Δp/ρ)`. `Re_t` is the transition Reynolds number. `R_s` is
+//! a laminar resistance in series (a filter, a line); adding the resistances is exact.
 //!
-//! Source: the square root law of Merritt 1967; that the laminar and the turbulent drop are added, with a
-//! transition Reynolds number, is usual in component libraries.
+//! Source: the square root law of Merritt 1967. Adding the laminar and the turbulent drop, with a transition
+//! Reynolds number, is usual in component libraries.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -28,8 +26,13 @@ pub struct Orifice;
 
 parameters! {
     area_m2: required(Unit::SquareMetre, (0.0, 1e-2), "flow area"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
 }
 
 static SPEC: Spec = Spec {

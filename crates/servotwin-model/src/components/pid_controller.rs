@@ -1,4 +1,4 @@
-//! A controller with proportional, integral and derivative parts, continuous.
+//! A continuous controller with proportional, integral and derivative parts.
 //!
 //! ```text
 //! e  = w + b − x,   de_f/dt = (e − e_f)/τ_d                                (PI1)
@@ -7,14 +7,14 @@
 //! u  = clamp(y, y_min, y_max − (1 − s) (y_max − y_min))                    (PI4)
 //! ```
 //!
-//! s is the share of its range that the output stage reaches: a part of the range and not of y_max, so that the limits
-//! keep their order whatever their signs are.
+//! s is the share of its range that the output stage reaches. It is a share of the range and not of y_max, so
+//! the limits keep their order whatever their signs are.
 //!
-//! All signals are pure numbers: put a `gain`, or a sensor's share of its range, before it. The derivative is
-//! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
-//! constant 1/K_i.
+//! All signals are pure numbers: scale an input with a `gain`, or use a sensor's share of its range. The
+//! derivative is filtered with τ_d. The integral does not wind up: beyond a limit, it follows the output with
+//! the time constant 1/K_i.
 //!
-//! Source: Åström & Hägglund 1995: filtered derivative, and tracking that stops the integral.
+//! Source: Åström & Hägglund 1995: the filtered derivative, and the tracking that stops the integral.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;
@@ -31,11 +31,16 @@ parameters! {
     gain: parameter(Unit::None, 1.0, (-1e6, 1e6), "gain K"),
     integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e4), "integral gain K_i"),
     derivative_time_s: parameter(Unit::Second, 0.0, (0.0, 1e3), "derivative time T_d"),
-    derivative_filter_s: parameter(Unit::Second, 0.01, (1e-5, 1e3), "its filter τ_d"),
-    least: parameter(Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
-    largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
-    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "what is wanted more, b"),
-    reach: parameter(Unit::None, 1.0, (0.0, 1.0), "reached share s of the output's range"),
+    derivative_filter_s: parameter(
+        Unit::Second,
+        0.01,
+        (1e-5, 1e3),
+        "filter time constant τ_d of the derivative",
+    ),
+    least: parameter(Unit::None, -1.0, (-1e6, 1e6), "minimum output y_min"),
+    largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "maximum output y_max"),
+    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "offset b added to the setpoint"),
+    reach: parameter(Unit::None, 1.0, (0.0, 1.0), "share s of the range that the output reaches"),
 }
 
 static SPEC: Spec = Spec {
@@ -53,13 +58,13 @@ static SPEC: Spec = Spec {
             0.75,
             (0.0, 1.0),
             Category::Calibration,
-            "the output stage ends before its largest output",
+            "the output stage does not reach its maximum output",
         ),
     ],
     ports: &[
-        input("setpoint", Unit::None, "what is wanted, w"),
-        input("measured", Unit::None, "what is, x"),
-        output("output", Unit::None, "the controller's output u"),
+        input("setpoint", Unit::None, "setpoint w"),
+        input("measured", Unit::None, "measured value x"),
+        output("output", Unit::None, "output u of the controller"),
     ],
     states: &[
         state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),

@@ -1,4 +1,4 @@
-//! The position loop of one actuator, continuous.
+//! The continuous position loop of one actuator.
 //!
 //! ```text
 //! e = r sin(θ_c) + x_rig − x_m + x_corr                                    (K1)
@@ -6,12 +6,12 @@
 //! u = mode · clamp(y, −1, 1)                                              (K3)
 //! ```
 //!
-//! Proportional with dynamic pressure feedback: the washout `d` takes the
-//! steady load out of Δp = p_A − p_B, so that only its changes damp the loop.
-//! `u` is per unit of the rated current; mode 0 switches the output off.
+//! The law is proportional, with dynamic pressure feedback. The washout `d` removes the steady load from
+//! Δp = p_A − p_B, so only the changes of Δp damp the loop. `u` is per unit of the rated current. Mode 0
+//! switches the output off.
 //!
-//! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that servo valves of this
-//! name have inside.
+//! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that is built into servo
+//! valves of that name.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;
@@ -26,10 +26,15 @@ pub struct PositionController;
 
 // The sampled controller shares these parameters.
 parameters! {
-    arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "lever from angle to stroke, r"),
+    arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "lever arm r from angle to stroke"),
     gain_per_m: parameter(Unit::PerMetre, 272.0, (0.0, 1e6), "position gain K_p"),
     pressure_gain: parameter(Unit::None, 0.45, (0.0, 100.0), "pressure feedback gain K_d"),
-    pressure_reference_pa: parameter(Unit::Pascal, 20.684e6, (1e3, 1e9), "p_ref"),
+    pressure_reference_pa: parameter(
+        Unit::Pascal,
+        20.684e6,
+        (1e3, 1e9),
+        "reference pressure p_ref",
+    ),
     washout_s: parameter(Unit::Second, 0.10, (1e-4, 1e3), "washout time constant τ"),
     rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
     correction_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "constant correction x_corr"),
@@ -59,7 +64,7 @@ pub(crate) const FAULTS: [Fault; 5] = {
         0.0,
         (0.0, 1.0),
         Category::Dynamics,
-        "the loop is no longer damped by its pressures",
+        "pressure feedback no longer damps the loop",
     );
     [low, high, positive, negative, feedback_loss]
 };
@@ -70,7 +75,7 @@ pub(crate) const PORTS: [Port; 7] = [
     input("position", Unit::Metre, "measured ram position x_m"),
     input("pressure_a", Unit::Pascal, "measured chamber pressure p_A"),
     input("pressure_b", Unit::Pascal, "measured chamber pressure p_B"),
-    input_or("correction", Unit::Metre, "correction_m", "from a force-fight equaliser"),
+    input_or("correction", Unit::Metre, "correction_m", "correction from a force-fight equaliser"),
     input_or("mode", Unit::None, "mode", "1 active, 0 off"),
     output("current", Unit::None, "valve current per unit of the rated current"),
 ];
@@ -86,7 +91,7 @@ static SPEC: Spec = Spec {
         Unit::Pascal,
         2e7,
         Start::Value(0.0),
-        "slow part of the differential pressure, d",
+        "slow part d of the differential pressure",
     )],
     reference: false,
 };

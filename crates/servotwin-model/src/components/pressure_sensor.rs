@@ -8,7 +8,7 @@
 //! The conversions are those of [`super::conversion`]. The output is limited to
 //! 0 … full scale.
 //!
-//! Source: the current loop of IEC 60381-1; the first order is usual for transducers.
+//! Source: the current loop of IEC 60381-1. The first order is usual for transducers.
 
 use super::conversion;
 use crate::component::{Component, Span};
@@ -44,8 +44,8 @@ static SPEC: Spec = Spec {
         "clogged pressure tapping",
     )),
     ports: &[
-        hydraulic("port", "where it measures"),
-        output("reading", Unit::Pascal, "pressure as the computer has it"),
+        hydraulic("port", "node whose pressure it measures"),
+        output("reading", Unit::Pascal, "pressure that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
     states: &[state(

@@ -1,4 +1,4 @@
-//! A supply line of ideal stiffness: it gives any flow at its pressure.
+//! An ideal supply line, which delivers any flow at its pressure.
 //!
 //! ```text
 //! p = p_supply

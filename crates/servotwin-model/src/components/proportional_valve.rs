@@ -1,22 +1,22 @@
-//! A proportional directional valve with four edges, by the numbers of a data sheet.
+//! A proportional directional valve with four edges, described by the numbers of a data sheet.
 //!
-//! The spool moves as that of [`super::servo_valve`], equations (W1) to (W3). Edge `e` of PA, PB, AT, BT,
-//! which opens with the spool for PA and BT and against it for PB and AT (`s_e` = ±1), with stroke `x_max`,
-//! overlap `o` and smoothing `ε` per unit of it:
+//! The spool moves as in [`super::servo_valve`], equations (W1) to (W3). Of its edges PA, PB, AT and BT, a
+//! positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT (`s_e` = −1). `x_max` is the stroke. The
+//! overlap `o` and the smoothing `ε` of an edge are per unit of stroke:
 //!
 //! ```text
 //! ξ  = (s_e x/x_max − o)/(1 − o),   ξ₊ = (ξ + √(ξ² + ε²))/2                 (PV1)
 //! q  = m (f Q_N √(ρ_N/(ρ Δp_N)) ξ₊ Δp/(Δp² + p_t²)^¼ + C_l Δp)             (PV2)
 //! ```
 //!
-//! `Q_N` is the flow of one edge at full stroke and the pressure drop `Δp_N` over this edge, with an oil of
-//! density `ρ_N` (ISO 10770-1 rates proportional valves at 5 bar an edge, servo valves at 35 bar); `f` the share
-//! of it that an edge passes, as in the spools for cylinders with one rod. Below `p_t` the flow becomes
-//! proportional to the drop. `C_l` is what leaks past a land. `m` is the transmission, as in the servo valve.
-//! Flow forces are left to the valve's own position loop, which needs no supply (σ of (W2) is 1).
+//! `Q_N` is the flow of one edge at full stroke and at the pressure drop `Δp_N` over this edge, with an oil
+//! of density `ρ_N`. ISO 10770-1 rates proportional valves at 5 bar per edge, and servo valves at 35 bar. `f`
+//! is the share of this flow that an edge passes, as in spools for cylinders with one rod. Below `p_t`, the
+//! flow becomes proportional to the drop. `C_l` is the leakage past a land. `m` is the transmission, as in
+//! the servo valve. The valve's own position loop takes care of flow forces and needs no supply (`σ` of (W2) is 1).
 //!
-//! Source: the square root law through the rated point of ISO 10770-1; the spool is that of the servo valve.
-//! The smoothing of (PV1) and (PV2) is the toolkit's own choice.
+//! Source: the square root law through the rated point of ISO 10770-1, and the spool of the servo valve. The
+//! smoothing of (PV1) and (PV2) is the toolkit's own choice.
 
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, breakaway, clogging,
@@ -57,14 +57,19 @@ parameters! {
     rated_flow_m3_s: required(
         Unit::CubicMetrePerSecond,
         (1e-7, 0.1),
-        "flow Q_N of an edge, fully open, at the rated pressure drop",
+        "flow Q_N of a fully open edge at the rated pressure drop",
     ),
-    rated_drop_pa: parameter(Unit::Pascal, 5e5, (1e4, 1e8), "pressure drop Δp_N over an edge"),
+    rated_drop_pa: parameter(
+        Unit::Pascal,
+        5e5,
+        (1e4, 1e8),
+        "rated pressure drop Δp_N over an edge",
+    ),
     rated_density_kg_m3: parameter(
         Unit::KilogramPerCubicMetre,
         865.0,
         (500.0, 2000.0),
-        "of the oil with which the flow was rated",
+        "density ρ_N of the oil in the rating",
     ),
     pa_share: share("share of the rated flow that edge P-A passes"),
     pb_share: share("share of the rated flow that edge P-B passes"),
@@ -74,8 +79,13 @@ parameters! {
     pb_overlap: overlap("overlap of edge P-B per unit of stroke"),
     at_overlap: overlap("overlap of edge A-T per unit of stroke"),
     bt_overlap: overlap("overlap of edge B-T per unit of stroke"),
-    smoothing: parameter(Unit::None, 2e-3, (1e-5, 0.1), "smoothing of the edges, ε"),
-    transition_pa: parameter(Unit::Pascal, 2e4, (1.0, 1e6), "laminar below this drop, p_t"),
+    smoothing: parameter(Unit::None, 2e-3, (1e-5, 0.1), "smoothing ε of the edges"),
+    transition_pa: parameter(
+        Unit::Pascal,
+        2e4,
+        (1.0, 1e6),
+        "pressure drop p_t below which the flow is laminar",
+    ),
     leakage_m3_s_pa: parameter(
         Unit::CubicMetrePerSecondPascal,
         2e-13,
@@ -83,30 +93,35 @@ parameters! {
         "laminar conductance C_l past each land",
     ),
     stroke_m: parameter(Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at full signal"),
-    natural_frequency_hz: parameter(Unit::Hertz, 60.0, (0.1, 2000.0), "of the spool"),
-    damping_ratio: parameter(Unit::None, 0.8, (1e-3, 10.0), "of the spool"),
+    natural_frequency_hz: parameter(
+        Unit::Hertz,
+        60.0,
+        (0.1, 2000.0),
+        "natural frequency of the spool",
+    ),
+    damping_ratio: parameter(Unit::None, 0.8, (1e-3, 10.0), "damping ratio of the spool"),
     opening_time_s: parameter(
         Unit::Second,
         0.015,
         (1e-4, 10.0),
-        "from the centre to full opening, as fast as it can",
+        "shortest time from the center to full opening",
     ),
     null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
-    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "stroke gained per full signal"),
+    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "gain g from signal to stroke"),
     breakaway: breakaway(),
-    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "transmission if no signal is connected"),
 }
 
 static SPEC: Spec = Spec {
     kind: "proportional_valve",
-    summary: "four-way proportional or servo valve by rated flow and overlap",
+    summary: "four-way proportional or servo valve, described by rated flow and overlap",
     parameters: &PARAMETERS,
     faults: &[
         clogging("clogging_pa", "pa_share", "dirt narrows edge P-A"),
         clogging("clogging_pb", "pb_share", "dirt narrows edge P-B"),
         clogging("clogging_at", "at_share", "dirt narrows edge A-T"),
         clogging("clogging_bt", "bt_share", "dirt narrows edge B-T"),
-        natural_frequency_loss("the position loop of the spool became slow"),
+        natural_frequency_loss("the position loop of the spool is slow"),
         damping_loss("the position loop of the spool rings"),
         scales(
             "slow_spool",
@@ -126,7 +141,7 @@ static SPEC: Spec = Spec {
             5e-12,
             (1e-14, 1e-7),
             Category::InternalLeakage,
-            "worn lands: 3 L/min more at 100 bar past each",
+            "worn lands: each leaks 3 L/min more at 100 bar",
         ),
         edge_wear("wear_pa", "pa_overlap", "edge P-A is eroded"),
         edge_wear("wear_pb", "pb_overlap", "edge P-B is eroded"),
@@ -134,7 +149,7 @@ static SPEC: Spec = Spec {
         edge_wear("wear_bt", "bt_overlap", "edge B-T is eroded"),
         jam(),
     ],
-    ports: &ports("per unit of full signal"),
+    ports: &ports("signal per unit of full signal"),
     states: &states(),
     reference: false,
 };

@@ -1,13 +1,11 @@
-//! A relief valve: it opens from a to b when the pressure drop exceeds its set
-//! pressure.
+//! A relief valve, which opens from a to b when the pressure drop exceeds its set pressure.
 //!
 //! ```text
 //! A = A_0 σ((p_a − p_b − p_set)/Δp_r) + A_l
 //! ```
 //!
-//! Equations (K1) and (K2) of [`super::check_valve`] with the set pressure for
-//! the cracking pressure. The spring chamber is at the outlet's pressure. The
-//! poppet's own dynamics are neglected.
+//! These are equations (K1) and (K2) of [`super::check_valve`], with the set pressure in place of the
+//! cracking pressure. The spring chamber is at the outlet pressure. The dynamics of the poppet are neglected.
 //!
 //! Source: the check valve.
 
@@ -21,11 +19,26 @@ pub struct ReliefValve;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-    set_pa: parameter(Unit::Pascal, 25.8e6, (0.0, 1e8), "drop at which it begins to open"),
-    range_pa: parameter(Unit::Pascal, 1e6, (1e2, 1e8), "further drop until it is open"),
+    set_pa: parameter(
+        Unit::Pascal,
+        25.8e6,
+        (0.0, 1e8),
+        "pressure drop at which the valve begins to open",
+    ),
+    range_pa: parameter(
+        Unit::Pascal,
+        1e6,
+        (1e2, 1e8),
+        "further pressure drop until the valve is open",
+    ),
     leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
 }
 
 // The equation of the check valve uses these positions.
@@ -59,7 +72,7 @@ static SPEC: Spec = Spec {
             "the seat is worn",
         ),
     ],
-    ports: &[hydraulic("a", "protected side"), hydraulic("b", "where it relieves to")],
+    ports: &[hydraulic("a", "protected side"), hydraulic("b", "side to which it relieves")],
     states: &[],
     reference: false,
 };

@@ -7,9 +7,8 @@
 //! output = u_{k−n}                                                        (Z3)
 //! ```
 //!
-//! The law and its symbols are those of [`super::position_controller`]; (Z2) is
-//! its washout solved exactly for a held input. Inputs are read at the ticks,
-//! `T` apart; `n` is 0, 1 or 2 samples.
+//! The law and its symbols are those of [`super::position_controller`]. (Z2) is its washout, solved exactly
+//! for a held input. The inputs are read at the ticks, `T` apart. `n` is 0, 1 or 2 samples.
 //!
 //! Source: the zero-order hold of Åström & Wittenmark 1997.
 
@@ -28,8 +27,8 @@ pub struct SampledPositionController;
 
 // These parameters follow those of the continuous controller.
 parameters! {
-    period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "between ticks, T"),
-    delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "whole samples, n"),
+    period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "time T between ticks"),
+    delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "computation delay n, in whole samples"),
 }
 
 /// Number of parameters of the continuous controller.

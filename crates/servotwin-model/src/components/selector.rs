@@ -1,4 +1,4 @@
-//! One of several displacements, or their vote, as a controller is told.
+//! One of several displacements, or their vote, for a controller.
 //!
 //! ```text
 //! y = x_1 + s (v − x_1)                                                   (SE1)
@@ -9,10 +9,10 @@
 //!     h = min(max(x_1, x_2), max(x_3, x_4))
 //! ```
 //!
-//! s is 0 for the first, 1 for the vote `v`: a position loop that no longer trusts its own sensor reads
-//! another one. Of two displacements the vote is the second. Of three it is the median, the mid-value voter of a
-//! triplex channel. Of four it is the mean of the two in the middle. Three and four outvote one that is wrong by
-//! any amount, the first among them.
+//! s is 0 for the first and 1 for the vote `v`. With it, a position loop that no longer trusts its own sensor
+//! reads another one. The vote of two displacements is the second one. The vote of three is the median, as in
+//! the mid-value voter of a triplex channel. The vote of four is the mean of the two in the middle. Three or
+//! four outvote a single wrong one, whatever its error, even if it is the first.
 //!
 //! Source: an ideal element, by definition.
 
@@ -26,21 +26,21 @@ use crate::wiring::{Output, Variable, Wiring};
 pub struct Selector;
 
 parameters! {
-    select: parameter(Unit::None, 0.0, (0.0, 1.0), "0 the first, 1 the vote, s"),
+    select: parameter(Unit::None, 0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
 }
 
 static SPEC: Spec = Spec {
     kind: "selector",
-    summary: "one of two to four displacements, or their vote, as a controller is told",
+    summary: "one of two to four displacements, or their vote, for a controller",
     parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         input("first", Unit::Metre, "x_1"),
         input("second", Unit::Metre, "x_2"),
-        optional(input("third", Unit::Metre, "x_3; open: the vote is of two")),
-        optional(input("fourth", Unit::Metre, "x_4; open: the vote is of three")),
-        input_or("select", Unit::None, "select", "0 the first, 1 the vote"),
-        output("output", Unit::Metre, "the selected one, y"),
+        optional(input("third", Unit::Metre, "x_3; if open, the vote is of two")),
+        optional(input("fourth", Unit::Metre, "x_4; if open, the vote is of three")),
+        input_or("select", Unit::None, "select", "0 for the first, 1 for the vote"),
+        output("output", Unit::Metre, "selected displacement y"),
     ],
     states: &[],
     reference: false,

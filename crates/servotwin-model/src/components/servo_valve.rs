@@ -1,8 +1,7 @@
 //! A two-stage servo valve with a four-edge spool.
 //!
-//! Spool dynamics (torque motor, pilot stage and mechanical feedback as a second
-//! order with a limited rate; flow forces and stick-slip are neglected, the
-//! feedback spring closes the inner loop):
+//! The torque motor, the pilot stage and the mechanical feedback move the spool as a second order with a
+//! limited rate. Flow forces and stick-slip are neglected; the feedback spring closes the inner loop:
 //!
 //! ```text
 //! u_c  = clamp(g u + b, −1, 1)                                             (W1)
@@ -12,9 +11,9 @@
 //! v'   = σ (ω² e_d − 2 ζ ω v) − stop(x, v)
 //! ```
 //!
-//! Edge `e` of PA, PB, AT, BT, which opens with the spool for PA and BT and
-//! against it for PB and AT (`s_e` = ±1), with overlap `o`, radial clearance
-//! `c`, edge radius `r`, width `w` and smoothing `ε`:
+//! Of the edges PA, PB, AT and BT, a positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT
+//! (`s_e` = −1). Each has an overlap `o`, a radial clearance `c`, an edge radius `r`, a width `w` and a
+//! smoothing `ε`:
 //!
 //! ```text
 //! ξ  = s_e x − o,   h = √(ξ² + ε²),   ξ₊ = (ξ + h)/2,   L = (ξ₊ − ξ) (h − ξ)/(2h)   (W4)
@@ -23,17 +22,18 @@
 //! q  = m w/(2k) · sgn(Δp) (√(a² + 4 k s² |Δp|) − a),   a = R A s             (W7)
 //! ```
 //!
-//! (W7) is (O2) of [`super::orifice`] with `s` taken into the root: `a = Re_t ν k/2 + b L s²` with
-//! `b = 12 ρ ν / (c³ (1 + 1.5 e²))`. `m` is the transmission (1 open; a mode
-//! valve isolates the cylinder with it). The overlap is a laminar slit, which closes with the share `(h − ξ)/(2h)`
-//! as the edge opens; `e` is the spool's relative eccentricity. The pilot stage takes its quiescent flow from
-//! p to t through a hole, and moves the spool with the same pressure: with `σ` the spool's time runs slower, and
-//! without supply the spool stays where it is. `h` is zero for a free spool. Dirt holds the spool while the
-//! difference to its command is smaller than `h`. Valid for |x| up to some strokes and Δp of either sign.
+//! (W7) is (O2) of [`super::orifice`] with `s` moved into the root: `a = Re_t ν k/2 + b L s²` with
+//! `b = 12 ρ ν / (c³ (1 + 1.5 e²))`. `m` is the transmission (1 open; a mode valve isolates the cylinder with
+//! it). The overlap is a laminar slit, which vanishes with the share `(h − ξ)/(2h)` as the edge opens, and `e` is
+//! the relative eccentricity of the spool. The pilot stage takes its quiescent flow from p to t through a hole.
+//! The same pressure drop moves the spool: natural frequency and slew rate are proportional to `σ`, and without
+//! supply the spool stays where it is. In (W3), `h` is the force of dirt on the spool as a difference of position,
+//! zero for a free spool: the spool sticks until the difference to its command is larger. The model is valid for
+//! |x| up to a few strokes and for Δp of either sign.
 //!
 //! Source: a second order for the valve up to its spool as in Thayer 1958, the leak of an eccentric gap as in
-//! Merritt 1967, rounded-edge geometry of common component libraries. The limits are the toolkit's own
-//! choice.
+//! Merritt 1967, and the rounded-edge geometry of common component libraries. The limits are the toolkit's
+//! own choice.
 
 use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m, turbulent};
 use super::spool::{
@@ -82,40 +82,60 @@ parameters! {
     edge_radius_m: parameter(Unit::Metre, 2e-6, (0.0, 1e-3), "radius of the metering edges"),
     smoothing_m: parameter(Unit::Metre, 1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
     eccentricity: parameter(Unit::None, 0.0, (0.0, 1.0), "relative spool eccentricity"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    natural_frequency_hz: parameter(Unit::Hertz, 100.0, (0.1, 2000.0), "of the spool"),
-    damping_ratio: parameter(Unit::None, 0.7, (1e-3, 10.0), "of the spool"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
+    natural_frequency_hz: parameter(
+        Unit::Hertz,
+        100.0,
+        (0.1, 2000.0),
+        "natural frequency of the spool",
+    ),
+    damping_ratio: parameter(Unit::None, 0.7, (1e-3, 10.0), "damping ratio of the spool"),
     slew_rate_m_s: parameter(
         Unit::MetrePerSecond,
         0.15,
         (1e-4, 100.0),
-        "largest spool velocity: the pilot stage's flow",
+        "maximum spool velocity, set by the pilot stage's flow",
     ),
-    pilot_area_m2: parameter(Unit::SquareMetre, 4e-8, (0.0, 1e-5), "pilot stage, p to t"),
+    pilot_area_m2: parameter(
+        Unit::SquareMetre,
+        4e-8,
+        (0.0, 1e-5),
+        "orifice area of the pilot stage, p to t",
+    ),
     null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of rated current"),
-    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "stroke gained per rated current"),
+    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "gain g from current to stroke"),
     pilot_rated_drop_pa: parameter(
         Unit::Pascal,
         20e6,
         (1e5, 1e8),
-        "p to t, at which natural frequency and slew rate hold",
+        "pressure drop p to t at which natural frequency and slew rate hold",
     ),
     breakaway: breakaway(),
-    stop_fraction: parameter(Unit::None, 1.1, (0.5, 10.0), "end stops, per unit of stroke"),
+    stop_fraction: parameter(
+        Unit::None,
+        1.1,
+        (0.5, 10.0),
+        "position of the end stops, per unit of stroke",
+    ),
     stop_stiffness_per_s2: parameter(
         Unit::PerSecondSquared,
         1e8,
         (0.0, 1e12),
-        "acceleration per penetration of the end stop",
+        "acceleration per penetration of an end stop",
     ),
     stop_damping_per_s: parameter(
         Unit::PerSecond,
         1e4,
         (0.0, 1e8),
-        "acceleration per velocity in the end stop",
+        "acceleration per velocity in an end stop",
     ),
-    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "transmission if no signal is connected"),
 }
 
 static SPEC: Spec = Spec {
@@ -127,12 +147,12 @@ static SPEC: Spec = Spec {
         clogging("clogging_pb", "width_pb_m", "dirt narrows edge P-B"),
         clogging("clogging_at", "width_at_m", "dirt narrows edge A-T"),
         clogging("clogging_bt", "width_bt_m", "dirt narrows edge B-T"),
-        natural_frequency_loss("the pilot stage became slow"),
+        natural_frequency_loss("the pilot stage is slow"),
         damping_loss("the pilot stage rings"),
         bias_positive(),
         bias_negative(),
         gain_high("too much stroke per current"),
-        gain_low("too little stroke per current: a demagnetised torque motor"),
+        gain_low("too little stroke per current: a demagnetized torque motor"),
         adds(
             "wear_clearance",
             "clearance_m",
@@ -159,11 +179,11 @@ static SPEC: Spec = Spec {
             0.1,
             (1e-3, 1.0),
             Category::Clogging,
-            "the pilot stage's filter lets less flow through",
+            "the filter of the pilot stage passes less flow",
         ),
         jam(),
     ],
-    ports: &ports("per unit of rated current"),
+    ports: &ports("current per unit of rated current"),
     states: &states(),
     reference: false,
 };

@@ -1,15 +1,14 @@
-//! A shut-off valve with the filter and the line in series: supply valve, tank
-//! valve.
+//! A shut-off valve with a filter and a line in series, such as a supply valve or a tank valve.
 //!
 //! ```text
 //! A = u A_0,   u = max(opening, 0)                                         (S1)
 //! q = A/(2k) · sgn(Δp) (√(r² + 4 k |Δp|) − r),   r = r_t + R_s (μ/μ_r) A     (S2)
 //! ```
 //!
-//! (S2) is (O2) of [`super::orifice`] with the series resistance `R_s` of
-//! filter and line, which holds at 40 °C and grows with the dynamic viscosity `μ`. `r_t` is taken at the hydraulic diameter of the open valve:
-//! while it closes, the share of laminar flow is underestimated, which matters
-//! below about one percent of opening.
+//! (S2) is (O2) of [`super::orifice`] with the series resistance `R_s` of filter and line, which holds at 40 °C
+//! and grows with the dynamic viscosity `μ`. `r_t` is taken at
+//! the hydraulic diameter of the open valve. While the valve closes, this underestimates the share of laminar
+//! flow, which matters below about one percent of opening.
 //!
 //! Source: the orifice.
 
@@ -31,9 +30,14 @@ parameters! {
         (0.0, 1e15),
         "laminar resistance of filter and line at 40 °C",
     ),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
-    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening where no signal is connected"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
+    transition_reynolds: parameter(
+        Unit::None,
+        50.0,
+        (1.0, 2500.0),
+        "transition Reynolds number Re_t",
+    ),
+    opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening if no signal is connected"),
 }
 
 static SPEC: Spec = Spec {

@@ -16,13 +16,13 @@ const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")
 /// The ports of a valve whose spool follows a current or signal.
 pub const fn ports(current: &'static str) -> [Port; 7] {
     [
-        hydraulic("p", "pressure"),
+        hydraulic("p", "supply"),
         hydraulic("t", "return"),
         hydraulic("a", "control port A"),
         hydraulic("b", "control port B"),
         input("current", Unit::None, current),
         input_or("transmission", Unit::None, "transmission", "factor on the flow of all edges"),
-        output("spool_position", Unit::Metre, "spool position, positive opens p → a"),
+        output("spool_position", Unit::Metre, "spool position; positive opens p → a"),
     ]
 }
 
@@ -62,13 +62,13 @@ pub const fn damping_loss(summary: &'static str) -> Fault {
 
 /// Fault: the null moves towards p → a.
 pub const fn bias_positive() -> Fault {
-    let summary = "null shift towards p → a";
+    let summary = "null shift toward p → a";
     adds("bias_positive", "null_bias", 0.40, (0.0, 2.0), Category::Bias, summary)
 }
 
 /// Fault: the null moves towards p → b.
 pub const fn bias_negative() -> Fault {
-    let summary = "null shift towards p → b";
+    let summary = "null shift toward p → b";
     adds("bias_negative", "null_bias", -0.40, (-2.0, 0.0), Category::Bias, summary)
 }
 
@@ -84,8 +84,7 @@ pub const fn gain_low(summary: &'static str) -> Fault {
 
 /// Fault: dirt holds the spool.
 pub const fn jam() -> Fault {
-    let summary =
-        "dirt holds the spool where it is, until a larger difference to its command tears it loose";
+    let summary = "dirt holds the spool until the difference to its command is large enough";
     adds("jam", "breakaway", 1.0, (0.0, 1.0), Category::Jamming, summary)
 }
 

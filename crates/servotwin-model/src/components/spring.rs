@@ -4,7 +4,7 @@
 //! F = F_0 − k x − c v                                                     (S1)
 //! ```
 //!
-//! Source: Hooke's law, and a damper of first order.
+//! Source: Hooke's law, and a linear damper.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -33,7 +33,7 @@ static SPEC: Spec = Spec {
         Category::Looseness,
         "broken coils",
     )],
-    ports: &[translational("port", "the part it pushes")],
+    ports: &[translational("port", "part that the spring pushes")],
     states: &[],
     reference: false,
 };

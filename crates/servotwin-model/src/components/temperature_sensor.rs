@@ -10,7 +10,7 @@
 //! `T_s` is the probe's own temperature. The conversions are those of
 //! [`super::conversion`].
 //!
-//! Source: the current loop of IEC 60381-1; the first order is a body that heat flows into.
+//! Source: the current loop of IEC 60381-1. The first order is that of a body into which heat flows.
 
 use super::conversion;
 use crate::component::{Component, Span};
@@ -25,8 +25,8 @@ pub struct TemperatureSensor;
 
 parameters! {
     range_low_k: parameter(Unit::Kelvin, 213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
-    range_high_k: parameter(Unit::Kelvin, 423.15, (100.0, 1000.0), "at 20 mA, T_high"),
-    time_constant_s: parameter(Unit::Second, 5.0, (1e-4, 1e4), "of the probe, τ"),
+    range_high_k: parameter(Unit::Kelvin, 423.15, (100.0, 1000.0), "reading at 20 mA, T_high"),
+    time_constant_s: parameter(Unit::Second, 5.0, (1e-4, 1e4), "time constant τ of the probe"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),
     bias_digital: conversion::bias_digital(),
@@ -48,11 +48,17 @@ static SPEC: Spec = Spec {
         "deposit on the probe",
     )),
     ports: &[
-        hydraulic("port", "the circuit it measures"),
-        output("reading", Unit::Kelvin, "temperature as the computer has it"),
+        hydraulic("port", "circuit whose temperature it measures"),
+        output("reading", Unit::Kelvin, "temperature that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
-    states: &[state("probe_k", Unit::Kelvin, 100.0, Start::Value(313.15), "of the probe, T_s")],
+    states: &[state(
+        "probe_k",
+        Unit::Kelvin,
+        100.0,
+        Start::Value(313.15),
+        "temperature T_s of the probe",
+    )],
     reference: false,
 };
 

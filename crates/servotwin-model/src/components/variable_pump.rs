@@ -6,13 +6,13 @@
 //! q   = n Q s − C_li Δp                                inlet → outlet      (VP3)
 //! ```
 //!
-//! The compensator takes the displacement back from 1 to 0 over the last `Δp_r` below its set pressure; `σ` is
-//! the cubic step of [`crate::math::smooth_step`]. `s` is the position of its swash plate or ring, with the
-//! time constant τ of the stroking piston; `n` the speed per unit of the rated one. Pulsation is neglected,
-//! and that it draws less where its inlet cavitates.
+//! The compensator reduces the displacement from 1 to 0 over the last `Δp_r` below its set pressure; `σ` is
+//! the cubic step of [`crate::math::smooth_step`]. `s` is the position of the swash plate or ring, with the
+//! time constant τ of the stroking piston. `n` is the speed per unit of the rated speed. Pulsation is
+//! neglected, and so is the smaller intake of an inlet that cavitates.
 //!
-//! Source: (VP3) as Merritt 1967 has pumps and motors; (VP1) is the line of a data sheet and (VP2) the first
-//! order that is usual for it, both the toolkit's own choice.
+//! Source: (VP3) as for the pumps and motors in Merritt 1967. (VP1), the line of a data sheet, and (VP2), the
+//! first order that is usual for it, are the toolkit's own choice.
 
 use super::flow_source::{WEAR, delivered, full_flow, internal_leakage, speed};
 use crate::component::Component;
@@ -27,9 +27,24 @@ pub struct VariablePump;
 
 parameters! {
     flow_m3_s: full_flow(),
-    set_pa: parameter(Unit::Pascal, 21e6, (1e5, 1e8), "set pressure: no flow there"),
-    range_pa: parameter(Unit::Pascal, 1e6, (1e3, 1e8), "below it, from full to no flow"),
-    time_constant_s: parameter(Unit::Second, 0.04, (1e-4, 10.0), "of the compensator, τ"),
+    set_pa: parameter(
+        Unit::Pascal,
+        21e6,
+        (1e5, 1e8),
+        "set pressure, at which the displacement is zero",
+    ),
+    range_pa: parameter(
+        Unit::Pascal,
+        1e6,
+        (1e3, 1e8),
+        "range below the set pressure, from full to no flow",
+    ),
+    time_constant_s: parameter(
+        Unit::Second,
+        0.04,
+        (1e-4, 10.0),
+        "time constant τ of the compensator",
+    ),
     internal_leakage_m3_s_pa: internal_leakage(),
     speed: speed(),
 }
@@ -62,21 +77,21 @@ static SPEC: Spec = Spec {
             20.0,
             (1.0, 100.0),
             Category::Dynamics,
-            "the stroking piston is slow: dirt in its orifice",
+            "dirt in its orifice slows the stroking piston",
         ),
     ],
     ports: &[
         hydraulic("inlet", "from the tank"),
         hydraulic("outlet", "to the system"),
-        input_or("speed", Unit::None, "speed", "speed per unit of the rated one"),
-        output("displacement", Unit::None, "position s: 1 full, 0 none"),
+        input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
+        output("displacement", Unit::None, "position s: 1 full displacement, 0 none"),
     ],
     states: &[state(
         "displacement",
         Unit::None,
         1.0,
         Start::Value(0.5),
-        "position of the swash plate, s",
+        "position s of the swash plate",
     )],
     reference: false,
 };

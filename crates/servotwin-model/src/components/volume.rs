@@ -1,14 +1,13 @@
-//! A rigid volume: a manifold, a gallery, a hose end.
+//! A rigid volume, such as a manifold, a gallery or a hose end.
 //!
 //! ```text
 //! ds/dt = E(s)/V · Σq                                                     (V1)
 //! p = max(s, p_v)                                                         (V2)
 //! ```
 //!
-//! `s` is the pressure of a full volume, and below the vapor pressure `p_v` the size of its cavity
-//! (equations (F4)–(F6) of [`crate::fluid`]).
-//! The volumetric form conserves volume, not mass: the error is at most p/E,
-//! 1.4 % of the transferred volume between 200 and 6 bar.
+//! `s` is the pressure of a full volume. Below the vapor pressure `p_v`, it is the size of the cavity
+//! (equations (F4)–(F6) of [`crate::fluid`]). The volumetric form conserves volume, not mass: the error is at
+//! most p/E, 1.4 % of the transferred volume between 200 and 6 bar.
 //!
 //! Source: continuity and bulk modulus, Merritt 1967.
 

@@ -168,7 +168,7 @@ pub fn help() -> String {
     let units: Vec<&str> = units::usual().map(|unit| unit.symbol).collect();
     kinds.collect::<String>()
         + &format!(
-            "Units: {} (rates with /s, e.g. deg/s); a number without a unit is SI.\n\
+            "Units: {} (rates with /s, e.g. deg/s); a number without a unit is in SI units.\n\
              Several signals joined by ' + ' are added. A number alone is a constant.\n",
             units.join(", ")
         )

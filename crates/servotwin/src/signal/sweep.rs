@@ -57,7 +57,7 @@ static SPEC: Spec = Spec {
             sort: Sort::Choice(&["log", "linear"]),
             range: Range::Any,
             fallback: Fallback::Word("log"),
-            summary: "course of the frequency over time",
+            summary: "how the frequency changes over time",
         },
         Parameter {
             name: "at",

@@ -25,12 +25,12 @@ use servotwin_model::signal::Piecewise;
 section! {
     /// The section of a study file.
     pub(super) struct Text {
-        must command: Signal, "the calibration flight";
+        must command: Signal, "command of the calibration flight";
         must duration_s: f64 = Value::Number(5.0, 1e4, "s"), "length of the calibration flight";
-        must judge: usize = SOME_SPECIMENS, "specimens whose records are judged";
-        must learn: usize = SOME_SPECIMENS, "specimens that run training commands";
+        must judge: usize = SOME_SPECIMENS, "number of specimens for the evaluation";
+        must learn: usize = SOME_SPECIMENS, "number of specimens for the training commands";
         must in_each_case: usize = SOME_SPECIMENS,
-            "specimens of each group that run the same case";
+            "number of specimens in each group that run the same case";
     }
 }
 

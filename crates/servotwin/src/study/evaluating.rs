@@ -32,16 +32,16 @@ section! {
     #[serde(default)]
     pub(super) struct Text {
         may seed: Option<u64> = SEED, "seed of the splits into training and test";
-        may random_thirds: Option<usize> = ROUNDS, "repeats with a random third held out";
-        may folds: Option<usize> = FOLDS, "parts for holding out kinds and intensities";
+        may random_thirds: Option<usize> = ROUNDS, "number of repeats that hold out a random third";
+        may folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
         may learned_bands: Option<Vec<String>> = SETTINGS,
             "scenarios with learned bands; the others use 3 %";
         may classifiers: Option<Vec<String>> = SETTINGS,
             "scenarios in which classifiers are compared";
-        may comparison: Rounds, "how the comparison holds out rows";
-        may ablation: Option<Vec<String>> = SETTINGS, "scenarios of the ablation";
-        may committee: Boosting, "the committee of boosted trees";
-        may trees: BTreeMap<String, TreesText>, "the nine trees of a scenario";
+        may comparison: Rounds, "how the comparison of classifiers holds out rows";
+        may ablation: Option<Vec<String>> = SETTINGS, "scenarios in which the ablation runs";
+        may committee: Boosting, "committee of boosted trees";
+        may trees: BTreeMap<String, TreesText>, "the nine trees of each scenario";
     }
 }
 
@@ -49,8 +49,9 @@ section! {
     #[derive(Default)]
     #[serde(default)]
     struct TreesText {
-        may criterion: Option<String> = Value::Word(criteria), "the measure of impurity";
-        may depth: Option<usize> = Value::Whole(1.0, 100.0), "questions on the longest path";
+        may criterion: Option<String> = Value::Word(criteria), "measure of impurity";
+        may depth: Option<usize> = Value::Whole(1.0, 100.0),
+            "maximum number of questions on a path";
         may leaf_rows: Option<usize> = SOME_SPECIMENS, "minimum number of rows in a leaf";
     }
 }
@@ -84,8 +85,9 @@ section! {
     #[derive(Copy, Default, PartialEq)]
     #[serde(default)]
     pub struct Rounds {
-        may pub random_thirds: Option<usize> = ROUNDS, "repeats with a random third held out";
-        may pub folds: Option<usize> = FOLDS, "parts for holding out kinds and intensities";
+        may pub random_thirds: Option<usize> = ROUNDS,
+            "number of repeats that hold out a random third";
+        may pub folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
     }
 }
 
@@ -95,9 +97,9 @@ section! {
     #[serde(default)]
     pub struct Boosting {
         may pub trees: Option<usize> = Value::Whole(1.0, MAX_TREES as f64),
-            "trees at each stage of the hierarchy";
+            "number of trees at each stage of the hierarchy";
         may pub depth: Option<usize> = Value::Whole(1.0, MAX_DEPTH as f64),
-            "questions on the longest path";
+            "maximum number of questions on a path";
         may pub learning_rate: Option<f64> = Value::Number(1e-3, 1.0, ""),
             "factor on the contribution of each tree";
         may pub feature_share: Option<f64> = Value::Number(1e-3, 1.0, ""),

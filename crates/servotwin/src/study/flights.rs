@@ -41,24 +41,24 @@ section! {
         #[serde(default)]
         may seed: u64 = Value::Whole(0.0, 999.0), "seed of environments, specimens and noise";
         must duration_s: f64 = FLIGHT_S, "length of a flight with a fault";
-        must onset_s: [f64; 2], "range of the onset of a fault, s";
+        must onset_s: [f64; 2], "range of the onset of the fault, s";
         must windows_s: Vec<f64> = Value::List(1, &Value::Number(1e-3, 1e4, "s")),
             "lengths of the sliding windows";
         must commands: Vec<String> = some::<Vec<String>>(),
-            "signals with {a..b} and {n}, used in turn";
+            "signals with {a..b} and {n}; the environments use them in turn";
         #[serde(default)]
-        may inputs: Ranges, "ranges of inputs";
+        may inputs: Ranges, "ranges of inputs, drawn for each environment";
         #[serde(default)]
-        may unit_inputs: Ranges, "ranges of inputs of every unit";
+        may unit_inputs: Ranges, "ranges of inputs that every channel has";
         #[serde(default)]
-        may unit_parameters: Ranges, "ranges of parameters of every unit";
+        may unit_parameters: Ranges, "ranges of parameters that every channel has";
         may least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
-            "units that always stay on; default 1, or 0 for one unit";
+            "minimum number of channels that stay on; default 1, or 0 for a single channel";
         must learn: Size, "number of flights for training";
         must judge: Size, "number of flights for the evaluation";
-        may full: Option<Full>, "the sizes of `servotwin flights --full`";
+        may full: Option<Full>, "sizes of `servotwin flights --full`";
         #[serde(default)]
-        may limits: Limits, "the targets of the diagnosis";
+        may limits: Limits, "targets of the diagnosis";
     }
 }
 
@@ -72,20 +72,25 @@ section! {
 }
 
 section! {
-    /// The number of flights for one purpose. Without a length of their own, healthy flights are as long as those with
-    /// a fault, and further ones as long as healthy ones. Training keeps only those windows of further flights that
-    /// leave their bands: rare events appear in many environments, and seldom in many flights of a few.
+    /// The number of flights for one purpose. By default, healthy flights are as long as those with a fault, and
+    /// flights in additional environments are as long as healthy flights. Of the additional flights, training keeps
+    /// only the windows that leave their bands (hard negatives). Rare events appear in many environments, and seldom in
+    /// many flights of a few environments.
     #[derive(Copy, PartialEq, Serialize)]
     pub struct Size {
         must pub environments: usize = SOME_FLIGHTS, "number of environments";
-        must pub repeats: usize = FLIGHTS, "flights per fault and intensity";
-        must pub healthy: usize = FLIGHTS, "healthy flights per environment";
-        may pub healthy_duration_s: Option<f64> = FLIGHT_S, "length of these flights";
+        must pub repeats: usize = FLIGHTS, "number of flights for each fault and intensity";
+        must pub healthy: usize = FLIGHTS, "number of healthy flights in each environment";
+        may pub healthy_duration_s: Option<f64> = FLIGHT_S,
+            "length of a healthy flight; default: that of a flight with a fault";
         #[serde(default)]
-        may pub further: usize = FLIGHTS, "further environments with one healthy flight each";
-        may pub further_duration_s: Option<f64> = FLIGHT_S, "length of these flights";
+        may pub further: usize = FLIGHTS,
+            "number of additional environments with one healthy flight each";
+        may pub further_duration_s: Option<f64> = FLIGHT_S,
+            "length of these flights; default: that of the healthy flights";
         #[serde(default)]
-        may pub foreign: usize = FLIGHTS, "environments for faults without training";
+        may pub foreign: usize = FLIGHTS,
+            "number of environments for faults that training does not contain";
     }
 }
 

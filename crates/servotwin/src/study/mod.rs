@@ -58,35 +58,37 @@ pub const FORMAT: u32 = 1;
 const DEFAULT: (&str, &str) = built_in::STUDIES[0];
 
 section! {
-    /// A study as its file says it.
+    /// A study as its file declares it.
     struct Text {
         #[expect(dead_code, reason = "read_text looks at it before anything else")]
         must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
         must name: String, "name of the study in files";
-        must title: String, "one line for readers";
+        must title: String, "title of the study, one line";
         must system: String, "a built-in system, or a file in the same folder";
         must duration_s: f64 = RUN_S, "length of every run";
-        must sample_hz: f64 = Value::Number(1.0, 1e4, "Hz"), "samples per second";
-        must intensities: Vec<f64> = Value::List(0, &INTENSITY), "the intensities of every fault";
+        must sample_hz: f64 = Value::Number(1.0, 1e4, "Hz"), "sampling rate";
+        must intensities: Vec<f64> = Value::List(0, &INTENSITY),
+            "intensities at which every fault is simulated";
         must units: Vec<String> = some::<Vec<String>>(),
-            "the channels that can fail; \"\" for a system of one";
-        must command: CommandText, "the commands of the evaluation";
-        may load: Option<LoadText>, "the loads at which every command runs";
+            "channels that can fail; [\"\"] if the system is a single channel";
+        must command: CommandText, "commands of the evaluation";
+        may load: Option<LoadText>, "loads; every command runs at each of them";
         must sensors: BTreeMap<String, SensorText> = some::<BTreeMap<String, SensorText>>(),
-            "the sensors that the diagnosis reads";
-        may extra_sensor: Option<ExtraText>, "an additional sensor to assess";
+            "sensors that the diagnosis reads";
+        may extra_sensor: Option<ExtraText>, "additional sensor whose benefit is assessed";
         #[serde(default)]
-        may classes: Vec<ClassText>, "faults with the same cause and the same remedy";
+        may classes: Vec<ClassText>, "groups of faults with the same cause and the same remedy";
         may realistic: Option<realism::Text>, "how real specimens differ from the twin";
-        may fitted: Option<calibration::Text>, "specimens whose twins are fitted to them";
-        may training: Option<training::Text>, "the commands that the diagnosis learns from";
-        may evaluation: Option<evaluating::Text>, "training and evaluation, if not the defaults";
-        may flights: Option<flights::Text>, "flights with the onset of a fault";
-        may quick: Option<quick::Text>, "the smaller sizes of a study without `--full`";
+        may fitted: Option<calibration::Text>,
+            "scenario in which each specimen has a twin fitted to it";
+        may training: Option<training::Text>, "commands from which the diagnosis learns";
+        may evaluation: Option<evaluating::Text>, "training and evaluation, where not the defaults";
+        may flights: Option<flights::Text>, "flights in which a fault begins";
+        may quick: Option<quick::Text>, "smaller sizes of the study, used without `--full`";
         #[serde(default)]
-        may full: bool, "true: the study has its full sizes, as with `--full`";
+        may full: bool, "true selects the full sizes, like `--full`";
         #[serde(default)]
-        may reactions: BTreeMap<String, reactions::Text>, "the effect of each command of a class";
+        may reactions: BTreeMap<String, reactions::Text>, "effect of each action on the system";
     }
 }
 
@@ -94,41 +96,44 @@ const INTENSITY: Value = Value::Number(1e-6, 1.0, "");
 
 section! {
     struct CommandText {
-        must input: String, "the input that the commands drive";
+        must input: String, "input that the commands drive";
         must signals: BTreeMap<String, Signal> = some::<BTreeMap<String, Signal>>(),
-            "the commands by name";
+            "commands by name";
     }
 }
 
 section! {
     struct LoadText {
-        must input: String, "the input that carries the load";
+        must input: String, "input that carries the load";
         must values: BTreeMap<String, f64> = some::<BTreeMap<String, f64>>(),
-            "the loads by name, SI";
+            "loads by name, in SI units";
     }
 }
 
 section! {
     struct SensorText {
         must quantity: String = QUANTITY, "role of the sensor in the diagnosis";
-        must unit: usize = Value::Whole(0.0, 1e6), "its place in `units`, from 1; 0 for none";
+        must unit: usize = Value::Whole(0.0, 1e6),
+            "position of its channel in `units`, from 1; 0 for none";
         #[serde(default)]
-        may follows: BTreeMap<String, f64>, "its slope against other sensors by a law, SI over SI";
+        may follows: BTreeMap<String, f64>,
+            "slopes against the sensors that it follows by a law, in SI units";
     }
 }
 
 section! {
     struct ExtraText {
         must id: String, "id of the sensor in the system";
-        must title: String, "its name in the report";
+        must title: String, "name of the sensor in the report";
     }
 }
 
 section! {
     struct ClassText {
-        must detail: String, "the component or group at fault";
-        must command: String, "the action that the fault requires";
-        must faults: Vec<String> = some::<Vec<String>>(), "names of faults, without the unit";
+        must detail: String, "faulty component or group of components";
+        must command: String, "action that these faults require";
+        must faults: Vec<String> = some::<Vec<String>>(),
+            "names of faults, without the name of the channel";
     }
 }
 

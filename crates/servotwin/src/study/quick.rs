@@ -20,9 +20,10 @@ section! {
     /// The section of a study file.
     #[derive(Copy)]
     pub(super) struct Text {
-        may duration_s: Option<f64> = RUN_S, "length of every run";
-        may draws: Option<usize> = SPECIMENS, "training commands drawn from each pattern, at most";
-        may healthy: Option<usize> = SPECIMENS, "healthy specimens per case, at most";
+        may duration_s: Option<f64> = RUN_S, "maximum length of a run";
+        may draws: Option<usize> = SPECIMENS,
+            "maximum number of training commands from each pattern";
+        may healthy: Option<usize> = SPECIMENS, "maximum number of healthy specimens in each case";
     }
 }
 

@@ -18,16 +18,16 @@ use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
 
 section! {
-    /// A reaction as the study file says it.
+    /// A reaction as the study file declares it.
     #[derive(Default)]
     #[serde(default)]
     pub(super) struct Text {
-        may switches_off: bool, "whether the command switches the unit off";
-        may unit_inputs: BTreeMap<String, f64>, "values for inputs of the unit at fault";
-        may unit_parameters: BTreeMap<String, f64>, "values for parameters of the unit at fault";
+        may switches_off: bool, "true: the action switches the channel off";
+        may unit_inputs: BTreeMap<String, f64>, "values for inputs of the faulty channel";
+        may unit_parameters: BTreeMap<String, f64>, "values for parameters of the faulty channel";
         may parameters: BTreeMap<String, f64>, "values for parameters of the system";
         may takes_out: Vec<String> = Value::List(0, &QUANTITY),
-            "quantities whose sensors are ignored afterwards";
+            "quantities whose sensors are ignored after the action";
     }
 }
 

@@ -13,19 +13,20 @@ section! {
     pub(super) struct Text {
         must seed: u64 = SEED, "seed of noise and specimens";
         #[serde(default)]
-        may pub(super) healthy: usize = SPECIMENS, "healthy specimens per case";
+        may pub(super) healthy: usize = SPECIMENS, "number of healthy specimens in each case";
         #[serde(default)]
-        may tolerances: Vec<ToleranceText>, "the tolerances of the specimens";
+        may tolerances: Vec<ToleranceText>, "tolerances of the specimens";
     }
 }
 
 section! {
     struct ToleranceText {
         must parameters: Vec<String> = some::<Vec<String>>(),
-            "parameters that vary together, without the unit";
-        must sigma: f64 = Value::Number(0.0, 1.0, ""), "one standard deviation";
+            "parameters that vary together, without the name of the channel";
+        must sigma: f64 = Value::Number(0.0, 1.0, ""),
+            "standard deviation, relative to the value unless `absolute`";
         #[serde(default)]
-        may absolute: bool, "sigma is in the parameter's unit, not relative to it";
+        may absolute: bool, "true: sigma is in the parameter's unit";
     }
 }
 

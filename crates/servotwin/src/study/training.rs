@@ -35,21 +35,23 @@ section! {
     pub(super) struct Text {
         must pub(super) duration_s: f64 = RUN_S, "length of the records with faults";
         #[serde(default)]
-        may pub(super) healthy: usize = SPECIMENS, "healthy specimens per command";
+        may pub(super) healthy: usize = SPECIMENS, "number of healthy specimens for each command";
         may load: Option<[f64; 2]>, "range of the load";
         #[serde(default)]
-        may intensity_spread: f64 = Value::Number(0.0, 0.5, ""), "spread around each intensity";
+        may intensity_spread: f64 = Value::Number(0.0, 0.5, ""),
+            "largest deviation from each intensity of the study";
         #[serde(default)]
-        may pub(super) draws: Vec<DrawsText>, "commands drawn from ranges";
+        may pub(super) draws: Vec<DrawsText>, "commands with numbers drawn from ranges";
         #[serde(default)]
-        may signals: BTreeMap<String, Signal>, "further commands by name";
+        may signals: BTreeMap<String, Signal>, "additional commands by name";
     }
 }
 
 section! {
     pub(super) struct DrawsText {
-        must pub(super) count: usize = SPECIMENS, "number of draws";
-        must signal: String, "a signal; {a..b} is a number from a to b, {n} the draw";
+        must pub(super) count: usize = SPECIMENS, "number of commands to draw";
+        must signal: String,
+            "signal; {a..b} becomes a number from a to b, {n} the number of the draw";
     }
 }
 

@@ -24,15 +24,63 @@ const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 /// then those of `own` alone.
 pub(crate) static FLUID: [Parameter; 10] = [
     parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
-    parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
+    parameter(
+        "polytropic_exponent",
+        Unit::None,
+        1.4,
+        (1.0, 1.67),
+        "polytropic exponent of the gas",
+    ),
     parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
-    parameter("bulk_modulus_slope", Unit::None, 11.0, (0.0, 20.0), "of it, Pa per pascal"),
-    parameter("bulk_modulus_pa", Unit::Pascal, 1.6e9, MODULUS_PA, "of the liquid at 40 °C"),
-    parameter("bulk_modulus_change", Unit::None, -8e6, (-2e7, 0.0), "of it, Pa per kelvin"),
-    parameter("density_kg_m3", Unit::KilogramPerCubicMetre, 880.0, (500.0, 2000.0), "at 15 °C"),
-    parameter("expansion", Unit::None, 7e-4, (0.0, 5e-3), "of its volume, per kelvin"),
-    parameter("viscosity_40_m2_s", Unit::SquareMetrePerSecond, 46e-6, (2e-6, 1e-3), "at 40 °C"),
-    parameter("viscosity_100_m2_s", Unit::SquareMetrePerSecond, 6.8e-6, (1e-6, 5e-4), "at 100 °C"),
+    parameter(
+        "bulk_modulus_slope",
+        Unit::None,
+        11.0,
+        (0.0, 20.0),
+        "rise of the bulk modulus, Pa per pascal",
+    ),
+    parameter(
+        "bulk_modulus_pa",
+        Unit::Pascal,
+        1.6e9,
+        MODULUS_PA,
+        "bulk modulus of the liquid at 40 °C",
+    ),
+    parameter(
+        "bulk_modulus_change",
+        Unit::None,
+        -8e6,
+        (-2e7, 0.0),
+        "change of the bulk modulus, Pa per kelvin",
+    ),
+    parameter(
+        "density_kg_m3",
+        Unit::KilogramPerCubicMetre,
+        880.0,
+        (500.0, 2000.0),
+        "density at 15 °C",
+    ),
+    parameter(
+        "expansion",
+        Unit::None,
+        7e-4,
+        (0.0, 5e-3),
+        "thermal expansion of its volume, per kelvin",
+    ),
+    parameter(
+        "viscosity_40_m2_s",
+        Unit::SquareMetrePerSecond,
+        46e-6,
+        (2e-6, 1e-3),
+        "kinematic viscosity at 40 °C",
+    ),
+    parameter(
+        "viscosity_100_m2_s",
+        Unit::SquareMetrePerSecond,
+        6.8e-6,
+        (1e-6, 5e-4),
+        "kinematic viscosity at 100 °C",
+    ),
 ];
 
 /// The allowed bulk modulus, Pa.
@@ -66,25 +114,25 @@ pub(crate) static POINT: [Parameter; 4] = [
         "temperature_k",
         Unit::Kelvin,
         (200.0, 480.0),
-        "warmer than the point before by a kelvin",
+        "temperature, at least one kelvin above the previous point",
     ),
     required(
         "density_kg_m3",
         Unit::KilogramPerCubicMetre,
         (500.0, 2000.0),
-        "no more than at the colder point before",
+        "density, no more than at the previous, colder point",
     ),
     required(
         "viscosity_m2_s",
         Unit::SquareMetrePerSecond,
         (1e-6, 2e-2),
-        "kinematic, no more than at the colder point before",
+        "kinematic viscosity, no more than at the previous, colder point",
     ),
     required(
         "bulk_modulus_pa",
         Unit::Pascal,
         MODULUS_PA,
-        "of the liquid, no more than at the colder point before",
+        "bulk modulus of the liquid, no more than at the previous, colder point",
     ),
 ];
 const MODULUS: usize = 3;
