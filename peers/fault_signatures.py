@@ -35,7 +35,6 @@ AILERON = ["--command", "noise:rms=5deg,bandwidth=1Hz,seed=7"]
 # The inputs of the moving run of each system. The run at rest takes the defaults of all inputs.
 MOVING = {
     "aileron_dual": AILERON,
-    "aileron_relief": AILERON,
     "spring_actuator": AILERON,
     "press_axis": ["--command", "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=1"],
     "bench": ["--input", "setpoint=noise:rms=0.25,bandwidth=1Hz,limit=0.8,seed=7"],
