@@ -8,6 +8,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, begun, by_environment, chosen, number, percent, spoken};
 use serde::Serialize;
 use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::isolation::IsolationRule;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
@@ -120,6 +121,9 @@ impl Measured {
     }
 }
 
+/// Trees, committee and training rows together, where a fault may stay not isolated.
+const BOTH: &str = "trees and committee";
+
 /// The protocol's name for measures that hold nothing out.
 const ALL: &str = "all variants";
 
@@ -173,6 +177,21 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
                 let result = who.under(evaluation, protocol);
                 push(&measure.title, who.title(), protocol.title(), result.and_then(measure.rate));
             }
+        }
+    }
+    for isolation in &evaluation.isolation {
+        let Some(rates) = isolation.rates(IsolationRule::ExplainedAlone) else { continue };
+        let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, Some(rate));
+        push("fault isolated", rates.decided);
+        push(&format!("{} right, of isolated", words.action()), rates.right_action);
+        push(&format!("{} right or not isolated", words.action()), rates.right_or_not_isolated);
+        if words.has_off() && words.has_several() {
+            let measure = format!("wrong {} {}", words.unit(), words.switched_off());
+            push(&measure, rates.wrong_actuator_shutdown);
+        }
+        if words.has_off() {
+            push(&format!("{} missed (of detected)", words.off()), rates.missed_shutdown);
+            push(&format!("needless {}", words.off()), rates.needless_shutdown);
         }
     }
     rates
