@@ -16,7 +16,6 @@ use servotwin_diagnosis::hierarchy::{Place, Question};
 use servotwin_diagnosis::panel::agree;
 use servotwin_learning::explained::{self, LEVEL, Origins};
 use servotwin_learning::metrics::{Rate, Trial};
-use servotwin_learning::splits::Split;
 
 /// The protocols whose isolation is reported: kinds that were not trained, and known kinds under new commands.
 pub const PROTOCOLS: [Protocol; 2] = [Protocol::LeaveKindOut, Protocol::NewCommand];
