@@ -8,7 +8,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, begun, by_environment, chosen, number, percent, spoken};
 use serde::Serialize;
 use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::isolation::IsolationRule;
+use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
@@ -180,7 +180,7 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
         }
     }
     for isolation in &evaluation.isolation {
-        let Some(rates) = isolation.rates(IsolationRule::ExplainedAlone) else { continue };
+        let Some(rates) = isolation.rates(RULE) else { continue };
         let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, Some(rate));
         push("fault isolated", rates.decided);
         push(&format!("{} right, of isolated", words.action()), rates.right_action);

@@ -5,10 +5,10 @@ use crate::lines::{self, Who};
 use crate::looks;
 use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
-use crate::words::{by_kind, chosen, number, percent, share, stacked};
+use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::abstention::{Abstention, Level};
-use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule};
+use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule, RULE};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
@@ -199,9 +199,28 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
                     false => String::new(),
                 },
             ));
+            page.text(&wrong_kinds(isolation));
         }
     }
 }
+
+/// The kinds of fault that the rule decides wrongly, in words.
+fn wrong_kinds(isolation: &Isolation) -> String {
+    let named =
+        |(kind, rate): &(String, Rate)| format!("{} ({} of {})", spoken(kind), rate.count, rate.of);
+    let named: Vec<String> = isolation.wrong_kinds.iter().take(WRONG_KINDS).map(named).collect();
+    match isolation.wrong_kinds.len() {
+        0 => "The rule in bold decides no kind wrongly.".into(),
+        all if all > WRONG_KINDS => format!(
+            "The rule in bold decides {all} kinds wrongly now and then, most often {}.",
+            named.join(", ")
+        ),
+        _ => format!("The rule in bold decides wrongly: {}.", named.join(", ")),
+    }
+}
+
+/// The number of wrongly decided kinds that are named.
+const WRONG_KINDS: usize = 5;
 
 fn unknown_kinds(words: &Vocabulary) -> String {
     format!(
@@ -239,7 +258,7 @@ fn rules(isolation: &Isolation, words: &Vocabulary) -> Grid {
         row.extend(off.then(|| counted(rates.missed_shutdown)));
         row.extend(off.then(|| counted(rates.needless_shutdown)));
         match rates.rule {
-            IsolationRule::ExplainedAlone => grid.push_strong(row),
+            RULE => grid.push_strong(row),
             _ => grid.push(row),
         }
     }

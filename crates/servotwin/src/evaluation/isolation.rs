@@ -2,7 +2,7 @@
 //!
 //! A fault of a kind that was not trained has no right class. Something is wrong with its actuator, but nothing is shut
 //! down because of it; a person or the limits on tracking and force decide. Four rules are compared, each stricter than
-//! the one before. The last one is the rule of [`servotwin_diagnosis::explained`].
+//! the one before. [`RULE`] is the one that costs known kinds little.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -33,6 +33,9 @@ pub enum IsolationRule {
     /// Where they agree, and training rows of that action alone resemble the fault.
     ExplainedAlone,
 }
+
+/// The rule that results quote: an unknown kind must resemble the training rows of an action before it is decided.
+pub const RULE: IsolationRule = IsolationRule::Explained;
 
 impl IsolationRule {
     /// All rules, each stricter than the one before.
@@ -84,6 +87,8 @@ pub struct Isolation {
     pub level: f64,
     /// The decisions under each rule.
     pub rules: Vec<IsolationRates>,
+    /// The kinds of fault that [`RULE`] decides wrongly, with the share of their faults, most faults first.
+    pub wrong_kinds: Vec<(String, Rate)>,
 }
 
 impl Isolation {
@@ -156,6 +161,7 @@ impl IsolationInputs<'_> {
             title: protocol.title().into(),
             level: LEVEL,
             rules: IsolationRule::ALL.map(rates).into(),
+            wrong_kinds: wrong_kinds(data, &judged),
         }))
     }
 }
@@ -228,6 +234,22 @@ fn explain(
     Ok(known.explanation(&distances, action as usize))
 }
 
+fn is_right(data: &DataSet, fault: &JudgedFault) -> bool {
+    matches!(first_error(data, &fault.outcome), None | Some(Question::Detail))
+}
+
+fn wrong_kinds(data: &DataSet, judged: &[JudgedFault]) -> Vec<(String, Rate)> {
+    let wrong = |kind: usize| {
+        let own = judged.iter().filter(|fault| data.rows[fault.outcome.row].kind as usize == kind);
+        let is_wrong = |fault: &&JudgedFault| RULE.isolates(fault) && !is_right(data, fault);
+        (data.kinds[kind].clone(), Rate::of(&own.collect::<Vec<_>>(), is_wrong))
+    };
+    let mut kinds: Vec<(String, Rate)> = (0..data.kinds.len()).map(wrong).collect();
+    kinds.retain(|(_, rate)| rate.count > 0);
+    kinds.sort_by_key(|(_, rate)| core::cmp::Reverse(rate.count));
+    kinds
+}
+
 fn rates(
     data: &DataSet,
     judged: &[JudgedFault],
@@ -241,9 +263,7 @@ fn rates(
     };
     let label = |fault: &JudgedFault| data.examples.labels()[fault.outcome.row];
     let is_decided = |fault: &JudgedFault| rule.isolates(fault);
-    let is_right = |fault: &JudgedFault| {
-        matches!(first_error(data, &fault.outcome), None | Some(Question::Detail))
-    };
+    let is_right = |fault: &JudgedFault| is_right(data, fault);
     let shuts_down = |fault: &JudgedFault| {
         let action = fault.outcome.said.action;
         is_decided(fault) && action.is_some_and(|action| shutdowns.contains(&action))
