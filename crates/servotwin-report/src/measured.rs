@@ -342,8 +342,8 @@ fn rate_cell(rate: &Rate) -> String {
 fn action_table(actions: &[ClassMetrics]) -> String {
     let row = |class: &ClassMetrics| {
         let of = |rate: &Rate| format!("{} of {}", rate.count, rate.of);
+        let never = format!("{} of {}", class.visible.of - class.visible.count, class.visible.of);
         let shares = [
-            &class.visible,
             &class.isolated,
             &class.other_command,
             &class.wrong_actuator,
@@ -356,13 +356,14 @@ fn action_table(actions: &[ClassMetrics]) -> String {
         let time =
             |place: usize| times.map_or(NONE.into(), |times| format!("{:.2} s", times[place]));
         let shares = shares.into_iter().map(of);
-        let mut cells = vec![begun(&spoken(&class.command))];
+        let mut cells = vec![begun(&spoken(&class.command)), of(&class.visible), never];
         cells.extend(shares.chain([0, 1, 2].map(time)));
         cells
     };
     let heads = [
         "action",
         "visible",
+        "never visible",
         "isolated",
         "another action",
         "wrong actuator",
