@@ -343,12 +343,7 @@ fn action_table(actions: &[ClassMetrics]) -> String {
     let row = |class: &ClassMetrics| {
         let of = |rate: &Rate| format!("{} of {}", rate.count, rate.of);
         let never = format!("{} of {}", class.visible.of - class.visible.count, class.visible.of);
-        let shares = [
-            &class.isolated,
-            &class.other_command,
-            &class.wrong_actuator,
-            &class.silent,
-        ];
+        let shares = [&class.isolated, &class.other_command, &class.wrong_actuator, &class.silent];
         let times = class
             .isolation
             .as_ref()
