@@ -2,8 +2,9 @@
 //!
 //! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, and [`features`] computes
 //! a row of numbers from it. [`classifiers`] runs trained models behind one trait. [`hierarchy`] runs the trees from
-//! the actuator down to the detail, and [`panel`] joins bands, trees and committee. [`diagnoser`] does all of this
-//! sample by sample. The crate `servotwin-learning` trains the models.
+//! the actuator down to the detail, [`explained`] finds the actions whose training rows resemble a row, and [`panel`]
+//! joins bands, trees and committee. [`diagnoser`] does all of this sample by sample. The crate `servotwin-learning`
+//! trains the models.
 //!
 //! Everything is deterministic: ties go to the lowest index, and the same samples give the same answers bit for bit.
 #![no_std]
@@ -15,6 +16,7 @@ pub mod classifiers;
 pub mod conditional_band;
 pub mod diagnoser;
 pub mod error;
+pub mod explained;
 pub mod features;
 pub mod hierarchy;
 pub mod numeric;

@@ -3,8 +3,8 @@
 //! `no_std` with `alloc`. From the bottom up: [`samples`] holds validated training samples, and [`tree`] grows the
 //! decision trees of CART, random forest and AdaBoost. [`classifiers`] trains all classifiers behind one trait, and
 //! [`calibration`] fits their probabilities. [`splits`] and [`metrics`] evaluate them. [`hierarchy`] trains the trees
-//! from the actuator down to the detail, [`novelty`] learns the ranges of the training data, and [`augmentation`] makes
-//! variations of windows.
+//! from the actuator down to the detail, [`novelty`] learns the ranges of the training data and [`explained`] the rows
+//! that explain an action, and [`augmentation`] makes variations of windows.
 //!
 //! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the same samples and
 //! settings give the same model bit for bit.
@@ -14,6 +14,7 @@ extern crate alloc;
 pub mod augmentation;
 pub mod calibration;
 pub mod classifiers;
+pub mod explained;
 pub mod hierarchy;
 pub mod metrics;
 pub mod novelty;

@@ -8,6 +8,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, begun, by_environment, chosen, number, percent, spoken};
 use serde::Serialize;
 use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
@@ -120,6 +121,9 @@ impl Measured {
     }
 }
 
+/// Trees, committee and training rows together, where a fault may stay not isolated.
+const BOTH: &str = "trees and committee";
+
 /// The protocol's name for measures that hold nothing out.
 const ALL: &str = "all variants";
 
@@ -173,6 +177,21 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
                 let result = who.under(evaluation, protocol);
                 push(&measure.title, who.title(), protocol.title(), result.and_then(measure.rate));
             }
+        }
+    }
+    for isolation in &evaluation.isolation {
+        let Some(rates) = isolation.rates(RULE) else { continue };
+        let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, Some(rate));
+        push("fault isolated", rates.decided);
+        push(&format!("{} right, of isolated", words.action()), rates.right_action);
+        push(&format!("{} right or not isolated", words.action()), rates.right_or_not_isolated);
+        if words.has_off() && words.has_several() {
+            let measure = format!("wrong {} {}", words.unit(), words.switched_off());
+            push(&measure, rates.wrong_actuator_shutdown);
+        }
+        if words.has_off() {
+            push(&format!("{} missed (of detected)", words.off()), rates.missed_shutdown);
+            push(&format!("needless {}", words.off()), rates.needless_shutdown);
         }
     }
     rates
@@ -323,13 +342,8 @@ fn rate_cell(rate: &Rate) -> String {
 fn action_table(actions: &[ClassMetrics]) -> String {
     let row = |class: &ClassMetrics| {
         let of = |rate: &Rate| format!("{} of {}", rate.count, rate.of);
-        let shares = [
-            &class.visible,
-            &class.isolated,
-            &class.other_command,
-            &class.wrong_actuator,
-            &class.silent,
-        ];
+        let never = format!("{} of {}", class.visible.of - class.visible.count, class.visible.of);
+        let shares = [&class.isolated, &class.other_command, &class.wrong_actuator, &class.silent];
         let times = class
             .isolation
             .as_ref()
@@ -337,13 +351,14 @@ fn action_table(actions: &[ClassMetrics]) -> String {
         let time =
             |place: usize| times.map_or(NONE.into(), |times| format!("{:.2} s", times[place]));
         let shares = shares.into_iter().map(of);
-        let mut cells = vec![begun(&spoken(&class.command))];
+        let mut cells = vec![begun(&spoken(&class.command)), of(&class.visible), never];
         cells.extend(shares.chain([0, 1, 2].map(time)));
         cells
     };
     let heads = [
         "action",
         "visible",
+        "never visible",
         "isolated",
         "another action",
         "wrong actuator",

@@ -250,6 +250,7 @@ fn evaluation() -> Evaluation {
         baseline: vec![],
         random_thirds: vec![],
         abstention: None,
+        isolation: vec![],
         reliability: None,
         flips: None,
         classifiers: vec![],

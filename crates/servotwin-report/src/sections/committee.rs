@@ -5,9 +5,10 @@ use crate::lines::{self, Who};
 use crate::looks;
 use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
-use crate::words::{by_kind, chosen, number, percent, stacked};
+use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::abstention::{Abstention, Level};
+use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule, RULE};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
@@ -55,6 +56,7 @@ impl Section for Committee {
         }
         believed(&results, words, page);
         silence(&results, words, page);
+        isolation(&results, words, page);
     }
 }
 
@@ -174,6 +176,107 @@ fn silence(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
             chosen(100.0 * servotwin::evaluation::committee::WITHHELD)
         ));
     }
+}
+
+/// Writes what is decided if a fault of an unknown kind may stay not isolated.
+fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
+    let mut begun = false;
+    for result in results {
+        for isolation in &result.evaluation.isolation {
+            if !begun {
+                page.heading("Kinds of fault that were not trained");
+                page.text(&unknown_kinds(words));
+                begun = true;
+            }
+            page.table(&rules(isolation, words), &format!(
+                "Setting: {}; {}. Counts are of detected faults. The limit of resemblance leaves {} % of \
+                 held-out known faults unexplained by their own command; nothing else chooses it.{}",
+                result.title,
+                words.adapted(&isolation.title),
+                chosen(100.0 * isolation.level),
+                match words.has_off() {
+                    true => format!(" A {} is missed also where the fault is not isolated.", words.off()),
+                    false => String::new(),
+                },
+            ));
+            page.text(&wrong_kinds(isolation));
+        }
+    }
+}
+
+/// The kinds of fault that the rule decides wrongly, in words.
+fn wrong_kinds(isolation: &Isolation) -> String {
+    let named =
+        |(kind, rate): &(String, Rate)| format!("{} ({} of {})", spoken(kind), rate.count, rate.of);
+    let named: Vec<String> = isolation.wrong_kinds.iter().take(WRONG_KINDS).map(named).collect();
+    match isolation.wrong_kinds.len() {
+        0 => "The rule in bold decides no kind wrongly.".into(),
+        all if all > WRONG_KINDS => format!(
+            "The rule in bold decides {all} kinds wrongly now and then, most often {}.",
+            named.join(", ")
+        ),
+        _ => format!("The rule in bold decides wrongly: {}.", named.join(", ")),
+    }
+}
+
+/// The number of wrongly decided kinds that are named.
+const WRONG_KINDS: usize = 5;
+
+fn unknown_kinds(words: &Vocabulary) -> String {
+    format!(
+        "A fault of an unknown kind has no right class. It should stay “not isolated”: something is wrong \
+         with this {}, nothing is {} because of it, and a person or the limits of the system decide. Each \
+         rule below is stricter than the one before. The last two compare a fault with the training rows of \
+         each answer, in what faults of one kind and intensity scatter by themselves.",
+        words.unit(),
+        words.switched_off(),
+    )
+}
+
+/// A table with one row for each rule.
+fn rules(isolation: &Isolation, words: &Vocabulary) -> Grid {
+    let (off, several) = (words.has_off(), words.has_off() && words.has_several());
+    let mut heads = vec![
+        ("decided".to_owned(), Side::Left),
+        ("share decided".to_owned(), Side::Right),
+        (format!("{} right, of decided", words.action()), Side::Right),
+        ("right or not isolated".to_owned(), Side::Right),
+    ];
+    if several {
+        heads.push((format!("healthy {} {}", words.unit(), words.switched_off()), Side::Right));
+    }
+    if off {
+        heads.push((format!("{} missed", words.off()), Side::Right));
+        heads.push((format!("needless {}", words.off()), Side::Right));
+    }
+    let mut grid = Grid::new(heads);
+    for rates in &isolation.rules {
+        let mut row = vec![decided_where(rates).to_owned()];
+        let shown = [rates.decided, rates.right_action, rates.right_or_not_isolated];
+        row.extend(shown.map(counted));
+        row.extend(several.then(|| counted(rates.wrong_actuator_shutdown)));
+        row.extend(off.then(|| counted(rates.missed_shutdown)));
+        row.extend(off.then(|| counted(rates.needless_shutdown)));
+        match rates.rule {
+            RULE => grid.push_strong(row),
+            _ => grid.push(row),
+        }
+    }
+    grid
+}
+
+fn decided_where(rates: &IsolationRates) -> &'static str {
+    match rates.rule {
+        IsolationRule::Always => "always, by the committee",
+        IsolationRule::Agreement => "where the trees agree",
+        IsolationRule::Explained => "and rows of the same answer resemble it",
+        IsolationRule::ExplainedAlone => "and rows of no other answer do",
+    }
+}
+
+/// A share with its count below it.
+fn counted(rate: Rate) -> String {
+    format!("{}\n{} of {}", share(Some(rate)), rate.count, rate.of)
 }
 
 fn is_flawless(level: &Level) -> bool {

@@ -16,6 +16,7 @@ pub mod data_set;
 pub mod detection;
 mod error;
 pub mod flips;
+pub mod isolation;
 pub mod leaves;
 pub mod model_file;
 pub mod piece;
@@ -35,6 +36,7 @@ use bands::Band;
 use baseline::RandomThirds;
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
+use isolation::Isolation;
 use piece::Bench;
 use protocol::{Holding, Protocol, ProtocolResult};
 use run::{Outcome, first_error};
@@ -200,6 +202,9 @@ pub struct Evaluation {
     pub random_thirds: Vec<RandomThirds>,
     /// The trade-off between abstention and errors.
     pub abstention: Option<Abstention>,
+    /// What is decided if a fault may stay not isolated, where kinds are left out and under new commands.
+    #[serde(default)]
+    pub isolation: Vec<Isolation>,
     /// Calibration of the committee's confidence.
     pub reliability: Option<Reliability>,
     /// Flips of the trees and of the committee.
@@ -222,6 +227,11 @@ impl Evaluation {
     /// The trees' result under a protocol.
     pub fn protocol(&self, protocol: Protocol) -> Option<&ProtocolResult> {
         self.protocols.iter().find(|result| result.protocol == protocol)
+    }
+
+    /// What is decided under a protocol if a fault may stay not isolated.
+    pub fn isolation(&self, protocol: Protocol) -> Option<&Isolation> {
+        self.isolation.iter().find(|result| result.protocol == protocol)
     }
 
     /// The committee's result under a protocol.

@@ -6,8 +6,9 @@ use super::ambiguity::{self, Ambiguity};
 use super::bands::Band;
 use super::baseline::{self, RandomThirds};
 use super::comparison::{self, Compared};
+use super::isolation::{self, Isolation, IsolationInputs};
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
-use super::run::{self, Scope};
+use super::run::{self, Outcome, Scope};
 use super::{Context, DataSet, Evaluation, EvaluationError, Settings, Training, TrainingFilter};
 use super::{WORST_LEAVES, banded, commands, detection, false_alarms, flips, leaves};
 use super::{silence, size};
@@ -43,8 +44,8 @@ pub enum Piece {
 pub enum Found {
     /// The trees' result and the confusions, if the protocol was possible.
     Trees(Option<(ProtocolResult, Option<Ambiguity>)>),
-    /// The committee's result, if the protocol was possible.
-    Committee(Option<ProtocolResult>),
+    /// The committee's result and what is decided with the trees, if the protocol was possible.
+    Committee(Option<(ProtocolResult, Option<Isolation>)>),
     /// The trees' results by number of training commands.
     Commands(Vec<(usize, ProtocolResult)>),
     /// The results with detection by the paper's band.
@@ -96,7 +97,11 @@ pub fn joined(found: Vec<Found>) -> Evaluation {
                 all.protocols.push(result);
                 all.ambiguity = ambiguity.unwrap_or(all.ambiguity);
             }
-            Found::Committee(result) => all.committee.extend(result),
+            Found::Committee(of) => {
+                let Some((result, isolation)) = of else { continue };
+                all.committee.push(result);
+                all.isolation.extend(isolation);
+            }
             Found::Commands(curve) => all.commands = curve,
             Found::PaperBand(results) => all.paper_band = results,
             Found::Baseline(results) => all.baseline = results,
@@ -156,14 +161,20 @@ impl<'b> Bench<'b> {
             Piece::Committee(Protocol::NewCommand) => {
                 let committee = &self.context.trained.committee.hierarchy;
                 let of = (&settings.committee, committee);
-                Found::Committee(self.judged_trained(of, of_boosted)?)
+                let found = self.judged_trained(of, of_boosted)?;
+                let isolation = self.isolation(Protocol::NewCommand, &[])?;
+                Found::Committee(found.map(|result| (result, isolation)))
             }
             // The committee is calibrated on training commands.
             Piece::Committee(_) if !data.has_training() => Found::Committee(None),
             Piece::Committee(protocol) => {
                 let data = &data.for_committee()?;
-                let found = self.judged(protocol, data, &settings.committee, of_boosted)?;
-                Found::Committee(found.map(|(result, _)| result))
+                match self.judged(protocol, data, &settings.committee, of_boosted)? {
+                    None => Found::Committee(None),
+                    Some((result, outcomes)) => {
+                        Found::Committee(Some((result, self.isolation(protocol, &outcomes)?)))
+                    }
+                }
             }
             Piece::Commands => Found::Commands(commands(data, settings, workers)?),
             Piece::PaperBand if self.bands.is_none() => Found::PaperBand(vec![]),
@@ -212,6 +223,21 @@ impl<'b> Bench<'b> {
         protocol::evaluate(protocol, data, training, holding, shutdowns, context.workers)
     }
 
+    /// What trees and committee decide if a fault may stay not isolated.
+    fn isolation(
+        &self,
+        protocol: Protocol,
+        committee: &[Vec<Outcome>],
+    ) -> Result<Option<Isolation>, EvaluationError> {
+        if !isolation::PROTOCOLS.contains(&protocol) {
+            return Ok(None);
+        }
+        let Context { trained, workers, .. } = *self.context;
+        let inputs =
+            IsolationInputs { data: &self.data, settings: self.settings, trained, workers };
+        inputs.evaluate(protocol, committee)
+    }
+
     /// The result on new commands of the diagnosis trained on all training rows.
     fn judged_trained(
         &self,
@@ -242,6 +268,7 @@ impl<'b> Bench<'b> {
             false_alarms: false_alarms(unbanded, data, trained, &settings.shutdowns)?,
             protocols: vec![],
             committee: vec![],
+            isolation: vec![],
             paper_band: vec![],
             commands: vec![],
             baseline: vec![],

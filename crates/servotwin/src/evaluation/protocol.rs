@@ -252,7 +252,7 @@ fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
 }
 
 /// Index of a kind at an intensity.
-fn cluster(data: &DataSet, row: &Row) -> u32 {
+pub(super) fn cluster(data: &DataSet, row: &Row) -> u32 {
     row.kind * data.intensities.len() as u32 + row.intensity
 }
 
@@ -436,7 +436,7 @@ pub fn evaluate_trained(
 }
 
 /// The splits with their judged rows; empty if nothing is judged.
-fn judged_splits(
+pub(super) fn judged_splits(
     protocol: Protocol,
     data: &DataSet,
     settings: &Settings,

@@ -481,3 +481,27 @@ fn no_band_is_wider_than_twice_the_largest_residual_that_taught_it() {
     assert!((widths[0] - bands::MAX_OVER_LARGEST * 0.03).abs() < 1e-12, "{widths:?}");
     assert!((0.49..=1.0).contains(&widths[1]), "{widths:?}");
 }
+
+#[test]
+fn a_kind_that_was_not_trained_may_stay_not_isolated() {
+    use servotwin::evaluation::isolation::{IsolationRule, RULE};
+    let (evaluation, _) = evaluated_with(&with_training(0.01), &settings(), 2);
+    let unknown = evaluation.isolation(Protocol::LeaveKindOut).unwrap();
+    let known = evaluation.isolation(Protocol::NewCommand).unwrap();
+    for isolation in [unknown, known] {
+        let decided = |rule| isolation.rates(rule).unwrap().decided.count;
+        let counts = IsolationRule::ALL.map(decided);
+        assert!(counts.is_sorted_by(|a, b| a >= b), "each rule is stricter: {counts:?}");
+        for rates in &isolation.rules {
+            let wrong = rates.decided.count - rates.right_action.count;
+            assert_eq!(rates.right_or_not_isolated.count + wrong, rates.right_or_not_isolated.of);
+            assert_eq!(rates.right_action.of, rates.decided.count);
+        }
+    }
+    // Every kind moves the residuals in a direction of its own, so a kind that is left out resembles no other.
+    let unknown = unknown.rates(RULE).unwrap();
+    assert!(share(Some(unknown.decided)) < 0.1, "{:?}", unknown.decided);
+    assert_eq!(unknown.wrong_actuator_shutdown.count, 0);
+    assert!(share(Some(known.rates(RULE).unwrap().right_or_not_isolated)) > 0.99);
+    assert!(share(Some(known.rates(RULE).unwrap().decided)) > 0.9);
+}
