@@ -210,7 +210,7 @@ fn the_book_shows_the_shipped_files() {
 const SHIPPED: &str = "shipped-files.md";
 
 /// Its sections: what a file is called there, its folder and its name.
-const FILES: [(&str, &str, &str); 9] = [
+const FILES: [(&str, &str, &str); 8] = [
     ("System", "systems", "aileron_dual"),
     ("System", "systems", "spring_actuator"),
     ("System", "systems", "valve_and_cylinder"),
