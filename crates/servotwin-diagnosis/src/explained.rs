@@ -1,7 +1,7 @@
 //! Explained actions: which actions have a training row that resembles a new row.
 //!
-//! A classifier that never saw a kind of fault still answers with one of its classes. So a second question is asked:
-//! would a row of this action lie that far from the training rows of the action?
+//! A classifier that never saw a kind of fault still answers with one of its classes. The rows of the training set
+//! answer a second question: does a known fault with this action lie that far from them?
 //!
 //! ```text
 //! d_a = min over training rows r of action a of |L⁻¹ (x − r)|                (1)
@@ -9,11 +9,11 @@
 //! ```
 //!
 //! L is the Cholesky factor of the scatter of the features within one kind of fault at one intensity. Specimens,
-//! commands and noise cause that scatter, so (1) measures in what a fault of one kind does by itself. The limit is a
+//! commands and noise cause that scatter, which is the unit of (1). The limit is a
 //! quantile of d_a of held-out rows with their own action (split conformal prediction: Vovk, Gammerman, Shafer,
 //! "Algorithmic Learning in a Random World", 2005; folds instead of one split: Vovk, "Cross-conformal predictors",
-//! Annals of Mathematics and Artificial Intelligence 74, 2015). For exchangeable rows, the own action of a known fault
-//! does not explain it with a probability of about the level α. No limit is tuned.
+//! Annals of Mathematics and Artificial Intelligence 74, 2015). For exchangeable rows, a known fault is not
+//! explained by its own action with a probability of about the level α. No limit is tuned.
 //!
 //! The actions that explain a row are its *conformal set*. An empty set means an unknown kind of fault. A set of several
 //! actions means that the features do not separate them. A fault is *isolated* where the trees, the committee and the
@@ -120,10 +120,25 @@ pub fn whiten(factor: &[f64], x: &mut [f64]) {
 
 /// The distance to the nearest of several rows, which follow one another; infinite without rows.
 pub fn nearest(x: &[f64], rows: &[f64]) -> f64 {
-    let squared = |row: &[f64]| -> f64 { x.iter().zip(row).map(|(a, b)| (a - b) * (a - b)).sum() };
-    let distances = rows.chunks_exact(x.len().max(1)).map(squared);
-    libm::sqrt(distances.fold(f64::INFINITY, |least, d| if d < least { d } else { least }))
+    let mut least = f64::INFINITY;
+    for row in rows.chunks_exact(x.len().max(1)) {
+        let mut squared = 0.0;
+        for (x, row) in x.chunks(FEATURES_AT_ONCE).zip(row.chunks(FEATURES_AT_ONCE)) {
+            x.iter().zip(row).for_each(|(a, b)| squared += (a - b) * (a - b));
+            // The sum only grows, so this row is not the nearest.
+            if squared >= least {
+                break;
+            }
+        }
+        if squared < least {
+            least = squared;
+        }
+    }
+    libm::sqrt(least)
 }
+
+/// The features that [`nearest`] adds between two comparisons.
+const FEATURES_AT_ONCE: usize = 4;
 
 #[cfg(test)]
 mod tests {

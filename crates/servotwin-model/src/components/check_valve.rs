@@ -14,7 +14,7 @@
 //!
 //! Source: the orifice. The growth of the area by the cubic step is the toolkit's own choice.
 
-use super::orifice::{hole, scaled_velocity_pa_s_m};
+use super::orifice::{self, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
@@ -40,13 +40,8 @@ parameters! {
         "further pressure drop until the valve is open",
     ),
     leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: orifice::discharge_coefficient(),
+    transition_reynolds: orifice::transition_reynolds(),
 }
 
 static SPEC: Spec = Spec {

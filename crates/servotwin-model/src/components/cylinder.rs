@@ -310,7 +310,7 @@ impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
         let share = given[index::friction_pressure_share];
         let warmer_k = given.fluid.temperature_k - S::constant(REFERENCE_TEMPERATURE_K);
         let stiffness = (-(warmer_k * given[index::friction_temperature_per_k])).exp();
-        let [a, b, c, d, e] = stribeck_constants(Stribeck {
+        let stribeck = stribeck_constants(Stribeck {
             viscous: given[index::viscous_friction_n_s_m] * given.fluid.relative_viscosity / mass,
             coulomb: given[index::coulomb_friction_n] * stiffness / mass,
             static_ratio: given[index::static_friction_ratio],
@@ -318,14 +318,17 @@ impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
             smoothing: given[index::friction_smoothing_m_s],
         });
         let per_pressure = share / (given[index::friction_pressure_pa] * S::constant(2.0));
-        [a, b, c, d, e, per_pressure, S::constant(1.0) - share]
+        let mut constants = [S::constant(1.0) - share; FRICTION_CONSTANTS];
+        constants[..STRIBECK_CONSTANTS].copy_from_slice(&stribeck);
+        constants[STRIBECK_CONSTANTS] = per_pressure;
+        constants
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; FRICTION_CONSTANTS], [v, p_a, p_b]: [S; 3]) -> [S; 2] {
-        let [a, b, e, d, f, per_pressure, rest] = *c;
-        let load = (p_a + p_b) * per_pressure + rest;
-        [v, stribeck(v, load, &[a, b, e, d, f])]
+        let [of_stribeck @ .., per_pressure, rest] = c;
+        let load = (p_a + p_b) * *per_pressure + *rest;
+        [v, stribeck(v, load, of_stribeck)]
     }
 }
 

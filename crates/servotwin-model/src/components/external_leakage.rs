@@ -9,7 +9,7 @@
 //!
 //! Source: the orifice. The one-way flow is the toolkit's own choice.
 
-use super::orifice::{hole, scaled_velocity_pa_s_m};
+use super::orifice::{self, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -22,13 +22,8 @@ pub struct ExternalLeakage;
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
     ambient_pa: parameter(Unit::Pascal, 101_325.0, (0.0, 1e7), "ambient pressure, absolute"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: orifice::discharge_coefficient(),
+    transition_reynolds: orifice::transition_reynolds(),
 }
 
 static SPEC: Spec = Spec {

@@ -19,7 +19,7 @@
 //!
 //! Source: the orifice. The first order of `m`, and the areas linear in `m`, are the toolkit's own choice.
 
-use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m};
+use super::orifice::{self, flow_m3_s, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
@@ -47,13 +47,8 @@ parameters! {
         "pressure drop at which a check valve is fully open",
     ),
     isolation: parameter(Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: orifice::discharge_coefficient(),
+    transition_reynolds: orifice::transition_reynolds(),
     damped_position: parameter(Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
     active_position: parameter(Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
     command: parameter(Unit::None, 1.0, (0.0, 1.0), "command if no signal is connected"),

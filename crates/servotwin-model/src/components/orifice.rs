@@ -18,21 +18,26 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::FluidState;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// An orifice; see the module documentation.
 pub struct Orifice;
 
+/// The discharge coefficient of a restriction.
+pub const fn discharge_coefficient(name: &'static str) -> Parameter {
+    parameter(name, Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d")
+}
+
+/// The Reynolds number at which the flow of a restriction becomes turbulent.
+pub const fn transition_reynolds(name: &'static str) -> Parameter {
+    parameter(name, Unit::None, 50.0, (1.0, 2500.0), "transition Reynolds number Re_t")
+}
+
 parameters! {
     area_m2: required(Unit::SquareMetre, (0.0, 1e-2), "flow area"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: discharge_coefficient(),
+    transition_reynolds: transition_reynolds(),
 }
 
 static SPEC: Spec = Spec {

@@ -9,7 +9,7 @@
 //!
 //! Source: the check valve.
 
-use super::check_valve;
+use super::{check_valve, orifice};
 use crate::component::Component;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
@@ -32,13 +32,8 @@ parameters! {
         "further pressure drop until the valve is open",
     ),
     leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: orifice::discharge_coefficient(),
+    transition_reynolds: orifice::transition_reynolds(),
 }
 
 // The equation of the check valve uses these positions.

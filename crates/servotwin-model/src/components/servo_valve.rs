@@ -6,9 +6,9 @@
 //! ```text
 //! u_c  = clamp(g u + b, −1, 1)                                             (W1)
 //! σ    = √(max(p_p − p_t, 0)/Δp_N), smooth at zero                         (W2)
-//! e    = x_max u_c − x,   e_d = e − clamp(e, −h, h)
+//! d    = x_max u_c − x,   d_s = d − clamp(d, −d_0, d_0)
 //! x'   = σ v_max tanh(v / v_max)                                           (W3)
-//! v'   = σ (ω² e_d − 2 ζ ω v) − stop(x, v)
+//! v'   = σ (ω² d_s − 2 ζ ω v) − stop(x, v)
 //! ```
 //!
 //! Of the edges PA, PB, AT and BT, a positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT
@@ -27,15 +27,14 @@
 //! it). The overlap is a laminar slit, which vanishes with the share `(h − ξ)/(2h)` as the edge opens, and `e` is
 //! the relative eccentricity of the spool. The pilot stage takes its quiescent flow from p to t through a hole.
 //! The same pressure drop moves the spool: natural frequency and slew rate are proportional to `σ`, and without
-//! supply the spool stays where it is. In (W3), `h` is the force of dirt on the spool as a difference of position,
-//! zero for a free spool: the spool sticks until the difference to its command is larger. The model is valid for
-//! |x| up to a few strokes and for Δp of either sign.
+//! supply the spool stays where it is. Dirt holds the spool while the difference `d` to its command is smaller than
+//! `d_0`, which is zero for a free spool. The model is valid for |x| up to a few strokes and for Δp of either sign.
 //!
 //! Source: a second order for the valve up to its spool as in Thayer 1958, the leak of an eccentric gap as in
 //! Merritt 1967, and the rounded-edge geometry of common component libraries. The limits are the toolkit's
 //! own choice.
 
-use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m, turbulent};
+use super::orifice::{self, flow_m3_s, hole, scaled_velocity_pa_s_m, turbulent};
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, breakaway, clogging,
     connect_edges, damping_loss, gain_high, gain_low, jam, motion_variables,
@@ -82,13 +81,8 @@ parameters! {
     edge_radius_m: parameter(Unit::Metre, 2e-6, (0.0, 1e-3), "radius of the metering edges"),
     smoothing_m: parameter(Unit::Metre, 1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
     eccentricity: parameter(Unit::None, 0.0, (0.0, 1.0), "relative spool eccentricity"),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: orifice::discharge_coefficient(),
+    transition_reynolds: orifice::transition_reynolds(),
     natural_frequency_hz: parameter(
         Unit::Hertz,
         100.0,
@@ -210,6 +204,15 @@ const MOTION_CONSTANTS: usize = SPOOL_CONSTANTS + 1;
 /// Pressure drop below which the flow of the pilot stage is laminar, Pa.
 const LAMINAR_PILOT_PA: f64 = 1e3;
 
+/// The square root of [`LAMINAR_PILOT_PA`].
+const LAMINAR_PILOT_ROOT: f64 = 31.622776601683793;
+
+/// The root in (W2) of a pressure drop of at least zero, with a finite slope at zero, √Pa.
+#[inline(always)]
+fn pilot_root<S: Scalar>(drop_pa: S) -> S {
+    (drop_pa + lit::<S>(LAMINAR_PILOT_PA)).sqrt() - lit::<S>(LAMINAR_PILOT_ROOT)
+}
+
 /// Equations (W1)–(W3): (current, x, v, p_p, p_t) → (x', v').
 pub struct SpoolMotion;
 
@@ -226,8 +229,7 @@ impl Equation<5, 2, MOTION_CONSTANTS> for SpoolMotion {
             stop: [index::stop_fraction, index::stop_stiffness_per_s2, index::stop_damping_per_s]
                 .map(|place| given[place]),
         });
-        let laminar = S::constant(LAMINAR_PILOT_PA);
-        let rated = (given[index::pilot_rated_drop_pa] + laminar).sqrt() - laminar.sqrt();
+        let rated = pilot_root(given[index::pilot_rated_drop_pa]);
         let mut constants = [S::constant(1.0) / rated; MOTION_CONSTANTS];
         constants[..SPOOL_CONSTANTS].copy_from_slice(&spool);
         constants
@@ -237,9 +239,7 @@ impl Equation<5, 2, MOTION_CONSTANTS> for SpoolMotion {
     fn evaluate<S: Scalar>(c: &[S::Base; MOTION_CONSTANTS], inputs: [S; 5]) -> [S; 2] {
         let [current, x, v, p, t] = inputs;
         let [spool @ .., per_rated] = c;
-        let drop = (p - t).max(S::constant(0.0));
-        let root = (drop + lit::<S>(LAMINAR_PILOT_PA)).sqrt();
-        let speed = (root - S::constant(LAMINAR_PILOT_PA).sqrt()) * *per_rated;
+        let speed = pilot_root((p - t).max(S::constant(0.0))) * *per_rated;
         spool_motion(spool, [current, x, v], speed)
     }
 }
@@ -397,6 +397,7 @@ mod tests {
             let rated = motion(&[], [1.0, 2e-4, 0.05], 20e6);
             (0..2).for_each(|k| assert_close(rates[k] / rated[k], f64::sqrt(share), 1e-2));
         }
+        assert_eq!(LAMINAR_PILOT_ROOT, LAMINAR_PILOT_PA.sqrt());
         assert_eq!(motion(&[], [1.0, 2e-4, 0.05], 0.0), [0.0, 0.0]);
         assert_eq!(motion(&[], [1.0, 2e-4, 0.05], -1e6), [0.0, 0.0]);
     }

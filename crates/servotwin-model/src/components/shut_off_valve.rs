@@ -12,7 +12,7 @@
 //!
 //! Source: the orifice.
 
-use super::orifice::{hole, scaled_velocity_pa_s_m};
+use super::orifice::{self, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -30,13 +30,8 @@ parameters! {
         (0.0, 1e15),
         "laminar resistance of filter and line at 40 °C",
     ),
-    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d"),
-    transition_reynolds: parameter(
-        Unit::None,
-        50.0,
-        (1.0, 2500.0),
-        "transition Reynolds number Re_t",
-    ),
+    discharge_coefficient: orifice::discharge_coefficient(),
+    transition_reynolds: orifice::transition_reynolds(),
     opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening if no signal is connected"),
 }
 

@@ -95,7 +95,8 @@ pub const fn breakaway(name: &'static str) -> Parameter {
     parameter(name, Unit::None, 0.0, (0.0, 1.0), summary)
 }
 
-/// Inputs, current, position and velocity, and outputs, the rates of the latter two, of the spool's motion.
+/// The variables of the spool's motion. The inputs are current, position and velocity, the outputs the rates of
+/// position and velocity.
 pub fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 2]) {
     let position = wiring.state("spool_position_m");
     let velocity = wiring.state("spool_velocity_m_s");
@@ -129,6 +130,7 @@ pub struct Spool<S> {
     pub slew_rate_m_s: S,
     pub null_bias: S,
     pub current_gain: S,
+    /// Difference to the command below which the spool sticks, per unit of the largest.
     pub breakaway: S,
     /// Position per unit of stroke, stiffness and damping of the end stops.
     pub stop: [S; 3],
@@ -143,7 +145,7 @@ pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTA
     let square = omega * omega;
     let [fraction, stiffness, damping] = spool.stop;
     let [a, b, c, d] = end_stop_constants(spool.stroke_m * fraction, stiffness, damping);
-    // From one end stop, at full command to the other side.
+    // The spool is at one end stop, and the full command points to the other.
     let largest_m = spool.stroke_m * (fraction + S::constant(1.0));
     [
         spool.current_gain,
@@ -168,7 +170,7 @@ pub fn spool_motion<S: Scalar>(
     [current, x, v]: [S; 3],
     speed: S,
 ) -> [S; 2] {
-    let [gain, bias, stroke, square, damping, slew, per_slew, breakaway, ..] = *c;
+    let [gain, bias, stroke, square, damping, slew, per_slew, breakaway, ref stop @ ..] = *c;
     let one = S::constant(1.0);
     let command = (current * gain + bias).clamp(-one, one);
     let difference = command * stroke - x;
@@ -176,5 +178,5 @@ pub fn spool_motion<S: Scalar>(
     let driving = difference - difference.clamp(-held, held);
     let acceleration = (driving * square - v * damping) * speed;
     let rate = (v * per_slew).tanh() * slew * speed;
-    [rate, acceleration - end_stop(x, v, &[c[8], c[9], c[10], c[11]])]
+    [rate, acceleration - end_stop(x, v, stop)]
 }

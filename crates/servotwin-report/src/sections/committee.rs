@@ -190,12 +190,12 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
             }
             page.table(&rules(isolation, words), &format!(
                 "Setting: {}; {}. Counts are of detected faults. The limit of resemblance leaves {} % of \
-                 held-out known faults unexplained by their own command; nothing else chooses it.{}",
+                 held-out known faults unlike the training rows of their own answer, and nothing else sets it.{}",
                 result.title,
                 words.adapted(&isolation.title),
                 chosen(100.0 * isolation.level),
                 match words.has_off() {
-                    true => format!(" A {} is missed also where the fault is not isolated.", words.off()),
+                    true => format!(" A {} also counts as missed if the fault is not isolated.", words.off()),
                     false => String::new(),
                 },
             ));
@@ -210,12 +210,12 @@ fn wrong_kinds(isolation: &Isolation) -> String {
         |(kind, rate): &(String, Rate)| format!("{} ({} of {})", spoken(kind), rate.count, rate.of);
     let named: Vec<String> = isolation.wrong_kinds.iter().take(WRONG_KINDS).map(named).collect();
     match isolation.wrong_kinds.len() {
-        0 => "The rule in bold decides no kind wrongly.".into(),
+        0 => "The rule in bold decides no fault wrongly.".into(),
         all if all > WRONG_KINDS => format!(
-            "The rule in bold decides {all} kinds wrongly now and then, most often {}.",
+            "The rule in bold decides some faults of {all} kinds wrongly, most often {}.",
             named.join(", ")
         ),
-        _ => format!("The rule in bold decides wrongly: {}.", named.join(", ")),
+        _ => format!("The rule in bold decides some faults wrongly: {}.", named.join(", ")),
     }
 }
 
@@ -227,7 +227,7 @@ fn unknown_kinds(words: &Vocabulary) -> String {
         "A fault of an unknown kind has no right class. It should stay “not isolated”: something is wrong \
          with this {}, nothing is {} because of it, and a person or the limits of the system decide. Each \
          rule below is stricter than the one before. The last two compare a fault with the training rows of \
-         each answer, in what faults of one kind and intensity scatter by themselves.",
+         each answer, in units of the scatter of faults of one kind and intensity.",
         words.unit(),
         words.switched_off(),
     )
