@@ -178,13 +178,13 @@ fn silence(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     }
 }
 
-/// Writes what is decided if a fault of an unknown kind may stay not isolated.
+/// Writes what is decided if a fault may stay not isolated.
 fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut begun = false;
     for result in results {
         for isolation in &result.evaluation.isolation {
             if !begun {
-                page.heading("Kinds of fault that were not trained");
+                page.heading("Faults that may stay not isolated");
                 page.text(&unknown_kinds(words));
                 begun = true;
             }
