@@ -43,7 +43,8 @@ impl Rules {
         }
     }
 
-    fn switches_off(&self, action: u32) -> bool {
+    /// Whether an action switches an actuator off.
+    pub fn switches_off(&self, action: u32) -> bool {
         self.switches_off[action as usize]
     }
 }

@@ -64,6 +64,8 @@ pub enum Why {
     Frozen,
     /// It contradicts another input.
     Contradicts,
+    /// A wrong reading of it would explain all deviations of an actuator, and so would a fault.
+    Doubtful,
 }
 
 /// A rejected input.

@@ -22,6 +22,7 @@ use crate::panel::Panel;
 use crate::sliding::Span;
 
 mod alarm;
+mod boundary;
 mod common_mode;
 pub mod decision;
 pub mod environment;
@@ -32,6 +33,7 @@ mod session;
 mod streams;
 mod window_classifier;
 
+pub use boundary::Boundary;
 pub use environment::{Environment, Invalid, Why};
 pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
@@ -92,6 +94,9 @@ pub struct Diagnoser {
     pub sensors: Vec<Sensor>,
     /// Plausibility limits of the inputs.
     pub environment: Environment,
+    /// The inputs whose wrong readings look like faults.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub boundaries: Vec<Boundary>,
     /// The window lengths, all with the same actuators, actions and details; the first has uncorrected residuals.
     pub lengths: Vec<Length>,
     /// Settings of the baseline for lengths with baseline-corrected residuals.
@@ -172,6 +177,7 @@ impl Diagnoser {
                     Why::OutOfRange => "out of range",
                     Why::Frozen => "frozen",
                     Why::Contradicts => "contradicts another",
+                    Why::Doubtful => "doubtful: its sensor or what it measures",
                 };
                 alloc::vec!["environment invalid".into(), input.into(), why.into()]
             }
@@ -191,6 +197,8 @@ impl Diagnoser {
         require((1e-6..=1e3).contains(&period), "period_s", period, "1e-6 to 1000 s")?;
         holds(!self.lengths.is_empty(), "there is no window length")?;
         self.environment.check()?;
+        let inputs = self.environment.inputs.len();
+        self.boundaries.iter().try_for_each(|known| known.check(inputs, self.watched()))?;
         self.lengths.iter().try_for_each(|length| self.check_length(length))?;
         self.check_sensors()?;
         if let Some(band) = &self.conditional_band {

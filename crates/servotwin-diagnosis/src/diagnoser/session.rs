@@ -7,13 +7,14 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::alarm::{self, Rules};
+use super::boundary::Doubt;
 use super::decision::{self, Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
 use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
 use super::sensor_health::{Patience, SensorHealth};
 use super::streams::{Sample, StoredBaselineCorrected, Streams};
 use super::window_classifier::{self, WindowClassifier};
-use super::{Diagnoser, LARGEST_COUNT, Length};
+use super::{Boundary, Diagnoser, LARGEST_COUNT, Length};
 use crate::conditional_band::{self, Here};
 use crate::error::{Error, same_length};
 use crate::hierarchy::Stage;
@@ -47,6 +48,9 @@ struct Memory {
     #[serde(default)]
     asked: Vec<Option<f64>>,
     alarm: alarm::Memory,
+    /// One for each boundary of the diagnoser.
+    #[serde(default)]
+    doubts: Vec<Doubt>,
     /// Evidence of each window length.
     evidence: Vec<Evidence>,
     /// Only in a stored state; at run time the classifiers hold it.
@@ -123,6 +127,7 @@ impl Session {
                 diagnoser.conditional_band.as_ref().map_or(0, |band| band.covariates.len())
             ],
             alarm: alarm::Memory::new(actuators),
+            doubts: vec![Doubt::default(); diagnoser.boundaries.len()],
             evidence: vec![Evidence::new(hypotheses); classifiers.len()],
             judged: Vec::new(),
             outcome: Outcome::first(),
@@ -382,7 +387,8 @@ impl Session {
         }
         self.streams.restore(windows, baseline_corrected.as_ref())?;
         self.memory = memory.clone();
-        // States from older versions have no sensor health.
+        // States from older versions have no doubts and no sensor health.
+        self.memory.doubts.resize(self.diagnoser.boundaries.len(), Doubt::default());
         self.memory.sensor_health.resize(self.scales.len(), SensorHealth::default());
         self.guard.memory = environment.clone();
         for (classifier, judged) in
@@ -403,6 +409,8 @@ impl Session {
             && (of_before || sensors == self.scales.len())
             && memory.sensor_health.iter().all(|sensor_health| sensor_health.fits(self.patience))
             && memory.asked.iter().flatten().all(|asked| asked.is_finite())
+            && memory.doubts.len() <= self.diagnoser.boundaries.len()
+            && memory.doubts.iter().all(Doubt::fits)
             && memory.outcome.fits(places, memory.samples)
     }
 
@@ -431,6 +439,7 @@ impl Session {
         self.streams.clear();
         self.memory.asked.fill(None);
         self.memory.evidence.iter_mut().for_each(Evidence::clear);
+        self.memory.doubts.iter_mut().for_each(Doubt::clear);
         self.classifiers.iter_mut().for_each(WindowClassifier::forget);
         self.memory.has_judged = false;
     }
@@ -556,6 +565,9 @@ impl Session {
     fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
         self.memory.gap = 0;
         self.ask(diagnoser, inputs, twin);
+        for (doubt, boundary) in self.memory.doubts.iter_mut().zip(&diagnoser.boundaries) {
+            doubt.value = inputs[boundary.input as usize];
+        }
         let is_lacking = matches!(self.memory.outcome.alarm, Alarm::NoData | Alarm::Error);
         if self.memory.settling > 0 {
             self.memory.settling -= 1;
@@ -611,14 +623,42 @@ impl Session {
             evidence.take(said, share, &self.settings[place], &self.limits[place]);
             self.memory.has_judged = true;
         }
+        self.update_doubts(diagnoser);
         Ok(())
+    }
+
+    /// Takes the new window of the first length, whose residuals are uncorrected.
+    fn update_doubts(&mut self, diagnoser: &Diagnoser) {
+        if !self.streams.has_ended(0) || !self.streams.is_full(0) {
+            return;
+        }
+        let (length, window) = (&diagnoser.lengths[0], self.streams.window(0));
+        let panes = length.span.panes.unwrap_or(1);
+        let of_window = (panes, self.streams.share_of_newest(0), diagnoser.period_s);
+        for (doubt, boundary) in self.memory.doubts.iter_mut().zip(&diagnoser.boundaries) {
+            let half_width = length.panel.bands[boundary.sensor as usize].half_width;
+            doubt.take(boundary, window, half_width, of_window);
+        }
+    }
+
+    /// The input whose wrong reading explains all that an actuator shows, while nothing speaks for a fault.
+    fn doubtful(&self, diagnoser: &Diagnoser, actuator: usize) -> Option<u32> {
+        let (window, bands) = (self.streams.window(0), &diagnoser.lengths[0].panel.bands);
+        let is_doubtful = |(boundary, doubt): &(&Boundary, &Doubt)| {
+            let input = &diagnoser.environment.inputs[boundary.input as usize];
+            diagnoser.sensors[boundary.sensor as usize].actuator == Some(actuator as u32)
+                && doubt.remains()
+                && boundary.explains(window, bands, (input, doubt.value))
+        };
+        let mut pairs = diagnoser.boundaries.iter().zip(&self.memory.doubts);
+        pairs.find(is_doubtful).map(|(boundary, _)| boundary.input)
     }
 
     /// Raises, holds or drops an action, and updates the finding.
     fn decide(&mut self, diagnoser: &Diagnoser) {
         let sample = self.memory.outcome.sample;
-        let candidate = self.candidate(diagnoser);
-        if let Some((length, claim)) = candidate {
+        let withheld = self.withheld(diagnoser);
+        if let Some((length, claim)) = self.candidate(diagnoser) {
             let raised = self.raised(length, claim, diagnoser.decision.least_detail_confidence);
             self.memory.alarm.raise(&self.rules, raised);
         } else {
@@ -629,7 +669,12 @@ impl Session {
             });
             self.memory.alarm.hold(&self.rules, has_evidence, sample);
         }
-        let found = self.found();
+        let found = match withheld {
+            Some(input) if self.memory.alarm.raised.is_none() => {
+                (Finding::EnvironmentInvalid { input, why: Why::Doubtful }, 0)
+            }
+            _ => self.found(),
+        };
         let is_pending = self.lengths().any(|length| {
             let evidence = &self.memory.evidence[length];
             let limits = &self.limits[length];
@@ -637,6 +682,22 @@ impl Session {
             most >= diagnoser.decision.pending_share
         });
         self.tell(found, is_pending);
+    }
+
+    /// The input that a shutdown waits for: a wrong reading of it would explain all that its actuator shows.
+    fn doubtful_shutdown(&self, diagnoser: &Diagnoser, claim: usize) -> Option<u32> {
+        let (actuator, action) = self.hypotheses.split(claim)?;
+        let is_off = self.rules.switches_off(action as u32);
+        self.doubtful(diagnoser, actuator).filter(|_| is_off)
+    }
+
+    /// The doubtful input of a shutdown for which there would be enough evidence.
+    fn withheld(&self, diagnoser: &Diagnoser) -> Option<u32> {
+        let mut claims = 1..self.hypotheses.count();
+        claims.find_map(|claim| {
+            let is_claimed = self.lengths().any(|length| self.margin(length, claim) >= 1.0);
+            self.doubtful_shutdown(diagnoser, claim).filter(|_| is_claimed)
+        })
     }
 
     fn raised(&self, length: usize, claim: usize, least_detail_confidence: f64) -> Raised {
@@ -688,6 +749,7 @@ impl Session {
             && classifier.agrees_on(claim, least)
             && evidence.of_unknown(&self.limits[length]) < 1.0
             && !self.is_contradicted(length, claim)
+            && self.doubtful_shutdown(diagnoser, claim).is_none()
     }
 
     /// Whether another length claims another actuator, or a longer one another action.

@@ -4,7 +4,7 @@ use crate::toy::{self, Fault, Flight, KINDS, Kind, SENSORS};
 use proptest::prelude::*;
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
 use servotwin_diagnosis::diagnoser::{
-    Alarm, Diagnoser, Finding, Invalid, Outcome, Raised, Session, State, Why,
+    Alarm, Boundary, Diagnoser, Finding, Invalid, Outcome, Raised, Session, State, Why,
 };
 use servotwin_diagnosis::random::Random;
 use std::sync::{Arc, OnceLock};
@@ -136,6 +136,38 @@ fn what_was_never_trained_on_switches_nothing_off() {
     }
     assert_eq!(session.outcome().finding, Finding::Unknown);
     assert!(unknown > 1000, "{unknown}");
+}
+
+/// Flies while both chambers of the first actuator lose a pressure that depends on what the twin expects in chamber A;
+/// the last outcome, and whether anything was raised.
+fn lose(session: &mut Session, lost: impl Fn(f64) -> f64) -> (Outcome, bool) {
+    let (mut flight, mut random, mut was_raised) = (Flight::new(6350), Random::new(3), false);
+    for k in 0..1500 {
+        let (inputs, mut measured, twin) = flight.next(None);
+        for place in 0..4 {
+            let lost = if place >= 2 && k >= 500 { lost(twin[2]) } else { 0.0 };
+            measured[place] = twin[place] - lost + 0.004 * (random.unit() - 0.5);
+        }
+        was_raised |= session.push(&inputs, &measured, &twin).raised.is_some();
+    }
+    (*session.outcome(), was_raised)
+}
+
+/// A wrong supply pressure shifts both chambers, and so does a leak. Only the leak grows with the load.
+#[test]
+fn a_shutdown_waits_while_a_wrong_boundary_value_explains_everything() {
+    let boundary = Boundary { input: 0, sensor: 2, effects: vec![(2, 1e-7), (3, 1e-7)] };
+    let knowing = Diagnoser { boundaries: vec![boundary], ..(*toy::diagnoser()).clone() };
+    let knowing = || Session::new(Arc::new(knowing.clone())).unwrap();
+    let (outcome, was_raised) = lose(&mut session(), |_| 0.15);
+    assert!(was_raised, "without the boundary a shift looks like a leak: {outcome:?}");
+    let (outcome, was_raised) = lose(&mut knowing(), |_| 0.15);
+    let doubtful = Finding::EnvironmentInvalid { input: 0, why: Why::Doubtful };
+    assert_eq!((outcome.finding, outcome.alarm), (doubtful, Alarm::Pending));
+    assert!(!was_raised);
+    let (outcome, was_raised) = lose(&mut knowing(), |twin| 0.1 + 0.15 * twin);
+    assert!(was_raised, "{outcome:?}");
+    assert_eq!(outcome.raised.map(|raised| (raised.actuator, raised.action)), Some((0, 0)));
 }
 
 #[test]

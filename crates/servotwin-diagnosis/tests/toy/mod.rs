@@ -266,6 +266,7 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         period_s: PERIOD_S,
         sensors: sensors(actuators),
         environment: environment(),
+        boundaries: vec![],
         lengths: vec![],
         baseline: None,
         conditional_band: None,

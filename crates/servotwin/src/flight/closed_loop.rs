@@ -206,10 +206,7 @@ impl<'f> Flight<'f> {
         } else {
             self.plant.step(&self.knots)
         };
-        stepped.map_err(|failure| RuntimeError::Twin {
-            state: program.states()[failure.state].name.clone(),
-            failure,
-        })
+        stepped.map_err(|failure| RuntimeError::of_twin(program, failure))
     }
 
     fn load(&mut self, time_s: f64) {

@@ -6,6 +6,7 @@
 //! - [`windows`]: the windows that a diagnosis examines
 //! - [`training_windows`]: the training windows cut out of flights, one table for each kind
 //! - [`train`]: trains a diagnoser: bands, trees and committee for each kind
+//! - [`boundaries`]: what a wrong reading of a boundary value does
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call per sample
 //! - [`watcher`]: the runtime on a log or a live stream
 //! - [`replay`]: the diagnosis of a recorded flight
@@ -15,6 +16,7 @@
 //! - [`unseen_faults`]: the response to faults outside the training data
 
 pub mod band;
+pub mod boundaries;
 pub mod campaign;
 pub mod closed_loop;
 pub mod hard_negatives;

@@ -5,7 +5,7 @@ use crate::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
 use servotwin_diagnosis::error::Error;
 use servotwin_model::lanes::Level;
-use servotwin_model::program::Slot;
+use servotwin_model::program::{Program, Slot};
 use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
 use std::sync::Arc;
 
@@ -42,6 +42,13 @@ pub enum RuntimeError {
         /// The failure of the solver, with its time.
         failure: Failure,
     },
+}
+
+impl RuntimeError {
+    /// A failure of the solver, with the name of its state.
+    pub(super) fn of_twin(program: &Program, failure: Failure) -> Self {
+        RuntimeError::Twin { state: program.states()[failure.state].name.clone(), failure }
+    }
 }
 
 /// The complete state of a runtime, for resuming with the same bits.
@@ -161,10 +168,7 @@ impl<'s> Runtime<'s> {
             self.twin.settle(inputs, &guess)
         };
         self.is_settled = stepped.is_ok();
-        stepped.map_err(|failure| RuntimeError::Twin {
-            state: self.study.system.program.states()[failure.state].name.clone(),
-            failure,
-        })?;
+        stepped.map_err(|failure| RuntimeError::of_twin(&self.study.system.program, failure))?;
         for (value, &slot) in self.expected.iter_mut().zip(&self.slots) {
             *value = self.twin.value(slot);
         }

@@ -121,6 +121,7 @@ pub fn diagnoser(
         format: diagnoser::FORMAT.into(),
         period_s: study.sample_period_s,
         sensors: sensors(study),
+        boundaries: vec![],
         environment: environment(study, flights),
         decision: decision::Settings {
             least_on: study.least_on(),

@@ -4,6 +4,7 @@ use crate::campaign::CampaignError;
 use crate::document::counted;
 use crate::evaluation::EvaluationError;
 use crate::files::FileError;
+use crate::flight::runtime::RuntimeError;
 use crate::parallel::Cancelled;
 use crate::study::StudyError;
 use crate::table::TableError;
@@ -99,6 +100,9 @@ pub enum JobError {
     /// Training or evaluation rejected the data.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
+    /// The twin cannot be simulated at rest.
+    #[error(transparent)]
+    Twin(#[from] RuntimeError),
 }
 
 fn in_data_set(path: &Path, error: &EvaluationError) -> String {

@@ -4,6 +4,7 @@ use super::{Folder, JobError, pools};
 use crate::campaign::CampaignError;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files::FileError;
+use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::hard_negatives;
 use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, WatchedFlights};
@@ -127,7 +128,9 @@ pub fn learn_from(
     hard_negatives::add(study, flights, setting, &mut lessons, &pools(study), crew.workers)?;
     let left_out = lessons.left_out();
     let tables = training_windows::tables(study, flights, setting, lessons, crew.workers)?;
-    let diagnoser = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
+    let trained = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
+    let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
+    let diagnoser = Diagnoser { boundaries, ..trained };
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
     Ok((diagnoser, left_out))
 }
