@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
 use servotwin::flight::campaign::FlightCampaign;
-use servotwin::flight::judge::{self, WatchedFlights};
+use servotwin::flight::judge::{self, Rates, WatchedFlights};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
 use servotwin::flight::{plan, unseen_faults};
@@ -209,7 +209,9 @@ pub fn fly_piece(
         let text = match diagnoser {
             None => to_text(&training_windows::cut(study, &flights, &flown)),
             Some(diagnoser) => {
-                to_text(&judge::watch(&flown, &diagnoser, &|_, _| ()).map_err(Failure::value)?)
+                let rates = Rates::of_size(full);
+                let watched = judge::watch(&flown, &diagnoser, rates, &|_, _| ());
+                to_text(&watched.map_err(Failure::value)?)
             }
         };
         check(watch)?;

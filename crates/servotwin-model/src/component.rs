@@ -3,6 +3,7 @@
 use crate::spec::Spec;
 use crate::wiring::Wiring;
 use alloc::string::String;
+use alloc::vec::Vec;
 
 /// A component of the catalogue.
 pub trait Component: Sync {
@@ -18,6 +19,12 @@ pub trait Component: Sync {
         None
     }
 
+    /// How the component's signal outputs follow its signal inputs in the steady state, within its limits. Empty for a
+    /// component that passes no signal on, or not by a linear law.
+    fn steady_gains(&self, _parameters: &[f64]) -> Vec<SteadyGain> {
+        Vec::new()
+    }
+
     /// Checks whether the parameters fit together. Each one alone is already
     /// checked against its declared range.
     ///
@@ -26,6 +33,17 @@ pub trait Component: Sync {
     fn check(&self, _parameters: &[f64]) -> Result<(), String> {
         Ok(())
     }
+}
+
+/// How a signal output follows a signal input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SteadyGain {
+    /// The name of the input port.
+    pub from: &'static str,
+    /// The name of the output port.
+    pub to: &'static str,
+    /// Change of the output for a change of the input, SI over SI.
+    pub gain: f64,
 }
 
 /// The measuring span of a sensor.

@@ -12,16 +12,17 @@
 //! evidence         n/2 ln(Σr² / (Σr² − (Σry)²/Σy²)) − 1/2 ln n                 (1)
 //! ```
 //!
-//! The sums take deviations from the means of windows, so a drift of δ does no harm. n counts independent samples. (1)
-//! is the criterion of Schwarz, "Estimating the Dimension of a Model", Annals of Statistics 6, 1978.
+//! The sums take deviations from the means of windows, so a drift of δ does no harm. (1) is the criterion of Schwarz,
+//! "Estimating the Dimension of a Model", Annals of Statistics 6, 1978. n counts independent samples. What is left of
+//! the residual beside the line is in part the white noise of the sensor, which is new in every sample. The other part
+//! is an error of the model, which is new in every window only.
 //!
 //! A shutdown waits for this evidence while a wrong reading explains all that the actuator shows: what is left of the
-//! mean residuals lies within their bands, and the corrected boundary value is a plausible one.
+//! mean residuals lies within their bands, and δ is no larger than a transducer's error.
 
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::environment::Input;
 use crate::error::Error;
 use crate::panel::SensorBand;
 use crate::residual::Window;
@@ -32,8 +33,9 @@ const NEEDED_NATS: f64 = 3.0;
 /// How long the sums remember, s. *Statistical*: ten seconds of motion tell a wrong reading from a leak.
 const MEMORY_S: f64 = 10.0;
 
-/// Time between independent samples of a residual, s. *Physical*: the response of valve and sensors.
-const INDEPENDENT_S: f64 = 0.05;
+/// The largest error of a reading that waits, in parts of the scale of the sensor next to the boundary. *Physical*: line
+/// transducers err by up to 4 % of their full scale, and a larger deviation is a failure of the supply.
+const LARGEST_ERROR: f64 = 0.05;
 
 /// What a wrong reading of one boundary value does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,14 +69,9 @@ impl Boundary {
         self.effects.iter().find(|(sensor, _)| *sensor == self.sensor).map(|(_, effect)| *effect)
     }
 
-    /// Whether a wrong reading explains a window: it moves the sensor next to the boundary out of its band, what is
-    /// left of all mean residuals lies within their bands, and the corrected value is plausible.
-    pub(super) fn explains(
-        &self,
-        window: &Window,
-        bands: &[SensorBand],
-        (input, value): (&Input, f64),
-    ) -> bool {
+    /// Whether a wrong reading explains a window: it moves the sensor next to the boundary out of its band, by no more
+    /// than a transducer errs, and what is left of all mean residuals lies within their bands.
+    pub(super) fn explains(&self, window: &Window, bands: &[SensorBand]) -> bool {
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
         for &(sensor, effect) in &self.effects {
@@ -86,9 +83,9 @@ impl Boundary {
         let is_left_in_band = |&(sensor, effect): &(u32, f64)| {
             (window.mean(sensor as usize) - wrong_by * effect).abs() <= half_width(sensor)
         };
-        let moved = wrong_by * self.effect().unwrap_or_default();
-        (input.least..=input.largest).contains(&(value + wrong_by))
-            && moved.abs() > half_width(self.sensor)
+        let moved = (wrong_by * self.effect().unwrap_or_default()).abs();
+        moved > half_width(self.sensor)
+            && moved <= LARGEST_ERROR
             && self.effects.iter().all(is_left_in_band)
     }
 }
@@ -99,27 +96,26 @@ impl Boundary {
 pub(super) struct Doubt {
     /// Consecutive windows in which the sensor next to the boundary deviated.
     deviating: u32,
-    /// Number of independent samples.
+    /// Number of samples, and of windows that share none.
     samples: f64,
+    windows: f64,
     /// Σr², Σry and Σy².
     sums: [f64; 3],
-    /// The newest boundary value.
-    pub value: f64,
 }
 
 impl Doubt {
     /// Whether a session can have stored these numbers.
     pub fn fits(&self) -> bool {
-        self.value.is_finite()
-            && self.samples >= 0.0
-            && self.sums.iter().chain([&self.samples]).all(|sum| sum.is_finite())
+        self.samples >= 0.0
+            && self.windows >= 0.0
+            && self.sums.iter().chain([&self.samples, &self.windows]).all(|sum| sum.is_finite())
             && self.sums[0] >= 0.0
             && self.sums[2] >= 0.0
     }
 
     /// Forgets all samples.
     pub fn clear(&mut self) {
-        (self.deviating, self.samples, self.sums) = (0, 0.0, [0.0; 3]);
+        *self = Doubt::default();
     }
 
     /// Takes a window of `panes` panes, of which `share` is new. A window that holds the onset of the deviation counts
@@ -141,7 +137,8 @@ impl Doubt {
         }
         let new = share * window.count() as f64;
         let kept = libm::exp(-new * period_s / MEMORY_S);
-        self.samples = kept * self.samples + new * (period_s / INDEPENDENT_S).min(1.0);
+        self.samples = kept * self.samples + new;
+        self.windows = kept * self.windows + share;
         let moments = [
             window.covariance(sensor, sensor),
             window.cross_covariance(sensor, sensor),
@@ -152,20 +149,23 @@ impl Doubt {
         }
     }
 
-    /// Equation (1), in nats.
-    fn evidence_nats(&self) -> f64 {
+    /// Equation (1), in nats. `noise` is the standard deviation of a sample of the residual by the sensor's noise, in
+    /// parts of scale.
+    fn evidence_nats(&self, noise: f64) -> f64 {
         let [of_residual, of_both, of_twin] = self.sums;
         if self.samples <= 1.0 || of_residual <= 0.0 || of_twin <= 0.0 {
             return 0.0;
         }
         let explained = of_both * of_both / (of_residual * of_twin);
         let left = (1.0 - explained).max(1e-12);
-        -0.5 * (self.samples * libm::log(left) + libm::log(self.samples))
+        let white = (self.samples * noise * noise / (left * of_residual)).min(1.0);
+        let independent = (white * self.samples + (1.0 - white) * self.windows).max(1.0);
+        -0.5 * (independent * libm::log(left) + libm::log(independent))
     }
 
-    /// Whether a wrong reading is still possible.
-    pub fn remains(&self) -> bool {
-        self.evidence_nats() < NEEDED_NATS
+    /// Whether a wrong reading is still possible; `noise` as the sensor's, in parts of scale.
+    pub fn remains(&self, noise: f64) -> bool {
+        self.evidence_nats(noise) < NEEDED_NATS
     }
 }
 
@@ -178,13 +178,14 @@ mod tests {
 
     const BOUNDARY: fn() -> Boundary =
         || Boundary { input: 0, sensor: 0, effects: vec![(0, 1e-7), (1, 0.5e-7)] };
-    const INPUT: fn() -> Input =
-        || Input { name: "supply".into(), least: 19e6, largest: 22e6, frozen_after_s: None };
 
     fn bands() -> Vec<SensorBand> {
         let band = |n: usize| SensorBand { sensor: format!("p_{n}"), half_width: 0.02 };
         (0..2).map(band).collect()
     }
+
+    /// The deviation of uniform noise 0.005 wide.
+    const NOISE: f64 = 0.00144;
 
     /// A window of 50 samples from `start`, with residuals of two sensors and the twin's drop of the first.
     fn window(
@@ -230,14 +231,24 @@ mod tests {
             let shift = -0.04 - 0.5 * moving(time_s);
             [shift, 0.5 * shift]
         };
-        assert!(!doubt(3, moving, leak).remains());
-        assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains());
+        assert!(!doubt(2, moving, leak).remains(NOISE));
+        assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains(NOISE));
+    }
+
+    /// A model error that happens to move with the flow for some seconds is no evidence, though its samples are many.
+    #[test]
+    fn an_error_that_is_the_same_throughout_a_window_counts_once() {
+        let swinging = |time_s: f64| {
+            let shift = -0.04 + 0.004 * libm::sin(3.1 * time_s);
+            [shift, 0.5 * shift]
+        };
+        assert!(doubt(4, moving, swinging).remains(NOISE));
     }
 
     /// Without motion nothing tells the two apart, however long it lasts.
     #[test]
     fn an_actuator_at_rest_stays_doubtful() {
-        assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains());
+        assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains(NOISE));
     }
 
     #[test]
@@ -245,22 +256,21 @@ mod tests {
         let leak = |time_s: f64| [-0.04 - 0.5 * moving(time_s), -0.02];
         let mut doubt = doubt(3, moving, leak);
         doubt.take(&BOUNDARY(), &window(0, moving, |_| [0.0, 0.0]), 0.02, (5, 0.2, 0.01));
-        assert!(doubt.remains() && doubt.samples == 0.0);
+        assert!(doubt.remains(NOISE) && doubt.samples == 0.0);
     }
 
     #[test]
-    fn a_wrong_reading_moves_all_sensors_in_its_direction_and_stays_plausible() {
-        let explains = |residual: [f64; 2], value: f64| {
+    fn a_wrong_reading_moves_all_sensors_in_its_direction_by_no_more_than_transducers_err() {
+        let explains = |residual: [f64; 2]| {
             let window = window(0, |_| 0.0, |_| residual);
-            BOUNDARY().explains(&window, &bands(), (&INPUT(), value))
+            BOUNDARY().explains(&window, &bands())
         };
-        assert!(explains([-0.08, -0.04], 20.5e6));
-        assert!(explains([0.08, 0.04], 20.5e6));
+        assert!(explains([-0.04, -0.02]));
+        assert!(explains([0.04, 0.02]));
         // Only the sensor next to the boundary moves: it is this sensor's own fault.
-        assert!(!explains([-0.08, 0.0], 20.5e6));
-        // 3 MPa less than the told 20.5 MPa is no supply pressure of this aircraft.
-        assert!(!explains([-0.3, -0.15], 20.5e6));
-        assert!(!explains([0.0, 0.0], 20.5e6), "nothing deviates, so there is nothing to explain");
+        assert!(!explains([-0.04, 0.03]));
+        assert!(!explains([-0.08, -0.04]), "no transducer errs by 8 % of its scale");
+        assert!(!explains([0.0, 0.0]), "nothing deviates, so there is nothing to explain");
     }
 
     #[test]

@@ -565,9 +565,6 @@ impl Session {
     fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
         self.memory.gap = 0;
         self.ask(diagnoser, inputs, twin);
-        for (doubt, boundary) in self.memory.doubts.iter_mut().zip(&diagnoser.boundaries) {
-            doubt.value = inputs[boundary.input as usize];
-        }
         let is_lacking = matches!(self.memory.outcome.alarm, Alarm::NoData | Alarm::Error);
         if self.memory.settling > 0 {
             self.memory.settling -= 1;
@@ -645,10 +642,10 @@ impl Session {
     fn doubtful(&self, diagnoser: &Diagnoser, actuator: usize) -> Option<u32> {
         let (window, bands) = (self.streams.window(0), &diagnoser.lengths[0].panel.bands);
         let is_doubtful = |(boundary, doubt): &(&Boundary, &Doubt)| {
-            let input = &diagnoser.environment.inputs[boundary.input as usize];
-            diagnoser.sensors[boundary.sensor as usize].actuator == Some(actuator as u32)
-                && doubt.remains()
-                && boundary.explains(window, bands, (input, doubt.value))
+            let sensor = &diagnoser.sensors[boundary.sensor as usize];
+            sensor.actuator == Some(actuator as u32)
+                && doubt.remains(sensor.noise)
+                && boundary.explains(window, bands)
         };
         let mut pairs = diagnoser.boundaries.iter().zip(&self.memory.doubts);
         pairs.find(is_doubtful).map(|(boundary, _)| boundary.input)

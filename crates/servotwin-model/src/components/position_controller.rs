@@ -14,11 +14,13 @@
 //! valves of that name.
 
 use super::gain::{gain_high, gain_low};
-use crate::component::Component;
+use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Port, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
+use alloc::vec;
+use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_2;
 
 /// A continuous position loop; see the module documentation.
@@ -115,6 +117,22 @@ impl Component for PositionController {
         wiring.equation::<LimitedCurrent, 2, 1, 0>(0, inputs, [Output::add(current)]);
         wiring.set("current", current.variable());
     }
+
+    fn steady_gains(&self, parameters: &[f64]) -> Vec<SteadyGain> {
+        loop_gains(parameters)
+    }
+}
+
+/// How the current of a position loop follows what its sensors read: (K1) and (K2) for changes that are fast beside the
+/// washout.
+pub(crate) fn loop_gains(parameters: &[f64]) -> Vec<SteadyGain> {
+    let of_pressure = parameters[index::pressure_gain] / parameters[index::pressure_reference_pa];
+    let gain = |from, gain| SteadyGain { from, to: "current", gain };
+    vec![
+        gain("position", -parameters[index::gain_per_m]),
+        gain("pressure_a", -of_pressure),
+        gain("pressure_b", of_pressure),
+    ]
 }
 
 /// The constants of [`demand`].
@@ -188,5 +206,33 @@ impl Equation<2, 1, 0> for LimitedCurrent {
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [demand, mode]: [S; 2]) -> [S; 1] {
         [limited(demand, mode)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    /// The declared gains are the slopes of (K1) and (K2).
+    #[test]
+    fn the_gains_of_the_loop_are_those_of_its_equations() {
+        let demand = constants::<PositionDemand, 3, 1, 3>(&PositionController, &[], 0);
+        let feedback = constants::<PressureFeedback, 3, 2, 2>(&PositionController, &[], 0);
+        let current = |[position, p_a, p_b]: [f64; 3]| {
+            let [wanted] = PositionDemand::evaluate(&demand, [0.1, position, 0.0]);
+            let [damping, _] = PressureFeedback::evaluate(&feedback, [p_a, p_b, 0.0]);
+            wanted - damping
+        };
+        let at_rest = current([0.0; 3]);
+        let parameters: Vec<f64> = PARAMETERS.iter().filter_map(|known| known.default).collect();
+        let gains = PositionController.steady_gains(&parameters);
+        for (place, change) in [1e-3, 1e5, 1e5].into_iter().enumerate() {
+            let mut readings = [0.0; 3];
+            readings[place] = change;
+            let slope = (current(readings) - at_rest) / change;
+            let SteadyGain { from, gain, .. } = gains[place];
+            assert!((slope / gain - 1.0).abs() < 1e-9, "{from}: {gain} instead of {slope}");
+        }
     }
 }

@@ -13,14 +13,15 @@
 //! Source: the zero-order hold of Åström & Wittenmark 1997.
 
 use super::position_controller::{
-    self as continuous, FAULTS, PORTS, demand, demand_constants, feedback_gain, limited,
+    self as continuous, FAULTS, PORTS, demand, demand_constants, feedback_gain, limited, loop_gains,
 };
-use crate::component::Component;
+use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Parameter, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 use alloc::string::String;
+use alloc::vec::Vec;
 
 /// A sampled position loop; see the module documentation.
 pub struct SampledPositionController;
@@ -77,6 +78,10 @@ impl Component for SampledPositionController {
         } else {
             Err("delay_samples must be 0, 1 or 2".into())
         }
+    }
+
+    fn steady_gains(&self, parameters: &[f64]) -> Vec<SteadyGain> {
+        loop_gains(parameters)
     }
 }
 

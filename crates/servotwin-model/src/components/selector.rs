@@ -16,11 +16,13 @@
 //!
 //! Source: an ideal element, by definition.
 
-use crate::component::Component;
+use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
+use alloc::vec;
+use alloc::vec::Vec;
 
 /// A selector; see the module documentation.
 pub struct Selector;
@@ -58,6 +60,11 @@ impl Component for Selector {
         let inputs = [first, vote, select];
         wiring.equation::<Selection, 3, 1, 0>(0, inputs, [Output::add(output)]);
         wiring.set("output", output.variable());
+    }
+
+    /// Those of the first displacement; a vote is not linear.
+    fn steady_gains(&self, _parameters: &[f64]) -> Vec<SteadyGain> {
+        vec![SteadyGain { from: "first", to: "output", gain: 1.0 }]
     }
 }
 

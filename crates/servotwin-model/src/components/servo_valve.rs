@@ -40,11 +40,13 @@ use super::spool::{
     connect_edges, damping_loss, gain_high, gain_low, jam, motion_variables,
     natural_frequency_loss, ports, spool_constants, spool_motion, states,
 };
-use crate::component::Component;
+use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
+use alloc::vec;
+use alloc::vec::Vec;
 
 /// A two-stage servo valve; see the module documentation.
 pub struct ServoValve;
@@ -195,6 +197,11 @@ impl Component for ServoValve {
         connect_edges::<EdgeFlow, 9>(wiring);
         let flow = Output::transfer(wiring.flow("p"), wiring.flow("t"));
         wiring.equation::<PilotFlow, 2, 1, 3>(0, pressures, [flow]);
+    }
+
+    fn steady_gains(&self, parameters: &[f64]) -> Vec<SteadyGain> {
+        let gain = parameters[index::stroke_m] * parameters[index::current_gain];
+        vec![SteadyGain { from: "current", to: "spool_position", gain }]
     }
 }
 

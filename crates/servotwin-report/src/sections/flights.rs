@@ -90,7 +90,9 @@ impl Section for Flights {
             words.off()
         ));
         page.heading("False alarms against latency");
-        trade(results, words, page);
+        if results.merits.iter().any(|merit| merit.trade.len() > 1) {
+            trade(results, words, page);
+        }
         wrong_kinds(results, words, page);
     }
 }

@@ -1,7 +1,8 @@
 //! Evaluates the diagnosis over many flights: latency, certainty and errors.
 //!
-//! Every flight has an environment, a specimen and noise that were not used in training. The same flights are evaluated
-//! at several target rates of false alarms, which gives the trade-off between alarms and latency.
+//! Every flight has an environment, a specimen and noise that were not used in training. In the full size, the same
+//! flights are evaluated at several target rates of false alarms, which gives the trade-off between alarms and latency.
+//! The few hours of the usual size cannot tell these rates apart.
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Onset, Purpose};
@@ -180,7 +181,7 @@ pub struct FlightMetrics {
     pub healthy: HealthyMetrics,
     /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
-    /// The trade-off between alarms and latency.
+    /// The trade-off between alarms and latency; in the usual size only the diagnoser's own target rate.
     pub trade: Vec<TradePoint>,
     /// Kinds of fault for which a shutdown of the wrong actuator was raised, with the number of flights.
     pub wrong_kinds: Vec<(String, u64)>,
@@ -343,6 +344,22 @@ impl Observer for Watching {
     }
 }
 
+/// The target rates of false alarms of which a diagnoser is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rates {
+    /// The diagnoser's own.
+    Own,
+    /// Others besides, for the trade-off between alarms and latency.
+    Several,
+}
+
+impl Rates {
+    /// Those for flights of the full size, or of the usual one.
+    pub fn of_size(is_full: bool) -> Self {
+        if is_full { Rates::Several } else { Rates::Own }
+    }
+}
+
 /// Flies the planned flights of a scenario, observed by a diagnoser.
 ///
 /// # Errors
@@ -350,6 +367,7 @@ impl Observer for Watching {
 pub fn watch(
     flown: &FlightCampaign,
     diagnoser: &Diagnoser,
+    rates: Rates,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<WatchedFlights, Error> {
     let with_rate = |false_alarms_per_h| {
@@ -357,7 +375,10 @@ pub fn watch(
         other.decision.false_alarms_per_h = false_alarms_per_h;
         Session::new(Arc::new(other))
     };
-    let sessions = asked(diagnoser).into_iter().map(with_rate).collect::<Result<Vec<_>, _>>()?;
+    let sessions = match rates {
+        Rates::Own => vec![Session::new(Arc::new(diagnoser.clone()))?],
+        Rates::Several => asked(diagnoser).into_iter().map(with_rate).collect::<Result<_, _>>()?,
+    };
     Ok(watched(flown, &sessions, None, progress))
 }
 
@@ -515,6 +536,7 @@ impl Judged<'_> {
         let soon = |time_s: f64| time_s <= limit_s;
         let mut trade: Vec<TradePoint> = asked(self.diagnoser)
             .iter()
+            .take(self.sessions())
             .enumerate()
             .map(|(s, rate)| self.trade(s, *rate))
             .collect();
@@ -544,6 +566,11 @@ impl Judged<'_> {
             trade,
             wrong_kinds,
         }
+    }
+
+    /// The number of target rates that every flight was judged at.
+    fn sessions(&self) -> usize {
+        self.ended.first().map_or(1, |ended| ended.stories.len())
     }
 
     fn off_command(&self) -> Option<&str> {

@@ -7,7 +7,7 @@ use crate::files::FileError;
 use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::hard_negatives;
-use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, WatchedFlights};
+use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, Rates, WatchedFlights};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
@@ -172,7 +172,7 @@ pub fn fly_all(
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
             (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
         };
-        let watched = judge::watch(&flown, &diagnoser, &told);
+        let watched = judge::watch(&flown, &diagnoser, Rates::of_size(is_full), &told);
         crew.check()?;
         let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
         let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);

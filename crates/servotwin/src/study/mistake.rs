@@ -33,6 +33,11 @@ pub(crate) enum Mistake {
     /// An actuator with the empty name, which stands for the whole system, next to other actuators.
     #[error("the unit '' is the whole system, which has no other units")]
     WholeBesideUnits,
+    /// A sensor that should follow a controller, but no controller drives what it measures.
+    #[error(
+        "no controller drives what '{sensor}' measures by what other sensors of the study read"
+    )]
+    NoController { sensor: String },
     /// A study whose classes have no faults.
     #[error("the study has no faults")]
     NoFaults,

@@ -11,6 +11,7 @@ pub mod evaluating;
 pub mod faults;
 pub mod flights;
 mod keys;
+mod laws;
 mod mistake;
 mod quick;
 pub mod reactions;
@@ -115,6 +116,9 @@ section! {
         must quantity: String = QUANTITY, "role of the sensor in the diagnosis";
         must unit: usize = Value::Whole(0.0, 1e6),
             "position of its channel in `units`, from 1; 0 for none";
+        #[serde(default)]
+        may follows_controller: bool,
+            "whether it follows other sensors by the law of the controller that drives it";
         #[serde(default)]
         may follows: BTreeMap<String, f64>,
             "slopes against the sensors that it follows by a law, in SI units";
@@ -722,6 +726,15 @@ impl Reader<'_> {
         for (place, sensor) in seen.iter_mut().enumerate() {
             let id = &self.system.sensors[measured[place]].id;
             let Some(text) = self.text.sensors.get(id) else { continue };
+            if text.follows_controller {
+                let law = laws::of_controller(self.system, measured, place);
+                let at = Place::of(&["sensors", id, "follows_controller"]);
+                if law.is_empty() {
+                    self.note(&self.span(&at), Mistake::NoController { sensor: id.clone() });
+                }
+                sensor.follows = self.in_scales(measured, place, &law);
+                continue;
+            }
             let at = Place::of(&["sensors", id, "follows"]);
             let (count, few) = (text.follows.len(), text.follows.len() <= MAX_FOLLOWED);
             let _ = self.range(&at, count as f64, few, format!("at most {MAX_FOLLOWED} others"));
@@ -730,6 +743,17 @@ impl Reader<'_> {
             };
             sensor.follows = text.follows.iter().filter_map(follow).collect();
         }
+    }
+
+    /// The sensors that a sensor follows, with weights in shares of scale instead of SI.
+    fn in_scales(
+        &self,
+        measured: &[usize],
+        place: usize,
+        law: &[(usize, f64)],
+    ) -> Vec<(usize, f64)> {
+        let scale = |place: usize| self.system.sensors[measured[place]].scale;
+        law.iter().map(|&(other, weight)| (other, weight * (scale(other) / scale(place)))).collect()
     }
 
     /// The place of a followed sensor, and its weight in shares of scale.
@@ -747,7 +771,7 @@ impl Reader<'_> {
         let other = other.ok_or_else(|| {
             self.unknown(&at.key(followed).name(), OTHER_SENSOR, followed, known())
         })?;
-        Ok((other, weight * (sensor(other).scale / sensor(place).scale)))
+        Ok(self.in_scales(measured, place, &[(other, weight)])[0])
     }
 
     /// The standard deviation of a sample from noise and quantization, as a share of the sensor's scale.

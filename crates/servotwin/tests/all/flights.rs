@@ -3,7 +3,7 @@
 
 use servotwin::flight::campaign::FlightCampaign;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
-use servotwin::flight::judge::{self, FlightMetrics, WatchedFlights};
+use servotwin::flight::judge::{self, FlightMetrics, Rates, WatchedFlights};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
 use servotwin::flight::unseen_faults;
@@ -80,7 +80,7 @@ fn merit(threads: usize) -> FlightMetrics {
         Workers::new(threads),
     )
     .unwrap();
-    let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
+    let watched = judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap();
     judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched)
 }
 
@@ -147,7 +147,7 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
 
     let mut watched = WatchedFlights::default();
     for flown in apart(Purpose::Judge, 2) {
-        let sent = text(&judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap());
+        let sent = text(&judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap());
         watched.add(serde_json::from_str(&sent).unwrap());
     }
     let found = judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched);
