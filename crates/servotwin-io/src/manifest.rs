@@ -135,10 +135,11 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 11] = [
+const WRITERS: [(&str, &str); 12] = [
     ("study.toml", "campaign STUDY --out FOLDER"),
     ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
+    ("data-card.md", "features FOLDER"),
     ("calibration-", "campaign STUDY --setting fitted --out FOLDER"),
     ("hierarchy-", "train FOLDER"),
     ("panel-", "train FOLDER"),

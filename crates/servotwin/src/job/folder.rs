@@ -5,6 +5,7 @@
 //! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
 //! | `dataset-<setting>.parquet`, `shards/` | campaign: the operating cases of the evaluation |
 //! | `dataset-<setting>-training.parquet` | campaign: the training commands |
+//! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
 //! | `hierarchy-<subject>.json` | train: the nine trees |
 //! | `panel-<subject>.json` | train: trees, committee and bands |
@@ -59,6 +60,11 @@ impl Folder {
     /// The file of a setting's data set.
     pub fn data_set(&self, setting: Setting, role: Role) -> PathBuf {
         self.0.join(format!("dataset-{}{}.parquet", setting.name(), role.suffix()))
+    }
+
+    /// The file that describes the data sets.
+    pub fn data_card(&self) -> PathBuf {
+        self.0.join("data-card.md")
     }
 
     /// The file of the hierarchy trained for a subject.
@@ -123,6 +129,7 @@ impl Folder {
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
+        files.push(self.data_card());
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
         files.extend(self.figure_files()?);
         files.retain(|file| file.exists());
@@ -310,7 +317,7 @@ fn is_text(path: impl AsRef<Path>, text: &str) -> bool {
 }
 
 /// Writes a text unless the file already contains it. In that case the manifest's hash stays valid.
-fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     if is_text(path, text) && manifest::check(path).is_ok() {
         return Ok(());
     }

@@ -4,6 +4,7 @@
 //! change one thing and repeat the rest. A [`Subject`] of the diagnosis is a data set, with or
 //! without the extra sensor.
 
+pub mod data_card;
 mod error;
 pub mod flights;
 pub mod folder;

@@ -382,6 +382,12 @@ impl Study {
         Role::ALL.into_iter().filter(there).collect()
     }
 
+    /// The input that carries the load, as an index into the system's inputs; `None` for a study without loads.
+    pub fn load_input(&self) -> Option<usize> {
+        let load = self.parsed.load.as_ref()?;
+        self.system.network().inputs.iter().position(|input| input.id == load.input)
+    }
+
     /// The sensors as seen by features in a setting.
     pub fn sensors_in(&self, setting: Setting) -> Sensors {
         let is_noisy = setting.has_noise();

@@ -4,6 +4,7 @@ mod aileron;
 mod cavitation;
 mod compiled;
 mod crane;
+mod data_card;
 mod effort;
 mod errors;
 mod evaluating;

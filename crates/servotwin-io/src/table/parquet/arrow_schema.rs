@@ -196,6 +196,9 @@ mod tests {
 
     #[test]
     fn base64_fills_up_the_last_group() {
-        assert_eq!(["", "M", "Ma", "Man"].map(|t| base64(t.as_bytes())), ["", "TQ==", "TWE=", "TWFu"]);
+        assert_eq!(
+            ["", "M", "Ma", "Man"].map(|t| base64(t.as_bytes())),
+            ["", "TQ==", "TWE=", "TWFu"]
+        );
     }
 }
