@@ -45,7 +45,6 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
 struct DataFile {
     name: String,
     setting: Setting,
-    role: Role,
     columns: Table,
     rows: usize,
     failed: usize,
@@ -62,7 +61,6 @@ impl DataFile {
         let mut file = DataFile {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             setting,
-            role,
             columns: ParquetReader::open(&path)?.schema().clone(),
             rows: 0,
             failed: 0,
