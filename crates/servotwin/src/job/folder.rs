@@ -11,6 +11,8 @@
 //! | `panel-<subject>.json` | train: trees, committee and bands |
 //! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
+//! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
+//! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
 //! | `band-<setting>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
@@ -92,6 +94,11 @@ impl Folder {
         self.0.join("flights.json")
     }
 
+    /// The file with the results in sealed environments.
+    pub fn sealed_flights(&self) -> PathBuf {
+        self.0.join("flights-sealed.json")
+    }
+
     /// The file with the figures of merit of flights with a missing sensor.
     pub fn missing_sensors(&self) -> PathBuf {
         self.0.join("missing_sensors.json")
@@ -129,7 +136,7 @@ impl Folder {
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
-        files.push(self.data_card());
+        files.extend([self.data_card(), self.sealed_flights()]);
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
         files.extend(self.figure_files()?);
         files.retain(|file| file.exists());

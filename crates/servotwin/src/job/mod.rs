@@ -12,6 +12,7 @@ pub mod hold;
 pub mod manifest;
 pub mod results;
 pub mod run;
+pub mod sealed;
 mod subject;
 #[cfg(test)]
 mod tests;

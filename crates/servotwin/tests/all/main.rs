@@ -23,6 +23,7 @@ mod places;
 mod relief;
 mod runtime;
 mod schema;
+mod sealed;
 mod step_page;
 mod study_mistakes;
 mod system;
