@@ -108,7 +108,8 @@ fn text(study: &Study, files: &[DataFile]) -> String {
 
 fn origin(out: &mut String, study: &Study, files: &[DataFile]) {
     let system = &study.system;
-    let command = match (study.is_full, files.iter().any(|file| !file.setting.is_usual())) {
+    let needs_full = study.is_full && study.has_quick_size();
+    let command = match (needs_full, files.iter().any(|file| !file.setting.is_usual())) {
         (true, false) => "servotwin campaign STUDY --full --out FOLDER",
         (false, false) => "servotwin campaign STUDY --out FOLDER",
         (true, true) => "servotwin campaign STUDY --full --setting SCENARIO --out FOLDER",
@@ -238,7 +239,7 @@ const LIMITS: &str = "## Known biases and limits\n\n\
     - The runs of one fault differ only by command, load and specimen, so rows are not independent. Intervals need \
     clusters by kind and intensity.\n\
     - Rows with `reflected` are symmetric copies, and their sensor values are no new evidence.\n\
-    - Faults of low intensity may be invisible. `detectable` tells them apart by the paper's band of 3 %.\n\n";
+    - Faults of low intensity may be invisible. `detectable` marks the visible ones, by the paper's band of 3 %.\n\n";
 
 fn citation(study: &Study) -> String {
     format!(

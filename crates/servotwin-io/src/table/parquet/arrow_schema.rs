@@ -20,7 +20,7 @@ pub(super) fn encode(table: &Table) -> String {
     let mut buffer = Buffer(vec![0; 4]);
     let message = buffer.table(&[Entry::Short(VERSION), Entry::Byte(SCHEMA), Entry::Link]);
     buffer.set(0, message as u32);
-    let schema = buffer.table(&[Entry::Absent, Entry::Link]);
+    let schema = buffer.table(&[Entry::Absent, Entry::Link, Entry::Link]);
     buffer.link(message, 2, schema);
     let fields = buffer.vector(table.columns().len());
     buffer.link(schema, 1, fields);
@@ -28,6 +28,11 @@ pub(super) fn encode(table: &Table) -> String {
         let field = buffer.field(column);
         buffer.point(fields + 4 + 4 * number, field);
     }
+    // Arrow's readers take the notes of the whole table from here, not from the file's own metadata.
+    let notes: Vec<_> =
+        table.metadata.iter().map(|(key, note)| (key.as_str(), note.as_str())).collect();
+    let pairs = buffer.pairs(&notes);
+    buffer.link(schema, 2, pairs);
     buffer.align(8);
     // The mark of an encapsulated message, then its length.
     let mut message = vec![0xFF; 4];
@@ -136,11 +141,17 @@ impl Buffer {
         self.link(field, 3, kind);
         let children = self.vector(0);
         self.link(field, 5, children);
-        let facts = [("unit", &column.unit), ("description", &column.description)];
+        let facts = [("unit", column.unit.as_str()), ("description", &column.description)];
         let facts: Vec<_> = facts.into_iter().filter(|(_, value)| !value.is_empty()).collect();
-        let pairs = self.vector(facts.len());
+        let pairs = self.pairs(&facts);
         self.link(field, 6, pairs);
-        for (number, (key, value)) in facts.into_iter().enumerate() {
+        field
+    }
+
+    /// Writes a vector of keys and values; returns its place.
+    fn pairs(&mut self, facts: &[(&str, &str)]) -> usize {
+        let pairs = self.vector(facts.len());
+        for (number, &(key, value)) in facts.iter().enumerate() {
             let pair = self.table(&[Entry::Link, Entry::Link]);
             self.point(pairs + 4 + 4 * number, pair);
             let key = self.text(key);
@@ -148,7 +159,7 @@ impl Buffer {
             let value = self.text(value);
             self.link(pair, 1, value);
         }
-        field
+        pairs
     }
 }
 
