@@ -69,8 +69,7 @@ impl Table {
             let name: String = name?.extract()?;
             let values = array::values(&name, &columns.get_item(&name)?)?;
             let unit = units.get(&name).cloned().unwrap_or_default();
-            let column = Column::new(name, unit, values).described(description);
-            table.push(column).map_err(Failure::from)?;
+            table.push(Column::new(name, unit, values)).map_err(Failure::from)?;
         }
         Ok(table.into())
     }
