@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict, PyList};
 use servotwin::recording::{self, Recorded};
 use servotwin::table::{self as tables, Column, Kind, Values};
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -51,7 +52,7 @@ impl Table {
 }
 
 /// A column as it is pickled: name, unit and description, kind, values.
-type Part<'py> = (String, (String, String), &'static str, Bound<'py, PyAny>);
+type Part<'py> = (String, (String, String), String, Bound<'py, PyAny>);
 
 #[pymethods]
 impl Table {
@@ -250,7 +251,7 @@ impl Table {
             };
             let values = array::column(py, inner, place)?;
             let facts = (column.unit.clone(), column.description.clone());
-            Ok((column.name.clone(), facts, kind, values))
+            Ok((column.name.clone(), facts, kind.into(), values))
         };
         let parts = inner.columns().iter().enumerate().map(part).collect::<PyResult<Vec<_>>>()?;
         let make = py.get_type::<Table>().getattr("_from_parts")?;
@@ -260,10 +261,7 @@ impl Table {
 
     /// Called by `pickle`.
     #[staticmethod]
-    fn _from_parts(
-        parts: Vec<(String, (String, String), String, Bound<'_, PyAny>)>,
-        metadata: BTreeMap<String, String>,
-    ) -> PyResult<Self> {
+    fn _from_parts(parts: Vec<Part<'_>>, metadata: BTreeMap<String, String>) -> PyResult<Self> {
         let mut table = tables::Table::new();
         table.metadata = metadata;
         for (name, (unit, description), kind, given) in parts {
