@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict, PyList};
 use servotwin::recording::{self, Recorded};
 use servotwin::table::{self as tables, Column, Kind, Values};
-
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
