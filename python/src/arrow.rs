@@ -123,9 +123,9 @@ impl ArrowSchema {
                 Values::Flag(_) => "b",
                 Values::Text(_) => "U",
             };
-            let unit = [("unit", column.unit.as_str())];
-            let pairs = if column.unit.is_empty() { &unit[..0] } else { &unit[..] };
-            ArrowSchema::new(format, &column.name, pairs, vec![])
+            let facts = [("unit", column.unit.as_str()), ("description", &column.description)];
+            let pairs: Vec<_> = facts.into_iter().filter(|(_, text)| !text.is_empty()).collect();
+            ArrowSchema::new(format, &column.name, &pairs, vec![])
         });
         let pairs: Vec<(&str, &str)> =
             table.metadata.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();

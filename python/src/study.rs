@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use servotwin::campaign::columns::feature_columns_of;
 use servotwin::campaign::{Campaign, CampaignError, Outcome, Part, Prepared, runs};
 use servotwin::evaluation::EvaluationError;
-use servotwin::job::{self, Among, Folder, JobError, manifest};
+use servotwin::job::{self, Among, Folder, JobError, data_card, manifest};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
@@ -316,6 +316,7 @@ pub fn run_campaign(
             list.push(done(role, &settings, outcome)?);
         }
         if part.is_none() {
+            data_card::write(&folder, study)?;
             manifest::write(&folder, study)?;
         }
         Ok(list)
@@ -419,6 +420,7 @@ pub fn merge_shards(
             let campaign = planned(&study, role, settings.clone(), &folder, None, watch);
             list.push(done(role, &settings, campaign.merge()?)?);
         }
+        data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
         Ok(list)
     })?;
@@ -454,6 +456,7 @@ pub fn make_features(
             Campaign::stored(folder.path(), &study, setting, role).features()?;
         }
         watch.tell("features", there.len(), there.len());
+        data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
         Ok(there.into_iter().map(|(s, r)| folder.data_set(s, r)).collect())
     })?;

@@ -50,8 +50,8 @@ impl Table {
     }
 }
 
-/// A column as it is pickled: name, unit, kind, values.
-type Part<'py> = (String, String, &'static str, Bound<'py, PyAny>);
+/// A column as it is pickled: name, unit and description, kind, values.
+type Part<'py> = (String, (String, String), String, Bound<'py, PyAny>);
 
 #[pymethods]
 impl Table {
@@ -106,10 +106,16 @@ impl Table {
         self.inner.names().collect()
     }
 
-    /// The SI unit of every column; empty for pure numbers and texts.
+    /// The SI unit of every column; empty for texts, truth values, and numbers of which no unit is known.
     #[getter]
     fn units(&self) -> BTreeMap<&str, &str> {
         self.inner.columns().iter().map(|c| (c.name.as_str(), c.unit.as_str())).collect()
+    }
+
+    /// A sentence about every column; empty where the file has none.
+    #[getter]
+    fn descriptions(&self) -> BTreeMap<&str, &str> {
+        self.inner.columns().iter().map(|c| (c.name.as_str(), c.description.as_str())).collect()
     }
 
     /// Notes about the whole table.
@@ -243,7 +249,8 @@ impl Table {
                 _ => "as it is",
             };
             let values = array::column(py, inner, place)?;
-            Ok((column.name.clone(), column.unit.clone(), kind, values))
+            let facts = (column.unit.clone(), column.description.clone());
+            Ok((column.name.clone(), facts, kind.into(), values))
         };
         let parts = inner.columns().iter().enumerate().map(part).collect::<PyResult<Vec<_>>>()?;
         let make = py.get_type::<Table>().getattr("_from_parts")?;
@@ -253,18 +260,16 @@ impl Table {
 
     /// Called by `pickle`.
     #[staticmethod]
-    fn _from_parts(
-        parts: Vec<(String, String, String, Bound<'_, PyAny>)>,
-        metadata: BTreeMap<String, String>,
-    ) -> PyResult<Self> {
+    fn _from_parts(parts: Vec<Part<'_>>, metadata: BTreeMap<String, String>) -> PyResult<Self> {
         let mut table = tables::Table::new();
         table.metadata = metadata;
-        for (name, unit, kind, given) in parts {
+        for (name, (unit, description), kind, given) in parts {
             let values = match kind.as_str() {
                 "text" => Values::Text(given.call_method0("tolist")?.extract()?),
                 _ => array::values(&name, &given)?,
             };
-            table.push(Column::new(name, unit, values)).map_err(Failure::from)?;
+            let column = Column::new(name, unit, values).described(description);
+            table.push(column).map_err(Failure::from)?;
         }
         Ok(table.into())
     }

@@ -81,6 +81,9 @@ def test_a_whole_run_gives_the_bytes_of_the_stages_and_its_results(study, folder
     assert data_sets and all(run[name] == staged[name] for name in data_sets)
     assert results.evaluation == json.loads((tmp_path / "evaluation.json").read_text())
     assert results.flights == json.loads((tmp_path / "flights.json").read_text())
+    assert results.data_card == (tmp_path / "data-card.md").read_text()
+    field = results.table("noise").to_arrow().schema.field("first_excursion_s")
+    assert field.metadata[b"unit"] == b"s" and field.metadata[b"description"]
     assert results.table("noise").to_arrow() == servotwin.data_set(tmp_path, "noise").to_arrow()
     assert list(results.trees) == ["ideal", "noise", "realistic"]
     written = servotwin.trees(tmp_path / "hierarchy-noise.json")

@@ -135,16 +135,18 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 11] = [
+const WRITERS: [(&str, &str); 13] = [
     ("study.toml", "campaign STUDY --out FOLDER"),
     ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
+    ("data-card.md", "features FOLDER"),
     ("calibration-", "campaign STUDY --setting fitted --out FOLDER"),
     ("hierarchy-", "train FOLDER"),
     ("panel-", "train FOLDER"),
     ("diagnoser-", "flights STUDY --out FOLDER"),
     ("band-", "band STUDY --out FOLDER"),
     ("flights.json", "flights STUDY --out FOLDER"),
+    ("flights-sealed.json", "flights STUDY --sealed --out FOLDER"),
     ("missing_sensors.json", "flights STUDY --missing-sensors --out FOLDER"),
     ("evaluation.json", "evaluate FOLDER"),
 ];

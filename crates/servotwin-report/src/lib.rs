@@ -28,7 +28,7 @@ use looks::Looks;
 use page::{Entry, Page};
 use servotwin::campaign::Comparison;
 use servotwin::flight::band::BandMerit;
-use servotwin::job::flights::FlightResults;
+use servotwin::job::flights::{FlightResults, SealedResults};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject};
@@ -48,6 +48,8 @@ pub struct Material<'a> {
     pub hierarchies: &'a [(Subject, Hierarchy)],
     /// The results of the flights, if the study has any.
     pub flights: Option<&'a FlightResults>,
+    /// The results in sealed environments, if any were opened.
+    pub sealed: Option<&'a SealedResults>,
     /// The learned conditional bands and their figures of merit.
     pub bands: &'a [BandMerit],
     /// True and fitted parameters of the specimens in the fitted setting.

@@ -14,7 +14,8 @@ use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
-use servotwin::job::flights::FlightResults;
+use servotwin::job::flights::{FlightResults, SealedResults};
+use servotwin::job::sealed::Openings;
 use servotwin::study::Study;
 
 /// The measured results of a study.
@@ -29,6 +30,18 @@ pub struct Measured {
     /// The scenarios of the campaign.
     pub variants: Vec<MeasuredScenario>,
     /// The scenarios of the flights; none for a study without flights.
+    pub flights: Vec<MeasuredFlights>,
+    /// The same in sealed environments; `None` if none were opened.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sealed: Option<MeasuredSealed>,
+}
+
+/// The measures in sealed environments.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MeasuredSealed {
+    /// Which opening of how many, in a sentence.
+    pub opening: String,
+    /// The scenarios.
     pub flights: Vec<MeasuredFlights>,
 }
 
@@ -83,19 +96,21 @@ impl Measured {
             scenario: result.title.clone(),
             rates: of_variants(&result.evaluation, &words),
         });
-        let of_flights = |flights: &FlightResults| {
-            let merits = flights.merits.iter();
-            let foreign =
-                |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
-            merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), &words)).collect()
-        };
         Measured {
             study: study.name.clone(),
             version: env!("CARGO_PKG_VERSION"),
             commands: commands(study, results, flights),
             variants: variants.collect(),
-            flights: flights.map_or_else(Vec::new, of_flights),
+            flights: flights.map_or_else(Vec::new, |flights| all_scenarios(flights, &words)),
+            sealed: None,
         }
+    }
+
+    /// Adds the results in sealed environments. `known` are the openings on record now, where the record is at hand.
+    pub fn add_sealed(&mut self, study: &Study, sealed: &SealedResults, known: Option<Openings>) {
+        let mut flights = all_scenarios(&sealed.results, &Vocabulary::of(study));
+        flights.iter_mut().for_each(|flights| flights.scenario += ", sealed environments");
+        self.sealed = Some(MeasuredSealed { opening: sealed.in_words(known), flights });
     }
 
     /// Returns the page as Markdown.
@@ -117,8 +132,25 @@ impl Measured {
         for flights in &self.flights {
             page += &flights.markdown();
         }
+        if let Some(sealed) = &self.sealed {
+            page += &format!("\n## Sealed environments\n\n{}\n{SEALED}", sealed.opening);
+            sealed.flights.iter().for_each(|flights| page += &flights.markdown());
+        }
         page
     }
+}
+
+/// Explains what sealed environments are.
+const SEALED: &str = "\
+Nobody tuned anything on these environments: their seed was drawn after the diagnosers were finished.\n\
+Every opening is on record, also those without a result.\n";
+
+/// The measures of every scenario of the flights.
+fn all_scenarios(flights: &FlightResults, words: &Vocabulary) -> Vec<MeasuredFlights> {
+    let foreign =
+        |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
+    let merits = flights.merits.iter();
+    merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), words)).collect()
 }
 
 /// Trees, committee and training rows together, where a fault may stay not isolated.

@@ -25,6 +25,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     folder.remove_report()?;
     let manifest = manifest::write(folder, study)?;
     let flights = flights::results(folder)?;
+    let sealed = flights::sealed_results(folder)?;
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
@@ -34,6 +35,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         results: &results,
         hierarchies: &hierarchies,
         flights: flights.as_ref(),
+        sealed: sealed.as_ref(),
         bands: &bands,
         calibrations: &calibrations,
         examples: &examples::simulate(study)?,

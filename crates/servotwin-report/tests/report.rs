@@ -51,6 +51,7 @@ fn results_alone<'a>(
         results,
         hierarchies: &[],
         flights: None,
+        sealed: None,
         bands: &[],
         calibrations: &[],
         examples: &[],
@@ -101,6 +102,7 @@ fn band() -> BandMerit {
         outside: 3,
         faults: 400,
         detected: [380, 360],
+        independent: None,
     }
 }
 
@@ -126,6 +128,7 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
         results: &results,
         hierarchies: &[],
         flights: None,
+        sealed: None,
         bands: &bands,
         calibrations: &calibrations,
         examples: &[],

@@ -8,7 +8,7 @@ use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use servotwin::campaign::{Campaign, CampaignError, OnTheMove, Outcome, Part, runs};
-use servotwin::job::{Folder, manifest};
+use servotwin::job::{Folder, data_card, manifest};
 use servotwin::parallel::Workers;
 use servotwin::study::{Role, Setting, Study};
 use std::time::Instant;
@@ -66,6 +66,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         results.push(to_json(&campaign, &outcome));
     }
     if options.shards.is_none() {
+        data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
     }
     Ok(match global {

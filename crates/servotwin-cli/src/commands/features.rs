@@ -9,7 +9,7 @@ use serde_json::json;
 use servotwin::campaign::Campaign;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
-use servotwin::job::{Folder, JobError, manifest};
+use servotwin::job::{Folder, JobError, data_card, manifest};
 use servotwin::study::{Setting, Study};
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
@@ -130,6 +130,7 @@ fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure>
     if list.is_empty() {
         return Err(JobError::NoDataSet { folder: folder.path().into() }.into());
     }
+    data_card::write(folder, &study)?;
     manifest::write(folder, &study)?;
     let line = |(path, rows, columns): &(PathBuf, usize, usize)| {
         format!("{}: {rows} variants, {columns} columns\n", path.display())

@@ -10,6 +10,7 @@ use serde_json::json;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics};
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
+use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::study::{Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
@@ -31,6 +32,11 @@ pub struct Options {
     /// without each sensor. Writes `missing_sensors.json`.
     #[arg(long)]
     missing_sensors: bool,
+    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
+    /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
+    /// output folder, before the first flight. Writes `flights-sealed.json`.
+    #[arg(long, conflicts_with = "missing_sensors")]
+    sealed: bool,
 }
 
 /// Returns the text for standard output.
@@ -58,6 +64,22 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             Global { json: true, .. } => json(&json!(merits)),
             Global { quiet: true, .. } => String::new(),
             _ => merits.iter().map(|merit| of_missing(merit, &words)).collect(),
+        });
+    }
+    if options.sealed {
+        let here = std::env::current_dir().unwrap_or_default();
+        let record = Record::find(&here, folder.path());
+        let sealed = with_crew(threads, global, |crew| {
+            flights::fly_sealed(&folder, &study, &settings, is_full, &record, crew)
+        })?;
+        manifest::write(&folder, &study)?;
+        return Ok(match global {
+            Global { json: true, .. } => json(&json!(sealed)),
+            Global { quiet: true, .. } => String::new(),
+            _ => {
+                let recorded = format!("Recorded in {}.", record.path().display());
+                format!("{}\n{recorded}\n{}", sealed.in_words(None), text(&sealed.results, &words))
+            }
         });
     }
     let results = with_crew(threads, global, |crew| {

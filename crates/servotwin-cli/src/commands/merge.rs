@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::incomplete::Incomplete;
 use crate::{Global, stop};
 use servotwin::campaign::{Campaign, CampaignError, missing_parts};
-use servotwin::job::{Folder, manifest};
+use servotwin::job::{Folder, data_card, manifest};
 use servotwin::study::{Setting, Study};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -51,6 +51,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             "failed": outcome.failed.len(),
         }));
     }
+    data_card::write(&folder, &study)?;
     manifest::write(&folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => crate::render::json(&merged.into()),

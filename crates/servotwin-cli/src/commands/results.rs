@@ -4,14 +4,15 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
+use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, Results, flights};
 use servotwin_report::measured::Measured;
 use std::path::PathBuf;
 
 /// Write the measured results of a study to standard output, as Markdown.
 ///
-/// Every share comes with its count and its 95 % interval. The command reads evaluation.json, and flights.json if it
-/// exists. Nothing on the page depends on the machine.
+/// Every share comes with its count and its 95 % interval. The command reads evaluation.json, flights.json and
+/// flights-sealed.json if they exist. Nothing on the page depends on the machine.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of an evaluated study.
@@ -25,7 +26,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = folder.read_study()?;
     let results = Results::read(&folder)?;
     let flights = flights::results(&folder)?;
-    let measured = Measured::new(&study, &results, flights.as_ref());
+    let mut measured = Measured::new(&study, &results, flights.as_ref());
+    if let Some(sealed) = flights::sealed_results(&folder)? {
+        let here = std::env::current_dir().unwrap_or_default();
+        let known = Record::find(&here, folder.path()).count()?;
+        // The record of another repository may know less than the results.
+        let known = Some(known).filter(|known| known.opened >= sealed.opening.number);
+        measured.add_sealed(&study, &sealed, known);
+    }
     Ok(match global.json {
         true => json(&json!(measured)),
         false => measured.markdown(),

@@ -214,20 +214,125 @@ fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let output = servotwin(&["band", &many, "--share", "1"]);
     assert_eq!(output.status.code(), Some(2));
     let plot = folder.file("band.svg");
-    let band = ["band", &many, "--share", "0.1", "--setting", "noise"];
+    let band = ["band", &many, "--share", "0.1", "--setting", "noise", "--judge", "30"];
     let found = super::json(&[&band[..], &["--json", "--plot", &plot]].concat());
     assert_eq!(found["calibration_flights"], 20);
-    assert_eq!((&found["healthy"], &found["faults"]), (&20.into(), &6.into()));
-    // A tenth of twenty: more than seven have a probability below 1 in 1000.
-    let left = |which: &str| found[which]["healthy_left"].as_u64().unwrap();
-    assert!(left("field") <= 7 && left("fixed") <= 7, "{found}");
+    assert_eq!((&found["healthy"], &found["faults"]), (&50.into(), &6.into()));
+    // Each of ten environments has two specimens, each of the thirty more has one.
+    assert_eq!(found["independent"]["flights"], 40);
+    // With 20 flights and a tenth, the scale is the 19th score.
+    assert_eq!(found["coverage"]["beta"], serde_json::json!([19, 2]));
+    let of = |at: &str| found.pointer(at).unwrap().as_f64().unwrap();
+    assert!((of("/coverage/mean") - 19.0 / 21.0).abs() < 1e-12);
+    assert!(of("/coverage/interval_95/0") < 0.8 && of("/coverage/interval_95/1") > 0.98);
+    // More than 15 have a probability below 1 in 1000, with a calibration of 20 flights.
+    let left = |which: &str| found[which]["independent_left"].as_u64().unwrap();
+    for which in ["field", "fixed"] {
+        assert!(left(which) <= 15, "{found}");
+        let share = left(which) as f64 / 40.0;
+        assert!((of(&format!("/{which}/measured")) - share).abs() < 1e-12);
+        let ends = [0, 1].map(|end| of(&format!("/{which}/interval_95/{end}")));
+        assert!(ends[0] <= share && share < ends[1], "{found}");
+    }
     assert!(found["field"]["faults_left"].as_u64().unwrap() >= 4, "{found}");
     assert!(std::fs::read_to_string(&plot).unwrap().contains("load factor: "));
     // The same bits on any number of threads.
     let text = |threads: &str| stdout(&servotwin(&[&band[..], &["--threads", threads]].concat()));
     assert_eq!(text("1"), text("3"));
-    assert!(text("1").contains("of 20 healthy flights leave it"), "{}", text("1"));
+    assert!(text("1").contains("of 50 healthy flights leave it"), "{}", text("1"));
     assert!(text("1").contains("field: target 10 %, measured "), "{}", text("1"));
+    assert!(text("1").contains("Beta(19, 2)"), "{}", text("1"));
+    // Further environments for training calibrate as well.
+    let further = folder.file("further.toml");
+    let wider = std::fs::read_to_string(&many).unwrap();
+    let wider = wider.replace(
+        "environments = 40, repeats = 0, healthy = 1",
+        "environments = 4, repeats = 0, healthy = 2, further = 36",
+    );
+    std::fs::write(&further, wider).unwrap();
+    let found = super::json(&["band", &further, "--share", "0.1", "--judge", "0", "--json"]);
+    assert_eq!(found["calibration_flights"], 20);
+    assert_eq!(found["independent"]["flights"], 10);
+    let output = servotwin(&["band", &many, "--judge", "-1"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+/// Runs a command in a folder, outside of any repository with a record.
+fn in_folder(folder: &Folder, arguments: &[&str]) -> std::process::Output {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_servotwin"));
+    command.current_dir(&folder.0).args(arguments).output().expect("the binary can be run")
+}
+
+#[test]
+fn sealed_flights_are_recorded_before_they_are_flown_and_each_opening_has_other_environments() {
+    let folder = Folder::new("sealed");
+    let [study, _] = learned(&folder);
+    let out = folder.file("out");
+    let sealed = ["flights", &study, "--sealed", "--out", &out, "--setting", "noise"];
+    let record =
+        || std::fs::read_to_string(format!("{out}/sealed-openings.csv")).unwrap_or_default();
+    let results = || -> serde_json::Value {
+        let text = std::fs::read_to_string(format!("{out}/flights-sealed.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    let before = std::fs::read(format!("{out}/flights.json")).unwrap();
+    let output = in_folder(&folder, &sealed);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let said = stdout(&output);
+    assert!(said.starts_with("Sealed opening 1 of 1 (seed "), "{said}");
+    assert!(said.contains("0 of 1 without a result"), "{said}");
+    let first = results();
+    assert_eq!(first["opening"]["number"], 1);
+    let lines: Vec<String> = record().lines().map(str::to_owned).collect();
+    assert_eq!(lines.len(), 3, "{lines:?}");
+    let seed = first["opening"]["seed"].as_u64().unwrap();
+    assert!(lines[1].starts_with("1,opened,") && lines[1].contains(&format!(",{seed},small")));
+    assert!(lines[2].starts_with("1,judged,") && lines[2].contains("healthy shutdowns"));
+    assert_eq!(std::fs::read(format!("{out}/flights.json")).unwrap(), before);
+
+    // An opening that cannot write its results counts, and the next one is another.
+    std::fs::remove_file(format!("{out}/flights-sealed.json")).unwrap();
+    std::fs::create_dir(format!("{out}/flights-sealed.json")).unwrap();
+    assert!(!in_folder(&folder, &sealed).status.success());
+    assert!(record().lines().last().unwrap().starts_with("2,opened,"), "{}", record());
+    std::fs::remove_dir(format!("{out}/flights-sealed.json")).unwrap();
+    let said = stdout(&in_folder(&folder, &sealed));
+    assert!(said.contains("Sealed opening 3 of 3") && said.contains("1 of 3 without"), "{said}");
+    let third = results();
+    assert_ne!(third["opening"]["seed"], seed);
+    // Other environments, specimens and noise: not all times are the same.
+    let times = |of: &serde_json::Value| of["results"]["merits"][0]["classes"].clone();
+    assert_ne!(times(&first), times(&third));
+
+    // A mistake before the opening costs none, and a damaged record is named with its line.
+    let all = record();
+    let none = folder.file("none");
+    let missing = ["flights", &study, "--sealed", "--out", &none];
+    let output = in_folder(&folder, &missing);
+    assert!(stderr(&output).contains("diagnoser-noise.json"), "{}", stderr(&output));
+    assert!(!Path::new(&none).join("sealed-openings.csv").exists());
+    std::fs::write(format!("{out}/sealed-openings.csv"), all.replace("2,opened", "2,closed"))
+        .unwrap();
+    let output = in_folder(&folder, &sealed);
+    assert!(stderr(&output).contains("line 4"), "{}", stderr(&output));
+}
+
+#[test]
+fn in_a_repository_openings_are_recorded_there() {
+    let folder = Folder::new("sealed-repository");
+    let [study, _] = learned(&folder);
+    let (out, inside) = (folder.file("out"), folder.0.join("deep/inside"));
+    std::fs::create_dir_all(folder.0.join("sealed")).unwrap();
+    std::fs::create_dir_all(&inside).unwrap();
+    let head = include_str!("../../../../sealed/openings.csv").lines().next().unwrap();
+    std::fs::write(folder.0.join("sealed/openings.csv"), format!("{head}\n")).unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_servotwin"));
+    let sealed = ["flights", &study, "--sealed", "--out", &out, "--setting", "noise", "-q"];
+    let output = command.current_dir(&inside).args(sealed).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let record = std::fs::read_to_string(folder.0.join("sealed/openings.csv")).unwrap();
+    assert_eq!(record.lines().count(), 3, "{record}");
+    assert!(!Path::new(&out).join("sealed-openings.csv").exists());
 }
 
 /// The study with tolerances and a calibration flight, and sizes that a band needs.
@@ -256,7 +361,8 @@ fn beside_fitted_twins_a_band_is_narrower_and_it_may_be_chosen_for_watching() {
     let (study, bands) = (folder.file("study.toml"), folder.file("bands"));
     std::fs::write(&study, with_tolerances()).unwrap();
     let band = |setting: &str| {
-        let options = ["--share", "0.1", "--setting", setting, "--out", &bands, "--json"];
+        let options =
+            ["--share", "0.1", "--setting", setting, "--out", &bands, "--json", "--judge", "4"];
         let found = super::json(&[&["band", &study][..], &options].concat());
         found["base"].as_array().unwrap()[0].as_f64().unwrap()
     };

@@ -236,6 +236,8 @@ pub struct Column {
     pub name: String,
     /// The unit as text (`Pa`, `m³/s`), empty if the column has none.
     pub unit: String,
+    /// One sentence about the column, empty if it has none. Kept by Parquet, not by CSV.
+    pub description: String,
     /// The values.
     pub values: Values,
 }
@@ -247,7 +249,19 @@ impl Column {
         unit: impl Into<String>,
         values: impl Into<Values>,
     ) -> Self {
-        Self { name: name.into(), unit: unit.into(), values: values.into() }
+        let description = String::new();
+        Self { name: name.into(), unit: unit.into(), description, values: values.into() }
+    }
+
+    /// The column with a description.
+    #[must_use]
+    pub fn described(self, description: impl Into<String>) -> Self {
+        Self { description: description.into(), ..self }
+    }
+
+    /// A column with the same name, unit and description, and other values.
+    pub fn with_values(&self, values: impl Into<Values>) -> Self {
+        Column::new(&self.name, &self.unit, values).described(&self.description)
     }
 
     /// The numbers of the column as floats; whole numbers are converted.
@@ -387,10 +401,7 @@ impl Table {
 
     /// The same columns without rows: the schema for a streaming writer.
     pub fn without_rows(&self) -> Table {
-        let empty = |column: &Column| Column {
-            values: Values::empty(column.values.kind()),
-            ..Column::new(&column.name, &column.unit, Vec::<f64>::new())
-        };
+        let empty = |column: &Column| column.with_values(Values::empty(column.values.kind()));
         let columns = self.columns.iter().map(empty).collect();
         Table {
             columns,
@@ -402,11 +413,7 @@ impl Table {
 
     /// A range of rows, with the columns and metadata.
     pub fn rows(&self, rows: Range<usize>) -> Table {
-        let cut = |column: &Column| Column {
-            name: column.name.clone(),
-            unit: column.unit.clone(),
-            values: column.values.rows(rows.clone()),
-        };
+        let cut = |column: &Column| column.with_values(column.values.rows(rows.clone()));
         let columns = self.columns.iter().map(cut).collect();
         Table {
             columns,
@@ -467,7 +474,7 @@ impl Table {
         };
         let column = &mut self.columns[place];
         let values = std::mem::replace(&mut column.values, Values::Float(vec![]));
-        Ok(Column { name: column.name.clone(), unit: column.unit.clone(), values })
+        Ok(column.with_values(values))
     }
 
     fn missing_column(&self, name: &str) -> TableError {

@@ -1,8 +1,9 @@
 //! Tables as Apache Parquet files, whole or streamed.
 //!
 //! Columns are written as required (never null). The file's key-value metadata holds the table's metadata, and each
-//! column's unit under `unit:` and the column's name. The bytes depend only on the table: there is no time stamp and no
-//! version except our own format's. Compression is Snappy, in pure Rust.
+//! column's unit under `unit:` and the column's name. An Arrow schema beside it holds `unit` and `description` as
+//! metadata of the fields, where pyarrow and Polars look for them. The bytes depend only on the table: there is no time
+//! stamp and no version except our own format's. Compression is Snappy, in pure Rust.
 //!
 //! [`ParquetWriter`] appends rows and holds at most one row group in memory. [`ParquetReader`] returns them table by
 //! table. Files of other writers may have columns of numbers, booleans, text, times or dictionaries of these. The
@@ -16,6 +17,7 @@
 //! The library's Arrow layer is disabled: it would take longer to compile than everything else that a table needs.
 
 mod arrow;
+mod arrow_schema;
 mod decode;
 mod limits;
 mod meaning;
@@ -43,6 +45,7 @@ use ::parquet::schema::types::{Type, TypePtr};
 use serde_json::Value;
 
 use super::{Column, ContentError, Format, Kind, Table, TableError, Values, unknown_column};
+use arrow::Facts;
 use decode::{Source, bytes_of_texts, values_of};
 use limits::{Budget, text_bytes};
 use meaning::kind_of;
@@ -206,7 +209,10 @@ fn notes_of(table: &Table) -> Vec<KeyValue> {
     let measured = table.columns().iter().filter(|column| !column.unit.is_empty());
     let units = measured
         .map(|column| KeyValue::new(format!("{UNIT_PREFIX}{}", column.name), column.unit.clone()));
-    own.chain(units).collect()
+    let has_facts = |column: &Column| !(column.unit.is_empty() && column.description.is_empty());
+    let schema = table.columns().iter().any(has_facts).then(|| arrow_schema::encode(table));
+    let schema = schema.map(|schema| KeyValue::new(ARROW_KEY.to_owned(), schema));
+    own.chain(units).chain(schema).collect()
 }
 
 fn schema_of(table: &Table) -> Result<TypePtr, ParquetError> {
@@ -331,9 +337,10 @@ impl ParquetReader {
             rows_left: 0,
             rows_read: 0,
         };
+        let facts = notes.get(ARROW_KEY).map(|schema| arrow::facts(schema)).unwrap_or_default();
         for field in chosen(&fields, choice)? {
             match field.source(&reader.metadata) {
-                Ok(source) => reader.add(source, &notes)?,
+                Ok(source) => reader.add(source, &notes, &facts)?,
                 Err(problem) if leaves_out => reader.left_out.push((field.name.clone(), problem)),
                 Err(problem) => return Err(content(problem)),
             }
@@ -347,10 +354,19 @@ impl ParquetReader {
     }
 
     /// Adds a column to the schema.
-    fn add(&mut self, source: Source, notes: &BTreeMap<String, String>) -> Result<(), TableError> {
-        let unit = notes.get(&format!("{UNIT_PREFIX}{}", source.name)).map(String::as_str);
+    fn add(
+        &mut self,
+        source: Source,
+        notes: &BTreeMap<String, String>,
+        facts: &HashMap<String, Facts>,
+    ) -> Result<(), TableError> {
+        let facts = facts.get(&source.name);
+        let noted = notes.get(&format!("{UNIT_PREFIX}{}", source.name));
+        let unit = noted.or(facts.and_then(|facts| facts.unit.as_ref())).map(String::as_str);
         let unit = unit.unwrap_or(source.meaning.unit());
-        self.schema.push(Column::new(&source.name, unit, Values::empty(source.kind)))?;
+        let description = facts.and_then(|facts| facts.description.clone()).unwrap_or_default();
+        let column = Column::new(&source.name, unit, Values::empty(source.kind));
+        self.schema.push(column.described(description))?;
         self.sources.push(source);
         Ok(())
     }
@@ -378,7 +394,7 @@ impl ParquetReader {
             match self.whole_column(source, budget) {
                 Ok(values) => {
                     budget.spend(bytes_of(&values));
-                    table.push(Column::new(&column.name, &column.unit, values))?;
+                    table.push(column.with_values(values))?;
                 }
                 Err(problem) if self.leaves_out && problem.is_limit() => {
                     self.left_out.push((source.name.clone(), problem));

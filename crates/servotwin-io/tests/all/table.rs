@@ -27,14 +27,14 @@ fn sample() -> Table {
     Table::from_columns(columns).unwrap().with_metadata("seed", "42").with_metadata("a", "ü")
 }
 
-/// What CSV keeps of a table: no units, no metadata, and `u32` becomes `i64`.
+/// What CSV keeps of a table: no units, no descriptions, no metadata, and `u32` becomes `i64`.
 fn as_csv_keeps(table: &Table) -> Table {
     let keep = |column: &Column| match &column.values {
         Values::Unsigned(values) => {
             let values: Vec<i64> = values.iter().map(|value| i64::from(*value)).collect();
             Column::new(&column.name, "", values)
         }
-        values => Column { unit: String::new(), values: values.clone(), name: column.name.clone() },
+        values => Column::new(&column.name, "", values.clone()),
     };
     Table::from_columns(table.columns().iter().map(keep).collect()).unwrap()
 }
@@ -108,10 +108,9 @@ fn tables() -> impl Strategy<Value = Table> {
     let columns = (1..40_usize).prop_flat_map(|rows| prop::collection::vec(values(rows), 1..6));
     columns.prop_map(|columns| {
         let named = columns.into_iter().enumerate();
-        let column = |(place, values)| Column {
-            name: format!("c{place}, \"x\""),
-            unit: "Pa".into(),
-            values,
+        let column = |(place, values): (usize, Values)| {
+            let name = format!("c{place}, \"x\"");
+            Column::new(name, "Pa", values).described(format!("Column {place} – with ÄÖ."))
         };
         Table::from_columns(named.map(column).collect()).unwrap()
     })

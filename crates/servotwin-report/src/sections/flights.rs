@@ -48,6 +48,19 @@ impl Section for Flights {
             }
         ));
         page.note(&sizes(results, material.study, words));
+        if let Some(sealed) = material.sealed {
+            page.heading("In sealed environments");
+            page.text(&format!(
+                "The same diagnosers were judged again in environments of a seed that was drawn after they were \
+                 finished. {}",
+                sealed.in_words(None)
+            ));
+            page.table(
+                &limits_grid(material.study, &sealed.results, words),
+                "The same limits in \
+                 sealed environments. Every opening is on record, also those without a result.",
+            );
+        }
         page.heading("How soon a fault is isolated");
         page.text(&format!(
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \

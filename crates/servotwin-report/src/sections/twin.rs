@@ -111,8 +111,8 @@ fn band(merit: &BandMerit, study: &Study, page: &mut Page) {
     grid.push(vec![format!("{} with a fault", merit.faults), field_left, fixed_left]);
     page.table(&grid, "What the two bands are worth in the judged flights.");
     page.note(&format!(
-        "{} of the healthy flights were flown at points outside of what the field was learned from: there it promises \
-         nothing.",
+        "{} of the healthy flights were flown at points outside of what learning and calibration flights have \
+         covered: nothing like them is known.",
         merit.outside
     ));
     let mut grid =

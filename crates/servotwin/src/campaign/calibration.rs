@@ -5,6 +5,7 @@
 //! `calibration-fitted.parquet` stores the results with the true values, in standard deviations of the tolerances. It
 //! is computed once: every part of a campaign that finds the file uses exactly its values.
 
+use super::columns::DIMENSIONLESS;
 use super::{Campaign, CampaignError, Plants, Setting, described, ensemble};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
@@ -238,12 +239,18 @@ impl Campaign<'_> {
         };
         let specimens = rows().map(|(n, _)| n as u32).collect();
         let names = rows().map(|(_, k)| unknowns[k].name.clone()).collect();
+        let sigmas = |name: &str, values: Values, what: &str| {
+            Column::new(name, DIMENSIONLESS, values)
+                .described(format!("{what}, in standard deviations."))
+        };
         let table = Table::from_columns(vec![
-            Column::new("specimen", "", Values::Unsigned(specimens)),
-            Column::new("parameter", "", Values::Text(names)),
-            Column::new("true_sigma", "", float(&|n, k| unknowns[k].sigmas(&truth[n]))),
-            Column::new("fitted_sigma", "", float(&|n, k| found.specimens[n].z[k])),
-            Column::new("error_sigma", "", float(&|_, k| found.errors[k])),
+            Column::new("specimen", DIMENSIONLESS, Values::Unsigned(specimens))
+                .described("Number of the specimen in the pool."),
+            Column::new("parameter", "", Values::Text(names))
+                .described("Parameter, or first of the parameters that vary together."),
+            sigmas("true_sigma", float(&|n, k| unknowns[k].sigmas(&truth[n])), "True value"),
+            sigmas("fitted_sigma", float(&|n, k| found.specimens[n].z[k]), "Fitted value"),
+            sigmas("error_sigma", float(&|_, k| found.errors[k]), "Standard error of the fit"),
         ])?
         .with_metadata("fingerprint", self.calibration_mark());
         Ok(table::write(calibration_file(&self.folder, self.role), &table)?)

@@ -1,9 +1,15 @@
 //! Columns that all training tables share, whether their rows are variants of a campaign or windows of flights.
+//!
+//! Every column has a description. Every column of numbers has a unit, [`DIMENSIONLESS`] if it is a count, an index or a
+//! ratio. Columns of text and of truth values have none.
 
 use crate::study::Study;
 use crate::table::{Column, Table, Values};
-use servotwin_diagnosis::features::{Sensor, Sensors, values};
+use servotwin_diagnosis::features::{Feature, Sensor, Sensors, values};
 use servotwin_diagnosis::residual::Window;
+
+/// The unit of numbers without a dimension.
+pub const DIMENSIONLESS: &str = "1";
 
 /// The entry of healthy rows in the columns for faults.
 pub(super) const HEALTHY: &str = "healthy";
@@ -21,21 +27,24 @@ pub struct Shown {
 pub fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column> {
     let fault = |row: &Shown| row.fault.map(|fault| &study.faults[fault]);
     let class = |row: &Shown| fault(row).map(|fault| &study.classes[fault.class]);
-    let text = |name: &str, of: &dyn Fn(&Shown) -> Option<&'s String>| {
+    let text = |name: &str, of: &dyn Fn(&Shown) -> Option<&'s String>, what: &str| {
         let of = |row| of(row).map_or(HEALTHY, String::as_str).to_owned();
-        Column::new(name, "", Values::Text(rows.iter().map(of).collect()))
+        Column::new(name, "", Values::Text(rows.iter().map(of).collect())).described(what)
     };
-    let number = |name: &str, of: &dyn Fn(&Shown) -> f64| {
-        Column::new(name, "", Values::Float(rows.iter().map(of).collect()))
+    let number = |name: &str, of: &dyn Fn(&Shown) -> f64, what: &str| {
+        let values = Values::Float(rows.iter().map(of).collect());
+        Column::new(name, DIMENSIONLESS, values).described(what)
     };
+    let grade = |row: &Shown| fault(row).map_or(0.0, |fault| fault.at.intensity);
+    let actuator = |row: &Shown| fault(row).map(|fault| &study.units[fault.unit]);
     vec![
-        text("fault", &|row| fault(row).map(|fault| &fault.id)),
-        text("kind", &|row| fault(row).map(|fault| &fault.kind)),
-        number("intensity", &|row| row.intensity),
-        number("grade", &|row| fault(row).map_or(0.0, |fault| fault.at.intensity)),
-        text("actuator", &|row| fault(row).map(|fault| &study.units[fault.unit])),
-        text("command", &|row| class(row).map(|class| &class.command)),
-        text("detail", &|row| class(row).map(|class| &class.detail)),
+        text("fault", &|row| fault(row).map(|f| &f.id), "Full name of the fault, or healthy."),
+        text("kind", &|row| fault(row).map(|f| &f.kind), "Fault without its actuator, or healthy."),
+        number("intensity", &|row| row.intensity, "Intensity of the fault, 0 for healthy rows."),
+        number("grade", &grade, "Intensity of the study that the row belongs to."),
+        text("actuator", &actuator, "Label: the actuator with the fault, or healthy."),
+        text("command", &|row| class(row).map(|c| &c.command), "Label: the required action."),
+        text("detail", &|row| class(row).map(|c| &c.detail), "Label: the faulty component."),
     ]
 }
 
@@ -48,7 +57,9 @@ pub fn largest_column(sensor: &str) -> String {
 pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     let column = |(place, sensor): (usize, &Sensor)| {
         let largest = windows.iter().map(|window| window.largest(place)).collect();
-        Column::new(largest_column(&sensor.name), "", Values::Float(largest))
+        let what = format!("Largest |r'| of the sensor {}, as a part of its scale.", sensor.name);
+        let name = largest_column(&sensor.name);
+        Column::new(name, DIMENSIONLESS, Values::Float(largest)).described(what)
     };
     sensors.iter().enumerate().map(column).collect()
 }
@@ -92,17 +103,35 @@ pub fn seen(sensors: &Sensors, orders: &[Vec<usize>], window: &Window) -> Vec<Ve
 }
 
 /// The columns of all features in every view.
-pub fn feature_columns<'n>(
-    names: impl Iterator<Item = &'n str>,
+pub fn feature_columns<'f>(
+    features: impl Iterator<Item = &'f Feature>,
     rows: &[Vec<Vec<f64>>],
 ) -> Vec<Column> {
     let views = rows.first().map_or(1, Vec::len);
     let mut columns = vec![];
-    for (place, name) in names.enumerate() {
+    for (place, feature) in features.enumerate() {
         for view in 0..views {
             let values = rows.iter().map(|row| row[view][place]).collect();
-            columns.push(Column::new(view_column(view, name), "", Values::Float(values)));
+            let name = view_column(view, &feature.name);
+            let column = Column::new(name, si_unit(feature.unit), Values::Float(values));
+            columns.push(column.described(description(feature, view)));
         }
     }
     columns
+}
+
+/// The SI unit of a feature. Parts of a scale, logarithms and indicators are dimensionless; their descriptions name
+/// them.
+fn si_unit(unit: &str) -> &str {
+    let is_ratio = ["of scale", "log10"].iter().any(|ratio| unit.starts_with(ratio));
+    if is_ratio || unit == "0 or 1" { DIMENSIONLESS } else { unit }
+}
+
+fn description(feature: &Feature, view: usize) -> String {
+    let Feature { unit, meaning, .. } = feature;
+    let unit = if *unit == DIMENSIONLESS { String::new() } else { format!(" ({unit})") };
+    match view {
+        0 => format!("Feature: {meaning}{unit}."),
+        _ => format!("Feature with actuator {} in first place: {meaning}{unit}.", view + 1),
+    }
 }

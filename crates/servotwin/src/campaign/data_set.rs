@@ -1,14 +1,24 @@
-//! The data set of a campaign: labels, detection and features, one row per variant.
+//! The data set of a campaign: labels, plant, recommended split, detection and features, one row per variant.
+//!
+//! The recommended split is the protocol *new command*: the training commands teach, the judged ones test. Beside it
+//! every row has a fold. All rows of a kind of fault at an intensity have the same fold, in every data set of a study, so
+//! that a fault held out of training is held out under every command and in both actuators.
 
-use super::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
+use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Images, Planned, Row, Setting, Study};
-use crate::study::OperatingCase;
+use super::{Campaign, Images, Planned, Row, Setting, Study};
+use crate::study::{Plants, Role};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
 use std::collections::BTreeSet;
 use std::ops::Range;
+
+/// Number of folds of the recommended split.
+pub const FOLDS: usize = 5;
+
+/// The fold that tests where a study has no training commands.
+const TESTED_FOLD: usize = 0;
 
 /// A feature of the data set.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,61 +47,76 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
 
 /// The inputs for making a data set, one range of variants after the other.
 pub(super) struct Maker<'m> {
-    pub study: &'m Study,
-    pub cases: &'m [OperatingCase],
+    pub campaign: &'m Campaign<'m>,
+    pub setting: Setting,
     pub plan: &'m [Planned],
     pub images: &'m Images,
-    pub setting: Setting,
 }
 
 impl Maker<'_> {
-    /// The data set of a range of variants with the given rows: labels, detection, features.
+    /// The data set of a range of variants with the given rows.
     pub fn table(&self, variants: Range<usize>, rows: &[Row]) -> Table {
         let mut columns = self.label_columns(variants.clone());
+        columns.extend(self.plant_columns(variants.clone()));
+        columns.extend(self.split_columns(variants.clone()));
         let reflected = variants.map(|variant| self.images.is_mirrored(variant));
-        let reflected = Values::Flag(reflected.collect());
-        columns.push(Column::new("reflected", "", reflected));
-        let float = |f: &dyn Fn(&Window) -> f64| {
-            Values::Float(rows.iter().map(|row| f(&row.window)).collect())
-        };
-        let flag = |f: &dyn Fn(&Window) -> bool| {
-            Values::Flag(rows.iter().map(|row| f(&row.window)).collect())
-        };
-        let period = self.study.sample_period_s;
-        let first = |w: &Window| w.first_excursion().map_or(-1.0, |sample| sample as f64 * period);
-        columns.push(Column::new("detectable", "", flag(&|w| w.first_excursion().is_some())));
-        columns.push(Column::new("deviates", "", flag(&Window::deviates)));
-        columns.push(Column::new("largest_residual", "", float(&Window::largest_of_all)));
-        columns.push(Column::new("first_excursion_s", "s", float(&first)));
-        let sensors = &self.study.sensors.0[..self.study.base_sensors()];
-        let windows: Vec<&Window> = rows.iter().map(|row| &row.window).collect();
-        columns.extend(largest_columns(sensors, &windows));
+        columns.push(flag("reflected", reflected.collect(), REFLECTED));
+        columns.extend(self.detection_columns(rows));
         columns.extend(effort_columns(&rows.iter().map(|row| row.effort).collect::<Vec<_>>()));
         let failures = rows.iter().map(|row| row.failure.clone()).collect();
-        columns.push(Column::new("failure", "", Values::Text(failures)));
+        columns.push(text("failure", failures, "Why the simulation ended early, empty otherwise."));
         columns.extend(self.feature_columns(rows));
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
+    fn detection_columns(&self, rows: &[Row]) -> Vec<Column> {
+        let study = self.campaign.study;
+        let float = |f: &dyn Fn(&Window) -> f64| rows.iter().map(|row| f(&row.window)).collect();
+        let flags = |f: &dyn Fn(&Window) -> bool| rows.iter().map(|row| f(&row.window)).collect();
+        let period = study.sample_period_s;
+        let first = |w: &Window| w.first_excursion().map_or(-1.0, |sample| sample as f64 * period);
+        let detectable = flags(&|w| w.first_excursion().is_some());
+        let deviates = flags(&Window::deviates);
+        let mut columns = vec![
+            flag("detectable", detectable, "Some |r'| left the band of 3 % (equation 4)."),
+            flag("deviates", deviates, "Mean or deviation left the band of equation 7."),
+            number("largest_residual", DIMENSIONLESS, float(&Window::largest_of_all), LARGEST),
+            number("first_excursion_s", "s", float(&first), FIRST_EXCURSION),
+        ];
+        let sensors = &study.sensors.0[..study.base_sensors()];
+        let windows: Vec<&Window> = rows.iter().map(|row| &row.window).collect();
+        columns.extend(largest_columns(sensors, &windows));
+        columns
+    }
+
     /// Each feature, and if the units correspond, also as seen from the other units.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
-        let sensors = &self.study.sensors_in(self.setting);
-        let orders = sensors.rotations(self.study.units.len()).unwrap_or_default();
+        let study = self.campaign.study;
+        let sensors = &study.sensors_in(self.setting);
+        let orders = sensors.rotations(study.units.len()).unwrap_or_default();
         let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &orders, &row.window)).collect();
-        let features = data_features(self.study);
-        feature_columns(features.iter().map(|known| known.feature.name.as_str()), &rows)
+        let features = data_features(study);
+        feature_columns(features.iter().map(|known| &known.feature), &rows)
     }
 
     fn label_columns(&self, variants: Range<usize>) -> Vec<Column> {
-        let (study, plan) = (self.study, &self.plan[variants.clone()]);
+        let Campaign { study, .. } = *self.campaign;
+        let (cases, plan) = (self.campaign.cases(), &self.plan[variants.clone()]);
         let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
         let variants = variants.map(|variant| variant as u32).collect();
+        let of_case = |name: &str, of: &dyn Fn(usize) -> String, what: &str| {
+            text(name, plan.iter().map(|planned| of(planned.case)).collect(), what)
+        };
         let mut columns = vec![
-            Column::new("variant", "", Values::Unsigned(variants)),
-            Column::new("case", "", texts(plan, |p| &self.cases[p.case].name)),
-            Column::new("flown", "", texts(plan, |p| &self.cases[p.case].command)),
-            Column::new("seed", "", Values::Unsigned(vec![seed; plan.len()])),
+            whole("variant", variants, "Number of the variant, in the order of the plan."),
+            of_case("case", &|case| cases[case].name.clone(), "Operating case: command and load."),
+            of_case("flown", &|case| cases[case].command.clone(), "Command of the case."),
         ];
+        if let Some((input, column)) = load_column(study) {
+            let load = |planned: &Planned| cases[planned.case].inputs[input].value(0.0);
+            columns.push(column.with_values(plan.iter().map(load).collect::<Vec<f64>>()));
+        }
+        columns.push(whole("seed", vec![seed; plan.len()], "Seed of noise and specimens."));
         let shown = |p: &Planned| Shown { fault: p.fault, intensity: p.intensity };
         columns.extend(fault_columns(study, &plan.iter().map(shown).collect::<Vec<_>>()));
         // The form of the paper's figure 8: one column per fault with its intensity.
@@ -99,14 +124,120 @@ impl Maker<'_> {
         for id in ids {
             let is_it = |p: &Planned| p.fault.is_some_and(|fault| &study.faults[fault].id == id);
             let of = |p: &Planned| if is_it(p) { p.intensity } else { 0.0 };
-            let values = Values::Float(plan.iter().map(of).collect());
-            columns.push(Column::new(format!("i:{id}"), "", values));
+            let values = plan.iter().map(of).collect();
+            let what = format!("Label: intensity of the fault {id}, 0 in all other rows.");
+            columns.push(number(&format!("i:{id}"), DIMENSIONLESS, values, &what));
         }
         columns
     }
+
+    /// The specimens of the plants, and their own parameters: every parameter with a tolerance.
+    fn plant_columns(&self, variants: Range<usize>) -> Vec<Column> {
+        let Campaign { study, .. } = *self.campaign;
+        let specimens: Vec<_> =
+            variants.map(|variant| self.campaign.specimen(variant, self.plan[variant])).collect();
+        let numbers = specimens.iter().map(|specimen| specimen.number).collect();
+        let mut columns = vec![whole("specimen", numbers, SPECIMEN)];
+        for (component, parameter) in toleranced(study) {
+            let instance = &study.system.network().components[component];
+            let declared = &instance.component.spec().parameters[parameter];
+            let nominal = instance.parameters[parameter];
+            let own = |overrides: &[(usize, usize, f64)]| {
+                let is_it = |&&(c, p, _): &&(usize, usize, f64)| (c, p) == (component, parameter);
+                overrides.iter().rev().find(is_it).map_or(nominal, |&(_, _, value)| value)
+            };
+            let values = specimens.iter().map(|specimen| own(&specimen.overrides)).collect();
+            let unit = symbol_or_one(declared.unit.symbol());
+            let what = format!("Specimen's parameter, without its fault: {}.", declared.summary);
+            columns.push(number(
+                &format!("p:{}.{}", instance.id, declared.name),
+                unit,
+                values,
+                &what,
+            ));
+        }
+        columns
+    }
+
+    fn split_columns(&self, variants: Range<usize>) -> Vec<Column> {
+        let campaign = self.campaign;
+        let faults = campaign.study.faults.iter();
+        let kinds: BTreeSet<&str> = faults.map(|fault| fault.kind.as_str()).collect();
+        let folds: Vec<u32> = variants.map(|variant| self.fold(variant, &kinds) as u32).collect();
+        let has_training = !campaign.study.cases_of(Role::Training).is_empty();
+        let teaches = |fold: u32| match has_training {
+            true => campaign.role == Role::Training,
+            false => fold as usize != TESTED_FOLD,
+        };
+        let split = |&fold: &u32| if teaches(fold) { "train" } else { "test" }.to_owned();
+        let split = folds.iter().map(split).collect();
+        vec![text("split", split, SPLIT), whole("fold", folds, FOLD)]
+    }
+
+    /// The fold of a variant. Rows of one kind and intensity share it; healthy rows of one specimen do.
+    fn fold(&self, variant: usize, kinds: &BTreeSet<&str>) -> usize {
+        let (study, planned) = (self.campaign.study, self.plan[variant]);
+        let Some(fault) = planned.fault.map(|fault| &study.faults[fault]) else {
+            return match self.campaign.plants() {
+                Plants::Pool => self.campaign.specimen(variant, planned).number as usize % FOLDS,
+                Plants::Twin | Plants::Specimens => variant % FOLDS,
+            };
+        };
+        let kind = kinds.iter().position(|kind| *kind == fault.kind).unwrap_or(0);
+        let same = |intensity: &f64| *intensity == fault.at.intensity;
+        let intensity = study.intensities.iter().position(same).unwrap_or(0);
+        (kind + intensity) % FOLDS
+    }
 }
 
-/// A text column with one value per variant.
-fn texts<'s>(plan: &[Planned], text: impl Fn(&Planned) -> &'s str) -> Values {
-    Values::Text(plan.iter().map(|planned| text(planned).to_owned()).collect())
+const REFLECTED: &str =
+    "Not simulated, but a symmetric copy of the same fault of the first actuator.";
+const LARGEST: &str = "Largest |r'| of all sensors, as a part of scale.";
+const FIRST_EXCURSION: &str = "Time at which some |r'| first left the band, -1 for never.";
+const SPECIMEN: &str =
+    "Number of the plant's specimen: in `fitted` in the pool, in `realistic` the variant, else 0.";
+const SPLIT: &str = "Recommended split: train or test.";
+const FOLD: &str = "Fold from 0 to 4. All rows of a kind of fault at an intensity share it.";
+
+/// The parameters that have a tolerance, as component and parameter, each once and in the order of the study.
+fn toleranced(study: &Study) -> Vec<(usize, usize)> {
+    let mut list = vec![];
+    let tolerances = study.realism.as_ref().map_or(&[][..], |realism| realism.tolerances());
+    for &at in tolerances.iter().flat_map(|tolerance| &tolerance.parameters) {
+        if !list.contains(&at) {
+            list.push(at);
+        }
+    }
+    list
+}
+
+/// The input that carries the load, and an empty column for it; `None` for a study without loads.
+fn load_column(study: &Study) -> Option<(usize, Column)> {
+    let input = study.load_input()?;
+    let declared = &study.system.network().inputs[input];
+    let suffix = declared.unit.suffix();
+    let suffix = if declared.id.ends_with(suffix) { "" } else { suffix };
+    let name = format!("load:{}{suffix}", declared.id);
+    let what = format!("Load of the case: value of the input {}.", declared.id);
+    Some((input, number(&name, symbol_or_one(declared.unit.symbol()), vec![], &what)))
+}
+
+fn symbol_or_one(symbol: &'static str) -> &'static str {
+    if symbol.is_empty() { DIMENSIONLESS } else { symbol }
+}
+
+fn number(name: &str, unit: &str, values: Vec<f64>, what: &str) -> Column {
+    Column::new(name, unit, Values::Float(values)).described(what)
+}
+
+fn whole(name: &str, values: Vec<u32>, what: &str) -> Column {
+    Column::new(name, DIMENSIONLESS, Values::Unsigned(values)).described(what)
+}
+
+fn flag(name: &str, values: Vec<bool>, what: &str) -> Column {
+    Column::new(name, "", Values::Flag(values)).described(what)
+}
+
+fn text(name: &str, values: Vec<String>, what: &str) -> Column {
+    Column::new(name, "", Values::Text(values)).described(what)
 }

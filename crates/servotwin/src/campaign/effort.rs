@@ -80,9 +80,12 @@ fn told(efforts: &[Effort]) -> Vec<Column> {
     let moving = efforts.iter().map(|effort| effort.began_on_the_move).collect();
     let cycles = efforts.iter().map(|effort| effort.limit_cycle).collect();
     vec![
-        Column::new(STEPS, "1/s", Values::Float(steps)),
-        Column::new(MOVING, "", Values::Flag(moving)),
-        Column::new(LIMIT_CYCLE, "", Values::Flag(cycles)),
+        Column::new(STEPS, "1/s", Values::Float(steps))
+            .described("Solver steps in each simulated second, 0 if `failure` is not empty."),
+        Column::new(MOVING, "", Values::Flag(moving))
+            .described("No steady state was found at the inputs of time zero."),
+        Column::new(LIMIT_CYCLE, "", Values::Flag(cycles))
+            .described("The variant has a measured limit cycle at time zero."),
     ]
 }
 
@@ -90,6 +93,7 @@ fn told(efforts: &[Effort]) -> Vec<Column> {
 pub(super) fn effort_columns(efforts: &[Effort]) -> Vec<Column> {
     let rings = efforts.iter().map(Effort::rings).collect();
     let mut columns = told(efforts);
-    columns.push(Column::new("rings", "", Values::Flag(rings)));
+    let rings = Column::new("rings", "", Values::Flag(rings));
+    columns.push(rings.described("More than five times the solver steps of the twin."));
     columns
 }

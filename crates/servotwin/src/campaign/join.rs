@@ -109,8 +109,9 @@ impl Campaign<'_> {
         shards: &Shards,
         outcome: &mut Outcome,
     ) -> Result<(), CampaignError> {
-        let (study, cases, setting) = (self.study, self.cases(), self.settings[place]);
-        let maker = Maker { study, cases, plan: &prepared.plan, images: &prepared.images, setting };
+        let (study, setting) = (self.study, self.settings[place]);
+        let Prepared { plan, images, .. } = prepared;
+        let maker = Maker { campaign: self, setting, plan, images };
         let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
         let mut writer: Option<ParquetWriter> = None;
         for shard in 0..shards.count().max(1) {

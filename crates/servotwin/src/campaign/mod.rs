@@ -26,7 +26,7 @@ mod watch;
 
 pub use calibration::{Calibrated, Calibrating, Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
-pub use data_set::{DataFeature, data_features};
+pub use data_set::{DataFeature, FOLDS, data_features};
 pub use effort::Effort;
 pub use missing::{MissingParts, MissingRows, missing_parts};
 pub use part::{Part, runs};
@@ -508,22 +508,27 @@ impl Campaign<'_> {
         described(self.study, failure)
     }
 
-    fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
-        let intensity = planned.intensity;
-        let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
-        let overrides = match (&self.study.realism, self.plants()) {
-            (None, _) | (_, Plants::Twin) => Vec::new(),
+    /// The specimen that flies a variant.
+    fn specimen(&self, index: usize, planned: Planned) -> SpecimenOfVariant {
+        let (number, overrides) = match (&self.study.realism, self.plants()) {
+            (None, _) | (_, Plants::Twin) => (0, Vec::new()),
             (Some(realism), Plants::Specimens) => {
-                realism.specimen(self.study, self.role.into(), index)
+                (index, realism.specimen(self.study, self.role.into(), index))
             }
             (Some(realism), Plants::Pool) => {
                 let (_, specimen) = self.beside(index, planned);
-                realism.specimen(self.study, Lot::pool(self.role), specimen)
+                (specimen, realism.specimen(self.study, Lot::pool(self.role), specimen))
             }
         };
+        SpecimenOfVariant { number: number as u32, overrides }
+    }
+
+    fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
+        let intensity = planned.intensity;
+        let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
         Variant {
             faults: fault.into_iter().collect(),
-            overrides,
+            overrides: self.specimen(index, planned).overrides,
             inputs: self.cases()[planned.case].inputs.iter().collect(),
             duration_s: Some(self.lasting_s(planned)),
             ..Variant::default()
@@ -645,6 +650,12 @@ impl Campaign<'_> {
         let name = format!("{}{}-{variant:05}.parquet", setting.name(), self.role.suffix());
         Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
     }
+}
+
+/// The specimen of a variant: its number in its lot, and the parameters that differ from the nominal ones.
+struct SpecimenOfVariant {
+    number: u32,
+    overrides: Vec<(usize, usize, f64)>,
 }
 
 /// Twins by case and specimen ([`Campaign::beside`]).

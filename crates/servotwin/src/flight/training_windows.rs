@@ -287,8 +287,7 @@ impl Maker<'_> {
         columns.extend(largest_columns(&self.sensors.0, &windows));
         let features: Vec<_> =
             features::ALL.iter().flat_map(|family| family.features(self.sensors)).collect();
-        let names = features.iter().map(|feature| feature.name.as_str());
-        columns.extend(feature_columns(names, &rows));
+        columns.extend(feature_columns(features.iter(), &rows));
         Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
     }
 

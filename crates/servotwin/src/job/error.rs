@@ -37,6 +37,16 @@ pub enum JobError {
         /// The output folder.
         folder: PathBuf,
     },
+    /// The record of sealed openings has a line that no opening wrote.
+    #[error("{path}: line {line}: {reason}; the record only grows: restore it from the repository")]
+    SealedRecord {
+        /// The record.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
     /// The folder for a part of a campaign belongs to another study.
     #[error(
         "{folder}: another study lies here; a part of a campaign removes nothing: choose another folder"

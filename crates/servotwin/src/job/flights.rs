@@ -1,5 +1,6 @@
 //! The flight stage: trains a diagnoser for each setting and measures its performance.
 
+use super::sealed::{Opening, Openings, Record, SealedSubject};
 use super::{Folder, JobError, pools};
 use crate::campaign::CampaignError;
 use crate::evaluation::{EvaluationError, model_file};
@@ -12,8 +13,9 @@ use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
 use crate::flight::unseen_faults::{self, UnseenFaultMetrics};
+use crate::manifest::{sha256, sha256_of_text};
 use crate::parallel::Workers;
-use crate::study::flights::{Limits, Size};
+use crate::study::flights::{Limits, Redraw, Size};
 use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -43,6 +45,23 @@ pub struct FlightResults {
 }
 
 impl FlightResults {
+    fn new(
+        flights: &Flights,
+        is_full: bool,
+        measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
+    ) -> Self {
+        let (merits, foreign) = measured.into_iter().unzip();
+        FlightResults {
+            is_full,
+            learn: flights.learn,
+            judge: flights.judge,
+            windows_s: flights.windows_s.clone(),
+            limits: flights.limits,
+            merits,
+            foreign,
+        }
+    }
+
     /// Whether the results have the full sizes and cover every setting of the study.
     pub fn is_full_of(&self, study: &Study) -> bool {
         let has =
@@ -68,6 +87,17 @@ impl FlightResults {
         self.merits.sort_by_key(|merit| place(&merit.setting));
         self.foreign.sort_by_key(|foreign| place(&foreign.setting));
     }
+}
+
+/// The results of the diagnosers in sealed environments.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SealedResults {
+    /// The opening that these results belong to.
+    pub opening: Opening,
+    /// All openings on record when these results were written, this one included.
+    pub openings: Openings,
+    /// The results; those of training flights are not repeated.
+    pub results: FlightResults,
 }
 
 /// The resources of a stage: threads, and a receiver of progress.
@@ -167,22 +197,125 @@ pub fn fly_all(
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
         let (diagnoser, left_out) = learn(folder, study, flights, setting, crew)?;
-        let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
-        let told = |done: usize, of: usize| {
-            let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
-            (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
-        };
-        let watched = judge::watch(&flown, &diagnoser, Rates::of_size(is_full), &told);
-        crew.check()?;
-        let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
-        let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
-        (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
-        let said =
-            unseen_faults::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
-        crew.check()?;
-        write(folder, flights, is_full, vec![(merit, said?)])?;
+        let part = |share: f64| part(0.4 + 0.6 * share);
+        let rates = Rates::of_size(is_full);
+        let model = (diagnoser, left_out);
+        let judged = judge_in(study, flights, (setting, rates), model, crew, &part)?;
+        write(folder, flights, is_full, vec![judged])?;
     }
     results(folder)?.ok_or_else(|| JobError::Missing { path: folder.flights(), stage: "flights" })
+}
+
+/// Judges a diagnoser in the evaluation flights of a setting. `part` maps the share of this work to that of all work.
+fn judge_in(
+    study: &Study,
+    flights: &Flights,
+    (setting, rates): (Setting, Rates),
+    (diagnoser, left_out): (Diagnoser, LeftOut),
+    crew: &Crew,
+    part: &(dyn Fn(f64) -> f64 + Sync),
+) -> Result<(FlightMetrics, UnseenFaultMetrics), JobError> {
+    let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
+    let told = |done: usize, of: usize| {
+        let share = 0.8 * done as f64 / of.max(1) as f64;
+        (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
+    };
+    let watched = judge::watch(&flown, &diagnoser, rates, &told);
+    crew.check()?;
+    let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
+    let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
+    (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.8));
+    let said = unseen_faults::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
+    crew.check()?;
+    Ok((merit, said?))
+}
+
+/// Judges the stored diagnosers of some settings in sealed environments, and writes the results. Nothing is learned.
+///
+/// The opening is recorded after everything that can be checked before, and before the first flight.
+///
+/// # Errors
+/// A diagnoser is missing or the study has no flights of these sizes, before the opening; the record or the results
+/// cannot be written; a twin cannot be simulated.
+pub fn fly_sealed(
+    folder: &Folder,
+    study: &Study,
+    settings: &[Setting],
+    is_full: bool,
+    record: &Record,
+    crew: &Crew,
+) -> Result<SealedResults, JobError> {
+    let stored = settings.iter().map(|&setting| diagnoser(folder, setting));
+    let diagnosers = stored.collect::<Result<Vec<_>, _>>()?;
+    let hashes = settings.iter().map(|&setting| sha256(&folder.diagnoser(setting)));
+    let hashes = hashes.collect::<Result<Vec<_>, _>>()?;
+    let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+    let size = if is_full { "full" } else { "small" };
+    let opening = record.open(&SealedSubject {
+        study: &study.name,
+        study_text: &study.text,
+        diagnoser_sha256: sha256_of_text(&hashes.join(" ")),
+        judged: format!("{size} sizes: {}", names.join(" and ")),
+    })?;
+    let draw = Redraw { seed: Some(opening.seed), ..Redraw::default() };
+    let drawn = study.flights_with(is_full, draw).map_err(|error| JobError::Study(error.into()))?;
+    let Some(flights) = drawn else {
+        return Err(JobError::Missing { path: folder.flights(), stage: "flights" });
+    };
+    let mut judged = vec![];
+    for (place, (&setting, diagnoser)) in settings.iter().zip(diagnosers).enumerate() {
+        let part = |share: f64| (place as f64 + share) / settings.len() as f64;
+        let model = (diagnoser, LeftOut::default());
+        let rates = Rates::of_size(is_full);
+        judged.push(judge_in(study, &flights, (setting, rates), model, crew, &part)?);
+    }
+    let results = FlightResults::new(&flights, is_full, judged);
+    // Everything but the last line of the record counts as aborted, until the results are there.
+    let openings = record.count()?;
+    let without_result = openings.without_result.saturating_sub(1);
+    let openings = Openings { without_result, ..openings };
+    let sealed = SealedResults { opening, openings, results };
+    model_file::write(folder.sealed_flights(), &sealed)?;
+    record.close(&sealed.opening, &sealed.summary())?;
+    Ok(sealed)
+}
+
+/// Reads the results in sealed environments; `None` if none were opened in this folder.
+///
+/// # Errors
+/// The file cannot be read, or contradicts the manifest.
+pub fn sealed_results(folder: &Folder) -> Result<Option<SealedResults>, JobError> {
+    let path = folder.sealed_flights();
+    Ok(if path.exists() { Some(model_file::read(path)?) } else { None })
+}
+
+impl SealedResults {
+    /// The results in a line, for the record.
+    fn summary(&self) -> String {
+        let of = |merit: &FlightMetrics| {
+            let since = &merit.in_time_since_visible;
+            format!(
+                "{}: {} of {} in time since visible, {} healthy shutdowns, {} wrong shutdowns",
+                merit.setting,
+                since.count,
+                since.of,
+                merit.healthy.shutdowns,
+                merit.wrong_shutdowns
+            )
+        };
+        self.results.merits.iter().map(of).collect::<Vec<_>>().join("; ")
+    }
+
+    /// Which opening these results belong to, in a sentence. `known` are the openings on record now, where the record is
+    /// at hand.
+    pub fn in_words(&self, known: Option<Openings>) -> String {
+        let Openings { opened, without_result } = known.unwrap_or(self.openings);
+        let Opening { number, seed, commit } = &self.opening;
+        format!(
+            "Sealed opening {number} of {opened} (seed {seed}, commit {commit}; {without_result} of {opened} without a \
+             result)."
+        )
+    }
 }
 
 /// Repeats the evaluation flights of some settings without each sensor in turn, using the stored diagnosers, and writes
@@ -234,16 +367,7 @@ pub fn write(
     is_full: bool,
     measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
 ) -> Result<FlightResults, JobError> {
-    let (merits, foreign) = measured.into_iter().unzip();
-    let mut all = FlightResults {
-        is_full,
-        learn: flights.learn,
-        judge: flights.judge,
-        windows_s: flights.windows_s.clone(),
-        limits: flights.limits,
-        merits,
-        foreign,
-    };
+    let mut all = FlightResults::new(flights, is_full, measured);
     if let Some(before) = results(folder)? {
         all.join(before);
     }

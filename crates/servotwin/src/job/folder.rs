@@ -5,11 +5,14 @@
 //! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
 //! | `dataset-<setting>.parquet`, `shards/` | campaign: the operating cases of the evaluation |
 //! | `dataset-<setting>-training.parquet` | campaign: the training commands |
+//! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
 //! | `hierarchy-<subject>.json` | train: the nine trees |
 //! | `panel-<subject>.json` | train: trees, committee and bands |
 //! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
+//! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
+//! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
 //! | `band-<setting>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
@@ -61,6 +64,11 @@ impl Folder {
         self.0.join(format!("dataset-{}{}.parquet", setting.name(), role.suffix()))
     }
 
+    /// The file that describes the data sets.
+    pub fn data_card(&self) -> PathBuf {
+        self.0.join("data-card.md")
+    }
+
     /// The file of the hierarchy trained for a subject.
     pub fn hierarchy(&self, subject: Subject) -> PathBuf {
         self.0.join(format!("hierarchy-{}.json", subject.name()))
@@ -84,6 +92,11 @@ impl Folder {
     /// The file with the results of the flights.
     pub fn flights(&self) -> PathBuf {
         self.0.join("flights.json")
+    }
+
+    /// The file with the results in sealed environments.
+    pub fn sealed_flights(&self) -> PathBuf {
+        self.0.join("flights-sealed.json")
     }
 
     /// The file with the figures of merit of flights with a missing sensor.
@@ -123,6 +136,7 @@ impl Folder {
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
+        files.extend([self.data_card(), self.sealed_flights()]);
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
         files.extend(self.figure_files()?);
         files.retain(|file| file.exists());
@@ -310,7 +324,7 @@ fn is_text(path: impl AsRef<Path>, text: &str) -> bool {
 }
 
 /// Writes a text unless the file already contains it. In that case the manifest's hash stays valid.
-fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     if is_text(path, text) && manifest::check(path).is_ok() {
         return Ok(());
     }

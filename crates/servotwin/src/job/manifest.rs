@@ -371,7 +371,8 @@ mod tests {
     fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
         let folder = Folder::new("out");
         let mut files = vec![folder.study(), folder.system()];
-        files.extend([folder.flights(), folder.missing_sensors(), folder.results()]);
+        files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
+        files.extend([folder.missing_sensors(), folder.results()]);
         for setting in Setting::ALL {
             files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
             files.extend([folder.diagnoser(setting), folder.band(setting)]);

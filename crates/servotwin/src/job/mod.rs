@@ -4,6 +4,7 @@
 //! change one thing and repeat the rest. A [`Subject`] of the diagnosis is a data set, with or
 //! without the extra sensor.
 
+pub mod data_card;
 mod error;
 pub mod flights;
 pub mod folder;
@@ -11,6 +12,7 @@ pub mod hold;
 pub mod manifest;
 pub mod results;
 pub mod run;
+pub mod sealed;
 mod subject;
 #[cfg(test)]
 mod tests;

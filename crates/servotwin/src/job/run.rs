@@ -13,7 +13,7 @@ use super::flights::{Crew, FlightResults};
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
 use super::{Evaluated, JobError, Results, Subject};
-use super::{flights, manifest, subjects, train_and_evaluate};
+use super::{data_card, flights, manifest, subjects, train_and_evaluate};
 use crate::campaign::{Campaign, CampaignError, Outcome};
 use crate::parallel::Workers;
 use crate::study::{Flights, Role, Setting, Study};
@@ -195,6 +195,7 @@ impl<'r> StudyRun<'r> {
             let stage = begin();
             evaluated.extend(self.evaluate(&settings)?);
             results = super::write_results(&self.folder, study, &evaluated)?;
+            data_card::write(&self.folder, study)?;
             manifest::write(&self.folder, study)?;
             let remaining = of - stage;
             (self.observer)(&StudyEvent::Evaluated { results: &results, remaining });
@@ -261,6 +262,19 @@ impl StudyResults {
     /// The output folder.
     pub fn folder(&self) -> &Folder {
         &self.folder
+    }
+
+    /// The data card of the folder's data sets; `None` in a folder of an earlier version.
+    ///
+    /// # Errors
+    /// It cannot be read, or contradicts the manifest.
+    pub fn data_card(&self) -> Result<Option<String>, JobError> {
+        let path = self.folder.data_card();
+        if !path.exists() {
+            return Ok(None);
+        }
+        crate::manifest::check(&path)?;
+        Ok(Some(crate::files::read_text(path)?))
     }
 
     /// The data set of a scenario: labels and features of every simulated variant.

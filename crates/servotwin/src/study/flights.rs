@@ -160,6 +160,15 @@ pub struct Flights {
     pub judged: Vec<Environment>,
 }
 
+/// Other draws of evaluation flights than those of the study file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Redraw {
+    /// Another seed.
+    pub seed: Option<u64>,
+    /// Another number of additional environments.
+    pub judged_further: Option<usize>,
+}
+
 /// Upper limit on environments. The evaluation's draws follow those of training.
 const MAX_ENVIRONMENTS: usize = 100_000;
 
@@ -203,6 +212,13 @@ impl Text {
             self.full.map(|of| (Place::of(&["flights", "full", "learn", "repeats"]), of.learn));
         let all = [Some(own), full].into_iter().flatten();
         all.filter(|(_, size)| size.repeats == 0).map(|(at, _)| at).collect()
+    }
+
+    /// The same section with other draws of the evaluation flights.
+    pub(super) fn redrawn(&self, draw: Redraw) -> Text {
+        let further = draw.judged_further.unwrap_or(self.judge.further);
+        let judge = Size { further, ..self.judge };
+        Text { seed: draw.seed.unwrap_or(self.seed), judge, ..self.clone() }
     }
 
     /// The same section with the full sizes.

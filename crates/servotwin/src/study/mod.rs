@@ -347,7 +347,32 @@ impl Study {
     /// # Errors
     /// As [`Study::flights`].
     pub fn full_flights(&self) -> Result<Option<Flights>, StudyError> {
-        self.drawn(self.parsed.flights.as_ref().and_then(flights::Text::full).as_ref())
+        self.drawn(self.sizes(true).as_ref())
+    }
+
+    /// Draws flights of the small or the full sizes with other evaluation flights. Training flights stay those of the
+    /// study file.
+    ///
+    /// # Errors
+    /// As [`Study::flights`].
+    pub fn flights_with(
+        &self,
+        is_full: bool,
+        draw: flights::Redraw,
+    ) -> Result<Option<Flights>, StudyError> {
+        let sizes = self.sizes(is_full);
+        let Some(usual) = self.drawn(sizes.as_ref())? else { return Ok(None) };
+        let other = self.drawn(sizes.map(|sizes| sizes.redrawn(draw)).as_ref())?;
+        let both = |other: Flights| {
+            let Flights { learn, learned, .. } = usual;
+            Flights { learn, learned, ..other }
+        };
+        Ok(other.map(both))
+    }
+
+    fn sizes(&self, is_full: bool) -> Option<flights::Text> {
+        let small = self.parsed.flights.as_ref()?;
+        if is_full { small.full() } else { Some(small.clone()) }
     }
 
     fn drawn(&self, text: Option<&flights::Text>) -> Result<Option<Flights>, StudyError> {
@@ -384,6 +409,12 @@ impl Study {
     pub fn roles(&self) -> Vec<Role> {
         let there = |role: &Role| !self.cases_of(*role).is_empty();
         Role::ALL.into_iter().filter(there).collect()
+    }
+
+    /// The input that carries the load, as an index into the system's inputs; `None` for a study without loads.
+    pub fn load_input(&self) -> Option<usize> {
+        let load = self.parsed.load.as_ref()?;
+        self.system.network().inputs.iter().position(|input| input.id == load.input)
     }
 
     /// The sensors as seen by features in a setting.

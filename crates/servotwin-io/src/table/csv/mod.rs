@@ -217,7 +217,7 @@ fn table_of(
             return Err(ContentError::UnnamedColumn { place: place + 1 }.into());
         };
         // Names are unique and lengths are equal, so this cannot fail.
-        let _ = table.push(Column { name, unit: String::new(), values });
+        let _ = table.push(Column::new(name, "", values));
     }
     Ok(table)
 }

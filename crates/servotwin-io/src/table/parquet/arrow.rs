@@ -1,8 +1,9 @@
-//! Reads durations from the Arrow schema in a file's metadata.
+//! Reads durations, units and descriptions from the Arrow schema in a file's metadata.
 //!
 //! Parquet has no type for a duration. Writers with an Arrow layer store a plain whole number, and keep the unit in an
 //! Arrow schema under `ARROW:schema`: a FlatBuffers message in base64. This reader extracts the names and units of the
-//! durations and ignores everything else. Every access is checked; a damaged schema counts as none.
+//! durations, and `unit` and `description` from the metadata of the fields. It ignores everything else. Every access is
+//! checked; a damaged schema counts as none.
 //!
 //! Sources: Arrow columnar format, `Message.fbs` and `Schema.fbs`; FlatBuffers internals.
 
@@ -23,15 +24,50 @@ pub(super) fn durations(schema: &str) -> HashMap<String, i64> {
     bytes.and_then(|bytes| read_durations(&bytes)).unwrap_or_default()
 }
 
-fn read_durations(bytes: &[u8]) -> Option<HashMap<String, i64>> {
+/// What a field's metadata says about its column.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Facts {
+    /// The value of `unit`.
+    pub(super) unit: Option<String>,
+    /// The value of `description`.
+    pub(super) description: Option<String>,
+}
+
+/// The facts of every column that has any, by name.
+pub(super) fn facts(schema: &str) -> HashMap<String, Facts> {
+    let bytes = base64(schema);
+    bytes.and_then(|bytes| read_facts(&bytes)).unwrap_or_default()
+}
+
+fn read_facts(bytes: &[u8]) -> Option<HashMap<String, Facts>> {
+    let mut found = HashMap::new();
+    for field in fields(bytes)? {
+        // A field without metadata has no vector there.
+        let Some(pairs) = field.nodes(6) else { continue };
+        let value = |key: &str| {
+            let pair = pairs.iter().find(|pair| pair.text(0).as_deref() == Some(key));
+            pair.and_then(|pair| pair.text(1))
+        };
+        let facts = Facts { unit: value("unit"), description: value("description") };
+        found.insert(field.text(0)?, facts);
+    }
+    Some(found)
+}
+
+/// The top-level fields of an encapsulated schema message.
+fn fields(bytes: &[u8]) -> Option<Vec<Node<'_>>> {
     // An encapsulated message starts with a mark and its length; older ones with the length alone.
     let start = if read(bytes, 0)? == [0xFF; 4] { 8 } else { 4 };
     let message = Node::root(bytes.get(start..)?)?;
     if message.byte(1)? != SCHEMA {
         return None;
     }
+    message.node(2)?.nodes(1)
+}
+
+fn read_durations(bytes: &[u8]) -> Option<HashMap<String, i64>> {
     let mut found = HashMap::new();
-    for field in message.node(2)?.nodes(1)? {
+    for field in fields(bytes)? {
         if field.byte(2) != Some(DURATION) {
             continue;
         }
@@ -151,6 +187,7 @@ mod tests {
     fn a_damaged_schema_names_no_duration() {
         for text in ["", "AAAA", "/////wAAAAD/////", "not base64"] {
             assert!(durations(text).is_empty(), "{text}");
+            assert!(facts(text).is_empty(), "{text}");
         }
     }
 }

@@ -60,15 +60,36 @@ fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
     factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
 }
 
-/// The share of healthy flights that leaves a band with this target and number of calibration flights. Returns its mean
-/// over calibrations and its 95 % quantile. q is the k-th of n scores, so the share has the distribution Beta(n + 1 −
-/// k, k), whatever distribution the scores have.
-pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
-    let place = (place_of(target, flights)).min(flights);
-    let above = flights + 1 - place;
+/// The share of healthy flights that stays inside a band, over calibrations with this number of flights. The scale is the
+/// k-th of n scores, so the share has the distribution Beta(k, n + 1 − k), whatever distribution the scores have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coverage {
+    /// k and n + 1 − k, the parameters of the distribution.
+    pub beta: [usize; 2],
+    /// The mean over calibrations: at least one less the target.
+    pub mean: f64,
+    /// The share that 97.5 % of calibrations exceed.
+    pub low: f64,
+    /// The share that 2.5 % of calibrations exceed.
+    pub high: f64,
+    /// The share that 95 % of calibrations exceed.
+    pub low_one_sided: f64,
+}
+
+/// The coverage of a band with a target share outside and a number of calibration flights.
+pub fn coverage(target: f64, flights: usize) -> Coverage {
+    let place = place_of(target, flights).clamp(1, flights.max(1));
     // Beta(a, b) is below x if, of a + b − 1 draws with probability x, at least a succeed.
-    let quantile = find_share(|share| binomial_tail(above as u64, flights as u64, share), 0.95);
-    (above as f64 / (flights as f64 + 1.0), quantile)
+    let quantile = |probability: f64| {
+        find_share(|share| binomial_tail(place as u64, flights as u64, share), probability)
+    };
+    Coverage {
+        beta: [place, flights + 1 - place],
+        mean: place as f64 / (flights as f64 + 1.0),
+        low: quantile(0.025),
+        high: quantile(0.975),
+        low_one_sided: quantile(0.05),
+    }
 }
 
 /// k: the rank of the score that becomes q, counted from one.
@@ -206,19 +227,23 @@ mod tests {
     }
 
     #[test]
-    fn the_share_of_a_calibration_is_the_one_that_draws_have() {
-        let (mean, most) = share_of_calibration(0.05, 24);
-        // q is the largest of 24 scores: 1 − U^(1/24).
-        assert!((mean - 1.0 / 25.0).abs() < 1e-12);
-        assert!((most - (1.0 - 0.05_f64.powf(1.0 / 24.0))).abs() < 1e-9, "{most}");
-        let (mut random, mut above) = (Random::new(3), 0);
-        let (_, most) = share_of_calibration(0.1, 59);
+    fn the_coverage_of_a_calibration_is_the_one_that_draws_have() {
+        let of_24 = coverage(0.05, 24);
+        // The scale is the largest of 24 scores, so the coverage is U^(1/24).
+        assert_eq!(of_24.beta, [24, 1]);
+        assert!((of_24.mean - 24.0 / 25.0).abs() < 1e-12);
+        let root = |u: f64| u.powf(1.0 / 24.0);
+        assert!((of_24.low_one_sided - root(0.05)).abs() < 1e-9, "{of_24:?}");
+        assert!((of_24.low - root(0.025)).abs() < 1e-9 && (of_24.high - root(0.975)).abs() < 1e-9);
+        let (mut random, mut outside) = (Random::new(3), 0);
+        let of_59 = coverage(0.1, 59);
         for _ in 0..2000 {
             let mut scores: Vec<f64> = (0..59).map(|_| random.unit()).collect();
             scores.sort_by(f64::total_cmp);
-            above += usize::from(1.0 - scores[place_of(0.1, 59) - 1] > most);
+            let covered = scores[place_of(0.1, 59) - 1];
+            outside += usize::from(!(of_59.low..=of_59.high).contains(&covered));
         }
-        assert!((70..=130).contains(&above), "{above} of 2000");
+        assert!((70..=130).contains(&outside), "{outside} of 2000");
     }
 
     #[test]

@@ -9,17 +9,21 @@
 //! ⌈(n + 1)(1 − share)⌉-th. A healthy flight that is exchangeable with them then leaves the band with a probability of
 //! at most `share`, whatever distribution residuals have (Vovk, Gammerman, Shafer, Algorithmic Learning in a Random
 //! World, 2005). Flights are exchangeable, samples are not. Every calibration flight has a separate environment and
-//! specimen, neither of which was used to learn s.
+//! specimen, neither of which was used to learn s. They are drawn as the judged ones are: from the same ranges, over the
+//! same duration, and also if they begin without a steady state. Only one judged flight of an environment is independent
+//! of all others, so the measured share counts one of each.
 //!
-//! [`ConditionalBand::outside`] returns how far a point lies outside the range from which s was learned. Outside, there
-//! is no guarantee.
+//! The share of one calibration is random: its coverage has the distribution Beta(k, n + 1 − k) for the k-th of n scores.
+//!
+//! [`ConditionalBand::outside`] returns how far a point lies outside the range that learning and calibration flights
+//! have covered. Outside, nothing like it was flown.
 //!
 //! A diagnoser with a conditional band ([`Diagnoser::conditional_band`]) uses it instead of its fixed bands.
 
 mod learn;
 mod picture;
 
-pub use learn::{Trace, learn, share_of_calibration};
+pub use learn::{Coverage, Trace, coverage, learn};
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
@@ -32,8 +36,11 @@ use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Sample, 
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
-use servotwin_model::solver::Statistics;
 use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Most environments that learn and calibrate: beyond them, the traces would take gigabytes.
+const MAX_ENVIRONMENTS: usize = 1000;
 
 /// Number of bins of a covariate.
 const BINS: usize = 4;
@@ -117,11 +124,28 @@ pub struct BandMerit {
     pub faults: usize,
     /// How many of these leave the conditional band, and the constant band.
     pub detected: [usize; 2],
+    /// The first healthy flight of each judged environment; `None` in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub independent: Option<IndependentFlights>,
+}
+
+/// Healthy judged flights with an environment and a specimen of their own, which are exchangeable with the calibration
+/// flights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IndependentFlights {
+    /// Number of flights.
+    pub flights: usize,
+    /// How many leave the conditional band, and the constant band.
+    pub left: [usize; 2],
+    /// How many reach points outside the learned range.
+    pub outside: usize,
 }
 
 /// Learns a conditional and a constant band in the flights of a study, and tests both in others. All flights are
 /// evaluated for the duration of those with a fault.
 ///
+/// # Errors
 /// The flights cannot be simulated, or there are too few.
 pub fn measure(
     study: &Study,
@@ -132,26 +156,8 @@ pub fn measure(
 ) -> Result<BandMerit, BandError> {
     let covariates = &covariates(study);
     let flying = Flying { study, flights, setting, workers, covariates };
-    let mut learned: Vec<(Flight, Trace)> = Vec::new();
-    let usual = flights.learn.environments;
-    let healthy = |flight: &Flight| flight.fault.is_none() && flight.environment < usual;
-    flying.each(Purpose::Learn, healthy, |flight, trace| learned.push((*flight, trace)))?;
-    learned.sort_by_key(|(flight, _)| flight.number);
-    // A random half of the environments is used to learn s; in each of the others, the first flight calibrates. A
-    // random half is needed because commands alternate between environments: every second one would always have the
-    // same kinds of command.
-    let teaches = drawn_half(usual, flights.seed);
-    let mut seen = Vec::new();
-    let (mut learning, mut calibration) = (Vec::new(), Vec::new());
-    for (flight, trace) in learned {
-        if teaches[flight.environment] {
-            learning.push(trace);
-        } else if !seen.contains(&flight.environment) {
-            seen.push(flight.environment);
-            calibration.push(trace);
-        }
-    }
-    let (axes, kept) = binned(covariates, &learning);
+    let (learning, calibration) = flying.learning_and_calibration()?;
+    let (axes, kept) = binned(covariates, &learning, &calibration);
     let sensors = study.base_sensors();
     let width = covariates.len();
     let slim = |traces: &[Trace]| -> Vec<Trace> {
@@ -174,15 +180,24 @@ pub fn measure(
         outside: 0,
         faults: 0,
         detected: [0; 2],
+        independent: Some(IndependentFlights::default()),
     };
-    flying.each(
-        Purpose::Judge,
-        |_| true,
-        |flight, trace| {
-            merit.count(flight.fault.is_none(), &trace.with_covariates(&kept, width));
-        },
-    )?;
+    let plan = plan::flights(study, flights, Purpose::Judge);
+    let first = first_healthy(&plan);
+    flying.each(Purpose::Judge, plan, |flight, trace, _| {
+        let is_first = first.contains(&flight.number);
+        merit.count(flight.fault.is_none(), is_first, &trace.with_covariates(&kept, width));
+    })?;
     Ok(merit)
+}
+
+/// The number of the first healthy flight of each environment.
+fn first_healthy(plan: &[Flight]) -> BTreeSet<usize> {
+    let mut first = BTreeMap::new();
+    for flight in plan.iter().filter(|flight| flight.fault.is_none()) {
+        first.entry(flight.environment).or_insert(flight.number);
+    }
+    first.into_values().collect()
 }
 
 /// Draws a random half of the indices.
@@ -208,7 +223,7 @@ impl BandMerit {
         Ok(diagnoser)
     }
 
-    fn count(&mut self, is_healthy: bool, trace: &Trace) {
+    fn count(&mut self, is_healthy: bool, is_independent: bool, trace: &Trace) {
         let left = [trace.leaves(&self.field), trace.leaves(&self.fixed)];
         let (all, counted) = match is_healthy {
             true => (&mut self.healthy, &mut self.left),
@@ -216,20 +231,32 @@ impl BandMerit {
         };
         *all += 1;
         counted.iter_mut().zip(left).for_each(|(count, left)| *count += usize::from(left));
-        if is_healthy {
-            let mut points = trace.points.chunks_exact(self.field.covariates.len().max(1));
-            self.outside += usize::from(points.any(|point| self.field.outside(point) > 0.0));
+        if !is_healthy {
+            return;
+        }
+        let mut points = trace.points.chunks_exact(self.field.covariates.len().max(1));
+        let is_outside = points.any(|point| self.field.outside(point) > 0.0);
+        self.outside += usize::from(is_outside);
+        if let Some(own) = self.independent.as_mut().filter(|_| is_independent) {
+            own.flights += 1;
+            own.left.iter_mut().zip(left).for_each(|(count, left)| *count += usize::from(left));
+            own.outside += usize::from(is_outside);
         }
     }
 }
 
-/// The covariates that vary, with bins of equal sample counts, and their indices.
-fn binned(all: &[(String, Source)], learning: &[Trace]) -> (Vec<Covariate>, Vec<usize>) {
+/// The covariates that vary, with bins of equal sample counts in the learning flights, and their indices. Their ranges
+/// are those of learning and calibration flights together.
+fn binned(
+    all: &[(String, Source)],
+    learning: &[Trace],
+    calibration: &[Trace],
+) -> (Vec<Covariate>, Vec<usize>) {
     let (mut list, mut kept) = (Vec::new(), Vec::new());
     let width = all.len();
     for (place, &(ref name, source)) in all.iter().enumerate() {
-        let all = learning.iter().flat_map(|t| t.points.iter().skip(place).step_by(width));
-        let mut values: Vec<f64> = all.copied().collect();
+        let of = |t: &'_ Trace| t.points.iter().skip(place).step_by(width).copied().collect();
+        let mut values: Vec<f64> = learning.iter().flat_map(|t| -> Vec<f64> { of(t) }).collect();
         values.sort_by(f64::total_cmp);
         let (Some(&low), Some(&high)) = (values.first(), values.last()) else { continue };
         if low == high {
@@ -241,7 +268,9 @@ fn binned(all: &[(String, Source)], learning: &[Trace]) -> (Vec<Covariate>, Vec<
         if values.iter().all(|value| [-1.0, 0.0, 1.0].contains(value)) {
             edges = vec![-0.5, 0.5];
         }
-        list.push(Covariate { name: name.clone(), source, edges, range: (low, high) });
+        let more = calibration.iter().flat_map(|t| -> Vec<f64> { of(t) });
+        let range = more.fold((low, high), |(low, high), value| (low.min(value), high.max(value)));
+        list.push(Covariate { name: name.clone(), source, edges, range });
         kept.push(place);
     }
     (list, kept)
@@ -257,23 +286,49 @@ struct Flying<'f> {
 }
 
 impl Flying<'_> {
-    /// Passes the traces of a purpose's flights to `done` as they end; failed flights are left out.
+    /// The traces of two halves of the environments: all healthy flights of one half, and the first of each environment
+    /// of the other. Halves are drawn, because commands alternate between environments: every second one would always
+    /// have the same kinds of command.
+    fn learning_and_calibration(&self) -> Result<(Vec<Trace>, Vec<Trace>), CampaignError> {
+        let Flying { study, flights, .. } = *self;
+        let usual = flights.learn.environments;
+        let count = (usual + flights.learn.further).min(usual.max(MAX_ENVIRONMENTS));
+        let teaches = drawn_half(count, flights.seed);
+        let mut plan = plan::flights(study, flights, Purpose::Learn);
+        plan.retain(|flight| flight.fault.is_none() && flight.environment < count);
+        let first = first_healthy(&plan);
+        plan.retain(|flight| teaches[flight.environment] || first.contains(&flight.number));
+        let mut flown: Vec<(Flight, Trace)> = Vec::new();
+        self.each(Purpose::Learn, plan, |flight, trace, began_on_the_move| {
+            // Calibration flights are what judged ones are, so they may begin on the move.
+            if !(teaches[flight.environment] && began_on_the_move) {
+                flown.push((*flight, trace));
+            }
+        })?;
+        flown.sort_by_key(|(flight, _)| flight.number);
+        let (learning, calibration): (Vec<_>, Vec<_>) =
+            flown.into_iter().partition(|(flight, _)| teaches[flight.environment]);
+        let traces = |flown: Vec<(Flight, Trace)>| flown.into_iter().map(|(_, trace)| trace);
+        Ok((traces(learning).collect(), traces(calibration).collect()))
+    }
+
+    /// Passes the traces of planned flights to `done` as they end, each with whether it began without a steady state.
+    /// Failed flights are left out.
     fn each(
         &self,
         purpose: Purpose,
-        wanted: impl Fn(&Flight) -> bool,
-        mut done: impl FnMut(&Flight, Trace) + Send,
+        mut plan: Vec<Flight>,
+        mut done: impl FnMut(&Flight, Trace, bool) + Send,
     ) -> Result<(), CampaignError> {
         let Flying { study, flights, setting, workers, covariates } = *self;
-        let environments = Cow::Borrowed(purpose.environments(flights));
-        let mut plan = plan::flights(study, flights, purpose);
+        let used = plan.iter().map(|flight| flight.environment + 1).max().unwrap_or(0);
+        let environments = Cow::Borrowed(&purpose.environments(flights)[..used]);
         for flight in &mut plan {
             flight.duration_s = flight.duration_s.min(flights.duration_s);
         }
         let lot = (purpose, flights.seed);
         let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
-        let all = 0..flown.plan.len();
-        let which: Vec<usize> = all.filter(|&n| wanted(&flown.plan[n])).collect();
+        let which: Vec<usize> = (0..flown.plan.len()).collect();
         let scales: Vec<f64> = study.scales();
         let observer = |_: &Flight| Tracing {
             covariates,
@@ -283,10 +338,8 @@ impl Flying<'_> {
             trace: Trace::default(),
         };
         flown.fly(&which, observer, |flight, tracing, outcome| {
-            // A flight that began without a steady state is tested, but not used for learning.
-            let teaches = |work: &Statistics| !flown.is_on_the_move(flight, work);
-            if outcome.is_ok_and(|work| purpose != Purpose::Learn || teaches(&work)) {
-                done(flight, tracing.trace);
+            if let Ok(work) = outcome {
+                done(flight, tracing.trace, flown.is_on_the_move(flight, &work));
             }
         });
         match workers.is_cancelled() {

@@ -1,0 +1,97 @@
+//! Sealed environments: what a seed outside of the study's range draws, and what the record keeps.
+
+use crate::folder::Folder;
+use servotwin::job::sealed::{Openings, Record, SEALED_SEEDS, SealedSubject};
+use servotwin::study::Study;
+use servotwin::study::flights::{Flights, Redraw};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+fn study(seed: &str) -> Study {
+    let text = [include_str!("../tiny.toml"), include_str!("../tiny_flights.toml")].concat();
+    Study::parse(&text.replace("[flights]\n", &format!("[flights]\n{seed}")), "tiny.toml").unwrap()
+}
+
+fn sealed(study: &Study, seed: u64) -> Flights {
+    let draw = Redraw { seed: Some(seed), ..Redraw::default() };
+    study.flights_with(false, draw).unwrap().unwrap()
+}
+
+/// The commands and the loads of judged environments.
+fn drawn(flights: &Flights) -> Vec<String> {
+    flights.judged.iter().map(|one| format!("{} {:?}", one.command, one.inputs)).collect()
+}
+
+#[test]
+fn another_seed_draws_other_judged_environments_and_the_same_training() {
+    let study = study("");
+    let usual = study.flights().unwrap().unwrap();
+    let ends = [*SEALED_SEEDS.start(), *SEALED_SEEDS.end()];
+    let [first, last] = ends.map(|seed| sealed(&study, seed));
+    let learned =
+        |flights: &Flights| flights.learned.iter().map(|l| l.command.clone()).collect::<Vec<_>>();
+    assert!(learned(&first) == learned(&usual) && first.learn == usual.learn);
+    assert_eq!(first.judge, usual.judge);
+    let all: BTreeSet<String> = [&usual, &first, &last].into_iter().flat_map(drawn).collect();
+    assert_eq!(all.len(), 3 * usual.judge.environments, "no environment is drawn twice");
+    assert_eq!(drawn(&sealed(&study, ends[0])), drawn(&first));
+}
+
+#[test]
+fn no_study_file_can_declare_a_sealed_seed() {
+    let text = [include_str!("../tiny.toml"), include_str!("../tiny_flights.toml")].concat();
+    let text =
+        text.replace("[flights]\n", &format!("[flights]\nseed = {}\n", SEALED_SEEDS.start()));
+    let error = Study::parse(&text, "tiny.toml").map(drop).unwrap_err().to_string();
+    assert!(error.contains("seed") && error.contains("0 … 999"), "{error}");
+    // The largest seed that it can declare draws other commands, too.
+    let highest = study("seed = 999\n").flights().unwrap().unwrap();
+    let commands = |flights: &Flights| -> BTreeSet<String> {
+        flights.judged.iter().map(|one| one.command.clone()).collect()
+    };
+    let sealed = commands(&sealed(&study(""), *SEALED_SEEDS.start()));
+    assert!(commands(&highest).is_disjoint(&sealed));
+}
+
+#[test]
+fn an_opening_counts_from_its_first_line_on() {
+    let folder = Folder::new("record");
+    let record = Record::find(&folder.0, &folder.0);
+    assert_eq!(record.count().unwrap(), Openings::default());
+    let subject = SealedSubject {
+        study: "a, b\nc",
+        study_text: "format = 1",
+        diagnoser_sha256: "0".into(),
+        judged: "small sizes: noise".into(),
+    };
+    let openings: Vec<_> = (0..3).map(|_| record.open(&subject).unwrap()).collect();
+    assert_eq!(openings.iter().map(|one| one.number).collect::<Vec<_>>(), [1, 2, 3]);
+    let seeds: BTreeSet<u64> = openings.iter().map(|one| one.seed).collect();
+    assert!(seeds.len() == 3 && seeds.iter().all(|seed| SEALED_SEEDS.contains(seed)));
+    record.close(&openings[1], "0 healthy, shutdowns").unwrap();
+    assert_eq!(record.count().unwrap(), Openings { opened: 3, without_result: 2 });
+    let text = std::fs::read_to_string(record.path()).unwrap();
+    assert_eq!(text.lines().count(), 5);
+    assert!(text.lines().all(|line| line.split(',').count() == 11), "{text}");
+    // A line that no opening wrote is no reason to forget the others.
+    std::fs::write(record.path(), format!("{text}4,opened\n")).unwrap();
+    let error = record.open(&subject).unwrap_err().to_string();
+    assert!(error.contains("line 6") && error.contains("only grows"), "{error}");
+}
+
+#[test]
+fn the_record_of_a_repository_is_found_from_below() {
+    let folder = Folder::new("repository");
+    let (inside, out) = (folder.0.join("a/b"), Path::new("out"));
+    std::fs::create_dir_all(&inside).unwrap();
+    assert_eq!(Record::find(&inside, out).path(), out.join("sealed-openings.csv"));
+    std::fs::create_dir_all(folder.0.join("sealed")).unwrap();
+    let file = folder.0.join("sealed/openings.csv");
+    std::fs::write(&file, "").unwrap();
+    assert_eq!(Record::find(&inside, out).path(), file);
+    // The record of this repository is one that the program reads.
+    let own = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let own = Record::find(own, out);
+    assert!(own.path().ends_with("sealed/openings.csv"));
+    own.count().unwrap();
+}
