@@ -7,11 +7,13 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics};
+use servotwin::flight::judge::{
+    ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics, STRONG,
+};
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, JobError, manifest};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Flights, Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment, number};
 use std::fmt::Write;
@@ -31,6 +33,9 @@ pub struct Options {
     /// without each sensor. Writes `missing_sensors.json`.
     #[arg(long)]
     missing_sensors: bool,
+    /// Only judge the diagnoser of the scenario `realistic` in the folder, in the plants of `[flights.other_plant]`.
+    #[arg(long, conflicts_with_all = ["missing_sensors", "setting"])]
+    other_plant: bool,
 }
 
 /// Returns the text for standard output.
@@ -60,6 +65,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             _ => merits.iter().map(|merit| of_missing(merit, &words)).collect(),
         });
     }
+    if options.other_plant {
+        return other_plant(options, (&study, &sizes), global);
+    }
     let results = with_crew(threads, global, |crew| {
         flights::fly_all(&folder, &study, &sizes, &settings, is_full, crew)
     })?;
@@ -68,6 +76,33 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
         _ => text(&results, &words),
+    })
+}
+
+/// Judges the stored diagnoser in plants that differ from their twin in structure.
+fn other_plant(
+    options: &Options,
+    (study, sizes): (&Study, &Flights),
+    global: Global,
+) -> Result<String, Failure> {
+    let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
+    let merit = with_crew(options.study.threads, global, |crew| {
+        flights::fly_other_plant(&folder, study, sizes, is_full, crew)
+    })?;
+    let Some(merit) = merit else {
+        return Err(Failure::Options(
+            "the study has no [flights.other_plant]: docs/study-format.md says what stands there",
+        ));
+    };
+    manifest::write(&folder, study)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(merit)),
+        Global { quiet: true, .. } => String::new(),
+        _ => {
+            let mut out = String::new();
+            of_other_plant(&mut out, &merit, &Vocabulary::of(study));
+            out
+        }
     })
 }
 
@@ -130,7 +165,21 @@ pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
             foreign(&mut out, merit, words);
         }
     }
+    if let Some(merit) = &results.other_plant {
+        of_other_plant(&mut out, merit, words);
+    }
     out
+}
+
+/// Describes the flights of plants that differ from their twin in structure.
+fn of_other_plant(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
+    setting(out, merit, words);
+    let strong = merit.strong();
+    let _ = writeln!(
+        out,
+        "  {} of {} visible faults of intensity {STRONG} or more isolated",
+        strong.count, strong.of
+    );
 }
 
 /// Lists only answers that occurred, so that each fault fits on a line.
@@ -197,6 +246,9 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
     );
     if let Some(all) = healthy.environments {
         let _ = writeln!(out, "  false alarms {}", by_environment(all));
+    }
+    if let Some([flown, alarmed]) = healthy.flights {
+        let _ = writeln!(out, "  {alarmed} of {flown} flights without a fault have an alarm");
     }
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);
