@@ -11,12 +11,16 @@ use crate::ensemble::{Ensemble, Rows, Sink, Variant};
 use crate::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::flights::Environment;
+use crate::study::other_plant::apply_draws;
 use crate::study::{Flights, Lot, Plants, Setting, Study};
 use crate::system::imperfection::Imperfections;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+
+/// The purpose of the random numbers of a specimen's draws.
+const DRAWS: u64 = 0x6472_6177_0000_0000;
 
 /// Observes a flight.
 pub trait Observer: Send {
@@ -298,9 +302,17 @@ impl<'s> FlightCampaign<'s> {
         };
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
+        let mut overrides: Vec<_> = overrides.collect();
+        // Other plants have draws of their own, and a fitted twin knows only tolerances.
+        if self.setting.plants() == Plants::Specimens && self.others.is_none() {
+            let stream = (lot as u64) << 48 ^ self.specimen(flight) as u64;
+            let mut random = Random::stream(DRAWS ^ realism.map_or(0, |r| r.seed), stream);
+            let parts = &self.study.system.network().components;
+            apply_draws(&self.study.flight_draws, parts, &mut random, &mut overrides);
+        }
         Variant {
             later: flight.later(self.study),
-            overrides: overrides.collect(),
+            overrides,
             inputs: environment.inputs.iter().collect(),
             duration_s: Some(flight.duration_s),
             ..Variant::default()

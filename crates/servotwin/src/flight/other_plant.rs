@@ -5,6 +5,7 @@ use crate::campaign::CampaignError;
 use crate::compiled::Compiled;
 use crate::ensemble::{Later, Variant};
 use crate::signal::random::Random;
+use crate::study::other_plant::apply_draws;
 use crate::study::{OtherPlant, Study};
 use crate::system::System;
 use servotwin_model::components;
@@ -74,20 +75,7 @@ impl OtherPlants {
         });
         variant.later = later.collect();
         let mut random = self.random(specimen);
-        for draw in &self.differences.draws {
-            let [low, high] = draw.range;
-            let drawn = low + (high - low) * random.unit();
-            for (place, name) in &draw.parameters {
-                let part = &parts[*place];
-                let parameter = part.component.spec().parameter(name).expect("the study checked it");
-                let is_same = |other: &&(usize, usize, f64)| (other.0, other.1) == (*place, parameter);
-                let before = variant.overrides.iter().rfind(is_same).map(|found| found.2);
-                let before = before.unwrap_or(part.parameters[parameter]);
-                let after = if draw.is_factor { before * drawn } else { before + drawn };
-                let (min, max) = part.range(parameter);
-                variant.overrides.push((*place, parameter, after.clamp(min, max)));
-            }
-        }
+        apply_draws(&self.differences.draws, parts, &mut random, &mut variant.overrides);
     }
 
     /// The latency of each sensor of a specimen, in samples.

@@ -23,7 +23,7 @@
 
 use super::faults::full_name;
 use super::keys::{FLIGHT_S, some};
-use super::other_plant::{self, OtherPlant};
+use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::training::{check_pattern, filled};
 use crate::document::Place;
@@ -56,6 +56,9 @@ section! {
         may unit_parameters: Ranges, "ranges of parameters that every channel has";
         may least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
             "minimum number of channels that stay on; default 1, or 0 for a single channel";
+        #[serde(default)]
+        may draws: Vec<DrawText>,
+            "ranges from which each specimen with tolerances draws further parameters";
         must learn: Size, "number of flights for training";
         must judge: Size, "number of flights for the evaluation";
         may full: Option<Full>, "sizes of `servotwin flights --full`";
@@ -223,8 +226,8 @@ impl Text {
     }
 
     /// Checks this section and its full sizes, and draws one environment from each pattern. This reports wrong names
-    /// and patterns before any flight.
-    pub(super) fn check_all(&self, reader: &Reader) -> Result<(), Noted> {
+    /// and patterns before any flight. Returns what each specimen draws.
+    pub(super) fn check_all(&self, reader: &Reader) -> Result<Vec<PlantDraw>, Noted> {
         let (ranges, other_plant) = (self.check_ranges(reader), self.other_plant(reader));
         self.check(reader)?;
         ranges?;
@@ -234,7 +237,8 @@ impl Text {
             let _ = check_pattern(reader, &at, pattern, driven, self.duration_s);
         }
         let one_each = Size { environments: self.commands.len(), further: 0, ..self.learn };
-        self.environments(reader, 'L', one_each).map(drop)
+        self.environments(reader, 'L', one_each)?;
+        Ok(other_plant::draws(reader, &Place::of(&["flights"]), &self.draws, &[]))
     }
 
     fn check(&self, reader: &Reader) -> Result<(), Noted> {

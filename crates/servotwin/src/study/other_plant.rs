@@ -12,9 +12,12 @@
 //! ]
 //! ```
 //!
-//! Every specimen draws its values anew, evenly over the ranges and on top of its tolerances. A name without its channel
-//! stands for one of every channel, each with its own draw. A kind that stands for another has its ports and the
-//! faults of the study, so a new structural difference is one line.
+//! Every specimen draws its values anew, on top of its tolerances and of its environment. A factor is drawn evenly in its
+//! logarithm, an offset evenly. A name without its channel stands for one of every channel, each with its own draw. A kind
+//! that stands for another has its ports and the faults of the study, so a new structural difference is one line.
+//!
+//! Draws directly below `[flights]` have the same form, without other kinds. They belong to the realistic scenario:
+//! the diagnosis learns from them.
 
 use super::faults::full_name;
 use super::flights::FLIGHTS;
@@ -22,7 +25,10 @@ use super::keys::some;
 use super::reader::{Noted, Reader};
 use crate::document::{Place, Quantity};
 use crate::format::section;
+use crate::signal::random::Random;
 use servotwin_model::components::{self, Component};
+use servotwin_model::math::{exp, ln};
+use servotwin_model::network::Instance;
 use std::collections::BTreeMap;
 
 section! {
@@ -40,10 +46,11 @@ section! {
 }
 
 section! {
-    struct DrawText {
+    /// A draw of parameters.
+    pub(super) struct DrawText {
         must parameters: Vec<String> = some::<Vec<String>>(),
             "parameters that vary together, without the name of the channel";
-        may times: Option<[f64; 2]>, "range of a factor";
+        may times: Option<[f64; 2]>, "range of a factor, drawn evenly in its logarithm";
         may plus: Option<[f64; 2]>, "range of an offset, in the parameter's unit";
     }
 }
@@ -82,13 +89,46 @@ impl OtherPlant {
         let allowed = format!("two times from 0 s to {}, one sample", Quantity(period_s, "s"));
         let latency = section.key("latency_s");
         reader.range(&latency, to_s, from_s >= 0.0 && to_s <= period_s, allowed)?;
-        let draws = text.draws.iter().enumerate();
-        let draws = draws.map(|(n, draw)| {
-            let at = Place::of(&["flights", "other_plant", "draws"]).element(n);
-            of_draw(reader, at, draw, &kinds)
-        });
-        let draws = reader.sound(draws).into_iter().flatten().collect();
+        let draws = draws(reader, &section, &text.draws, &kinds);
         Ok(Self { healthy: text.healthy, latency_s: text.latency_s, kinds, draws })
+    }
+}
+
+/// The draws of a section.
+pub(super) fn draws(
+    reader: &Reader,
+    section: &Place,
+    texts: &[DrawText],
+    kinds: &[(usize, &'static str)],
+) -> Vec<PlantDraw> {
+    let texts = texts.iter().enumerate();
+    let draws = texts.map(|(n, draw)| of_draw(reader, section.key("draws").element(n), draw, kinds));
+    reader.sound(draws).into_iter().flatten().collect()
+}
+
+/// Draws values for a specimen of a system, on top of those that its overrides already have.
+pub(crate) fn apply_draws(
+    draws: &[PlantDraw],
+    parts: &[Instance],
+    random: &mut Random,
+    overrides: &mut Vec<(usize, usize, f64)>,
+) {
+    for draw in draws {
+        let ([low, high], share) = (draw.range, random.unit());
+        let drawn = match draw.is_factor {
+            true => exp(ln(low) + (ln(high) - ln(low)) * share),
+            false => low + (high - low) * share,
+        };
+        for (place, name) in &draw.parameters {
+            let part = &parts[*place];
+            let parameter = part.component.spec().parameter(name).expect("the study checked it");
+            let is_same = |other: &&(usize, usize, f64)| (other.0, other.1) == (*place, parameter);
+            let before = overrides.iter().rfind(is_same).map(|found| found.2);
+            let before = before.unwrap_or(part.parameters[parameter]);
+            let after = if draw.is_factor { before * drawn } else { before + drawn };
+            let (min, max) = part.range(parameter);
+            overrides.push((*place, parameter, after.clamp(min, max)));
+        }
     }
 }
 
@@ -150,9 +190,9 @@ fn of_draw(
         (None, Some(range)) => (range, false),
         _ => return Err(reader.note(&reader.span(&at), super::Mistake::TimesOrPlus)),
     };
-    let lowest = if is_factor { 0.0 } else { f64::NEG_INFINITY };
     let place = at.key(if is_factor { "times" } else { "plus" });
-    reader.range(&place, range[0], range[0] >= lowest, "two factors of at least 0, in order")?;
+    let is_allowed = !is_factor || range[0] > 0.0;
+    reader.range(&place, range[0], is_allowed, "two factors above 0, in order")?;
     let mut draws: Vec<PlantDraw> = vec![];
     for (n, name) in text.parameters.iter().enumerate() {
         let at = at.key("parameters").element(n);
