@@ -35,8 +35,8 @@ mod window_classifier;
 
 pub use environment::{Environment, Invalid, Why};
 pub use novelty::Novelty;
-pub use scatter::{Scatter, ScatterTest};
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
+pub use scatter::{Scatter, ScatterTest};
 pub use session::{Session, State};
 
 /// The format name at the start of a stored diagnoser.

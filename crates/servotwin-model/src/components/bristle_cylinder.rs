@@ -89,7 +89,10 @@ impl Component for BristleCylinder {
         check_volumes(parameters)?;
         match parameters[index::coulomb_friction_n] > 0.0 {
             true => Ok(()),
-            false => Err("coulomb_friction_n must be above 0 N: bristles without friction never yield".into()),
+            false => {
+                Err("coulomb_friction_n must be above 0 N: bristles without friction never yield"
+                    .into())
+            }
         }
     }
 }
@@ -140,7 +143,8 @@ mod tests {
     /// Friction at a deflection that has settled at a velocity, N.
     fn sliding_n(velocity_m_s: f64) -> f64 {
         let changes = [("viscous_friction_n_s_m", 0.0)];
-        let c = constants::<BristleFriction, 4, 3, BRISTLE_CONSTANTS>(&BristleCylinder, &changes, 0);
+        let c =
+            constants::<BristleFriction, 4, 3, BRISTLE_CONSTANTS>(&BristleCylinder, &changes, 0);
         let (mut z, dt_s) = (0.0, 4e-6);
         for _ in 0..500_000 {
             z += dt_s * BristleFriction::evaluate(&c, [velocity_m_s, z, 1.06e7, 1.06e7])[1];

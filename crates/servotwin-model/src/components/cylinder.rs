@@ -246,10 +246,8 @@ pub(super) fn connect_all_but_friction(wiring: &mut Wiring) -> [Variable; 3] {
 /// Checks that the end stops keep the piston within the volumes of (Y1).
 pub(super) fn check_volumes(parameters: &[f64]) -> Result<(), String> {
     let half = parameters[index::stroke_half_m];
-    let sides = [
-        (index::area_a_m2, index::volume_a_m3, 'a'),
-        (index::area_b_m2, index::volume_b_m3, 'b'),
-    ];
+    let sides =
+        [(index::area_a_m2, index::volume_a_m3, 'a'), (index::area_b_m2, index::volume_b_m3, 'b')];
     sides.into_iter().try_for_each(|(area, volume, side)| {
         let (area, volume) = (parameters[area], parameters[volume]);
         if area * half < volume * (1.0 - SMALLEST) {

@@ -218,7 +218,11 @@ impl SettingLimits<'_> {
             return;
         }
         let off = self.words.off();
-        let key = if ["realistic", OTHER_PLANT].contains(&setting.as_str()) { "latency_unfitted_s" } else { "latency_s" };
+        let key = if ["realistic", OTHER_PLANT].contains(&setting.as_str()) {
+            "latency_unfitted_s"
+        } else {
+            "latency_s"
+        };
         let limit = format!("{} % within {} s", chosen(100.0 * SHARE), chosen(*limit_s));
         let verdict = match in_time {
             rate if rate.low >= SHARE => MET,
@@ -285,7 +289,8 @@ impl SettingLimits<'_> {
             self.explain(title, Rate::new(alarmed, flown));
         }
         if strong.of > 0 {
-            let title = format!("visible faults of intensity {STRONG} and more with the right action");
+            let title =
+                format!("visible faults of intensity {STRONG} and more with the right action");
             self.explain(title, Rate::new(strong.count, strong.of));
         }
     }

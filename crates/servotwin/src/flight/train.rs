@@ -193,15 +193,20 @@ struct LearnedLength {
     widest: Option<(u64, f64)>,
 }
 
-/// The smallest number of windows of a flight whose median counts.
-const LEAST_OF_MEDIAN: usize = 5;
+/// The smallest number of windows of a flight whose median counts. A fault flight gives one window before its onset.
+const LEAST_OF_MEDIAN: usize = 2;
 
 /// The number of healthy flights in ordinary environments, and the largest of the medians of their windows' excesses.
-fn widest(data: &DataSet, is_further: impl Fn(&DataSet, &Row) -> bool) -> Option<(u64, f64)> {
+/// `flight_of` has the number of each row's flight.
+fn widest(
+    data: &DataSet,
+    flight_of: &[u32],
+    is_further: impl Fn(&DataSet, &Row) -> bool,
+) -> Option<(u64, f64)> {
     let is_own = |row: &&Row| row.is_healthy && !row.reflected && !is_further(data, row);
-    let mut flights: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    let mut flights: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     for row in data.rows.iter().filter(is_own) {
-        flights.entry(row.variant).or_default().push(row.excess);
+        flights.entry(flight_of[row.variant]).or_default().push(row.excess);
     }
     flights.retain(|_, excesses| excesses.len() >= LEAST_OF_MEDIAN);
     let median = |excesses: &mut Vec<f64>| {
@@ -230,7 +235,7 @@ fn length(
     let bands = bands::learn(&data.without(|row| is_further(&data, row)), pools);
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
     let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
-    let widest = widest(&data, is_further);
+    let widest = widest(&data, &tables[0].1.u32("variant")?, is_further);
     let for_trees =
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
     let rows = for_trees.learnt_from(settings.holding.lessons)?;

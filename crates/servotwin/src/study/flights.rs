@@ -22,7 +22,7 @@
 //! measured, but not the specimen.
 
 use super::faults::full_name;
-use super::keys::{FLIGHT_S, some};
+use super::keys::{FLIGHT_S, FLIGHTS, MAX_ENVIRONMENTS, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::training::{check_pattern, filled};
@@ -101,7 +101,6 @@ section! {
     }
 }
 
-pub(super) const FLIGHTS: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
 const SOME_FLIGHTS: Value = Value::Whole(1.0, MAX_ENVIRONMENTS as f64);
 
 section! {
@@ -168,9 +167,6 @@ pub struct Flights {
     /// The evaluation environments.
     pub judged: Vec<Environment>,
 }
-
-/// Upper limit on environments. The evaluation's draws follow those of training.
-const MAX_ENVIRONMENTS: usize = 100_000;
 
 impl Flights {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {

@@ -20,8 +20,7 @@
 //! the diagnosis learns from them.
 
 use super::faults::full_name;
-use super::flights::FLIGHTS;
-use super::keys::some;
+use super::keys::{FLIGHTS, some};
 use super::reader::{Noted, Reader};
 use crate::document::{Place, Quantity};
 use crate::format::section;
@@ -102,7 +101,8 @@ pub(super) fn draws(
     kinds: &[(usize, &'static str)],
 ) -> Vec<PlantDraw> {
     let texts = texts.iter().enumerate();
-    let draws = texts.map(|(n, draw)| of_draw(reader, section.key("draws").element(n), draw, kinds));
+    let draws =
+        texts.map(|(n, draw)| of_draw(reader, section.key("draws").element(n), draw, kinds));
     reader.sound(draws).into_iter().flatten().collect()
 }
 
