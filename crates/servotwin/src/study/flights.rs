@@ -225,6 +225,7 @@ impl Text {
     /// and patterns before any flight. Returns what each specimen draws.
     pub(super) fn check_all(&self, reader: &Reader) -> Result<Vec<PlantDraw>, Noted> {
         let (ranges, other_plant) = (self.check_ranges(reader), self.other_plant(reader));
+        let draws = other_plant::draws(reader, &Place::of(&["flights"]), &self.draws, &[]);
         self.check(reader)?;
         ranges?;
         other_plant?;
@@ -234,7 +235,7 @@ impl Text {
         }
         let one_each = Size { environments: self.commands.len(), further: 0, ..self.learn };
         self.environments(reader, 'L', one_each)?;
-        Ok(other_plant::draws(reader, &Place::of(&["flights"]), &self.draws, &[]))
+        Ok(draws)
     }
 
     fn check(&self, reader: &Reader) -> Result<(), Noted> {

@@ -81,14 +81,20 @@ pub struct PlantDraw {
 impl OtherPlant {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let section = Place::of(&["flights", "other_plant"]);
-        let kinds = text.kinds.iter().map(|entry| kinds(reader, &section, entry));
-        let kinds: Vec<_> = reader.sound(kinds).into_iter().flatten().collect();
+        let known = text.kinds.iter().map(|entry| kinds(reader, &section, entry));
+        let known = reader.sound(known);
         let period_s = 1.0 / reader.text.sample_hz;
         let [from_s, to_s] = text.latency_s;
         let allowed = format!("two times from 0 s to {}, one sample", Quantity(period_s, "s"));
         let latency = section.key("latency_s");
-        reader.range(&latency, to_s, from_s >= 0.0 && to_s <= period_s, allowed)?;
+        let latency = reader.range(&latency, to_s, from_s >= 0.0 && to_s <= period_s, allowed);
+        // Which parameters there are depends on the kinds.
+        if known.len() < text.kinds.len() {
+            return Err(Noted);
+        }
+        let kinds: Vec<_> = known.into_iter().flatten().collect();
         let draws = draws(reader, &section, &text.draws, &kinds);
+        latency?;
         Ok(Self { healthy: text.healthy, latency_s: text.latency_s, kinds, draws })
     }
 }
