@@ -12,7 +12,7 @@
 //! `σ_1` = 0 this is Dahl's law. `friction_smoothing_m_s` has no effect. Parameters of the cylinder, faults and ports are
 //! the same, so that one kind can stand for the other.
 //!
-//! Source: Canudas de Wit, Olsson, Åström & Lischinsky 1995; Dahl 1968 for the special case.
+//! Source: the LuGre model as in Olsson 1998, with Dahl's model as its special case.
 
 use super::cylinder::{
     FAULTS, PARAMETERS as SHARED, PORTS, STATES, check_volumes, connect_all_but_friction, index,
