@@ -112,7 +112,9 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
         words.kept_on(least_on),
         match results.other_plant {
             Some(_) => format!(
-                " In the setting {OTHER_PLANT} the specimens also differ from the twin in structure, as                  [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of the                  realistic setting."
+                " In the setting {OTHER_PLANT} the specimens also differ from the twin in structure, as \
+                 [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of \
+                 the realistic setting."
             ),
             None => String::new(),
         }

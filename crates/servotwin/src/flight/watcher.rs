@@ -130,7 +130,9 @@ impl<'s> Watcher<'s> {
             false => "fit the twin (servotwin fit), or use the diagnoser of the scenario realistic",
         };
         Some(format!(
-            "without an action raised, the residuals of {wider} of {windows} windows exceed the median of the widest of              {} training flights: the scatter of the scenario {}, for which the diagnoser was trained, does not explain them;              {remedy}",
+            "without an action raised, the residuals of {wider} of {windows} windows exceed the median of the widest of \
+             {} training flights: the scatter of the scenario {}, for which the diagnoser was trained, does not \
+             explain them; {remedy}",
             scatter.flights, scatter.scenario
         ))
     }

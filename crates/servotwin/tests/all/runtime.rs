@@ -130,7 +130,7 @@ fn a_log_with_more_scatter_than_was_trained_for_is_told() {
     assert!((0.05..1.5).contains(&scatter.median_excess), "{}", scatter.median_excess);
     assert_eq!(is_wider(scatter.median_excess, 0), None);
     let told = is_wider(0.0, 0).unwrap();
-    assert!(told.contains("residuals of 1"), "{told}");
+    assert!(told.contains("residuals of 1") && !told.contains("  "), "{told}");
     assert!(told.contains("6 training flights: the scatter of the scenario noise"), "{told}");
     // A checkpoint in between loses no window.
     assert_eq!(is_wider(0.0, 123), Some(told));
