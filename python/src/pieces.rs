@@ -303,7 +303,7 @@ pub fn join_flights(
             let merit = flights::merit(study, &flights, setting, learned, watched);
             measured.push((merit, from_text(said)?));
         }
-        let results = flights::write(&folder, &flights, full, measured)?;
+        let results = flights::write(&folder, &flights, full, measured, None)?;
         manifest::write(&folder, study)?;
         Ok(to_text(&results))
     })?;

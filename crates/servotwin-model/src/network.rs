@@ -250,10 +250,11 @@ impl Network {
 
     fn same_fluid(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.components[a], &self.components[b]);
-        let temperature = |i: &Instance| {
-            i.component.spec().parameter("temperature_k").map(|index| i.parameters[index])
+        let value = |i: &Instance, name: &str| {
+            i.component.spec().parameter(name).map(|index| i.parameters[index])
         };
-        a.fluid == b.fluid && temperature(a) == temperature(b)
+        let of_fluid = ["temperature_k", "bulk_modulus_factor", "air_factor"];
+        a.fluid == b.fluid && of_fluid.iter().all(|name| value(a, name) == value(b, name))
     }
 
     fn wire(&self, joints: &Joints) -> Collected {

@@ -256,9 +256,12 @@ impl Program {
     pub(crate) fn fluids<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<FluidState<S>> {
         let ruled = self.circuits.iter().map(|&ruler| {
             let instance = &self.network.components[ruler];
-            let temperature = instance.component.spec().parameter("temperature_k");
-            let kelvin = temperature.map_or(S::constant(313.15), |t| parameters[ruler][t]);
-            instance.fluid.at(kelvin)
+            let value = |name: &str, otherwise: f64| {
+                let place = instance.component.spec().parameter(name);
+                place.map_or(S::constant(otherwise), |place| parameters[ruler][place])
+            };
+            let fluid = instance.fluid.at(value("temperature_k", 313.15));
+            fluid.deviating([value("bulk_modulus_factor", 1.0), value("air_factor", 1.0)])
         });
         ruled.collect()
     }

@@ -499,6 +499,20 @@ pub mod declare {
         Parameter { name, unit, default: Some(default), min: range.0, max: range.1, summary }
     }
 
+    /// The parameters of a kind that stands for another: those of the other at the same positions, then its own.
+    pub const fn with_more<const SHARED: usize, const OWN: usize, const ALL: usize>(
+        shared: [Parameter; SHARED],
+        own: [Parameter; OWN],
+    ) -> [Parameter; ALL] {
+        let mut all = [own[0]; ALL];
+        let mut place = 0;
+        while place < ALL {
+            all[place] = if place < SHARED { shared[place] } else { own[place - SHARED] };
+            place += 1;
+        }
+        all
+    }
+
     /// A parameter that every system file must give.
     pub const fn required(
         name: &'static str,

@@ -12,6 +12,7 @@ use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
+use servotwin::flight::other_plant::OTHER_PLANT;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -149,7 +150,7 @@ Every opening is on record, also those without a result.\n";
 fn all_scenarios(flights: &FlightResults, words: &Vocabulary) -> Vec<MeasuredFlights> {
     let foreign =
         |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
-    let merits = flights.merits.iter();
+    let merits = flights.merits.iter().chain(&flights.other_plant);
     merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), words)).collect()
 }
 
@@ -311,6 +312,13 @@ fn of_flights(
     let is_judged = words.has_off() && words.has_several();
     let wrong = counted(merit.wrong_shutdowns, merit.flights).filter(|_| is_judged);
     push(format!("healthy {unit} {off}"), "faults known to training", wrong);
+    if merit.setting == OTHER_PLANT {
+        let strong = merit.strong();
+        let faults = format!("all faults of intensity {STRONG} and more that become visible");
+        push(format!("{} right", words.action()), &faults, counted(strong.count, strong.of));
+        let alarmed = merit.healthy.flights.and_then(|[flown, alarmed]| counted(alarmed, flown));
+        push(format!("{} with an alarm", words.run()), "healthy flights", alarmed);
+    }
     let Some(foreign) = foreign.filter(|_| words.has_off()) else { return rates };
     let (count, of) = foreign.shutdowns_healthy();
     push(format!("healthy {unit} {off}"), "faults unknown to training", counted(count, of));

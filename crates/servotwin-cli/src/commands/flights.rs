@@ -7,12 +7,14 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics};
+use servotwin::flight::judge::{
+    ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics, STRONG,
+};
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, JobError, manifest};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Flights, Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment, number};
 use std::fmt::Write;
@@ -37,6 +39,9 @@ pub struct Options {
     /// output folder, before the first flight. Writes `flights-sealed.json`.
     #[arg(long, conflicts_with = "missing_sensors")]
     sealed: bool,
+    /// Only judge the diagnoser of the scenario `realistic` in the folder, in the plants of `[flights.other_plant]`.
+    #[arg(long, conflicts_with_all = ["missing_sensors", "setting", "sealed"])]
+    other_plant: bool,
 }
 
 /// Returns the text for standard output.
@@ -67,20 +72,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         });
     }
     if options.sealed {
-        let here = std::env::current_dir().unwrap_or_default();
-        let record = Record::find(&here, folder.path());
-        let sealed = with_crew(threads, global, |crew| {
-            flights::fly_sealed(&folder, &study, &settings, is_full, &record, crew)
-        })?;
-        manifest::write(&folder, &study)?;
-        return Ok(match global {
-            Global { json: true, .. } => json(&json!(sealed)),
-            Global { quiet: true, .. } => String::new(),
-            _ => {
-                let recorded = format!("Recorded in {}.", record.path().display());
-                format!("{}\n{recorded}\n{}", sealed.in_words(None), text(&sealed.results, &words))
-            }
-        });
+        return sealed(options, &study, &settings, global);
+    }
+    if options.other_plant {
+        return other_plant(options, (&study, &sizes), global);
     }
     let results = with_crew(threads, global, |crew| {
         flights::fly_all(&folder, &study, &sizes, &settings, is_full, crew)
@@ -90,6 +85,58 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
         _ => text(&results, &words),
+    })
+}
+
+/// Judges the stored diagnosers in sealed environments.
+fn sealed(
+    options: &Options,
+    study: &Study,
+    settings: &[Setting],
+    global: Global,
+) -> Result<String, Failure> {
+    let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
+    let here = std::env::current_dir().unwrap_or_default();
+    let record = Record::find(&here, folder.path());
+    let sealed = with_crew(options.study.threads, global, |crew| {
+        flights::fly_sealed(&folder, study, settings, is_full, &record, crew)
+    })?;
+    manifest::write(&folder, study)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(sealed)),
+        Global { quiet: true, .. } => String::new(),
+        _ => {
+            let text = text(&sealed.results, &Vocabulary::of(study));
+            let recorded = format!("Recorded in {}.", record.path().display());
+            format!("{}\n{recorded}\n{text}", sealed.in_words(None))
+        }
+    })
+}
+
+/// Judges the stored diagnoser in plants that differ from their twin in structure.
+fn other_plant(
+    options: &Options,
+    (study, sizes): (&Study, &Flights),
+    global: Global,
+) -> Result<String, Failure> {
+    let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
+    let merit = with_crew(options.study.threads, global, |crew| {
+        flights::fly_other_plant(&folder, study, sizes, is_full, crew)
+    })?;
+    let Some(merit) = merit else {
+        return Err(Failure::Options(
+            "the study has no [flights.other_plant]: docs/study-format.md says what stands there",
+        ));
+    };
+    manifest::write(&folder, study)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(merit)),
+        Global { quiet: true, .. } => String::new(),
+        _ => {
+            let mut out = String::new();
+            of_other_plant(&mut out, &merit, &Vocabulary::of(study));
+            out
+        }
     })
 }
 
@@ -152,7 +199,21 @@ pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
             foreign(&mut out, merit, words);
         }
     }
+    if let Some(merit) = &results.other_plant {
+        of_other_plant(&mut out, merit, words);
+    }
     out
+}
+
+/// Describes the flights of plants that differ from their twin in structure.
+fn of_other_plant(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
+    setting(out, merit, words);
+    let strong = merit.strong();
+    let _ = writeln!(
+        out,
+        "  {} of {} visible faults of intensity {STRONG} or more isolated",
+        strong.count, strong.of
+    );
 }
 
 /// Lists only answers that occurred, so that each fault fits on a line.
@@ -219,6 +280,9 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
     );
     if let Some(all) = healthy.environments {
         let _ = writeln!(out, "  false alarms {}", by_environment(all));
+    }
+    if let Some([flown, alarmed]) = healthy.flights {
+        let _ = writeln!(out, "  {alarmed} of {flown} flights without a fault have an alarm");
     }
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);

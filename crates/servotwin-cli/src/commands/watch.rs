@@ -280,8 +280,9 @@ impl Setup<'_> {
         let end = end?;
         let (counts, silences) = (watch.counts().clone(), watch.silences());
         let saved = watch.checkpoint_loss();
-        let doubts = watch.plausibility().sentences(system, map, period_s, &counts);
+        let mut doubts = watch.plausibility().sentences(system, map, period_s, &counts);
         drop(watch);
+        doubts.extend(observer.wider_than_trained());
         if end == End::Complete && counts.samples == 0 {
             return Err(nothing(address, &counts));
         }

@@ -28,6 +28,7 @@ pub mod decision;
 pub mod environment;
 pub mod novelty;
 mod outcome;
+pub mod scatter;
 mod sensor_health;
 mod session;
 mod streams;
@@ -37,6 +38,7 @@ pub use boundary::Boundary;
 pub use environment::{Environment, Invalid, Why};
 pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
+pub use scatter::{Scatter, ScatterTest};
 pub use session::{Session, State};
 
 /// The format name at the start of a stored diagnoser.
@@ -107,6 +109,9 @@ pub struct Diagnoser {
     pub conditional_band: Option<ConditionalBand>,
     /// The sequential test that raises actions.
     pub decision: decision::Settings,
+    /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scatter: Option<Scatter>,
 }
 
 impl Diagnoser {
@@ -205,6 +210,7 @@ impl Diagnoser {
             band.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
         }
         self.decision.check(self.names())?;
+        self.scatter.iter().try_for_each(Scatter::check)?;
         let is_plain = self.lengths[0].baseline_corrected.is_none();
         holds(is_plain, "the first window length is not of residuals as they are")?;
         streams::Streams::new(self).map(drop)?;

@@ -270,6 +270,7 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         lengths: vec![],
         baseline: None,
         conditional_band: None,
+        scatter: None,
         decision: decision::Settings::usual(&names(actuators), &["shut_down"]),
     };
     let lessons = lessons::<S>(&diagnoser, actuators);

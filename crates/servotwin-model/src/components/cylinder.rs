@@ -36,8 +36,8 @@ use crate::fluid::{
     BULK_CONSTANTS, NORMAL_PRESSURE_PA, REFERENCE_TEMPERATURE_K, liquid_share, pressure_rate_pa_s,
 };
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::spec::{Category, Fault, Port, Spec, Start, State, Unit, declare::*};
+use crate::wiring::{Output, Variable, Wiring};
 use alloc::format;
 use alloc::string::String;
 
@@ -139,52 +139,61 @@ parameters! {
     start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure B"),
 }
 
+/// The faults of every cylinder, whatever its friction law.
+pub(super) const FAULTS: [Fault; 3] = [
+    adds(
+        "internal_leakage",
+        "internal_leakage_m3_s_pa",
+        8e-12,
+        (0.0, 1e-8),
+        Category::InternalLeakage,
+        "the piston seal is worn",
+    ),
+    scales(
+        "friction",
+        "coulomb_friction_n",
+        10.0,
+        (1.0, 100.0),
+        Category::Friction,
+        "the seals drag, both sticking and sliding",
+    ),
+    scales(
+        "viscous_friction",
+        "viscous_friction_n_s_m",
+        10.0,
+        (1.0, 100.0),
+        Category::Friction,
+        "the guides drag in proportion to velocity",
+    ),
+];
+
+/// The ports of every cylinder.
+pub(super) const PORTS: [Port; 5] = [
+    pressure("a", "chamber A, which pushes the rod out"),
+    pressure("b", "chamber B"),
+    optional(moving("rod", "piston and rod, relative to the body")),
+    output("position", Unit::Metre, "piston position, 0 at the center"),
+    output("velocity", Unit::MetrePerSecond, "piston velocity"),
+];
+
+/// The states of every cylinder.
+pub(super) const STATES: [State; 4] = [
+    pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
+    pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
+    state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
+    with_error_weight(
+        VELOCITY_ERROR_WEIGHT,
+        state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
+    ),
+];
+
 static SPEC: Spec = Spec {
     kind: "cylinder",
     summary: "double-acting cylinder with friction, internal leakage and end stops",
     parameters: &PARAMETERS,
-    faults: &[
-        adds(
-            "internal_leakage",
-            "internal_leakage_m3_s_pa",
-            8e-12,
-            (0.0, 1e-8),
-            Category::InternalLeakage,
-            "the piston seal is worn",
-        ),
-        scales(
-            "friction",
-            "coulomb_friction_n",
-            10.0,
-            (1.0, 100.0),
-            Category::Friction,
-            "the seals drag, both sticking and sliding",
-        ),
-        scales(
-            "viscous_friction",
-            "viscous_friction_n_s_m",
-            10.0,
-            (1.0, 100.0),
-            Category::Friction,
-            "the guides drag in proportion to velocity",
-        ),
-    ],
-    ports: &[
-        pressure("a", "chamber A, which pushes the rod out"),
-        pressure("b", "chamber B"),
-        optional(moving("rod", "piston and rod, relative to the body")),
-        output("position", Unit::Metre, "piston position, 0 at the center"),
-        output("velocity", Unit::MetrePerSecond, "piston velocity"),
-    ],
-    states: &[
-        pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
-        pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
-        state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
-        with_error_weight(
-            VELOCITY_ERROR_WEIGHT,
-            state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
-        ),
-    ],
+    faults: &FAULTS,
+    ports: &PORTS,
+    states: &STATES,
     reference: false,
 };
 
@@ -194,53 +203,62 @@ impl Component for Cylinder {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let p_a = fluid_pressure(wiring, "pressure_a_pa");
-        let p_b = fluid_pressure(wiring, "pressure_b_pa");
-        let position = wiring.state("position_m");
-        let velocity = wiring.state("velocity_m_s");
-        wiring.set("a", p_a);
-        wiring.set("b", p_b);
-        wiring.set_motion("rod", position, velocity);
-        wiring.set("position", position);
-        wiring.set("velocity", velocity);
-        for (which, (port, state)) in
-            [("a", "pressure_a_pa"), ("b", "pressure_b_pa")].into_iter().enumerate()
-        {
-            let flow = wiring.flow(port).variable();
-            let inputs = [wiring.state(state), flow, position, velocity];
-            let rate = Output::add(wiring.derivative(state));
-            wiring.equation::<ChamberPressure, 4, 1, 10>(which, inputs, [rate]);
-        }
-        let leakage = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-        wiring.equation::<SealLeakage, 2, 1, 1>(0, [p_a, p_b], [leakage]);
-        let rod = wiring.force("rod").variable();
+        let friction = connect_all_but_friction(wiring);
         let shift = Output::add(wiring.derivative("position_m"));
-        let faster = Output::add(wiring.derivative("velocity_m_s"));
         let slower = Output::subtract(wiring.derivative("velocity_m_s"));
-        wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
-        let friction = [velocity, p_a, p_b];
         wiring.equation::<PistonFriction, 3, 2, FRICTION_CONSTANTS>(0, friction, [shift, slower]);
-        wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
     }
 
     fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        let half = parameters[index::stroke_half_m];
-        let sides = [
-            (index::area_a_m2, index::volume_a_m3, 'a'),
-            (index::area_b_m2, index::volume_b_m3, 'b'),
-        ];
-        sides.into_iter().try_for_each(|(area, volume, side)| {
-            let (area, volume) = (parameters[area], parameters[volume]);
-            if area * half < volume * (1.0 - SMALLEST) {
-                return Ok(());
-            }
-            Err(format!(
-                "area_{side}_m2 ({area:e}) times stroke_half_m ({half}) is {:.3e}, which must be below \
-                 volume_{side}_m3 ({volume:e}), the volume at mid stroke",
-                area * half
-            ))
-        })
+        check_volumes(parameters)
     }
+}
+
+/// Wires a cylinder without its friction. Returns what friction reads: velocity, p_a and p_b.
+pub(super) fn connect_all_but_friction(wiring: &mut Wiring) -> [Variable; 3] {
+    let p_a = fluid_pressure(wiring, "pressure_a_pa");
+    let p_b = fluid_pressure(wiring, "pressure_b_pa");
+    let position = wiring.state("position_m");
+    let velocity = wiring.state("velocity_m_s");
+    wiring.set("a", p_a);
+    wiring.set("b", p_b);
+    wiring.set_motion("rod", position, velocity);
+    wiring.set("position", position);
+    wiring.set("velocity", velocity);
+    for (which, (port, state)) in
+        [("a", "pressure_a_pa"), ("b", "pressure_b_pa")].into_iter().enumerate()
+    {
+        let flow = wiring.flow(port).variable();
+        let inputs = [wiring.state(state), flow, position, velocity];
+        let rate = Output::add(wiring.derivative(state));
+        wiring.equation::<ChamberPressure, 4, 1, 10>(which, inputs, [rate]);
+    }
+    let leakage = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation::<SealLeakage, 2, 1, 1>(0, [p_a, p_b], [leakage]);
+    let rod = wiring.force("rod").variable();
+    let faster = Output::add(wiring.derivative("velocity_m_s"));
+    let slower = Output::subtract(wiring.derivative("velocity_m_s"));
+    wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
+    wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
+    [velocity, p_a, p_b]
+}
+
+/// Checks that the end stops keep the piston within the volumes of (Y1).
+pub(super) fn check_volumes(parameters: &[f64]) -> Result<(), String> {
+    let half = parameters[index::stroke_half_m];
+    let sides =
+        [(index::area_a_m2, index::volume_a_m3, 'a'), (index::area_b_m2, index::volume_b_m3, 'b')];
+    sides.into_iter().try_for_each(|(area, volume, side)| {
+        let (area, volume) = (parameters[area], parameters[volume]);
+        if area * half < volume * (1.0 - SMALLEST) {
+            return Ok(());
+        }
+        Err(format!(
+            "area_{side}_m2 ({area:e}) times stroke_half_m ({half}) is {:.3e}, which must be below \
+             volume_{side}_m3 ({volume:e}), the volume at mid stroke",
+            area * half
+        ))
+    })
 }
 
 /// Equations (Y1) and (Y2): (s, flow into the chamber, x, v) → s'. `which` is
@@ -298,6 +316,33 @@ impl Equation<3, 1, 4> for PistonForce {
     }
 }
 
+/// The seals' friction at the fluid's temperature, per mass.
+pub(super) fn seal_friction<S: Scalar<Base = S>>(given: &Given<S>) -> Stribeck<S> {
+    let mass = given[index::mass_kg];
+    let warmer_k = given.fluid.temperature_k - S::constant(REFERENCE_TEMPERATURE_K);
+    let stiffness = (-(warmer_k * given[index::friction_temperature_per_k])).exp();
+    Stribeck {
+        viscous: given[index::viscous_friction_n_s_m] * given.fluid.relative_viscosity / mass,
+        coulomb: given[index::coulomb_friction_n] * stiffness / mass,
+        static_ratio: given[index::static_friction_ratio],
+        velocity: given[index::stribeck_velocity_m_s],
+        smoothing: given[index::friction_smoothing_m_s],
+    }
+}
+
+/// The constants of [`seal_load`].
+pub(super) fn seal_load_constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+    let share = given[index::friction_pressure_share];
+    let per_pressure = share / (given[index::friction_pressure_pa] * S::constant(2.0));
+    [per_pressure, S::constant(1.0) - share]
+}
+
+/// `n` of equation (Y5) without its temperature: the load of the chamber pressures on the seals.
+#[inline(always)]
+pub(super) fn seal_load<S: Scalar>([p_a, p_b]: [S; 2], [per_pressure, rest]: [S::Base; 2]) -> S {
+    (p_a + p_b) * per_pressure + rest
+}
+
 /// Number of constants of [`PistonFriction`].
 const FRICTION_CONSTANTS: usize = 2 + STRIBECK_CONSTANTS;
 
@@ -306,19 +351,9 @@ pub struct PistonFriction;
 
 impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; FRICTION_CONSTANTS] {
-        let mass = given[index::mass_kg];
-        let share = given[index::friction_pressure_share];
-        let warmer_k = given.fluid.temperature_k - S::constant(REFERENCE_TEMPERATURE_K);
-        let stiffness = (-(warmer_k * given[index::friction_temperature_per_k])).exp();
-        let stribeck = stribeck_constants(Stribeck {
-            viscous: given[index::viscous_friction_n_s_m] * given.fluid.relative_viscosity / mass,
-            coulomb: given[index::coulomb_friction_n] * stiffness / mass,
-            static_ratio: given[index::static_friction_ratio],
-            velocity: given[index::stribeck_velocity_m_s],
-            smoothing: given[index::friction_smoothing_m_s],
-        });
-        let per_pressure = share / (given[index::friction_pressure_pa] * S::constant(2.0));
-        let mut constants = [S::constant(1.0) - share; FRICTION_CONSTANTS];
+        let [per_pressure, rest] = seal_load_constants(given);
+        let stribeck = stribeck_constants(seal_friction(given));
+        let mut constants = [rest; FRICTION_CONSTANTS];
         constants[..STRIBECK_CONSTANTS].copy_from_slice(&stribeck);
         constants[STRIBECK_CONSTANTS] = per_pressure;
         constants
@@ -327,8 +362,7 @@ impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; FRICTION_CONSTANTS], [v, p_a, p_b]: [S; 3]) -> [S; 2] {
         let [of_stribeck @ .., per_pressure, rest] = c;
-        let load = (p_a + p_b) * *per_pressure + *rest;
-        [v, stribeck(v, load, of_stribeck)]
+        [v, stribeck(v, seal_load([p_a, p_b], [*per_pressure, *rest]), of_stribeck)]
     }
 }
 

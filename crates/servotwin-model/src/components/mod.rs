@@ -17,6 +17,7 @@ pub mod accumulator;
 pub mod aerodynamic_load;
 pub mod attachment;
 pub mod axis_controller;
+pub mod bristle_cylinder;
 pub mod check_valve;
 pub mod contact;
 #[cfg(test)]
@@ -52,6 +53,7 @@ pub mod shut_off_valve;
 pub(crate) mod spool;
 pub mod spring;
 pub mod tank;
+pub mod tapped_pressure_sensor;
 pub mod temperature_sensor;
 pub mod variable_pump;
 pub mod volume;
@@ -182,6 +184,7 @@ catalogue! {
     proportional_valve::ProportionalValve [ControlledSpool, RatedEdge],
     mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, MakeUpFlow, ReserveFlow],
     cylinder::Cylinder [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
+    bristle_cylinder::BristleCylinder [BristleFriction],
 
     fixed::Fixed [],
     mass::Mass [MassMotion, MassStops],
@@ -194,6 +197,7 @@ catalogue! {
     aerodynamic_load::AerodynamicLoad [Stream, StreamAtAltitude, HingeMoment, HingeDamping],
 
     pressure_sensor::PressureSensor [PressureToCurrent, CurrentToPressure],
+    tapped_pressure_sensor::TappedPressureSensor [TappingLine],
     lvdt::Lvdt [PositionToRatio, RatioToPosition],
     temperature_sensor::TemperatureSensor [Warming, TemperatureToCurrent, CurrentToTemperature],
 

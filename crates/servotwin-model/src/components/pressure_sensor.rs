@@ -14,8 +14,8 @@ use super::conversion;
 use crate::component::{Component, Span};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::spec::{Category, Fault, Port, Spec, Start, State, Unit, declare::*};
+use crate::wiring::{Output, Variable, Wiring};
 
 /// A pressure transducer; see the module documentation.
 pub struct PressureSensor;
@@ -31,30 +31,39 @@ parameters! {
     bits: conversion::bits(),
 }
 
+/// The faults of a transducer, with or without a tapping line.
+pub(super) const FAULTS: [Fault; 9] = conversion::faults(shrinks(
+    "lag",
+    "bandwidth_hz",
+    0.005,
+    (1e-5, 1.0),
+    Category::Lag,
+    "clogged pressure tapping",
+));
+
+/// The ports of a transducer.
+pub(super) const PORTS: [Port; 3] = [
+    hydraulic("port", "node whose pressure it measures"),
+    output("reading", Unit::Pascal, "pressure that the computer reads"),
+    output("electrical", Unit::Ampere, "current of the loop"),
+];
+
+/// The current of the loop.
+pub(super) const CURRENT: State = state(
+    "current_a",
+    Unit::Ampere,
+    20e-3,
+    Start::Value(conversion::ZERO_A),
+    "current of the loop",
+);
+
 static SPEC: Spec = Spec {
     kind: "pressure_sensor",
     summary: "pressure transducer with a 4-20 mA output",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
-        "bandwidth_hz",
-        0.005,
-        (1e-5, 1.0),
-        Category::Lag,
-        "clogged pressure tapping",
-    )),
-    ports: &[
-        hydraulic("port", "node whose pressure it measures"),
-        output("reading", Unit::Pascal, "pressure that the computer reads"),
-        output("electrical", Unit::Ampere, "current of the loop"),
-    ],
-    states: &[state(
-        "current_a",
-        Unit::Ampere,
-        20e-3,
-        Start::Value(conversion::ZERO_A),
-        "current of the loop",
-    )],
+    faults: &FAULTS,
+    ports: &PORTS,
+    states: &[CURRENT],
     reference: false,
 };
 
@@ -64,22 +73,30 @@ impl Component for PressureSensor {
     }
 
     fn span(&self, parameters: &[f64]) -> Option<Span> {
-        Some(Span {
-            full_scale: parameters[index::full_scale_pa],
-            range: parameters[index::full_scale_pa],
-        })
+        Some(measuring_span(parameters))
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let current = wiring.state("current_a");
-        wiring.set("electrical", current);
-        let inputs = [wiring.pressure("port"), current];
-        let rate = Output::add(wiring.derivative("current_a"));
-        wiring.equation::<PressureToCurrent, 2, 1, 3>(0, inputs, [rate]);
-        let reading = wiring.internal();
-        wiring.equation::<CurrentToPressure, 1, 1, 2>(0, [current], [Output::add(reading)]);
-        wiring.set("reading", reading.variable());
+        let pressure = wiring.pressure("port");
+        connect_transducer(wiring, pressure);
     }
+}
+
+/// The measuring span of a transducer.
+pub(super) fn measuring_span(parameters: &[f64]) -> Span {
+    let full_scale = parameters[index::full_scale_pa];
+    Span { full_scale, range: full_scale }
+}
+
+/// Wires a transducer that measures a pressure.
+pub(super) fn connect_transducer(wiring: &mut Wiring, pressure: Variable) {
+    let current = wiring.state("current_a");
+    wiring.set("electrical", current);
+    let rate = Output::add(wiring.derivative("current_a"));
+    wiring.equation::<PressureToCurrent, 2, 1, 3>(0, [pressure, current], [rate]);
+    let reading = wiring.internal();
+    wiring.equation::<CurrentToPressure, 1, 1, 2>(0, [current], [Output::add(reading)]);
+    wiring.set("reading", reading.variable());
 }
 
 /// Equation (PS1): (pressure, current) → rate of the current.

@@ -7,6 +7,7 @@
 //! Source: an ideal element, by definition.
 
 use crate::component::Component;
+use crate::fluid;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
@@ -16,6 +17,8 @@ pub struct PressureSource;
 parameters! {
     pressure_pa: parameter(Unit::Pascal, 20.684e6, (1e4, 1e8), "supply pressure, absolute"),
     temperature_k: parameter(Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
+    bulk_modulus_factor: fluid::bulk_modulus_factor(),
+    air_factor: fluid::air_factor(),
 }
 
 static SPEC: Spec = Spec {

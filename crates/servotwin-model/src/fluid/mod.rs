@@ -46,6 +46,7 @@ pub mod table;
 
 use crate::math::power;
 use crate::scalar::{Scalar, lit};
+use crate::spec::{Parameter, Unit, declare::parameter};
 
 /// The properties of one liquid as functions of its temperature.
 pub trait Liquid {
@@ -132,6 +133,28 @@ pub fn pressure_pa<S: Scalar>(state_pa: S) -> S {
 pub fn liquid_share<S: Scalar>(cavity_compliance_per_pa: S::Base, state_pa: S) -> S {
     let below = (-state_pa + lit::<S>(VAPOR_PRESSURE_PA)).max(S::constant(0.0));
     -(below * cavity_compliance_per_pa) + lit::<S>(1.0)
+}
+
+/// A parameter of every component that fixes a pressure: how far its circuit's liquid is from its description.
+pub(crate) const fn bulk_modulus_factor(name: &'static str) -> Parameter {
+    let summary = "actual bulk modulus of the liquid per unit of that described";
+    parameter(name, Unit::None, 1.0, (0.1, 10.0), summary)
+}
+
+/// The same for the gas in the liquid.
+pub(crate) const fn air_factor(name: &'static str) -> Parameter {
+    let summary = "actual volume of free gas per unit of that described";
+    parameter(name, Unit::None, 1.0, (0.0, 100.0), summary)
+}
+
+impl<S: Scalar<Base = S>> FluidState<S> {
+    /// The fluid with the factors of [`bulk_modulus_factor`] and [`air_factor`].
+    pub(crate) fn deviating(mut self, [bulk_modulus, air]: [S; 2]) -> Self {
+        self.bulk.liquid_pa = self.bulk.liquid_pa * bulk_modulus;
+        self.bulk.slope = self.bulk.slope * bulk_modulus;
+        self.bulk.gas = self.bulk.gas * air;
+        self
+    }
 }
 
 /// The constants of equations (F1)–(F3).

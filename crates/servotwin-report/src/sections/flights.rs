@@ -9,6 +9,7 @@ use crate::words::{NONE, by_environment, chosen, number, rate, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
+use servotwin::flight::other_plant::OTHER_PLANT;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
@@ -83,7 +84,7 @@ impl Section for Flights {
                 page.figure(&name, latencies(merit, &material.looks()), &caption);
             }
         });
-        for merit in &results.merits {
+        for merit in results.merits.iter().chain(&results.other_plant) {
             page.table(&by_command(merit, words), &format!(
                 "Setting {}: what became of the {}s, by what should have been commanded. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
@@ -121,9 +122,17 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
          {run}s, of other commands, specimens and surroundings. The settings differ in the specimen: with \
          noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
          realistic setting it has its tolerances and the twin knows nothing of them. There windows are looked at \
-         a second time, without the means that its own residuals had in the first seconds.",
+         a second time, without the means that its own residuals had in the first seconds.{}",
         windows.join(" and "),
-        words.kept_on(least_on)
+        words.kept_on(least_on),
+        match results.other_plant {
+            Some(_) => format!(
+                " In the setting {OTHER_PLANT} the specimens also differ from the twin in structure, as \
+                 [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of \
+                 the realistic setting."
+            ),
+            None => String::new(),
+        }
     )
 }
 
@@ -176,13 +185,14 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
             limits.latency();
         }
         limits.false_alarms();
+        limits.alarmed_flights();
         if words.has_off() {
             limits.healthy_shutdowns();
             limits.wrong_shutdowns();
         }
         limits.list
     };
-    results.merits.iter().flat_map(of_setting).collect()
+    results.merits.iter().chain(&results.other_plant).flat_map(of_setting).collect()
 }
 
 /// The limits of one setting, one after the other.
@@ -225,7 +235,11 @@ impl SettingLimits<'_> {
             return;
         }
         let off = self.words.off();
-        let key = if setting == "realistic" { "latency_unfitted_s" } else { "latency_s" };
+        let key = if ["realistic", OTHER_PLANT].contains(&setting.as_str()) {
+            "latency_unfitted_s"
+        } else {
+            "latency_s"
+        };
         let limit = format!("{} % within {} s", chosen(100.0 * SHARE), chosen(*limit_s));
         let verdict = match in_time {
             rate if rate.low >= SHARE => MET,
@@ -277,6 +291,25 @@ impl SettingLimits<'_> {
                 _ => NOT_SHOWN,
             },
         );
+    }
+
+    /// Explains the false alarms of plants that differ in structure, where alarms are less rare than elsewhere.
+    fn alarmed_flights(&mut self) {
+        let merit = self.merit;
+        let strong = merit.strong();
+        let Some([flown, alarmed]) = merit.healthy.flights else { return };
+        if merit.setting != OTHER_PLANT {
+            return;
+        }
+        if flown > 0 {
+            let title = format!("{}s without a fault that have an alarm", self.words.run());
+            self.explain(title, Rate::new(alarmed, flown));
+        }
+        if strong.of > 0 {
+            let title =
+                format!("visible faults of intensity {STRONG} and more with the right action");
+            self.explain(title, Rate::new(strong.count, strong.of));
+        }
     }
 
     fn healthy_shutdowns(&mut self) {
@@ -611,12 +644,45 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
         ));
     }
     (!parts.is_empty()).then(|| {
+        let other_plant = results.other_plant.as_ref().map(|merit| of_other_plant(merit, words));
         format!(
-            "In {run}s in which a fault begins, setting {}, {}.",
+            "In {run}s in which a fault begins, setting {}, {}.{}",
             merit.setting,
-            parts.join("; ")
+            parts.join("; "),
+            other_plant.unwrap_or_default()
         )
     })
+}
+
+/// A sentence on plants that differ from their twin in structure.
+fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
+    let (healthy, strong) = (&merit.healthy, merit.strong());
+    let (unit, run, off) = (words.unit(), words.run(), words.switched_off());
+    let mut parts = vec![format!(
+        "{} false alarms in {:.1} healthy hours (95 %: at most {} per hour)",
+        healthy.alarms,
+        healthy.hours,
+        number(healthy.alarms_per_h_upper)
+    )];
+    if let Some(all) = healthy.environments {
+        parts.push(by_environment(all));
+    }
+    if let Some([flown, alarmed]) = healthy.flights {
+        parts.push(format!("{alarmed} of {flown} healthy {run}s have an alarm"));
+    }
+    if words.has_off() {
+        let shutdowns = healthy.shutdowns;
+        parts.push(format!("a healthy {unit} is {off} {shutdowns} times with nothing wrong"));
+    }
+    if words.has_off() && words.has_several() {
+        let (wrong, flights) = (merit.wrong_shutdowns, merit.flights);
+        parts.push(format!("the wrong {unit} is {off} in {wrong} of {flights} {run}s"));
+    }
+    parts.push(format!(
+        "{} visible faults of intensity {STRONG} and more get the right action",
+        rate(Some(Rate::new(strong.count, strong.of)))
+    ));
+    format!(" In plants that are not their twin, setting {OTHER_PLANT}: {}.", parts.join("; "))
 }
 
 #[cfg(test)]

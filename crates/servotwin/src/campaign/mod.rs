@@ -178,6 +178,9 @@ pub enum CampaignError {
     /// Symmetry was assumed, but the units are not alike.
     #[error("the actuators are not alike enough for variants to be shown by others")]
     NotAlike,
+    /// The plants of `[flights.other_plant]` are impossible.
+    #[error("the system is impossible with the kinds of [flights.other_plant]")]
+    OtherPlant,
     /// The healthy twin could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin {

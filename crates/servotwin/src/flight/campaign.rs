@@ -1,20 +1,26 @@
 //! Simulates flights in lanes: each plant's sensor values are observed together with the twin of its environment.
 //!
 //! In the scenario *fitted*, one specimen flies all flights of an environment, and the environment's twin is fitted to
-//! its calibration flight. Otherwise every flight has another specimen, compared with the nominal twin.
+//! its calibration flight. Otherwise every flight has another specimen, compared with the nominal twin. The plants may
+//! have a system of their own ([`FlightCampaign::with_plants`]).
 
+use super::other_plant::OtherPlants;
 use super::plan::{self, Flight, Purpose};
 use crate::campaign::{Calibrating, CampaignError, ensemble};
 use crate::ensemble::{Ensemble, Rows, Sink, Variant};
 use crate::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::flights::Environment;
+use crate::study::other_plant::apply_draws;
 use crate::study::{Flights, Lot, Plants, Setting, Study};
 use crate::system::imperfection::Imperfections;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+
+/// The purpose of the random numbers of a specimen's draws.
+const DRAWS: u64 = 0x6472_6177_0000_0000;
 
 /// Observes a flight.
 pub trait Observer: Send {
@@ -37,6 +43,8 @@ pub struct FlightCampaign<'s> {
     /// The scenario in which they are flown.
     pub setting: Setting,
     ensemble: Ensemble<'s>,
+    /// Plants with a system of their own, and the ensemble that flies them.
+    others: Option<(&'s OtherPlants, Ensemble<'s>)>,
     /// All planned flights.
     pub plan: Vec<Flight>,
     /// The indices of the flights whose twins were simulated.
@@ -137,6 +145,7 @@ impl<'s> FlightCampaign<'s> {
             seed,
             setting,
             ensemble,
+            others: None,
             plan,
             which,
             twins: vec![],
@@ -150,6 +159,19 @@ impl<'s> FlightCampaign<'s> {
         }
         (flown.twins, flown.moving_twins) = flown.simulate_twins()?;
         Ok(flown)
+    }
+
+    /// The same flights by plants that differ from the twins in structure.
+    #[must_use]
+    pub fn with_plants(mut self, plants: &'s OtherPlants) -> Self {
+        let slot = |&sensor: &usize| {
+            let name = &plants.system.sensors[sensor].signal;
+            plants.system.program.observable(name).expect("the same ports have the same names").slot
+        };
+        let record = self.study.measured[..self.sensors].iter().map(slot).collect();
+        let Ensemble { program, compiled, .. } = Ensemble::of(&plants.system);
+        self.others = Some((plants, Ensemble { program, compiled, record, ..self.ensemble }));
+        self
     }
 
     /// Calibrates an actuator for each environment.
@@ -254,11 +276,15 @@ impl<'s> FlightCampaign<'s> {
         mut done: impl FnMut(&Flight, O, Result<Statistics, Failure>) + Send,
     ) {
         let flight = |job: usize| &self.plan[which[job]];
-        self.ensemble.run(
+        let ensemble = self.others.as_ref().map_or(&self.ensemble, |(_, ensemble)| ensemble);
+        ensemble.run(
             which.len(),
             |job| {
                 let mut variant = self.variant(flight(job));
                 alter(flight(job), &mut variant);
+                if let Some((plants, _)) = self.others {
+                    plants.alter(self.study, self.specimen(flight(job)), &mut variant);
+                }
                 variant
             },
             |job| self.watch(flight(job), observer(flight(job))),
@@ -276,9 +302,17 @@ impl<'s> FlightCampaign<'s> {
         };
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
+        let mut overrides: Vec<_> = overrides.collect();
+        // Other plants have draws of their own, and a fitted twin knows only tolerances.
+        if self.setting.plants() == Plants::Specimens && self.others.is_none() {
+            let stream = (lot as u64) << 48 ^ self.specimen(flight) as u64;
+            let mut random = Random::stream(DRAWS ^ realism.map_or(0, |r| r.seed), stream);
+            let parts = &self.study.system.network().components;
+            apply_draws(&self.study.flight_draws, parts, &mut random, &mut overrides);
+        }
         Variant {
             later: flight.later(self.study),
-            overrides: overrides.collect(),
+            overrides,
             inputs: environment.inputs.iter().collect(),
             duration_s: Some(flight.duration_s),
             ..Variant::default()
@@ -294,7 +328,11 @@ impl<'s> FlightCampaign<'s> {
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_noise());
         let noise = realism.map(|realism| realism.noise(self.purpose.lot(), self.specimen(flight)));
         let twin = &self.twins[flight.environment];
-        Watch { flown: self, twin, noise, measured: vec![0.0; self.sensors], observer }
+        let latencies = self.others.as_ref().map(|(plants, _)| {
+            let latencies = plants.latencies(self.specimen(flight), self.sensors);
+            Latencies { samples: latencies, before: vec![] }
+        });
+        Watch { flown: self, twin, noise, latencies, measured: vec![0.0; self.sensors], observer }
     }
 }
 
@@ -302,8 +340,31 @@ struct Watch<'f, O> {
     flown: &'f FlightCampaign<'f>,
     twin: &'f [f64],
     noise: Option<Random>,
+    latencies: Option<Latencies>,
     measured: Vec<f64>,
     observer: O,
+}
+
+/// Latencies of at most one sample, by linear interpolation between samples.
+struct Latencies {
+    /// The latency of each sensor, in samples.
+    samples: Vec<f64>,
+    /// The values of the sample before.
+    before: Vec<f64>,
+}
+
+impl Latencies {
+    fn apply(&mut self, values: &mut [f64]) {
+        if self.before.is_empty() {
+            self.before = values.to_vec();
+        }
+        let both = values.iter_mut().zip(&mut self.before).zip(&self.samples);
+        for ((value, before), share) in both {
+            let now = *value;
+            *value = now + (*before - now) * share;
+            *before = now;
+        }
+    }
 }
 
 impl<O: Observer> Sink for Watch<'_, O> {
@@ -312,6 +373,9 @@ impl<O: Observer> Sink for Watch<'_, O> {
         let width = sensors + self.flown.study.system.program.externals().len();
         let (twin, inputs) = self.twin[index * width..][..width].split_at(sensors);
         self.measured.copy_from_slice(values);
+        if let Some(latencies) = &mut self.latencies {
+            latencies.apply(&mut self.measured);
+        }
         if let Some(noise) = &mut self.noise {
             self.flown.imperfections.apply(&mut self.measured, noise);
         }

@@ -82,6 +82,9 @@ pub struct HealthyMetrics {
     /// How often windows left their bands as if a fault were visible; `None` in results from before this was counted.
     #[serde(default)]
     pub visible_by_chance: Option<u64>,
+    /// Number of flights without a fault, and of those with an alarm; `None` in results from before these were counted.
+    #[serde(default)]
+    pub flights: Option<[u64; 2]>,
     /// The same alarms by environment; `None` in results from before these were counted.
     #[serde(default)]
     pub environments: Option<EnvironmentMetrics>,
@@ -126,10 +129,32 @@ pub struct TradePoint {
     pub wrong_shutdowns: u64,
 }
 
+/// Counts of visible, strong faults.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct StrongFaults {
+    /// Number for which the right command was raised first.
+    pub count: u64,
+    /// Number of all of them.
+    pub of: u64,
+}
+
 /// The most flights without a steady state that are named in a message; the results file lists all.
 const MAX_NAMED: usize = 10;
 
 impl FlightMetrics {
+    /// Counts the visible faults of at least [`STRONG`] for which the right command was raised first.
+    pub fn strong(&self) -> StrongFaults {
+        // Where all faults are strong, the classes of all intensities have the same content as those of the strong ones.
+        let strong: BTreeMap<&str, &ClassMetrics> = (self.classes.iter())
+            .filter(|class| class.intensities[0] >= STRONG)
+            .map(|class| (class.command.as_str(), class))
+            .collect();
+        strong.into_values().fold(StrongFaults::default(), |sum, class| StrongFaults {
+            count: sum.count + class.isolated.count,
+            of: sum.of + class.isolated.of,
+        })
+    }
+
     /// Names the training flights that began without a steady state; `None` if there are none.
     pub fn without_steady_state(&self) -> Option<String> {
         let moving = &self.on_the_move_to_learn;
@@ -675,6 +700,7 @@ impl Judged<'_> {
     fn healthy(&self, session: usize) -> HealthyMetrics {
         let (mut seconds, mut alarms, mut shutdowns) = (0.0, 0, 0);
         let mut alarmed = BTreeMap::new();
+        let mut flights = [0, 0];
         for Ended { flight, stories, .. } in self.ended {
             let until_s = flight.onset_s.min(flight.duration_s);
             seconds += until_s;
@@ -687,6 +713,10 @@ impl Judged<'_> {
             if until_s > 0.0 {
                 *alarmed.entry(flight.environment).or_insert(false) |= alarms > before;
             }
+            if flight.fault.is_none() {
+                flights[0] += 1;
+                flights[1] += u64::from(alarms > before);
+            }
         }
         let hours = seconds / 3600.0;
         HealthyMetrics {
@@ -696,6 +726,7 @@ impl Judged<'_> {
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
             visible_by_chance: Some(self.ended.iter().map(|ended| ended.by_chance).sum()),
+            flights: Some(flights),
             environments: Some(EnvironmentMetrics::new(alarmed.into_values())),
         }
     }

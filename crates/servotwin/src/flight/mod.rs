@@ -21,6 +21,7 @@ pub mod campaign;
 pub mod closed_loop;
 pub mod hard_negatives;
 pub mod judge;
+pub mod other_plant;
 pub mod plan;
 pub mod replay;
 pub mod runtime;

@@ -11,13 +11,14 @@ use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
 use servotwin_diagnosis::diagnoser::novelty::QUANTILE;
-use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, decision};
+use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, decision};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_learning::classifiers::{self, boosted_trees};
 use servotwin_learning::hierarchy::Settings as Training;
 use servotwin_learning::novelty;
 use servotwin_learning::tree::Criterion;
+use std::collections::BTreeMap;
 
 /// How far an input may leave the range of the training flights, as a fraction of its width.
 const MARGIN: f64 = 0.25;
@@ -97,17 +98,22 @@ pub fn diagnoser(
         let (kind, usual) = (**kind, flights.learn.environments);
         length(study, (kind, usual), tables, pools, workers)
     });
-    let lengths: Vec<(Length, f64)> = lengths?.into_iter().collect::<Result<_, _>>()?;
+    let lengths: Vec<LearnedLength> = lengths?.into_iter().collect::<Result<_, _>>()?;
+    let scatter = lengths[0].widest.map(|(flights, median_excess)| Scatter {
+        scenario: setting.name().into(),
+        flights,
+        median_excess,
+    });
     let evidence_quantile = |is_baseline_corrected: bool| {
         let of = kinds
             .iter()
             .zip(&lengths)
             .filter(|(kind, _)| kind.is_baseline_corrected == is_baseline_corrected);
-        of.map(|(_, (_, nats))| *nats).fold(f64::INFINITY, f64::min)
+        of.map(|(_, learned)| learned.evidence_quantile).fold(f64::INFINITY, f64::min)
     };
     let (evidence_quantile, baseline_corrected_quantile) =
         (evidence_quantile(false), evidence_quantile(true));
-    let of = |(kind, (length, _)): (&Kind, (Length, f64))| Length {
+    let of = |(kind, LearnedLength { length, .. }): (&Kind, LearnedLength)| Length {
         baseline_corrected: kind
             .is_baseline_corrected
             .then(|| baseline_corrected_allowances(baseline_corrected_quantile)),
@@ -130,6 +136,7 @@ pub fn diagnoser(
         lengths,
         baseline: windows::baseline(flights, setting, study.sample_period_s),
         conditional_band: None,
+        scatter,
     };
     diagnoser.check()?;
     Ok(diagnoser)
@@ -178,13 +185,46 @@ fn baseline_corrected_allowances(evidence_quantile: f64) -> Allowances {
     Allowances { of_pairs_nats: 0.0, health_nats, off_nats, other_nats: OTHER_ACTUATOR_NATS }
 }
 
+/// What windows of one length teach.
+struct LearnedLength {
+    length: Length,
+    /// The evidence that two of five fault windows exceed, in nats.
+    evidence_quantile: f64,
+    /// The number of healthy flights, and the largest of their median excesses; `None` for too few.
+    widest: Option<(u64, f64)>,
+}
+
+/// The smallest number of windows of a flight whose median counts. A fault flight gives one window before its onset.
+const LEAST_OF_MEDIAN: usize = 2;
+
+/// The number of healthy flights in ordinary environments, and the largest of the medians of their windows' excesses.
+/// `flight_of` has the number of each row's flight.
+fn widest(
+    data: &DataSet,
+    flight_of: &[u32],
+    is_further: impl Fn(&DataSet, &Row) -> bool,
+) -> Option<(u64, f64)> {
+    let is_own = |row: &&Row| row.is_healthy && !row.reflected && !is_further(data, row);
+    let mut flights: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+    for row in data.rows.iter().filter(is_own) {
+        flights.entry(flight_of[row.variant]).or_default().push(row.excess);
+    }
+    flights.retain(|_, excesses| excesses.len() >= LEAST_OF_MEDIAN);
+    let median = |excesses: &mut Vec<f64>| {
+        excesses.sort_by(f64::total_cmp);
+        excesses[excesses.len() / 2]
+    };
+    let largest = flights.values_mut().map(median).reduce(f64::max)?;
+    Some((flights.len() as u64, largest))
+}
+
 fn length(
     study: &Study,
     (kind, usual): (Kind, usize),
     tables: &[(Role, Table)],
     pools: &[usize],
     workers: Workers,
-) -> Result<(Length, f64), EvaluationError> {
+) -> Result<LearnedLength, EvaluationError> {
     let features = FeatureInfo::of_study(study, false);
     let data =
         DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
@@ -196,6 +236,7 @@ fn length(
     let bands = bands::learn(&data.without(|row| is_further(&data, row)), pools);
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
     let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
+    let widest = widest(&data, &tables[0].1.u32("variant")?, is_further);
     let for_trees =
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
     let rows = for_trees.learnt_from(settings.holding.lessons)?;
@@ -218,7 +259,7 @@ fn length(
         },
         baseline_corrected: None,
     };
-    Ok((length, evidence_quantile))
+    Ok(LearnedLength { length, evidence_quantile, widest })
 }
 
 fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {

@@ -2,9 +2,9 @@
 
 use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
 use crate::observer::{Finding, Observation, Observer, Phase, State};
-use crate::study::{Reaction, Study};
+use crate::study::{Reaction, Setting, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{self, Alarm, Diagnoser, Outcome};
+use servotwin_diagnosis::diagnoser::{self, Alarm, Diagnoser, Outcome, ScatterTest};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Knot, Snapshot};
 use std::sync::Arc;
@@ -30,6 +30,10 @@ pub struct Watcher<'s> {
     longest: u64,
     /// Number of further samples during which a window contains a sample outside the conditional band's learned range.
     outside_for: u64,
+    /// The windows of healthy-looking stretches, compared with the scatter that the diagnoser was trained for.
+    scatter: ScatterTest,
+    /// Number of panes since the last window of the comparison.
+    panes: u32,
     finding: Finding,
     last: Option<Outcome>,
 }
@@ -45,6 +49,10 @@ struct Stored {
     finding: Option<Finding>,
     #[serde(default)]
     outside_for: u64,
+    #[serde(default)]
+    scatter: ScatterTest,
+    #[serde(default)]
+    panes: u32,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -99,6 +107,8 @@ impl<'s> Watcher<'s> {
             bands,
             longest: diagnoser.lengths.iter().filter_map(|l| l.span.samples()).max().unwrap_or(0),
             outside_for: 0,
+            scatter: ScatterTest::default(),
+            panes: 0,
             finding: Finding::default(),
             last: None,
             places,
@@ -109,6 +119,42 @@ impl<'s> Watcher<'s> {
     /// Whether the last sample was outside the range from which the conditional band was learned.
     pub fn is_outside(&self) -> bool {
         self.last.is_some_and(|outcome| outcome.outside > 0.0)
+    }
+
+    /// A line if healthy-looking stretches are wider than the scatter that the diagnoser was trained for.
+    pub fn wider_than_trained(&self) -> Option<String> {
+        let scatter = self.diagnoser.scatter.as_ref().filter(|_| self.scatter.is_wider)?;
+        let ScatterTest { windows, wider, .. } = self.scatter;
+        let remedy = match scatter.scenario == Setting::Realistic.name() {
+            true => "fit the twin (servotwin fit), or train with larger tolerances",
+            false => "fit the twin (servotwin fit), or use the diagnoser of the scenario realistic",
+        };
+        Some(format!(
+            "without an action raised, the residuals of {wider} of {windows} windows exceed the median of the widest of \
+             {} training flights: the scatter of the scenario {}, for which the diagnoser was trained, does not \
+             explain them; {remedy}",
+            scatter.flights, scatter.scenario
+        ))
+    }
+
+    /// Compares the windows of a healthy-looking stretch, one after the other without a common sample.
+    fn compare_scatter(&mut self, outcome: &Outcome) {
+        let Some(scatter) = &self.diagnoser.scatter else { return };
+        let is_quiet = matches!(outcome.alarm, Alarm::Normal | Alarm::Pending);
+        let session = self.runtime.session();
+        if self.diagnoser.conditional_band.is_some() || !session.has_new_window(0) {
+            return;
+        }
+        self.panes = self.panes.saturating_add(1);
+        let length = &self.diagnoser.lengths[0];
+        if !is_quiet || !session.is_full(0) || self.panes < length.span.panes.unwrap_or(1) {
+            return;
+        }
+        self.panes = 0;
+        let window = session.window(0);
+        let bands = length.panel.bands.iter().enumerate();
+        let excesses = bands.map(|(sensor, band)| window.largest(sensor) / band.half_width);
+        self.scatter.take(excesses.fold(0.0, f64::max), scatter);
     }
 
     /// Detects units that the log switches off or on.
@@ -156,6 +202,7 @@ impl<'s> Watcher<'s> {
             self.say(&outcome);
         }
         self.finding.be_sure(outcome.confidence);
+        self.compare_scatter(&outcome);
         self.last = Some(outcome);
         Ok(())
     }
@@ -254,6 +301,7 @@ impl Observer for Watcher<'_> {
     fn restart(&mut self) {
         self.runtime.restart();
         self.outside_for = 0;
+        self.panes = 0;
         self.last = None;
     }
 
@@ -270,7 +318,8 @@ impl Observer for Watcher<'_> {
         });
         let finding = self.last.map(|_| self.finding.clone());
         let (is_off, outside_for) = (self.is_off.clone(), self.outside_for);
-        let stored = Stored { twin, session, buses, is_off, finding, outside_for };
+        let (scatter, panes) = (self.scatter, self.panes);
+        let stored = Stored { twin, session, buses, is_off, finding, outside_for, scatter, panes };
         serde_json::to_vec(&stored).expect("numbers and names are always JSON")
     }
 
@@ -281,6 +330,9 @@ impl Observer for Watcher<'_> {
         }
         if stored.outside_for > self.longest {
             return Err("it was outside of the band for longer than a window".into());
+        }
+        if !stored.scatter.is_possible() {
+            return Err("its windows are counted wrongly".into());
         }
         if stored.finding.as_ref().is_some_and(|finding| !finding.is_text()) {
             return Err("its words are no text".into());
@@ -304,6 +356,7 @@ impl Observer for Watcher<'_> {
         self.runtime.restore(&checkpoint).map_err(|error| error.to_string())?;
         self.is_off = stored.is_off;
         self.outside_for = stored.outside_for;
+        (self.scatter, self.panes) = (stored.scatter, stored.panes);
         self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());
         self.finding = stored.finding.unwrap_or_default();
         Ok(())

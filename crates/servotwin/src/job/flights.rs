@@ -9,6 +9,7 @@ use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::hard_negatives;
 use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, Rates, WatchedFlights};
+use crate::flight::other_plant::{OTHER_PLANT, OtherPlants};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
@@ -42,6 +43,10 @@ pub struct FlightResults {
     pub merits: Vec<FlightMetrics>,
     /// Answers to faults without training, one entry for each setting.
     pub foreign: Vec<UnseenFaultMetrics>,
+    /// Figures of merit of the diagnoser for specimens with tolerances, in plants that differ from their twin in
+    /// structure; `None` without such plants.
+    #[serde(default)]
+    pub other_plant: Option<FlightMetrics>,
 }
 
 impl FlightResults {
@@ -49,6 +54,7 @@ impl FlightResults {
         flights: &Flights,
         is_full: bool,
         measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
+        other_plant: Option<FlightMetrics>,
     ) -> Self {
         let (merits, foreign) = measured.into_iter().unzip();
         FlightResults {
@@ -59,6 +65,7 @@ impl FlightResults {
             limits: flights.limits,
             merits,
             foreign,
+            other_plant,
         }
     }
 
@@ -83,6 +90,8 @@ impl FlightResults {
                 self.foreign.push(foreign);
             }
         }
+        let is_of_now = |merit: &FlightMetrics| merit.healthy.flights.is_some();
+        self.other_plant = self.other_plant.take().or(other.other_plant.filter(is_of_now));
         let place = |name: &str| SETTINGS.iter().position(|setting| setting.name() == name);
         self.merits.sort_by_key(|merit| place(&merit.setting));
         self.foreign.sort_by_key(|foreign| place(&foreign.setting));
@@ -201,7 +210,10 @@ pub fn fly_all(
         let rates = Rates::of_size(is_full);
         let model = (diagnoser, left_out);
         let judged = judge_in(study, flights, (setting, rates), model, crew, &part)?;
-        write(folder, flights, is_full, vec![judged])?;
+        write(folder, flights, is_full, vec![judged], None)?;
+        if setting.has_tolerances() && flights.other_plant.is_some() {
+            fly_other_plant(folder, study, flights, is_full, crew)?;
+        }
     }
     results(folder)?.ok_or_else(|| JobError::Missing { path: folder.flights(), stage: "flights" })
 }
@@ -269,7 +281,7 @@ pub fn fly_sealed(
         let rates = Rates::of_size(is_full);
         judged.push(judge_in(study, &flights, (setting, rates), model, crew, &part)?);
     }
-    let results = FlightResults::new(&flights, is_full, judged);
+    let results = FlightResults::new(&flights, is_full, judged, None);
     // Everything but the last line of the record counts as aborted, until the results are there.
     let openings = record.count()?;
     let without_result = openings.without_result.saturating_sub(1);
@@ -316,6 +328,39 @@ impl SealedResults {
              result)."
         )
     }
+}
+
+/// Judges the stored diagnoser for specimens with tolerances in plants that differ from their twin in structure, and
+/// writes the results beside the others. The plants teach nothing. `None` if the study has no such plants.
+///
+/// # Errors
+/// The diagnoser is missing; a twin cannot be simulated; the file cannot be written.
+pub fn fly_other_plant(
+    folder: &Folder,
+    study: &Study,
+    flights: &Flights,
+    is_full: bool,
+    crew: &Crew,
+) -> Result<Option<FlightMetrics>, JobError> {
+    let Some(differences) = &flights.other_plant else { return Ok(None) };
+    let setting = Setting::Realistic;
+    let diagnoser = diagnoser(folder, setting)?;
+    let healthy = flights.judge.healthy.min(differences.healthy.unwrap_or(usize::MAX));
+    let judge = Size { healthy, ..flights.judge };
+    let flights = &Flights { judge, learned: vec![], ..flights.clone() };
+    let plants = OtherPlants::new(study, differences)?;
+    let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
+    let flown = flown.with_plants(&plants);
+    let told = |done: usize, of: usize| {
+        (crew.progress)("another plant: flights to be judged in", done as f64 / of.max(1) as f64);
+    };
+    let watched = judge::watch(&flown, &diagnoser, Rates::of_size(is_full), &told);
+    crew.check()?;
+    let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
+    let asked = (OTHER_PLANT, limit_s(flights, setting));
+    let merit = judge::merit(study, flights, asked, &diagnoser, watched);
+    write(folder, flights, is_full, vec![], Some(merit.clone()))?;
+    Ok(Some(merit))
 }
 
 /// Repeats the evaluation flights of some settings without each sensor in turn, using the stored diagnosers, and writes
@@ -366,8 +411,9 @@ pub fn write(
     flights: &Flights,
     is_full: bool,
     measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
+    other_plant: Option<FlightMetrics>,
 ) -> Result<FlightResults, JobError> {
-    let mut all = FlightResults::new(flights, is_full, measured);
+    let mut all = FlightResults::new(flights, is_full, measured, other_plant);
     if let Some(before) = results(folder)? {
         all.join(before);
     }

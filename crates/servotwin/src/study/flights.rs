@@ -12,6 +12,7 @@
 //! unit_parameters."supply.temperature_k" = [253, 343]
 //! learn = { environments = 40, repeats = 4, healthy = 4, further = 200, further_duration_s = 60 }
 //! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300, foreign = 2 }
+//! other_plant = { ... }              # `other_plant.rs`
 //! full.learn = { ... }               # the sizes of `servotwin flights --full`
 //! full.judge = { ... }
 //! ```
@@ -21,7 +22,8 @@
 //! measured, but not the specimen.
 
 use super::faults::full_name;
-use super::keys::{FLIGHT_S, some};
+use super::keys::{FLIGHT_S, FLIGHTS, MAX_ENVIRONMENTS, some};
+use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::training::{check_pattern, filled};
 use crate::document::Place;
@@ -54,9 +56,14 @@ section! {
         may unit_parameters: Ranges, "ranges of parameters that every channel has";
         may least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
             "minimum number of channels that stay on; default 1, or 0 for a single channel";
+        #[serde(default)]
+        may draws: Vec<DrawText>,
+            "ranges from which each specimen with tolerances draws further parameters";
         must learn: Size, "number of flights for training";
         must judge: Size, "number of flights for the evaluation";
         may full: Option<Full>, "sizes of `servotwin flights --full`";
+        may other_plant: Option<other_plant::Text>,
+            "plants that differ from their twin in structure, for the evaluation only";
         #[serde(default)]
         may limits: Limits, "targets of the diagnosis";
     }
@@ -94,7 +101,6 @@ section! {
     }
 }
 
-const FLIGHTS: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
 const SOME_FLIGHTS: Value = Value::Whole(1.0, MAX_ENVIRONMENTS as f64);
 
 section! {
@@ -154,6 +160,8 @@ pub struct Flights {
     pub judge: Size,
     /// The targets of the diagnosis.
     pub limits: Limits,
+    /// Plants that differ from their twin in structure.
+    pub other_plant: Option<OtherPlant>,
     /// The training environments.
     pub learned: Vec<Environment>,
     /// The evaluation environments.
@@ -169,9 +177,6 @@ pub struct Redraw {
     pub judged_further: Option<usize>,
 }
 
-/// Upper limit on environments. The evaluation's draws follow those of training.
-const MAX_ENVIRONMENTS: usize = 100_000;
-
 impl Flights {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let mut windows_s = text.windows_s.clone();
@@ -184,6 +189,7 @@ impl Flights {
             learn: text.learn,
             judge: text.judge,
             limits: text.limits,
+            other_plant: text.other_plant(reader)?,
             learned: text.environments(reader, 'L', text.learn)?,
             judged: text.environments(reader, 'J', text.judge)?,
         })
@@ -193,6 +199,10 @@ impl Flights {
 impl Text {
     pub(super) fn least_on(&self) -> Option<u32> {
         self.least_on
+    }
+
+    fn other_plant(&self, reader: &Reader) -> Result<Option<OtherPlant>, Noted> {
+        self.other_plant.as_ref().map(|text| OtherPlant::new(text, reader)).transpose()
     }
 
     /// The patterns of all commands with their places in the file.
@@ -228,17 +238,20 @@ impl Text {
     }
 
     /// Checks this section and its full sizes, and draws one environment from each pattern. This reports wrong names
-    /// and patterns before any flight.
-    pub(super) fn check_all(&self, reader: &Reader) -> Result<(), Noted> {
-        let ranges = self.check_ranges(reader);
+    /// and patterns before any flight. Returns what each specimen draws.
+    pub(super) fn check_all(&self, reader: &Reader) -> Result<Vec<PlantDraw>, Noted> {
+        let (ranges, other_plant) = (self.check_ranges(reader), self.other_plant(reader));
+        let draws = other_plant::draws(reader, &Place::of(&["flights"]), &self.draws, &[]);
         self.check(reader)?;
         ranges?;
+        other_plant?;
         let driven = reader.command_input()?;
         for (at, pattern) in self.patterns() {
             let _ = check_pattern(reader, &at, pattern, driven, self.duration_s);
         }
         let one_each = Size { environments: self.commands.len(), further: 0, ..self.learn };
-        self.environments(reader, 'L', one_each).map(drop)
+        self.environments(reader, 'L', one_each)?;
+        Ok(draws)
     }
 
     fn check(&self, reader: &Reader) -> Result<(), Noted> {

@@ -41,6 +41,12 @@ pub(crate) enum Mistake {
     /// A study whose classes have no faults.
     #[error("the study has no faults")]
     NoFaults,
+    /// A kind of component that cannot stand for another. `what` names what it lacks.
+    #[error("'{kind}' cannot stand for '{own}': it has no {what}")]
+    NoStandIn { kind: String, own: String, what: String },
+    /// A draw that is neither a factor nor an offset, or both.
+    #[error("a draw has either 'times' or 'plus'")]
+    TimesOrPlus,
     /// Flights without the noise and specimens of `[realistic]`.
     #[error("flights need the section 'realistic'")]
     NoRealism,
@@ -58,6 +64,9 @@ impl Explained for Mistake {
                     .into(),
             ),
             Mistake::NoFaults => Some("add [[classes]] with 'faults'".into()),
+            Mistake::TimesOrPlus => {
+                Some("times = [0.9, 1.1] is a range of factors, plus = [-10, 10] of offsets".into())
+            }
             Mistake::NoRealism => Some(REALISTIC.example.into()),
             _ => None,
         }

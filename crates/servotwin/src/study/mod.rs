@@ -13,6 +13,7 @@ pub mod flights;
 mod keys;
 mod laws;
 mod mistake;
+pub mod other_plant;
 mod quick;
 pub mod reactions;
 mod reader;
@@ -24,6 +25,7 @@ pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
+pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
 pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
 pub use training::Training;
@@ -185,6 +187,8 @@ pub struct Study {
     pub sensors: Sensors,
     /// A description of the extra sensor, if there is one.
     pub extra_sensor: Option<String>,
+    /// What each specimen with tolerances draws in flights, besides its tolerances.
+    pub flight_draws: Vec<PlantDraw>,
     /// How reality differs from the twin.
     pub realism: Option<Realism>,
     /// The calibration flight and the specimens of the fitted setting.
@@ -283,6 +287,7 @@ impl Study {
             faults,
             cases,
             command_input,
+            flight_draws,
             realism,
             calibration,
             training,
@@ -304,6 +309,7 @@ impl Study {
             command_input,
             measured,
             sensors,
+            flight_draws,
             realism,
             calibration,
             training,
@@ -625,6 +631,7 @@ struct Parts {
     faults: Vec<FaultCase>,
     cases: Vec<OperatingCase>,
     command_input: usize,
+    flight_draws: Vec<PlantDraw>,
     realism: Option<Realism>,
     calibration: Option<Calibration>,
     training: Option<Training>,
@@ -647,7 +654,7 @@ impl Parts {
         let evaluating = text.evaluation.as_ref().map(|text| Evaluating::new(text, reader));
         let flights = text.flights.as_ref().map(|text| text.check_all(reader)).transpose();
         let reactions = Reactions::new(&text.reactions, reader);
-        flights?;
+        let flight_draws = flights?.unwrap_or_default();
         let (measured, sensors) = sensors?;
         Ok(Parts {
             measured,
@@ -656,6 +663,7 @@ impl Parts {
             faults: faults?,
             cases: cases?,
             command_input: command_input?,
+            flight_draws,
             realism: realism?,
             calibration: calibration.transpose()?,
             training: training?,

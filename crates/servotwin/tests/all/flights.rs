@@ -1,14 +1,15 @@
 //! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
 //! is said and done.
 
-use servotwin::flight::campaign::FlightCampaign;
+use servotwin::flight::campaign::{FlightCampaign, Observer};
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::flight::judge::{self, FlightMetrics, Rates, WatchedFlights};
+use servotwin::flight::other_plant::OtherPlants;
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
 use servotwin::flight::unseen_faults;
 use servotwin::job::Folder;
-use servotwin::job::flights::{Crew, learn, learn_from};
+use servotwin::job::flights::{Crew, fly_all, learn, learn_from};
 use servotwin::parallel::Workers;
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
@@ -200,6 +201,101 @@ fn faults_never_trained_on_are_counted_once_each() {
     assert_eq!(of("the twin is told a frozen command").shutdowns_healthy, 0);
     let jam = of("spool jams where it is");
     assert!(jam.words.healthy < jam.flights, "{jam:?}");
+}
+
+/// The tiny study with a section `[flights.other_plant]` and specimens that draw.
+fn with_other_plant(section: &str) -> Study {
+    let head = include_str!("../tiny.toml").replace("[0.4, 0.6, 0.8, 1.0]", "[0.6, 1.0]");
+    let other = format!("[flights.other_plant]\n{section}\n[reactions]");
+    Study::parse(&format!("{head}{}", STUDY.replace("[reactions]", &other)), "tiny.toml").unwrap()
+}
+
+/// The samples of a flight, one after the other: measured values and the twin's.
+#[derive(Default)]
+struct Samples(Vec<f64>, Vec<f64>);
+
+impl Observer for Samples {
+    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
+        self.0.extend_from_slice(measured);
+        self.1.extend_from_slice(twin);
+    }
+}
+
+/// Flies a fault and a healthy flight; with the plants of a section if there is one.
+fn samples(section: Option<&str>) -> Vec<Samples> {
+    let study = with_other_plant(section.unwrap_or_default());
+    let flights = &study.flights().unwrap().unwrap();
+    let plants = OtherPlants::new(&study, flights.other_plant.as_ref().unwrap()).unwrap();
+    let (purpose, setting) = (Purpose::Judge, Setting::Realistic);
+    let mut flown =
+        FlightCampaign::new(&study, flights, purpose, setting, Workers::new(2)).unwrap();
+    if section.is_some() {
+        flown = flown.with_plants(&plants);
+    }
+    let which = [0, flown.plan.len() - 1];
+    let mut found = vec![];
+    flown.fly(
+        &which,
+        |_| Samples::default(),
+        |flight, samples, outcome| {
+            outcome.unwrap();
+            found.push((flight.number, samples));
+        },
+    );
+    found.sort_by_key(|(number, _)| *number);
+    found.into_iter().map(|(_, samples)| samples).collect()
+}
+
+#[test]
+fn plants_without_a_difference_are_those_of_the_twins_system() {
+    let (own, same) = (samples(None), samples(Some("")));
+    for (own, same) in own.iter().zip(&same) {
+        assert!(own.0 == same.0 && own.1 == same.1 && !own.0.is_empty());
+    }
+}
+
+#[test]
+fn every_difference_moves_the_plant_and_never_its_twin() {
+    let own = samples(None);
+    let differences = [
+        r#"kinds = { "cylinder" = "bristle_cylinder" }"#,
+        r#"kinds = { "sensor_pressure_a" = "tapped_pressure_sensor" }"#,
+        "latency_s = [0.01, 0.01]",
+        r#"draws = [{ parameters = ["supply.temperature_k"], plus = [-10, -10] }]"#,
+        r#"draws = [{ parameters = ["supply.bulk_modulus_factor"], times = [0.8, 0.8] }]"#,
+        r#"draws = [{ parameters = ["air.hinge_moment_deflection_per_rad"], times = [1.1, 1.1] }]"#,
+    ];
+    for section in differences {
+        let other = samples(Some(section));
+        for (own, other) in own.iter().zip(&other) {
+            assert!(own.1 == other.1, "{section}: another twin");
+            let moved = own.0.iter().zip(&other.0).filter(|(a, b)| a != b).count();
+            assert!(moved > own.0.len() / 20, "{section}: {moved} of {}", own.0.len());
+        }
+    }
+}
+
+#[test]
+fn a_study_judges_other_plants_and_learns_nothing_from_them() {
+    let study = with_other_plant("healthy = 1\nkinds = { \"cylinder\" = \"bristle_cylinder\" }");
+    let flights = &study.flights().unwrap().unwrap();
+    let path = std::env::temp_dir().join(format!("servotwin-other-{}", std::process::id()));
+    std::fs::create_dir_all(&path).unwrap();
+    let (folder, crew) =
+        (Folder::new(&path), Crew { workers: Workers::new(2), progress: &|_, _| () });
+    let setting = [Setting::Realistic];
+    let results = fly_all(&folder, &study, flights, &setting, false, &crew).unwrap();
+    let taught = std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap();
+    let other = results.other_plant.as_ref().unwrap();
+    assert_eq!((other.setting.as_str(), other.flights, other.failed), ("other_plant", 16, 0));
+    assert_eq!(other.healthy.flights.unwrap()[0], 2);
+    assert_eq!(results.merits.len(), 1, "it is no further setting");
+    assert!(text(other) != text(&results.merits[0]));
+    // Without such plants the diagnoser is the same.
+    let plain = Flights { other_plant: None, ..flights.clone() };
+    fly_all(&folder, &study, &plain, &setting, false, &crew).unwrap();
+    assert!(taught == std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap());
+    std::fs::remove_dir_all(&path).unwrap();
 }
 
 /// Flies for 8 s with a lively command.

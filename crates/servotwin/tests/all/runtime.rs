@@ -12,7 +12,7 @@ use servotwin::observer::{Finding, Observer, Phase, State};
 use servotwin::parallel::Workers;
 use servotwin::study::Setting;
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
-use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Scatter};
 use servotwin_model::lanes::Level;
 use servotwin_model::signal::Piecewise;
 use std::sync::Arc;
@@ -97,6 +97,43 @@ fn a_log_is_watched_as_the_flight_was_flown_also_after_a_checkpoint() {
     assert_eq!((finding.actuator, finding.command.as_str()), (Some(1), "shut_down"));
     // The log says that the actuator is off from then on: nothing more is said of it.
     assert_eq!(said.last().unwrap().0.state, State::Healthy);
+}
+
+/// Whether a healthy log is wider than a scatter whose widest flight had this median excess.
+fn is_wider(median_excess: f64, checkpoint: usize) -> Option<String> {
+    let record = fly(vec![]);
+    let own = diagnoser();
+    let scatter = Scatter { median_excess, ..own.scatter.clone().unwrap() };
+    let diagnoser = Arc::new(Diagnoser { scatter: Some(scatter), ..(**own).clone() });
+    let mut watcher = Watcher::new(study(), diagnoser.clone()).unwrap();
+    for k in 0..record.time_s.len() {
+        let inputs: Vec<f64> = record.inputs.iter().map(|column| column[k]).collect();
+        let mut measured = vec![f64::NAN; study().system.sensors.len()];
+        for (column, &sensor) in record.measured.iter().zip(&study().measured) {
+            measured[sensor] = column[k];
+        }
+        watcher.push(record.time_s[k], &inputs, &measured);
+        if k == checkpoint {
+            let saved = watcher.save();
+            watcher = Watcher::new(study(), diagnoser.clone()).unwrap();
+            watcher.restore(&saved).unwrap();
+        }
+    }
+    watcher.wider_than_trained()
+}
+
+#[test]
+fn a_log_with_more_scatter_than_was_trained_for_is_told() {
+    let scatter = diagnoser().scatter.as_ref().unwrap();
+    assert_eq!((scatter.scenario.as_str(), scatter.flights), ("noise", 6));
+    // A specimen that is its twin leaves hardly any band, so half of its windows are below the widest flight of training.
+    assert!((0.05..1.5).contains(&scatter.median_excess), "{}", scatter.median_excess);
+    assert_eq!(is_wider(scatter.median_excess, 0), None);
+    let told = is_wider(0.0, 0).unwrap();
+    assert!(told.contains("residuals of 1") && !told.contains("  "), "{told}");
+    assert!(told.contains("6 training flights: the scatter of the scenario noise"), "{told}");
+    // A checkpoint in between loses no window.
+    assert_eq!(is_wider(0.0, 123), Some(told));
 }
 
 #[test]
