@@ -38,7 +38,7 @@ fn follow(
 ) {
     let Some(source) = source(system, input).filter(|_| depth > 0) else { return };
     let is_source = |&sensor: &usize| system.sensors[sensor].component == source.component;
-    if let Some(sensor) = measured.iter().position(|sensor| is_source(sensor)) {
+    if let Some(sensor) = measured.iter().position(is_source) {
         match law.iter_mut().find(|(known, _)| *known == sensor) {
             Some((_, sum)) => *sum += gain,
             None => law.push((sensor, gain)),
@@ -84,7 +84,7 @@ mod tests {
         let study = Study::default();
         let place = |id: &str| {
             let is_it = |&sensor: &usize| study.system.sensors[sensor].id == id;
-            study.measured.iter().position(|sensor| is_it(sensor)).expect("a sensor of the study")
+            study.measured.iter().position(is_it).expect("a sensor of the study")
         };
         for unit in 1..=2 {
             let of = |name: &str| place(&format!("{name}_{unit}"));
