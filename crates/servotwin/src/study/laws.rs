@@ -25,6 +25,8 @@ pub(super) fn of_controller(
         follow(system, measured, PortOf { component, port }, (1.0, MAX_DEPTH), &mut law);
     }
     law.retain(|&(other, gain)| other != place && gain != 0.0);
+    // Features are named in this order.
+    law.sort_by_key(|(other, _)| *other);
     law
 }
 
@@ -88,8 +90,7 @@ mod tests {
         };
         for unit in 1..=2 {
             let of = |name: &str| place(&format!("{name}_{unit}"));
-            let mut law = super::of_controller(&study.system, &study.measured, of("x_v"));
-            law.sort_by_key(|(sensor, _)| *sensor);
+            let law = super::of_controller(&study.system, &study.measured, of("x_v"));
             let per_pa = 0.45 / 20.684e6 * 1e-3;
             let mut wanted = vec![(of("x_p"), -0.272), (of("p_a"), -per_pa), (of("p_b"), per_pa)];
             wanted.sort_by_key(|(sensor, _)| *sensor);
