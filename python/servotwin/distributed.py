@@ -289,7 +289,8 @@ def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran
                 raise FileNotFoundError(f"{store.address}/{file} has vanished from the storage")
         ran = merge(folder, settings=settings, progress=False)
         # The manifest last: where it is, everything is.
-        files = sorted(folder.glob("dataset-*.parquet")) + [folder / "manifest.json"]
+        data_sets = sorted(folder.glob("dataset-*.parquet"))
+        files = [*data_sets, folder / "data-card.md", folder / "manifest.json"]
         for path in files:
             store.put(path, path.name)
         return ran
