@@ -76,7 +76,7 @@ impl ScatterTest {
 
 /// The probability of at least `count` of `of` events that are as likely as not.
 fn at_least(count: u64, of: u64) -> f64 {
-    // From the most likely term downwards, in logarithms: the first terms of many events are too small for a number.
+    // In logarithms, because the first terms of many events are too small for a number.
     let mut log_term = -(of as f64) * core::f64::consts::LN_2;
     let mut sum = if count == 0 { libm::exp(log_term) } else { 0.0 };
     for k in 1..=of {

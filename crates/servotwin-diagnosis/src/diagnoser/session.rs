@@ -684,17 +684,18 @@ impl Session {
     /// The input that a shutdown waits for: a wrong reading of it would explain all that its actuator shows.
     fn doubtful_shutdown(&self, diagnoser: &Diagnoser, claim: usize) -> Option<u32> {
         let (actuator, action) = self.hypotheses.split(claim)?;
-        let is_off = self.rules.switches_off(action as u32);
-        self.doubtful(diagnoser, actuator).filter(|_| is_off)
+        match self.rules.switches_off(action as u32) {
+            true => self.doubtful(diagnoser, actuator),
+            false => None,
+        }
     }
 
     /// The doubtful input of a shutdown for which there would be enough evidence.
     fn withheld(&self, diagnoser: &Diagnoser) -> Option<u32> {
-        let mut claims = 1..self.hypotheses.count();
-        claims.find_map(|claim| {
-            let is_claimed = self.lengths().any(|length| self.margin(length, claim) >= 1.0);
-            self.doubtful_shutdown(diagnoser, claim).filter(|_| is_claimed)
-        })
+        let is_claimed =
+            |claim: &usize| self.lengths().any(|length| self.margin(length, *claim) >= 1.0);
+        let mut claims = (1..self.hypotheses.count()).filter(is_claimed);
+        claims.find_map(|claim| self.doubtful_shutdown(diagnoser, claim))
     }
 
     fn raised(&self, length: usize, claim: usize, least_detail_confidence: f64) -> Raised {
