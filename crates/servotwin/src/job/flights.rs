@@ -228,18 +228,28 @@ fn judge_in(
     part: &(dyn Fn(f64) -> f64 + Sync),
 ) -> Result<(FlightMetrics, UnseenFaultMetrics), JobError> {
     let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
-    let told = |done: usize, of: usize| {
-        let share = 0.8 * done as f64 / of.max(1) as f64;
-        (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
-    };
-    let watched = judge::watch(&flown, &diagnoser, rates, &told);
-    crew.check()?;
-    let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
+    let watched = watched(&flown, &diagnoser, rates, crew, &|share| {
+        (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(0.8 * share));
+    })?;
     let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
     (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.8));
     let said = unseen_faults::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
     crew.check()?;
     Ok((merit, said?))
+}
+
+/// Flies planned flights, watched by a diagnoser. `told` takes the share of the flights that have ended.
+fn watched(
+    flown: &FlightCampaign,
+    diagnoser: &Diagnoser,
+    rates: Rates,
+    crew: &Crew,
+    told: &(dyn Fn(f64) + Sync),
+) -> Result<WatchedFlights, JobError> {
+    let share = |done: usize, of: usize| told(done as f64 / of.max(1) as f64);
+    let watched = judge::watch(flown, diagnoser, rates, &share);
+    crew.check()?;
+    watched.map_err(|error| JobError::Evaluation(error.into()))
 }
 
 /// Judges the stored diagnosers of some settings in sealed environments, and writes the results. Nothing is learned.
@@ -351,12 +361,9 @@ pub fn fly_other_plant(
     let plants = OtherPlants::new(study, differences)?;
     let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
     let flown = flown.with_plants(&plants);
-    let told = |done: usize, of: usize| {
-        (crew.progress)("another plant: flights to be judged in", done as f64 / of.max(1) as f64);
-    };
-    let watched = judge::watch(&flown, &diagnoser, Rates::of_size(is_full), &told);
-    crew.check()?;
-    let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
+    let watched = watched(&flown, &diagnoser, Rates::of_size(is_full), crew, &|share| {
+        (crew.progress)("another plant: flights to be judged in", share);
+    })?;
     let asked = (OTHER_PLANT, limit_s(flights, setting));
     let merit = judge::merit(study, flights, asked, &diagnoser, watched);
     write(folder, flights, is_full, vec![], Some(merit.clone()))?;
