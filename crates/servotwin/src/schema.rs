@@ -5,6 +5,7 @@ use crate::catalogue;
 use crate::format::{number, object};
 use crate::signal;
 use crate::study;
+use crate::system::reservoir::VOLUME;
 use crate::system::{FLUID, FORMAT, POINT};
 use crate::units;
 use serde_json::{Map, Value, json};
@@ -75,6 +76,7 @@ pub fn system() -> Value {
             },
             "inputs": { "$ref": "#/$defs/inputs" },
             "sensors": named(sensor()),
+            "reservoirs": named(reservoir()),
         },
         "additionalProperties": false,
         "$defs": definitions,
@@ -88,6 +90,19 @@ pub fn study() -> Value {
     schema["title"] = json!("servotwin study file");
     schema["$defs"] = json!({ "signal": signals() });
     schema
+}
+
+fn reservoir() -> Value {
+    let component = |description| json!({ "type": "string", "description": description });
+    json!({
+        "type": "object", "required": ["volume_m3", "supply", "return"],
+        "properties": {
+            "volume_m3": parameter(&VOLUME),
+            "supply": component("pressure source that it feeds, whose pressure is an input"),
+            "return": component("tank that leads the fluid back"),
+        },
+        "additionalProperties": false,
+    })
 }
 
 /// A table of freely named entries.

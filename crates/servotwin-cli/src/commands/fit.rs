@@ -54,6 +54,10 @@ pub struct Options {
     /// tolerance].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     parameters: Vec<String>,
+    /// Also estimate what every plant of the study draws on top of its tolerances, `[flights].draws`: for the aileron
+    /// the shape of friction, bandwidths of sensors, discharge coefficients and hinge moments.
+    #[arg(long, conflicts_with_all = ["parameters", "faults"])]
+    draws: bool,
     /// Estimate the intensities of these faults instead, separated by commas, and report which fault it is.
     #[arg(long, value_name = "IDS", value_delimiter = ',', conflicts_with = "out")]
     faults: Vec<String>,
@@ -102,6 +106,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let mut problem = Fit::of_study(&study, records);
     if !options.parameters.is_empty() {
         problem.unknowns = chosen(&options.parameters, &problem.unknowns, &study)?;
+    }
+    if options.draws {
+        problem.unknowns.extend(Unknown::of_draws(&study));
     }
     if options.design {
         problem.threads = options.threads.unwrap_or(problem.threads).max(1);

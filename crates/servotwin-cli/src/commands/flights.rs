@@ -7,11 +7,12 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
+use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::judge::{
     ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics, STRONG,
 };
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
-use servotwin::job::flights::{self, Crew, FlightResults, settings};
+use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::study::{Flights, Setting, Study};
@@ -42,6 +43,9 @@ pub struct Options {
     /// Only judge the diagnoser of the scenario `realistic` in the folder, in the plants of `[flights.other_plant]`.
     #[arg(long, conflicts_with_all = ["missing_sensors", "setting", "sealed"])]
     other_plant: bool,
+    /// With --other-plant, fit the twin of every plant to its calibration flight first.
+    #[arg(long, requires = "other_plant")]
+    fitted: bool,
 }
 
 /// Returns the text for standard output.
@@ -120,14 +124,31 @@ fn other_plant(
     global: Global,
 ) -> Result<String, Failure> {
     let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
+    let missing = || {
+        Failure::Options(
+            "the study has no [flights.other_plant]: docs/study-format.md says what stands there",
+        )
+    };
+    if options.fitted {
+        let judged = with_crew(options.study.threads, global, |crew| {
+            flights::fly_fitted_other_plant(&folder, study, sizes, is_full, crew)
+        })?;
+        let judged = judged.ok_or_else(missing)?;
+        manifest::write(&folder, study)?;
+        return Ok(match global {
+            Global { json: true, .. } => json(&json!(judged)),
+            Global { quiet: true, .. } => String::new(),
+            _ => {
+                let mut out = String::new();
+                of_fitted_plants(&mut out, &judged, &Vocabulary::of(study));
+                out
+            }
+        });
+    }
     let merit = with_crew(options.study.threads, global, |crew| {
         flights::fly_other_plant(&folder, study, sizes, is_full, crew)
     })?;
-    let Some(merit) = merit else {
-        return Err(Failure::Options(
-            "the study has no [flights.other_plant]: docs/study-format.md says what stands there",
-        ));
-    };
+    let merit = merit.ok_or_else(missing)?;
     manifest::write(&folder, study)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(merit)),
@@ -202,7 +223,21 @@ pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
     if let Some(merit) = &results.other_plant {
         of_other_plant(&mut out, merit, words);
     }
+    if let Some(judged) = &results.other_plant_fitted {
+        of_fitted_plants(&mut out, judged, words);
+    }
     out
+}
+
+/// Describes the same flights beside twins that are fitted to these plants.
+fn of_fitted_plants(out: &mut String, judged: &FittedPlants, words: &Vocabulary) {
+    of_other_plant(out, &judged.merit, words);
+    let CalibrationRecords { flown, rejected, with_findings } = judged.calibration;
+    let _ = writeln!(
+        out,
+        "  of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left \
+         a deviation"
+    );
 }
 
 /// Describes the flights of plants that differ from their twin in structure.

@@ -2,6 +2,7 @@
 //! computer that reacts.
 
 use super::evaluate::workers;
+use super::fly_cost::Costs;
 use super::fly_truth::{Truth, Verdict, detected};
 use super::simulate::fault;
 use super::{StudyOptions, note};
@@ -12,6 +13,7 @@ use serde_json::json;
 use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::cost::Cost;
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
@@ -430,7 +432,13 @@ impl Flown<'_> {
             }
         }
         let fight = |record| self.numbers(record, onset_s)[2];
-        out + &verdict.on_force_fight(fight(&self.with), fight(&self.without))
+        out += &verdict.on_force_fight(fight(&self.with), fight(&self.without));
+        out + &self.costs(onset_s).text()
+    }
+
+    fn costs(&self, onset_s: f64) -> Costs {
+        let of = |record| Cost::of(self.study, record, onset_s);
+        Costs { with: of(&self.with), without: of(&self.without) }
     }
 
     fn json(&self, onset_s: f64) -> serde_json::Value {
@@ -474,6 +482,7 @@ impl Flown<'_> {
             "changes": changes,
             "actions": actions,
             "truth": Verdict::of(self.truths, &self.with, self.diagnoser).json(),
+            "cost": self.costs(onset_s).json(),
             "with_diagnosis": numbers(&self.with),
             "without": numbers(&self.without),
         })

@@ -15,6 +15,7 @@ pub mod features;
 pub mod fit;
 pub mod flights;
 pub mod fly;
+mod fly_cost;
 mod fly_truth;
 pub mod history;
 pub mod init;

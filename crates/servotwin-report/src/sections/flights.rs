@@ -8,8 +8,9 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, by_environment, chosen, number, rate, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
+use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
-use servotwin::flight::other_plant::OTHER_PLANT;
+use servotwin::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
@@ -84,7 +85,7 @@ impl Section for Flights {
                 page.figure(&name, latencies(merit, &material.looks()), &caption);
             }
         });
-        for merit in results.merits.iter().chain(&results.other_plant) {
+        for merit in results.merits.iter().chain(results.of_other_plants()) {
             page.table(&by_command(merit, words), &format!(
                 "Setting {}: what became of the {}s, by what should have been commanded. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
@@ -129,7 +130,8 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
             Some(_) => format!(
                 " In the setting {OTHER_PLANT} the specimens also differ from the twin in structure, as \
                  [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of \
-                 the realistic setting."
+                 the realistic setting.{}",
+                fitted_plants(results)
             ),
             None => String::new(),
         }
@@ -192,7 +194,7 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
         }
         limits.list
     };
-    results.merits.iter().chain(&results.other_plant).flat_map(of_setting).collect()
+    results.merits.iter().chain(results.of_other_plants()).flat_map(of_setting).collect()
 }
 
 /// The limits of one setting, one after the other.
@@ -235,7 +237,7 @@ impl SettingLimits<'_> {
             return;
         }
         let off = self.words.off();
-        let key = if ["realistic", OTHER_PLANT].contains(&setting.as_str()) {
+        let key = if ["realistic", OTHER_PLANT, OTHER_PLANT_FITTED].contains(&setting.as_str()) {
             "latency_unfitted_s"
         } else {
             "latency_s"
@@ -298,7 +300,7 @@ impl SettingLimits<'_> {
         let merit = self.merit;
         let strong = merit.strong();
         let Some([flown, alarmed]) = merit.healthy.flights else { return };
-        if merit.setting != OTHER_PLANT {
+        if ![OTHER_PLANT, OTHER_PLANT_FITTED].contains(&merit.setting.as_str()) {
             return;
         }
         if flown > 0 {
@@ -644,14 +646,26 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
         ));
     }
     (!parts.is_empty()).then(|| {
-        let other_plant = results.other_plant.as_ref().map(|merit| of_other_plant(merit, words));
+        let other_plants: String =
+            results.of_other_plants().map(|merit| of_other_plant(merit, words)).collect();
         format!(
             "In {run}s in which a fault begins, setting {}, {}.{}",
             merit.setting,
             parts.join("; "),
-            other_plant.unwrap_or_default()
+            other_plants
         )
     })
+}
+
+/// A sentence on twins that are fitted to such plants; empty if there are none.
+fn fitted_plants(results: &FlightResults) -> String {
+    let Some(fitted) = &results.other_plant_fitted else { return String::new() };
+    let CalibrationRecords { flown, rejected, with_findings } = fitted.calibration;
+    format!(
+        " In the setting {OTHER_PLANT_FITTED} each twin was fitted to a calibration flight of its plant: {with_findings} \
+         of {flown} fits left a deviation that nothing unknown explains, and {rejected} records were rejected, so \
+         that their twins stayed nominal."
+    )
 }
 
 /// A sentence on plants that differ from their twin in structure.
@@ -682,7 +696,8 @@ fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
         "{} visible faults of intensity {STRONG} and more get the right action",
         rate(Some(Rate::new(strong.count, strong.of)))
     ));
-    format!(" In plants that are not their twin, setting {OTHER_PLANT}: {}.", parts.join("; "))
+    let setting = &merit.setting;
+    format!(" In plants that are not their twin, setting {setting}: {}.", parts.join("; "))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //!
 //! and p stays within the range that its component declares. For a fault, z is its intensity.
 
-use crate::study::{Study, Tolerance};
+use crate::study::{PlantDraw, Study, Tolerance};
 use crate::system::System;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
@@ -85,6 +85,33 @@ impl Unknown {
         };
         unknown.range = unknown.declared_range(system);
         unknown
+    }
+
+    /// The unknowns of what every plant draws on top of its tolerances (`[flights].draws`), in the study's order.
+    /// Parameters that have a tolerance are left out.
+    pub fn of_draws(study: &Study) -> Vec<Self> {
+        let known = Self::of_study(study);
+        let is_new = |unknown: &Self| known.iter().all(|other| other.name != unknown.name);
+        let draws = study.flight_draws.iter().map(|draw| Self::draw(&study.system, draw));
+        draws.filter(is_new).collect()
+    }
+
+    /// The unknown of a draw, whose range is that of the draw. Its standard deviation is that of an even distribution:
+    /// the width of the range over √12.
+    fn draw(system: &System, draw: &PlantDraw) -> Self {
+        let [low, high] = draw.range;
+        let sigma = (high - low) / 12f64.sqrt();
+        let parameter = |(component, name): &(usize, String)| {
+            let spec = system.network().components[*component].component.spec();
+            (*component, spec.parameter(name).expect("the study checked it"))
+        };
+        let parameters = draw.parameters.iter().map(parameter).collect();
+        let unknown =
+            Self::tolerance(system, &Tolerance { parameters, sigma, absolute: !draw.is_factor });
+        let nominal = if draw.is_factor { 1.0 } else { 0.0 };
+        let ends = draw.range.map(|end| (end - nominal) / sigma);
+        let range = (unknown.range.0.max(ends[0]).min(0.0), unknown.range.1.min(ends[1]).max(0.0));
+        Self { range, ..unknown }
     }
 
     /// The intensity of a fault, without prior knowledge.

@@ -2,8 +2,10 @@
 //!
 //! In the scenario *fitted*, one specimen flies all flights of an environment, and the environment's twin is fitted to
 //! its calibration flight. Otherwise every flight has another specimen, compared with the nominal twin. The plants may
-//! have a system of their own ([`FlightCampaign::with_plants`]).
+//! have a system of their own ([`FlightCampaign::with_plants`]), and their twins may be fitted to them as well
+//! ([`FlightCampaign::beside_fitted_twins`]).
 
+use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
 use super::plan::{self, Flight, Purpose};
 use crate::campaign::{Calibrating, CampaignError, ensemble};
@@ -29,22 +31,22 @@ pub trait Observer: Send {
 }
 
 /// A calibrated actuator: the deviating parameters of the plant and of its twin.
-struct Actuator {
-    parameters: Vec<(usize, usize, f64)>,
-    twin: Vec<(usize, usize, f64)>,
+pub(super) struct Actuator {
+    pub parameters: Vec<(usize, usize, f64)>,
+    pub twin: Vec<(usize, usize, f64)>,
 }
 
 /// Flights for one purpose in one scenario.
 pub struct FlightCampaign<'s> {
-    study: &'s Study,
-    environments: Cow<'s, [Environment]>,
+    pub(super) study: &'s Study,
+    pub(super) environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
     /// The scenario in which they are flown.
     pub setting: Setting,
     ensemble: Ensemble<'s>,
     /// Plants with a system of their own, and the ensemble that flies them.
-    others: Option<(&'s OtherPlants, Ensemble<'s>)>,
+    pub(super) others: Option<(&'s OtherPlants, Ensemble<'s>)>,
     /// All planned flights.
     pub plan: Vec<Flight>,
     /// The indices of the flights whose twins were simulated.
@@ -53,9 +55,9 @@ pub struct FlightCampaign<'s> {
     twins: Vec<Vec<f64>>,
     /// The environments whose twins began without a steady state.
     moving_twins: BTreeSet<usize>,
-    sensors: usize,
-    imperfections: Imperfections,
-    /// The actuator of each environment; empty except in the scenario *fitted*.
+    pub(super) sensors: usize,
+    pub(super) imperfections: Imperfections,
+    /// The actuator of each environment; empty where twins are not fitted.
     calibrated: Vec<Actuator>,
 }
 
@@ -174,24 +176,54 @@ impl<'s> FlightCampaign<'s> {
         self
     }
 
-    /// Calibrates an actuator for each environment.
-    fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
+    /// The same with twins that are fitted to their plants: one specimen flies all flights of an environment, and the
+    /// twin of the environment is fitted to a calibration flight of this specimen. Also returns what became of the fits.
+    ///
+    /// # Errors
+    /// The study has no calibration flight, or a twin cannot be simulated.
+    pub fn beside_fitted_twins(
+        mut self,
+        workers: Workers,
+    ) -> Result<(Self, CalibrationRecords), CampaignError> {
+        let (actuators, records) = fitted_twins::fit(&self, workers)?;
+        self.calibrated = actuators;
+        (self.twins, self.moving_twins) = self.simulate_twins()?;
+        Ok((self, records))
+    }
+
+    /// The number from which the specimen of an environment is derived, where it flies all flights there.
+    pub(super) fn number_of(&self, environment: usize) -> usize {
+        environment + (self.seed as usize) * 1_000_000
+    }
+
+    /// The parameters of the specimen of each environment.
+    pub(super) fn specimens(&self) -> Result<Vec<Vec<(usize, usize, f64)>>, CampaignError> {
         let Some(realism) = &self.study.realism else {
             return Err(CampaignError::no_section(self.setting, self.study));
         };
-        let number = |place: usize| place + (self.seed as usize) * 1_000_000;
         let lot = self.purpose.lot();
-        let specimen = |place: usize| realism.specimen(self.study, lot, number(place));
-        let specimens: Vec<_> = (0..self.environments.len()).map(specimen).collect();
+        let specimen = |place: usize| realism.specimen(self.study, lot, self.number_of(place));
+        Ok((0..self.environments.len()).map(specimen).collect())
+    }
+
+    /// The noise in the calibration flight of an environment's specimen.
+    pub(super) fn calibration_noise(&self, environment: usize) -> Option<Random> {
+        // Test flights have other noise than training flights.
+        let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
+        let number = first + self.number_of(environment);
+        self.study.realism.as_ref().map(|r| r.noise(Lot::FlightsCalibrated, number))
+    }
+
+    /// Calibrates an actuator for each environment.
+    fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
+        let specimens = self.specimens()?;
         let calibrating = Calibrating {
             study: self.study,
             solver: Settings::campaign(),
             threads: workers.threads(),
             cancel: workers.cancel(),
         };
-        // Test flights have other noise than training flights.
-        let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
-        let noise = |place: usize| realism.noise(Lot::FlightsCalibrated, first + number(place));
+        let noise = |place| self.calibration_noise(place).expect("there are tolerances");
         let found = calibrating.fit(&specimens, noise)?;
         let twins = found.specimens.into_iter().map(|specimen| specimen.overrides);
         let pairs = specimens.into_iter().zip(twins);
@@ -251,6 +283,11 @@ impl<'s> FlightCampaign<'s> {
         here.map(|flight| flight.duration_s).reduce(f64::max)
     }
 
+    /// The study of the plants and their twins.
+    pub fn study(&self) -> &'s Study {
+        self.study
+    }
+
     /// Time between samples, s.
     pub fn period_s(&self) -> f64 {
         self.ensemble.sample_period_s
@@ -283,7 +320,7 @@ impl<'s> FlightCampaign<'s> {
                 let mut variant = self.variant(flight(job));
                 alter(flight(job), &mut variant);
                 if let Some((plants, _)) = self.others {
-                    plants.alter(self.study, self.specimen(flight(job)), &mut variant);
+                    plants.alter(self.study, self.plant(flight(job)), &mut variant);
                 }
                 variant
             },
@@ -303,7 +340,7 @@ impl<'s> FlightCampaign<'s> {
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
         let mut overrides: Vec<_> = overrides.collect();
-        // Other plants have draws of their own, and a fitted twin knows only tolerances.
+        // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances.
         if self.setting.plants() == Plants::Specimens && self.others.is_none() {
             let stream = (lot as u64) << 48 ^ self.specimen(flight) as u64;
             let mut random = Random::stream(DRAWS ^ realism.map_or(0, |r| r.seed), stream);
@@ -324,14 +361,22 @@ impl<'s> FlightCampaign<'s> {
         flight.number + (self.seed as usize) * 1_000_000
     }
 
+    /// The number from which the draws of another plant are derived.
+    fn plant(&self, flight: &Flight) -> usize {
+        match self.calibrated.is_empty() {
+            true => self.specimen(flight),
+            false => self.number_of(flight.environment),
+        }
+    }
+
     fn watch<O>(&self, flight: &Flight, observer: O) -> Watch<'_, O> {
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_noise());
         let noise = realism.map(|realism| realism.noise(self.purpose.lot(), self.specimen(flight)));
         let twin = &self.twins[flight.environment];
-        let latencies = self.others.as_ref().map(|(plants, _)| {
-            let latencies = plants.latencies(self.specimen(flight), self.sensors);
-            Latencies { samples: latencies, before: vec![] }
-        });
+        let latencies = self
+            .others
+            .as_ref()
+            .map(|(plants, _)| Latencies::new(plants.latencies(self.plant(flight), self.sensors)));
         Watch { flown: self, twin, noise, latencies, measured: vec![0.0; self.sensors], observer }
     }
 }
@@ -346,7 +391,7 @@ struct Watch<'f, O> {
 }
 
 /// Latencies of at most one sample, by linear interpolation between samples.
-struct Latencies {
+pub(super) struct Latencies {
     /// The latency of each sensor, in samples.
     samples: Vec<f64>,
     /// The values of the sample before.
@@ -354,7 +399,11 @@ struct Latencies {
 }
 
 impl Latencies {
-    fn apply(&mut self, values: &mut [f64]) {
+    pub fn new(samples: Vec<f64>) -> Self {
+        Self { samples, before: vec![] }
+    }
+
+    pub fn apply(&mut self, values: &mut [f64]) {
         if self.before.is_empty() {
             self.before = values.to_vec();
         }

@@ -6,6 +6,7 @@ use crate::signal::bus::Bus;
 use crate::signal::random::Random;
 use crate::study::{Lot, Reaction, Study};
 use crate::system::imperfection::Imperfections;
+use crate::system::reservoir::Level;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
@@ -65,6 +66,8 @@ pub struct Record {
     pub measured: Vec<Vec<f64>>,
     /// The values that the twin expected, one list each.
     pub twin: Vec<Vec<f64>>,
+    /// The fluid left in each of the system's reservoirs, m³, one list each.
+    pub fluid_m3: Vec<Vec<f64>>,
     /// The changes in the output of the diagnosis.
     pub changes: Vec<Change>,
     /// The executed actions.
@@ -88,6 +91,7 @@ pub fn fly(
         inputs: count(scenario.inputs.len()),
         measured: count(sensors),
         twin: count(sensors),
+        fluid_m3: count(flight.reservoirs.len()),
         ..Record::default()
     };
     let samples = (scenario.duration_s / flight.period_s + 1e-6) as usize;
@@ -98,6 +102,7 @@ pub fn fly(
         push(&mut record.inputs, flight.inputs.iter().copied());
         push(&mut record.measured, flight.measured.iter().copied());
         push(&mut record.twin, flight.runtime.expected().iter().copied());
+        push(&mut record.fluid_m3, flight.reservoirs.iter().map(Level::fluid_m3));
         record.changes.extend(change);
         if scenario.reacts {
             record.actions.extend(flight.react(k)?);
@@ -126,6 +131,7 @@ struct Flight<'f> {
     inputs: Vec<f64>,
     buses: Vec<Bus>,
     knots: Vec<Knot>,
+    reservoirs: Vec<Level>,
     /// Inputs overridden by the flight control computer.
     set: Vec<(usize, f64)>,
     measured: Vec<f64>,
@@ -161,6 +167,12 @@ impl<'f> Flight<'f> {
             inputs: vec![0.0; scenario.inputs.len()],
             buses: vec![Bus::default(); scenario.inputs.len()],
             knots: runtime::defaults(study),
+            reservoirs: study
+                .system
+                .reservoirs
+                .iter()
+                .map(|r| Level::full(&study.system, r))
+                .collect(),
             set: vec![],
             last: None,
             done: None,
@@ -176,11 +188,14 @@ impl<'f> Flight<'f> {
         for &(input, value) in &self.set {
             self.inputs[input] = value;
         }
+        self.reservoirs.iter().for_each(|level| level.limit(&mut self.inputs));
         let sent = self.inputs.iter().zip(&mut self.buses);
         for (knot, (&value, bus)) in self.knots.iter_mut().zip(sent) {
             *knot = bus.next(value, self.period_s);
         }
         self.step_plant(k, time_s)?;
+        let plant = &self.plant;
+        self.reservoirs.iter_mut().for_each(|l| l.take(self.period_s, |slot| plant.value(slot)));
         for (measured, &slot) in self.measured.iter_mut().zip(&self.slots) {
             *measured = self.plant.value(slot);
         }

@@ -11,6 +11,8 @@
 //! - [`watcher`]: the runtime on a log or a live stream
 //! - [`replay`]: the diagnosis of a recorded flight
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
+//! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
+//! - [`fitted_twins`]: twins fitted to plants that differ from them in structure
 //! - [`judge`]: latency, certainty and errors of the diagnosis
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
@@ -19,6 +21,8 @@ pub mod band;
 pub mod boundaries;
 pub mod campaign;
 pub mod closed_loop;
+pub mod cost;
+pub mod fitted_twins;
 pub mod hard_negatives;
 pub mod judge;
 pub mod other_plant;

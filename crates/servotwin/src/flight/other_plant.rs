@@ -15,6 +15,9 @@ use servotwin_model::program::FaultAt;
 /// The name of the scenario in files and reports.
 pub const OTHER_PLANT: &str = "other_plant";
 
+/// The name of the scenario in which the twins are fitted to such plants.
+pub const OTHER_PLANT_FITTED: &str = "other_plant_fitted";
+
 /// The generator of draws is one of many with the study's seed; other purposes use others.
 const STREAM: u64 = 0x6f74_6865_7200_0000;
 
@@ -44,6 +47,7 @@ impl OtherPlants {
             title: study.system.title.clone(),
             program,
             sensors: study.system.sensors.clone(),
+            reservoirs: study.system.reservoirs.clone(),
             text: study.system.text.clone(),
             compiled: Compiled::default(),
         };

@@ -7,9 +7,10 @@ use crate::evaluation::{EvaluationError, model_file};
 use crate::files::FileError;
 use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
+use crate::flight::fitted_twins::CalibrationRecords;
 use crate::flight::hard_negatives;
 use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, Rates, WatchedFlights};
-use crate::flight::other_plant::{OTHER_PLANT, OtherPlants};
+use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
@@ -47,6 +48,18 @@ pub struct FlightResults {
     /// structure; `None` without such plants.
     #[serde(default)]
     pub other_plant: Option<FlightMetrics>,
+    /// The same beside twins that are fitted to these plants; `None` if that was not judged.
+    #[serde(default)]
+    pub other_plant_fitted: Option<FittedPlants>,
+}
+
+/// The figures of merit beside twins that are fitted to plants of another structure.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FittedPlants {
+    /// Figures of merit.
+    pub merit: FlightMetrics,
+    /// What became of the calibration flights.
+    pub calibration: CalibrationRecords,
 }
 
 impl FlightResults {
@@ -66,7 +79,14 @@ impl FlightResults {
             merits,
             foreign,
             other_plant,
+            other_plant_fitted: None,
         }
+    }
+
+    /// Figures of merit in plants that differ from their twin in structure: beside nominal twins, then beside fitted ones.
+    pub fn of_other_plants(&self) -> impl Iterator<Item = &FlightMetrics> {
+        let fitted = self.other_plant_fitted.iter().map(|fitted| &fitted.merit);
+        self.other_plant.iter().chain(fitted)
     }
 
     /// Whether the results have the full sizes and cover every setting of the study.
@@ -92,6 +112,8 @@ impl FlightResults {
         }
         let is_of_now = |merit: &FlightMetrics| merit.healthy.flights.is_some();
         self.other_plant = self.other_plant.take().or(other.other_plant.filter(is_of_now));
+        let own = self.other_plant_fitted.take();
+        self.other_plant_fitted = own.or(other.other_plant_fitted);
         let place = |name: &str| SETTINGS.iter().position(|setting| setting.name() == name);
         self.merits.sort_by_key(|merit| place(&merit.setting));
         self.foreign.sort_by_key(|foreign| place(&foreign.setting));
@@ -352,22 +374,72 @@ pub fn fly_other_plant(
     is_full: bool,
     crew: &Crew,
 ) -> Result<Option<FlightMetrics>, JobError> {
+    let Some((plants, flights)) = other_plants(study, flights)? else { return Ok(None) };
+    let flown = campaign_of_other_plants(study, &flights, &plants, crew)?;
+    let merit = judge_other_plants(folder, &flown, &flights, (OTHER_PLANT, is_full), crew)?;
+    write(folder, &flights, is_full, vec![], Some(merit.clone()))?;
+    Ok(Some(merit))
+}
+
+/// The same beside twins that are fitted to their plants. It needs the study's calibration flight, too.
+///
+/// # Errors
+/// The study has no calibration flight; as [`fly_other_plant`].
+pub fn fly_fitted_other_plant(
+    folder: &Folder,
+    study: &Study,
+    flights: &Flights,
+    is_full: bool,
+    crew: &Crew,
+) -> Result<Option<FittedPlants>, JobError> {
+    let Some((plants, flights)) = other_plants(study, flights)? else { return Ok(None) };
+    (crew.progress)("another plant: fitting its twins", 0.0);
+    let flown = campaign_of_other_plants(study, &flights, &plants, crew)?;
+    let (flown, calibration) = flown.beside_fitted_twins(crew.workers)?;
+    let asked = (OTHER_PLANT_FITTED, is_full);
+    let merit = judge_other_plants(folder, &flown, &flights, asked, crew)?;
+    let mut all = write(folder, &flights, is_full, vec![], None)?;
+    let judged = FittedPlants { merit, calibration };
+    all.other_plant_fitted = Some(judged.clone());
+    model_file::write(folder.flights(), &all)?;
+    Ok(Some(judged))
+}
+
+/// The plants of `[flights.other_plant]`, and the sizes of the flights in which they are judged.
+fn other_plants(
+    study: &Study,
+    flights: &Flights,
+) -> Result<Option<(OtherPlants, Flights)>, JobError> {
     let Some(differences) = &flights.other_plant else { return Ok(None) };
-    let setting = Setting::Realistic;
-    let diagnoser = diagnoser(folder, setting)?;
     let healthy = flights.judge.healthy.min(differences.healthy.unwrap_or(usize::MAX));
     let judge = Size { healthy, ..flights.judge };
-    let flights = &Flights { judge, learned: vec![], ..flights.clone() };
-    let plants = OtherPlants::new(study, differences)?;
-    let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
-    let flown = flown.with_plants(&plants);
-    let watched = watched(&flown, &diagnoser, Rates::of_size(is_full), crew, &|share| {
+    let flights = Flights { judge, learned: vec![], ..flights.clone() };
+    Ok(Some((OtherPlants::new(study, differences)?, flights)))
+}
+
+fn campaign_of_other_plants<'f>(
+    study: &'f Study,
+    flights: &'f Flights,
+    plants: &'f OtherPlants,
+    crew: &Crew<'f>,
+) -> Result<FlightCampaign<'f>, JobError> {
+    let (purpose, setting) = (Purpose::Judge, Setting::Realistic);
+    Ok(FlightCampaign::new(study, flights, purpose, setting, crew.workers)?.with_plants(plants))
+}
+
+fn judge_other_plants(
+    folder: &Folder,
+    flown: &FlightCampaign,
+    flights: &Flights,
+    (name, is_full): (&str, bool),
+    crew: &Crew,
+) -> Result<FlightMetrics, JobError> {
+    let diagnoser = diagnoser(folder, Setting::Realistic)?;
+    let watched = watched(flown, &diagnoser, Rates::of_size(is_full), crew, &|share| {
         (crew.progress)("another plant: flights to be judged in", share);
     })?;
-    let asked = (OTHER_PLANT, limit_s(flights, setting));
-    let merit = judge::merit(study, flights, asked, &diagnoser, watched);
-    write(folder, flights, is_full, vec![], Some(merit.clone()))?;
-    Ok(Some(merit))
+    let asked = (name, limit_s(flights, Setting::Realistic));
+    Ok(judge::merit(flown.study(), flights, asked, &diagnoser, watched))
 }
 
 /// Repeats the evaluation flights of some settings without each sensor in turn, using the stored diagnosers, and writes

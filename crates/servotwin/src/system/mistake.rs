@@ -125,6 +125,15 @@ pub(crate) enum Mistake {
         /// Outputs that may be meant.
         known: Vec<String>,
     },
+    /// A reservoir feeds something that is no free pressure source with an input.
+    #[error(
+        "'{word}' is no pressure source whose pressure is an input, or has a reservoir already"
+    )]
+    NoSupply {
+        word: String,
+        /// Sources that a reservoir can feed.
+        known: Vec<String>,
+    },
     /// A sensor whose noise exceeds its scale, by which residuals are divided.
     #[error("the scale of sensor '{sensor}' is {}, less than noise and steps of '{component}': {}", Quantity(*.scale, .unit.symbol()), Quantity(rounded(*.noise), .unit.symbol()))]
     ScaleBelowNoise {
@@ -307,6 +316,7 @@ impl Mistake {
             | Mistake::NoPort { .. }
             | Mistake::UnknownUnit { .. }
             | Mistake::NoOutput { .. }
+            | Mistake::NoSupply { .. }
             | Mistake::ScaleBelowNoise { .. }
             | Mistake::OpenPort { .. }
             | Mistake::FluidTemperature { .. }
@@ -355,6 +365,10 @@ impl Explained for Mistake {
                 "a sensor is a signal output, such as the 'reading' of a pressure_sensor".into()
             }
             Mistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
+            Mistake::NoSupply { known, .. } if known.is_empty() => {
+                "an input drives a source with: to = [\"supply.pressure\"]".into()
+            }
+            Mistake::NoSupply { known, .. } => format!("known: {}", known.join(", ")),
             Mistake::ScaleBelowNoise { full_scale, unit, .. } => format!(
                 "residuals are divided by it; usual is the full scale of the sensor, {}",
                 Quantity(full_scale.unwrap_or_default(), unit.symbol())

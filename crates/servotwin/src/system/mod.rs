@@ -32,11 +32,13 @@ pub(crate) mod imperfection;
 pub mod listing;
 mod mistake;
 mod read;
+pub mod reservoir;
 mod rewrite;
 mod scope;
 
 pub use listing::ListedFault;
 pub(crate) use read::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+pub use reservoir::Reservoir;
 pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
@@ -85,6 +87,8 @@ pub struct System {
     pub program: Program,
     /// The measured signals, in the order of the file.
     pub sensors: Vec<Sensor>,
+    /// The reservoirs that leaks empty, in the order of the file.
+    pub reservoirs: Vec<Reservoir>,
     /// The file's text, stored with results.
     pub text: String,
     /// The compiled step of its program.
@@ -128,6 +132,7 @@ impl System {
                 program,
                 compiled: Compiled::default(),
                 sensors: reader.sensors,
+                reservoirs: reader.reservoirs,
                 text: text.into(),
             }),
             None => {

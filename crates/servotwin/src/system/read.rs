@@ -1,7 +1,10 @@
 //! Reads TOML into a [`Scope`]: sections, components, connections, inputs and sensors. Mistakes are collected, and
 //! reading continues.
 
+mod reservoir;
+
 use super::mistake::Mistake;
+use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor};
 use crate::document::{self, Collector, Entry, Span, entries};
@@ -168,6 +171,7 @@ pub(super) struct Reader {
     pub assemblies: Vec<Named<Scope>>,
     pub scope: Scope,
     pub sensors: Vec<Sensor>,
+    pub reservoirs: Vec<Reservoir>,
     pub name: String,
     pub title: String,
     /// Whether the file has an unknown section.
@@ -201,6 +205,7 @@ impl Reader {
             assemblies: Vec::new(),
             scope: Scope::new(),
             sensors: Vec::new(),
+            reservoirs: Vec::new(),
             name: String::new(),
             title: String::new(),
             misspelt: false,
@@ -256,6 +261,7 @@ impl Reader {
             "system",
             "inputs",
             "sensors",
+            "reservoirs",
         ];
         self.only(root, "the file", &known);
         // The content of a misspelled section is missing everywhere else.
@@ -294,6 +300,9 @@ impl Reader {
         }
         for entry in self.members(root, "sensors") {
             self.sensor(&scope, &entry);
+        }
+        for entry in self.members(root, "reservoirs") {
+            self.reservoir(&scope, &entry);
         }
         scope.complete &= !self.misspelt;
         self.scope = scope;

@@ -275,6 +275,53 @@ fn every_difference_moves_the_plant_and_never_its_twin() {
     }
 }
 
+/// A healthy flight of a plant with another hinge moment, beside a nominal twin or one that is fitted to it: the mean of
+/// the squared residuals, in scales.
+fn left_beside(is_fitted: bool) -> f64 {
+    let draw = |range: &str| {
+        format!(
+            "draws = [{{ parameters = [\"air.hinge_moment_deflection_per_rad\"], times = {range} }}]"
+        )
+    };
+    let head = include_str!("../tiny.toml").replace("[0.4, 0.6, 0.8, 1.0]", "[0.6, 1.0]");
+    let flights = format!("{}\nonset_s", draw("[0.6, 1.6]"));
+    let other = format!("[flights.other_plant]\n{}\n[reactions]", draw("[1.4, 1.4]"));
+    let rest = STUDY.replace("onset_s", &flights).replace("[reactions]", &other);
+    let fitted = "[fitted]\ncommand = \"noise:rms=4deg,bandwidth=1Hz,seed=9\"\nduration_s = 12\n\
+                  judge = 4\nlearn = 4\nin_each_case = 2\n";
+    let study = Study::parse(&format!("{head}{rest}{fitted}"), "tiny.toml").unwrap();
+    let flights = &study.flights().unwrap().unwrap();
+    let plants = OtherPlants::new(&study, flights.other_plant.as_ref().unwrap()).unwrap();
+    let (purpose, setting) = (Purpose::Judge, Setting::Realistic);
+    let workers = Workers::new(2);
+    let flown = FlightCampaign::new(&study, flights, purpose, setting, workers).unwrap();
+    let mut flown = flown.with_plants(&plants);
+    if is_fitted {
+        let (beside, records) = flown.beside_fitted_twins(workers).unwrap();
+        assert_eq!((records.flown, records.rejected), (2, 0));
+        flown = beside;
+    }
+    let healthy = flown.plan.iter().rposition(|flight| flight.later(&study).is_empty()).unwrap();
+    let mut left = 0.0;
+    let observer = |_: &_| Samples::default();
+    flown.fly(&[healthy], observer, |_, Samples(measured, twin), outcome| {
+        outcome.unwrap();
+        let sensors = &study.measured[..study.base_sensors()];
+        let scale = |n: usize| study.system.sensors[sensors[n % sensors.len()]].scale;
+        let pairs = measured.iter().zip(&twin).enumerate().skip(100 * sensors.len());
+        let squares = pairs.map(|(n, (a, b))| ((a - b) / scale(n)).powi(2));
+        left = squares.sum::<f64>() / measured.len() as f64;
+    });
+    left
+}
+
+#[test]
+fn a_twin_that_is_fitted_to_another_plant_leaves_less() {
+    let [nominal, fitted] = [false, true].map(left_beside);
+    println!("mean square {nominal:.3e}, beside a fitted twin {fitted:.3e}");
+    assert!(fitted < 0.6 * nominal, "{fitted} {nominal}");
+}
+
 #[test]
 fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     let study = with_other_plant("healthy = 1\nkinds = { \"cylinder\" = \"bristle_cylinder\" }");

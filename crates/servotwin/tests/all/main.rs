@@ -21,6 +21,7 @@ mod physics;
 #[path = "../../../servotwin-io/tests/all/places.rs"]
 mod places;
 mod relief;
+mod reservoir;
 mod runtime;
 mod schema;
 mod sealed;

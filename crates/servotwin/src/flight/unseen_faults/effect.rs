@@ -42,6 +42,8 @@ pub enum Effect {
     ToldTooLarge(&'static str),
     /// The twin's input is wrong by a fraction.
     ToldOff(&'static str, f64),
+    /// The twin's input arrives late by a time, s.
+    ToldLate(&'static str, f64),
 }
 
 /// Frequency of oscillations, Hz.
@@ -233,7 +235,8 @@ impl Effect {
             Effect::ToldFrozen(input)
             | Effect::ToldMissing(input)
             | Effect::ToldTooLarge(input)
-            | Effect::ToldOff(input, _) => Some(input),
+            | Effect::ToldOff(input, _)
+            | Effect::ToldLate(input, _) => Some(input),
             _ => None,
         }
     }
@@ -296,7 +299,9 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
         Effect::InputTimes(rest, _) => {
             vec![Change::Input { input: input(rest)?, effect, in_plant: true, in_twin: true }]
         }
-        Effect::ToldFrozen(rest) | Effect::ToldOff(rest, _) => vec![told(rest)?.1],
+        Effect::ToldFrozen(rest) | Effect::ToldOff(rest, _) | Effect::ToldLate(rest, _) => {
+            vec![told(rest)?.1]
+        }
         // Impossible values are not accepted: the twin keeps the previous value.
         Effect::ToldMissing(rest) => {
             let (input, change) = told(rest)?;
@@ -317,6 +322,7 @@ fn altered(was: &Piecewise, effect: Effect, flight: &Flight, period_s: f64) -> P
         match effect {
             Effect::InputTimes(_, times) => was.value(time_s) * (1.0 + (times - 1.0) * risen),
             Effect::ToldOff(_, part) => was.value(time_s) * (1.0 + part * risen),
+            Effect::ToldLate(_, late_s) => was.value((time_s - late_s).max(0.0)),
             _ => was.value(time_s.min(onset_s)),
         }
     };

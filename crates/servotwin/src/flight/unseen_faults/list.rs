@@ -1,8 +1,8 @@
 //! The unseen faults, which no training data contain, one line each.
 
 use super::effect::Effect::{
-    Drift, Fault, InputTimes, Missing, Noise, Swing, Times, ToldFrozen, ToldMissing, ToldOff,
-    ToldTooLarge, Value, Weather,
+    Drift, Fault, InputTimes, Missing, Noise, Swing, Times, ToldFrozen, ToldLate, ToldMissing,
+    ToldOff, ToldTooLarge, Value, Weather,
 };
 use super::effect::{On, other, own, whole};
 use serde::{Deserialize, Serialize};
@@ -49,6 +49,8 @@ use Sensible::{Any, NoShutdown, Nothing, Shutdown};
 
 /// A sensor with this bandwidth is practically stuck, Hz.
 const STUCK_HZ: f64 = 1e-3;
+/// How late the sensor of a boundary value may be, s: a slow transducer and a slow bus.
+const LATE_S: f64 = 0.2;
 const ONCE: (&[f64], &str) = (&[1.0], "");
 
 /// All unseen faults.
@@ -201,5 +203,33 @@ pub static ALL: &[Foreign] = &[
         (&[-0.1, 0.1], "−10 and +10 %"),
         NoShutdown,
         |s| vec![own(ToldOff("return_pressure", s))],
+    ),
+    foreign(
+        "the supply pressure changes, measured",
+        (&[0.9, 1.03], "to 90 and 103 %"),
+        Nothing,
+        |s| vec![whole(InputTimes("supply_pressure", s))],
+    ),
+    foreign(
+        "the supply pressure changes, and the twin is told late",
+        (&[0.9, 1.03], "to 90 and 103 %, 0.2 s late"),
+        Nothing,
+        |s| {
+            vec![
+                whole(InputTimes("supply_pressure", s)),
+                whole(ToldLate("supply_pressure", LATE_S)),
+            ]
+        },
+    ),
+    foreign(
+        "the return pressure changes, and the twin is told late",
+        (&[0.8, 1.5], "to 80 and 150 %, 0.2 s late"),
+        Nothing,
+        |s| {
+            vec![
+                whole(InputTimes("return_pressure", s)),
+                whole(ToldLate("return_pressure", LATE_S)),
+            ]
+        },
     ),
 ];
