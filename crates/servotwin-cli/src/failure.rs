@@ -47,6 +47,10 @@ pub enum Failure {
     /// The study file is missing or has mistakes.
     #[error("{}", of_study(.0))]
     Study(Box<StudyError>),
+    /// The live page cannot be served.
+    #[cfg(feature = "serve")]
+    #[error("error: {0}")]
+    Serve(#[from] servotwin_serve::ServeError),
     /// A campaign could not be simulated or written.
     #[error("{}", hint::of_campaign(.0))]
     Campaign(CampaignError),
@@ -322,6 +326,8 @@ impl Failure {
             | Failure::Options(_)
             | Failure::Signal { .. } => 2,
             Failure::SinksLost { .. } => 1,
+            #[cfg(feature = "serve")]
+            Failure::Serve(_) => 1,
             Failure::Map(_) => 3,
             Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,
             Failure::Watch(WatchError::Source(

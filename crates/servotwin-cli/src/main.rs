@@ -25,7 +25,7 @@ use clap::{Parser, Subcommand};
 use commands::{
     band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
     features, fit, flights, fly, history, init, man, merge, predict, report, results, schema,
-    simulate, study, train, watch,
+    serve, simulate, study, train, watch,
 };
 use failure::Failure;
 use paths::Paths;
@@ -113,6 +113,7 @@ enum Command {
     Flights(flights::Options),
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
+    Serve(Box<serve::Options>),
     Report(report::Options),
     Results(results::Options),
     Explain(explain::Options),
@@ -166,6 +167,7 @@ impl Command {
             Command::Flights(options) => flights::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),
+            Command::Serve(options) => serve::run(options, global),
             Command::Report(options) => report::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),

@@ -14,6 +14,7 @@ use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::flight::cost::Cost;
+use servotwin::flight::surface::{ROD_FORCE, following_end, force_fight_n};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
@@ -168,7 +169,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// The diagnoser of a setting, trained if it does not exist.
-fn diagnoser(
+pub fn diagnoser(
     options: &StudyOptions,
     folder: &Folder,
     study: &Study,
@@ -204,10 +205,7 @@ impl Kept {
     /// Selects the quantity that follows the command (a surface angle or a piston position), the load on it, and the
     /// forces in the rods.
     fn of(study: &Study) -> Self {
-        let follows = match study.system.network().inputs[study.command_input].unit {
-            Unit::Radian => ".angle_rad",
-            _ => ".position_m",
-        };
+        let follows = following_end(study);
         let is_wanted = |name: &str| {
             let ends = [follows, ".rod.force_n", ".shaft.torque_nm"];
             ends.iter().any(|end| name.ends_with(end))
@@ -249,25 +247,19 @@ impl Flown<'_> {
     fn rod_forces<'r>(&self, record: &'r Record) -> Option<Vec<&'r Vec<f64>>> {
         let of_unit = |unit: &String| {
             let own = format!("{unit}.");
-            let is_rod = |name: &String| name.starts_with(&own) && name.contains("rod.force");
+            let is_rod = |name: &String| name.starts_with(&own) && name.contains(ROD_FORCE);
             self.kept.names.iter().position(is_rod).map(|place| &record.plant[place])
         };
         self.study.units.iter().map(of_unit).collect()
     }
 
-    /// The force fight, N. For two actuators it is half the difference of their rod forces, for more the largest
-    /// deviation of a rod force from the mean.
+    /// The force fight, N.
     fn force_fight(&self, record: &Record) -> Option<Vec<f64>> {
-        let forces = self.rod_forces(record)?;
-        if let [first, second] = forces[..] {
-            return Some(first.iter().zip(second).map(|(a, b)| 0.5 * (a - b)).collect());
-        }
-        let farthest = |sample: usize| {
-            let mean = forces.iter().map(|rod| rod[sample]).sum::<f64>() / forces.len() as f64;
-            let corrected = forces.iter().map(|rod| rod[sample] - mean);
-            corrected.fold(0.0, |most: f64, one| if one.abs() > most.abs() { one } else { most })
+        let rods = self.rod_forces(record)?;
+        let at = |sample: usize| {
+            force_fight_n(&rods.iter().map(|rod| rod[sample]).collect::<Vec<f64>>())
         };
-        (forces.len() > 2).then(|| (0..record.time_s.len()).map(farthest).collect())
+        (0..record.time_s.len()).map(at).collect()
     }
 
     fn table(&self, record: &Record) -> Table {

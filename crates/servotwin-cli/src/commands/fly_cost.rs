@@ -12,13 +12,13 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// One line per quantity and a sentence that weighs them; nothing for a system without reservoirs.
+    /// One line for each quantity and a sentence that weighs them; nothing for a system without reservoirs.
     pub fn text(&self) -> String {
         let mut out = String::new();
         if self.with.fluids.is_empty() {
             return out;
         }
-        for (with, without) in self.fluids() {
+        for (with, without) in self.leaking() {
             let name = spoken(&with.reservoir);
             let lost = |fluid: &Fluid| number(1e3 * fluid.lost_m3);
             let _ =
@@ -37,14 +37,18 @@ impl Costs {
         self.with.fluids.iter().zip(&self.without.fluids)
     }
 
+    /// Reservoirs that lose fluid in either flight.
+    fn leaking(&self) -> impl Iterator<Item = (&Fluid, &Fluid)> {
+        self.fluids().filter(|(with, without)| with.empty_s.or(without.empty_s).is_some())
+    }
+
     /// A sentence that weighs the authority given up against the fluid kept.
     fn weighed(&self) -> String {
         let price = match self.without.authority - self.with.authority {
             share if share > 0.0 => format!("costs {} % of the authority", number(100.0 * share)),
             _ => "costs no authority".into(),
         };
-        let leaking = self.fluids().find(|(_, without)| without.empty_s.is_some());
-        let Some((with, without)) = leaking else {
+        let Some((with, without)) = self.leaking().next() else {
             return format!(
                 "Weighed: no reservoir would be empty within a day. The diagnosis {price}.\n"
             );

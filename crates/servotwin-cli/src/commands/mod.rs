@@ -27,6 +27,7 @@ mod progress;
 pub mod report;
 pub mod results;
 pub mod schema;
+pub mod serve;
 pub mod simulate;
 pub mod study;
 mod summary;

@@ -7,7 +7,7 @@ use crate::signal::random::Random;
 use crate::study::{Lot, Reaction, Study};
 use crate::system::imperfection::Imperfections;
 use crate::system::reservoir::Level;
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised, Session};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{Knot, Settings, Twin};
@@ -95,17 +95,17 @@ pub fn fly(
         ..Record::default()
     };
     let samples = (scenario.duration_s / flight.period_s + 1e-6) as usize;
-    for k in 0..=samples {
-        let change = flight.sample(k)?;
-        record.time_s.push(k as f64 * flight.period_s);
-        push(&mut record.plant, keep.iter().map(|&slot| flight.plant.value(slot)));
+    for _ in 0..=samples {
+        let change = flight.sample()?;
+        record.time_s.push(flight.time_s());
+        push(&mut record.plant, keep.iter().map(|&slot| flight.plant(slot)));
         push(&mut record.inputs, flight.inputs.iter().copied());
         push(&mut record.measured, flight.measured.iter().copied());
-        push(&mut record.twin, flight.runtime.expected().iter().copied());
-        push(&mut record.fluid_m3, flight.reservoirs.iter().map(Level::fluid_m3));
+        push(&mut record.twin, flight.expected().iter().copied());
+        push(&mut record.fluid_m3, flight.fluid_m3());
         record.changes.extend(change);
         if scenario.reacts {
-            record.actions.extend(flight.react(k)?);
+            record.actions.extend(flight.react()?);
         }
     }
     Ok(record)
@@ -115,10 +115,15 @@ fn push(columns: &mut [Vec<f64>], values: impl Iterator<Item = f64>) {
     columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
 }
 
-struct Flight<'f> {
+/// A flight that is advanced sample by sample.
+pub struct Flight<'f> {
     scenario: &'f Scenario<'f>,
     period_s: f64,
+    /// The number of samples so far.
+    samples: usize,
     plant: Twin<'f>,
+    /// Faults that were injected by hand, beside those of the scenario.
+    injected: Vec<FaultAt>,
     /// The plant's parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
     /// The number of faults that have begun.
@@ -140,7 +145,14 @@ struct Flight<'f> {
 }
 
 impl<'f> Flight<'f> {
-    fn new(scenario: &'f Scenario<'f>, diagnoser: &Arc<Diagnoser>) -> Result<Self, RuntimeError> {
+    /// A flight before its first sample.
+    ///
+    /// # Errors
+    /// The diagnoser does not fit the study.
+    pub fn new(
+        scenario: &'f Scenario<'f>,
+        diagnoser: &Arc<Diagnoser>,
+    ) -> Result<Self, RuntimeError> {
         let Scenario { study, specimen, .. } = *scenario;
         let period_s = diagnoser.period_s;
         let names = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
@@ -156,7 +168,9 @@ impl<'f> Flight<'f> {
         Ok(Flight {
             scenario,
             period_s,
+            samples: 0,
             plant,
+            injected: vec![],
             overrides,
             begun: 0,
             measured: vec![0.0; slots.len()],
@@ -179,9 +193,54 @@ impl<'f> Flight<'f> {
         })
     }
 
-    /// Processes one sample; returns a change in the output of the diagnosis.
-    fn sample(&mut self, k: usize) -> Result<Option<Change>, RuntimeError> {
-        let time_s = k as f64 * self.period_s;
+    /// The time of the last sample, s.
+    pub fn time_s(&self) -> f64 {
+        self.samples.saturating_sub(1) as f64 * self.period_s
+    }
+
+    /// A variable of the plant at the last sample.
+    pub fn plant(&self, slot: Slot) -> f64 {
+        self.plant.value(slot)
+    }
+
+    /// The inputs at the last sample, SI.
+    pub fn inputs(&self) -> &[f64] {
+        &self.inputs
+    }
+
+    /// The sensor values at the last sample, SI.
+    pub fn measured(&self) -> &[f64] {
+        &self.measured
+    }
+
+    /// The sensor values that the twin expected at the last sample, SI.
+    pub fn expected(&self) -> &[f64] {
+        self.runtime.expected()
+    }
+
+    /// The fluid left in each of the system's reservoirs, m³.
+    pub fn fluid_m3(&self) -> impl Iterator<Item = f64> {
+        self.reservoirs.iter().map(Level::fluid_m3)
+    }
+
+    /// The session of the diagnosis.
+    pub fn session(&self) -> &Session {
+        self.runtime.session()
+    }
+
+    /// Lets these faults act from the next sample on, beside those of the scenario and instead of those injected
+    /// before.
+    pub fn inject(&mut self, faults: Vec<FaultAt>) {
+        self.injected = faults;
+        self.load(self.samples as f64 * self.period_s);
+    }
+
+    /// Advances by one sample; returns a change in the output of the diagnosis.
+    ///
+    /// # Errors
+    /// Plant or twin cannot be simulated.
+    pub fn sample(&mut self) -> Result<Option<Change>, RuntimeError> {
+        let time_s = self.samples as f64 * self.period_s;
         for (value, signal) in self.inputs.iter_mut().zip(&self.scenario.inputs) {
             *value = signal.value(time_s);
         }
@@ -193,7 +252,8 @@ impl<'f> Flight<'f> {
         for (knot, (&value, bus)) in self.knots.iter_mut().zip(sent) {
             *knot = bus.next(value, self.period_s);
         }
-        self.step_plant(k, time_s)?;
+        self.step_plant(time_s)?;
+        self.samples += 1;
         let plant = &self.plant;
         self.reservoirs.iter_mut().for_each(|l| l.take(self.period_s, |slot| plant.value(slot)));
         for (measured, &slot) in self.measured.iter_mut().zip(&self.slots) {
@@ -208,14 +268,14 @@ impl<'f> Flight<'f> {
         Ok(is_new.then_some(change))
     }
 
-    fn step_plant(&mut self, k: usize, time_s: f64) -> Result<(), RuntimeError> {
+    fn step_plant(&mut self, time_s: f64) -> Result<(), RuntimeError> {
         let program = self.plant.program();
         let begun = self.scenario.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s).count();
         if begun > self.begun {
             self.begun = begun;
             self.load(time_s);
         }
-        let stepped = if k == 0 {
+        let stepped = if self.samples == 0 {
             let parameters = program.parameters_with(&self.overrides, &[]);
             self.plant.settle(&self.knots, &program.first_guess(&parameters))
         } else {
@@ -226,13 +286,17 @@ impl<'f> Flight<'f> {
 
     fn load(&mut self, time_s: f64) {
         let begun = self.scenario.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s);
-        let faults: Vec<FaultAt> = begun.map(|(_, fault)| *fault).collect();
+        let faults: Vec<FaultAt> =
+            begun.map(|(_, fault)| *fault).chain(self.injected.iter().copied()).collect();
         let program = self.plant.program();
         self.plant.load(&program.parameters_with(&self.overrides, &faults));
     }
 
     /// Executes a newly raised action, effective from the next sample.
-    fn react(&mut self, k: usize) -> Result<Option<Action>, RuntimeError> {
+    ///
+    /// # Errors
+    /// The reaction names an actuator or a sensor that the diagnoser does not have.
+    pub fn react(&mut self) -> Result<Option<Action>, RuntimeError> {
         let raised = self.runtime.session().outcome().raised;
         let Some(raised) = raised.filter(|raised| self.done != Some(raised.sample)) else {
             return Ok(None);
@@ -247,8 +311,9 @@ impl<'f> Flight<'f> {
         let reaction = study.reactions.of(place, command, detail);
         self.set.extend(reaction.inputs.iter().copied());
         self.overrides.extend(reaction.parameters.iter().copied());
-        self.load(k as f64 * self.period_s);
+        let time_s = self.time_s();
+        self.load(time_s);
         self.runtime.follow(raised.actuator as usize, &reaction)?;
-        Ok(Some(Action { time_s: k as f64 * self.period_s, raised, reaction }))
+        Ok(Some(Action { time_s, raised, reaction }))
     }
 }

@@ -13,6 +13,7 @@
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`fitted_twins`]: twins fitted to plants that differ from them in structure
+//! - [`surface`]: what an aircraft or machine notices of its actuators
 //! - [`judge`]: latency, certainty and errors of the diagnosis
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
@@ -29,6 +30,7 @@ pub mod other_plant;
 pub mod plan;
 pub mod replay;
 pub mod runtime;
+pub mod surface;
 pub mod train;
 pub mod training_windows;
 pub mod unseen_faults;

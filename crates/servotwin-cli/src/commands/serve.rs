@@ -1,0 +1,82 @@
+//! `servotwin serve`: a web page beside the running twin.
+
+use super::StudyOptions;
+use crate::Global;
+use crate::failure::Failure;
+use servotwin::signal::Signal;
+use std::net::IpAddr;
+
+/// Open a web page on which you inject faults into a flying actuator and watch residuals, diagnosis and reaction live.
+///
+/// The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
+/// flies the same without them. The page is at 127.0.0.1 unless you name another address; then the printed link has a
+/// token, without which nobody comes in. Ctrl-C ends it. If the diagnoser is missing, the command trains it first, which
+/// takes half a minute.
+#[derive(clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    study: StudyOptions,
+    /// The address to listen on.
+    #[arg(long, value_name = "IP", default_value = "127.0.0.1")]
+    address: IpAddr,
+    /// The port; 0 takes a free one.
+    #[arg(long, value_name = "PORT", default_value_t = 8470)]
+    port: u16,
+    /// The command signal [default: noise that moves the surface all the time].
+    #[arg(long, value_name = "SIGNAL")]
+    command: Option<Signal>,
+    /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
+    /// twin].
+    #[arg(long, value_name = "NUMBER")]
+    specimen: Option<usize>,
+}
+
+#[cfg(not(feature = "serve"))]
+pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
+    Err(Failure::Options(
+        "this servotwin was built without its web page. Build it in: cargo install --path crates/servotwin-cli \
+         --features serve (or cargo run --release --features serve -- serve)",
+    ))
+}
+
+#[cfg(feature = "serve")]
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    use crate::{out, stop};
+    use servotwin::job::Folder;
+    use servotwin::study::Setting;
+    use servotwin_serve::{Access, Live, Server};
+    use std::io::Write;
+
+    /// The duration of a flight; then the next one begins, s.
+    const DURATION_S: f64 = 3600.0;
+
+    let study = options.study.read(global)?;
+    stop::heed();
+    let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
+    let folder = Folder::new(&options.study.out);
+    let server = Server::listen(Access::to((options.address, options.port).into())?)?;
+    let diagnoser = super::fly::diagnoser(&options.study, &folder, &study, setting, global)?;
+    let mut inputs = study.system.default_inputs();
+    let unit = study.system.network().inputs[study.command_input].unit;
+    let signal = options.command.clone().unwrap_or_else(|| usual_command(unit));
+    inputs[study.command_input] = signal
+        .build(unit, DURATION_S)
+        .map_err(|error| Failure::Signal { option: "--command".into(), error })?;
+    let live =
+        Live { study, diagnoser, inputs, duration_s: DURATION_S, specimen: options.specimen };
+    // The link is the result, and whoever started the command waits for it.
+    let _ = writeln!(out::stdout(), "{}", server.link());
+    let _ = out::stdout().flush();
+    server.run(&live, stop::flag())?;
+    Ok(String::new())
+}
+
+/// A command that keeps the actuator moving.
+#[cfg(feature = "serve")]
+fn usual_command(unit: servotwin_model::spec::Unit) -> Signal {
+    let size = match unit {
+        servotwin_model::spec::Unit::Radian => "4deg",
+        _ => "4mm",
+    };
+    format!("noise:rms={size},bandwidth=0.7Hz,seed=5").parse().expect("a signal of the catalogue")
+}

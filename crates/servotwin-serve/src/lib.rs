@@ -1,0 +1,25 @@
+//! A web page beside the running twin: inject a fault and see residuals, diagnosis, command and surface answer.
+//!
+//! ```text
+//! browser ── requests ──> server ──> flight (its own thread, in real time) ──> feed ──> server ──> browsers
+//! ```
+//!
+//! - [`flight`]: the flight in closed loop, with a ghost that flies the same without a diagnosis
+//! - [`injection`]: faults as they are injected by hand: a step, a ramp, or intermittent
+//! - [`signals`]: what a frame contains, with names, units and bands
+//! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
+//! - [`request`]: what a viewer may ask for
+//! - [`server`]: HTTP and WebSocket, and who may come in
+//!
+//! The flight never waits for a browser: it puts a frame into the feed and goes on. A viewer that is too slow loses
+//! frames, which it is told, and never a sample of the diagnosis.
+
+pub mod feed;
+pub mod flight;
+pub mod injection;
+pub mod request;
+pub mod server;
+pub mod signals;
+
+pub use flight::Live;
+pub use server::{Access, ServeError, Server};

@@ -1,0 +1,411 @@
+//! HTTP and WebSocket, and who may come in.
+//!
+//! | path | gives |
+//! |---|---|
+//! | `/` | the page, with everything that it needs beside it |
+//! | `/about` | what the flight is: signals, components, faults |
+//! | `/live` | the WebSocket: frames and events to the viewer, requests from it |
+//! | `/events` | all events so far |
+//! | `/counts` | viewers, lost frames and refusals |
+//!
+//! A browser tells where a page comes from. Requests from any other page than this server's are refused, so no other
+//! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
+
+use crate::feed::{Begin, Feed, Message};
+use crate::flight::{Live, Requests, requests};
+use crate::request::{LONGEST, Refused, Request};
+use crate::signals::Signals;
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
+use axum::extract::{Query, State};
+use axum::http::header::{CONTENT_TYPE, HOST, ORIGIN};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use futures_util::{SinkExt, StreamExt};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use servotwin::flight::runtime::RuntimeError;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::sync::broadcast::error::RecvError;
+
+/// The number of requests that one viewer may have refused before it is sent away.
+const MOST_REFUSED: u64 = 100;
+/// How often the server looks whether it must end.
+const STOP_CHECK: Duration = Duration::from_millis(100);
+/// Viewers at the same time.
+const MOST_VIEWERS: u64 = 256;
+
+const HTML: &str = include_str!("../page/index.html");
+const SCRIPT: &str = include_str!("../page/page.js");
+const STYLE: &str = include_str!("../page/page.css");
+const CHARTS: &str = include_str!("../page/uplot.js");
+const CHART_STYLE: &str = include_str!("../page/uplot.css");
+
+/// Why the page cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The address cannot be used.
+    #[error("cannot listen on {address}: {error}")]
+    Listen {
+        /// The address asked for.
+        address: SocketAddr,
+        /// The reason.
+        error: std::io::Error,
+    },
+    /// The flight ended.
+    #[error("{0}")]
+    Flight(#[from] RuntimeError),
+    /// The system gave no thread or no random number.
+    #[error("the server cannot begin: {0}")]
+    System(std::io::Error),
+}
+
+/// Where a server listens, and whom it lets in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Access {
+    /// The address.
+    pub address: SocketAddr,
+    /// The token that a viewer needs; `None` on this machine alone.
+    pub token: Option<String>,
+}
+
+impl Access {
+    /// Access from this machine alone without a token, or from elsewhere with a new one.
+    ///
+    /// # Errors
+    /// The system gives no random numbers.
+    pub fn to(address: SocketAddr) -> Result<Self, ServeError> {
+        let is_local = address.ip().is_loopback();
+        let token = if is_local { None } else { Some(token().map_err(ServeError::System)?) };
+        Ok(Access { address, token })
+    }
+
+    /// Whether the host that a request names is this server: a name that only resolves to this machine would let other
+    /// pages in.
+    fn is_own_host(&self, host: &str) -> bool {
+        if self.token.is_some() {
+            return true;
+        }
+        let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
+        let bare = name.trim_start_matches('[').trim_end_matches(']');
+        name == "localhost" || bare.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+    }
+
+    /// Why a request may not come in; `None` if it may.
+    fn refusal(&self, headers: &HeaderMap, given: Option<&str>) -> Option<&'static str> {
+        let header = |name| headers.get(name).and_then(|value| value.to_str().ok());
+        let host = header(HOST).unwrap_or_default();
+        if !self.is_own_host(host) {
+            return Some("the request names another host");
+        }
+        let own = format!("http://{host}");
+        if header(ORIGIN).is_some_and(|origin| origin != own) {
+            return Some("the request comes from another page");
+        }
+        match &self.token {
+            Some(token) if given != Some(token) => Some("the token is missing or wrong"),
+            _ => None,
+        }
+    }
+}
+
+/// Sixteen random bytes as hexadecimal digits.
+fn token() -> std::io::Result<String> {
+    let mut bytes = [0u8; 16];
+    std::io::Read::read_exact(&mut std::fs::File::open("/dev/urandom")?, &mut bytes)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// What happened at the server.
+#[derive(Debug, Default)]
+struct Counts {
+    viewers: AtomicU64,
+    viewers_so_far: AtomicU64,
+    frames_lost: AtomicU64,
+    refused_requests: AtomicU64,
+    refused_visits: AtomicU64,
+}
+
+#[derive(Serialize)]
+struct Counted {
+    viewers: u64,
+    viewers_so_far: u64,
+    frames_lost: u64,
+    refused_requests: u64,
+    refused_visits: u64,
+}
+
+impl Counts {
+    fn now(&self) -> Counted {
+        let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        Counted {
+            viewers: of(&self.viewers),
+            viewers_so_far: of(&self.viewers_so_far),
+            frames_lost: of(&self.frames_lost),
+            refused_requests: of(&self.refused_requests),
+            refused_visits: of(&self.refused_visits),
+        }
+    }
+}
+
+struct Shared {
+    access: Access,
+    feed: Feed,
+    requests: Requests,
+    about: Value,
+    counts: Counts,
+}
+
+/// A server that listens, before its flight begins.
+pub struct Server {
+    listener: std::net::TcpListener,
+    access: Access,
+}
+
+impl Server {
+    /// Listens on an address.
+    ///
+    /// # Errors
+    /// [`ServeError::Listen`].
+    pub fn listen(access: Access) -> Result<Self, ServeError> {
+        let address = access.address;
+        let listen = || {
+            let listener = std::net::TcpListener::bind(address)?;
+            listener.set_nonblocking(true)?;
+            let address = listener.local_addr()?;
+            Ok((listener, address))
+        };
+        let (listener, address) =
+            listen().map_err(|error| ServeError::Listen { address, error })?;
+        Ok(Server { listener, access: Access { address, ..access } })
+    }
+
+    /// The address of the page.
+    pub fn link(&self) -> String {
+        let address = self.access.address;
+        match &self.access.token {
+            Some(token) => format!("http://{address}/?token={token}"),
+            None => format!("http://{address}/"),
+        }
+    }
+
+    /// Flies and serves until `stop` is set.
+    ///
+    /// # Errors
+    /// The flight cannot be simulated, or the system gives no thread.
+    pub fn run(self, live: &Live, stop: &AtomicBool) -> Result<(), ServeError> {
+        let (requests, waiting) = requests();
+        let shared = Arc::new(Shared {
+            access: self.access,
+            feed: Feed::default(),
+            requests,
+            about: about(live),
+            counts: Counts::default(),
+        });
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(ServeError::System)?;
+        let (ended, feed) = (&AtomicBool::new(false), &shared.feed);
+        std::thread::scope(|scope| {
+            let flown = scope.spawn(move || {
+                let flown = live.fly(feed, &waiting, stop);
+                ended.store(true, Ordering::Relaxed);
+                flown
+            });
+            let must_stop = || stop.load(Ordering::Relaxed) || ended.load(Ordering::Relaxed);
+            let served = runtime.block_on(serve(self.listener, shared.clone(), must_stop));
+            // Without a server nobody can end the flight.
+            stop.store(true, Ordering::Relaxed);
+            let flown = flown.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            served.map_err(ServeError::System)?;
+            Ok(flown?)
+        })
+    }
+}
+
+/// What a viewer must know to show frames and to inject faults.
+fn about(live: &Live) -> Value {
+    let system = &live.study.system;
+    let faults = system.fault_list();
+    let components = system.network().components.iter().map(|instance| {
+        let own = faults.iter().filter(|fault| fault.component == instance.id);
+        let own = own.map(|fault| json!({ "id": fault.id, "summary": fault.summary }));
+        let spec = instance.component.spec();
+        json!({
+            "id": instance.id, "kind": spec.kind, "summary": spec.summary,
+            "faults": own.collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "title": system.title,
+        "period_s": live.diagnoser.period_s,
+        "actuators": live.diagnoser.names().actuators,
+        "signals": Signals::of(&live.study, &live.diagnoser).list,
+        "components": components.collect::<Vec<_>>(),
+        "version": env!("CARGO_PKG_VERSION"),
+    })
+}
+
+async fn serve(
+    listener: std::net::TcpListener,
+    shared: Arc<Shared>,
+    must_stop: impl Fn() -> bool,
+) -> std::io::Result<()> {
+    let listener = TcpListener::from_std(listener)?;
+    let router = Router::new()
+        .route("/", get(page))
+        .route("/{file}", get(file))
+        .route("/live", get(join))
+        .with_state(shared);
+    let server = axum::serve(listener, router);
+    let stopped = async {
+        while !must_stop() {
+            tokio::time::sleep(STOP_CHECK).await;
+        }
+    };
+    tokio::select! {
+        served = server => served,
+        () = stopped => Ok(()),
+    }
+}
+
+#[derive(Deserialize)]
+struct Pass {
+    token: Option<String>,
+}
+
+/// Refuses a request, and counts it.
+fn refused(shared: &Shared, why: &'static str) -> Response {
+    shared.counts.refused_visits.fetch_add(1, Ordering::Relaxed);
+    (StatusCode::FORBIDDEN, why).into_response()
+}
+
+async fn page(
+    State(shared): State<Arc<Shared>>,
+    Query(pass): Query<Pass>,
+    headers: HeaderMap,
+) -> Response {
+    match shared.access.refusal(&headers, pass.token.as_deref()) {
+        Some(why) => refused(&shared, why),
+        None => typed("text/html; charset=utf-8", HTML),
+    }
+}
+
+fn typed(kind: &'static str, text: impl Into<axum::body::Body>) -> Response {
+    // The page asks for nothing elsewhere, and a browser must not let it.
+    let policy = "default-src 'self'; style-src 'self' 'unsafe-inline'";
+    ([(CONTENT_TYPE.as_str(), kind), ("content-security-policy", policy)], text.into())
+        .into_response()
+}
+
+async fn file(
+    State(shared): State<Arc<Shared>>,
+    Query(pass): Query<Pass>,
+    axum::extract::Path(name): axum::extract::Path<String>,
+    headers: HeaderMap,
+) -> Response {
+    // Scripts and styles are no secret, and a page that has none shows nothing.
+    match name.as_str() {
+        "page.js" => return typed("text/javascript", SCRIPT),
+        "page.css" => return typed("text/css", STYLE),
+        "uplot.js" => return typed("text/javascript", CHARTS),
+        "uplot.css" => return typed("text/css", CHART_STYLE),
+        _ => {}
+    }
+    if let Some(why) = shared.access.refusal(&headers, pass.token.as_deref()) {
+        return refused(&shared, why);
+    }
+    match name.as_str() {
+        "about" => typed("application/json", shared.about.to_string()),
+        "events" => typed("application/json", json!(shared.feed.events()).to_string()),
+        "counts" => typed("application/json", json!(shared.counts.now()).to_string()),
+        _ => (StatusCode::NOT_FOUND, "there is no such page").into_response(),
+    }
+}
+
+async fn join(
+    State(shared): State<Arc<Shared>>,
+    Query(pass): Query<Pass>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    if let Some(why) = shared.access.refusal(&headers, pass.token.as_deref()) {
+        return refused(&shared, why);
+    }
+    if shared.counts.viewers.load(Ordering::Relaxed) >= MOST_VIEWERS {
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many viewers").into_response();
+    }
+    upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(move |socket| async move {
+        shared.counts.viewers.fetch_add(1, Ordering::Relaxed);
+        shared.counts.viewers_so_far.fetch_add(1, Ordering::Relaxed);
+        view(socket, &shared).await;
+        shared.counts.viewers.fetch_sub(1, Ordering::Relaxed);
+    })
+}
+
+/// Serves one viewer until it leaves.
+async fn view(socket: WebSocket, shared: &Shared) {
+    let (mut to_viewer, mut from_viewer) = socket.split();
+    let Begin { frames, events, state, mut later } = shared.feed.begin();
+    let first = json!({ "events": events, "state": state });
+    if to_viewer.send(text(&first.to_string())).await.is_err() {
+        return;
+    }
+    for frame in frames {
+        if to_viewer.send(binary(&frame)).await.is_err() {
+            return;
+        }
+    }
+    let mut refused_here = 0;
+    loop {
+        let message = tokio::select! {
+            message = later.recv() => match message {
+                Ok(Message::Frame(bytes)) => binary(&bytes),
+                Ok(Message::Text(words)) => text(&words),
+                Err(RecvError::Lagged(lost)) => {
+                    shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
+                    text(&json!({ "lost": lost, "state": shared.feed.begin().state }).to_string())
+                }
+                Err(RecvError::Closed) => return,
+            },
+            request = from_viewer.next() => match request {
+                Some(Ok(ws::Message::Text(words))) => match take(&words, shared) {
+                    Ok(()) => continue,
+                    Err(refused) => text(&json!({ "refused": refused.to_string() }).to_string()),
+                },
+                Some(Ok(ws::Message::Binary(_))) => {
+                    let refused = Refused::NotUnderstood("requests are text".into());
+                    text(&json!({ "refused": refused.to_string() }).to_string())
+                }
+                Some(Ok(ws::Message::Ping(_) | ws::Message::Pong(_))) => continue,
+                Some(Ok(ws::Message::Close(_)) | Err(_)) | None => return,
+            },
+        };
+        let is_refusal =
+            matches!(&message, ws::Message::Text(words) if words.starts_with("{\"refused\""));
+        if is_refusal {
+            shared.counts.refused_requests.fetch_add(1, Ordering::Relaxed);
+            refused_here += 1;
+        }
+        if refused_here > MOST_REFUSED || to_viewer.send(message).await.is_err() {
+            return;
+        }
+    }
+}
+
+fn take(words: &str, shared: &Shared) -> Result<(), Refused> {
+    shared.requests.send(Request::read(words)?)
+}
+
+fn text(words: &str) -> ws::Message {
+    ws::Message::Text(words.into())
+}
+
+fn binary(bytes: &Arc<[u8]>) -> ws::Message {
+    ws::Message::Binary(Bytes::copy_from_slice(bytes))
+}

@@ -1,0 +1,221 @@
+//! What a frame contains: the signals with their names, units and bands, and how a sample fills them.
+
+use serde::Serialize;
+use servotwin::flight::closed_loop::Flight;
+use servotwin::flight::surface::{Surface, force_fight_n};
+use servotwin::study::Study;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::features::Quantity;
+use servotwin_model::program::Slot;
+use servotwin_model::spec::Unit;
+
+/// The part of the page that shows a signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Group {
+    /// Command, what follows it, and the same without a diagnosis.
+    Motion,
+    /// The force fight, with and without a diagnosis.
+    Fight,
+    /// A sensor reading.
+    Reading,
+    /// A residual, in percent of its sensor's scale.
+    Residual,
+    /// The evidence for an action of an actuator, in parts of the limit to raise it.
+    Evidence,
+    /// The fluid left in a reservoir.
+    Fluid,
+    /// Whether an actuator is on.
+    Mode,
+}
+
+/// A signal of a frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Signal {
+    /// The id, unique in a frame.
+    pub id: String,
+    /// The name to be shown.
+    pub label: String,
+    /// The unit of the values.
+    pub unit: String,
+    /// The part of the page.
+    pub group: Group,
+    /// The index of the actuator; `None` if it belongs to none.
+    pub actuator: Option<usize>,
+    /// Half the width of the band, in the signal's unit.
+    pub band: Option<f64>,
+    /// What a sensor measures, as study files call it; `None` for other signals.
+    pub quantity: Option<&'static str>,
+    /// The scale of a sensor, in the signal's unit; `None` for other signals.
+    pub scale: Option<f64>,
+}
+
+impl Signal {
+    fn new(id: &str, label: &str, unit: &str, group: Group) -> Self {
+        Signal {
+            id: id.into(),
+            label: label.into(),
+            unit: unit.into(),
+            group,
+            actuator: None,
+            band: None,
+            quantity: None,
+            scale: None,
+        }
+    }
+}
+
+/// Where a value comes from.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    Input(usize, Unit),
+    Plant(Slot, Unit),
+    Ghost(Slot, Unit),
+    Fight,
+    GhostFight,
+    Reading(usize, Unit),
+    Residual(usize),
+    Evidence(usize, usize),
+    Fluid(usize),
+}
+
+/// The signals of a study's flights.
+pub struct Signals {
+    /// The signals in the order of a frame.
+    pub list: Vec<Signal>,
+    sources: Vec<Source>,
+    surface: Surface,
+    scales: Vec<f64>,
+    lengths: usize,
+}
+
+impl Signals {
+    /// The signals of a study with a diagnoser.
+    pub fn of(study: &Study, diagnoser: &Diagnoser) -> Self {
+        let mut signals = Signals {
+            list: vec![],
+            sources: vec![],
+            surface: Surface::of(study),
+            scales: diagnoser.scales(),
+            lengths: diagnoser.lengths.len(),
+        };
+        signals.motion(study);
+        signals.sensors(study, diagnoser);
+        signals.evidence(diagnoser);
+        signals.fluid(study);
+        signals.modes(study);
+        signals
+    }
+
+    fn push(&mut self, signal: Signal, source: Source) {
+        self.list.push(signal);
+        self.sources.push(source);
+    }
+
+    fn motion(&mut self, study: &Study) {
+        let input = &study.system.network().inputs[study.command_input];
+        let shown =
+            |id: &str, label: &str, group| Signal::new(id, label, input.unit.shown(), group);
+        let source = Source::Input(study.command_input, input.unit);
+        self.push(shown("command", "command", Group::Motion), source);
+        if let Some(slot) = self.surface.following {
+            let moves = "what follows";
+            self.push(shown("position", moves, Group::Motion), Source::Plant(slot, input.unit));
+            let ghost = Source::Ghost(slot, input.unit);
+            self.push(shown("position_ghost", "without diagnosis", Group::Motion), ghost);
+        }
+        if self.surface.rods.len() > 1 {
+            let newtons = |id: &str, label: &str| Signal::new(id, label, "kN", Group::Fight);
+            self.push(newtons("fight", "force fight"), Source::Fight);
+            self.push(newtons("fight_ghost", "without diagnosis"), Source::GhostFight);
+        }
+    }
+
+    fn sensors(&mut self, study: &Study, diagnoser: &Diagnoser) {
+        for (place, sensor) in diagnoser.sensors.iter().enumerate() {
+            let unit = study.system.sensors[study.measured[place]].unit;
+            let actuator = sensor.actuator.map(|actuator| actuator as usize);
+            let band = diagnoser.lengths[0].panel.bands.get(place);
+            let (id, label) = (&study.system.sensors[study.measured[place]].id, &sensor.name);
+            let quantity = Quantity::ALL.iter().find(|(known, _)| *known == sensor.quantity);
+            let reading = Signal {
+                actuator,
+                quantity: quantity.map(|(_, name)| *name),
+                scale: Some(unit.difference_to_shown(sensor.scale)),
+                ..Signal::new(&format!("{id}.reading"), label, unit.shown(), Group::Reading)
+            };
+            let residual = Signal {
+                actuator,
+                band: band.map(|band| 100.0 * band.half_width),
+                ..Signal::new(&format!("{id}.residual"), label, "%", Group::Residual)
+            };
+            self.push(reading, Source::Reading(place, unit));
+            self.push(residual, Source::Residual(place));
+        }
+    }
+
+    fn evidence(&mut self, diagnoser: &Diagnoser) {
+        let names = diagnoser.names();
+        for (actuator, unit) in names.actuators.iter().enumerate() {
+            for (action, name) in names.actions.iter().enumerate() {
+                let words = format!("{unit} {name}").trim().replace('_', " ");
+                let id = format!("evidence.{unit}.{name}");
+                let signal = Signal {
+                    actuator: Some(actuator),
+                    band: Some(1.0),
+                    ..Signal::new(&id, &words, "of limit", Group::Evidence)
+                };
+                self.push(signal, Source::Evidence(actuator, action));
+            }
+        }
+    }
+
+    fn fluid(&mut self, study: &Study) {
+        for (place, reservoir) in study.system.reservoirs.iter().enumerate() {
+            let (id, label) = (format!("fluid.{}", reservoir.id), reservoir.id.replace('_', " "));
+            let signal = Signal::new(&id, &label, "L", Group::Fluid);
+            self.push(signal, Source::Fluid(place));
+        }
+    }
+
+    fn modes(&mut self, study: &Study) {
+        for (actuator, unit) in study.units.iter().enumerate() {
+            let id = if unit.is_empty() { "mode".into() } else { format!("{unit}.mode") };
+            let inputs = &study.system.network().inputs;
+            if let Some(place) = inputs.iter().position(|input| input.id == id) {
+                let signal = Signal {
+                    actuator: Some(actuator),
+                    ..Signal::new(&id, "mode", "", Group::Mode)
+                };
+                self.push(signal, Source::Input(place, Unit::None));
+            }
+        }
+    }
+
+    /// Appends the values of the last sample of a flight and of its ghost, in shown units.
+    pub fn fill(&self, flight: &Flight, ghost: &Flight, out: &mut Vec<f32>) {
+        let fight_kn = |flown: &Flight| {
+            let rods: Vec<f64> = self.surface.rods.iter().map(|&rod| flown.plant(rod)).collect();
+            force_fight_n(&rods).map_or(f64::NAN, |newtons| newtons / 1e3)
+        };
+        let fluids_m3: Vec<f64> = flight.fluid_m3().collect();
+        let value = |source: &Source| match *source {
+            Source::Input(input, unit) => unit.to_shown(flight.inputs()[input]),
+            Source::Plant(slot, unit) => unit.to_shown(flight.plant(slot)),
+            Source::Ghost(slot, unit) => unit.to_shown(ghost.plant(slot)),
+            Source::Fight => fight_kn(flight),
+            Source::GhostFight => fight_kn(ghost),
+            Source::Reading(sensor, unit) => unit.to_shown(flight.measured()[sensor]),
+            Source::Residual(sensor) => {
+                let left = flight.measured()[sensor] - flight.expected()[sensor];
+                100.0 * left / self.scales[sensor]
+            }
+            Source::Evidence(actuator, action) => {
+                let of = |length| flight.session().evidence(length, actuator, action);
+                (0..self.lengths).map(of).fold(0.0, f64::max)
+            }
+            Source::Fluid(reservoir) => 1e3 * fluids_m3[reservoir],
+        };
+        out.extend(self.sources.iter().map(|source| value(source) as f32));
+    }
+}
