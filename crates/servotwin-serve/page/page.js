@@ -2,6 +2,7 @@
 // The page beside a running flight. It keeps the last minute of samples, draws them, and asks the server for faults.
 
 const KEPT_S = 60;
+const HEIGHT = 128;
 const token = new URLSearchParams(location.search).get("token");
 const query = token ? `?token=${encodeURIComponent(token)}` : "";
 const $ = (id) => document.getElementById(id);
@@ -105,7 +106,7 @@ function indices(group) {
   return about.signals.map((signal, k) => [signal, k]).filter(([signal]) => signal.group === group).map(([, k]) => k);
 }
 
-function chart(title, signals, { band = null, colors = ["--command", "--own", "--ghost"] } = {}) {
+function chart(title, signals, { band = null, limit = null, colors = ["--command", "--own", "--ghost"] } = {}) {
   const unit = about.signals[signals[0]].unit;
   const axis = { stroke: color("--faint"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line") } };
   const lines = signals.map((signal, k) => ({
@@ -118,12 +119,12 @@ function chart(title, signals, { band = null, colors = ["--command", "--own", "-
   }));
   const hooks = {
     draw: [(u) => {
-      if (band === null) return;
+      const edges = band !== null ? [-band, band] : limit !== null ? [limit] : [];
       const context = u.ctx;
       context.save();
       context.strokeStyle = color("--band");
       context.setLineDash([4, 4]);
-      for (const edge of [-band, band]) {
+      for (const edge of edges) {
         const y = u.valToPos(edge, "y", true);
         context.beginPath();
         context.moveTo(u.bbox.left, y);
@@ -134,6 +135,7 @@ function chart(title, signals, { band = null, colors = ["--command", "--own", "-
     }],
   };
   const widest = (u, low, high) => {
+    if (limit !== null) return [0, Math.max(1.6 * limit, 1.1 * (high ?? 0))];
     const least = band === null ? 1e-3 : 1.3 * band;
     const top = Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0), least);
     return [-1.1 * top, 1.1 * top];
@@ -141,7 +143,7 @@ function chart(title, signals, { band = null, colors = ["--command", "--own", "-
   const options = {
     title: `${title} / ${unit}`,
     width: $("plots").clientWidth || 600,
-    height: 165,
+    height: HEIGHT,
     legend: { show: true, live: false },
     cursor: { sync: { key: "flight" }, drag: { x: true, y: false } },
     scales: { x: { time: false }, y: { range: widest } },
@@ -169,8 +171,8 @@ function makeCharts() {
     plots.push(chart(`Residual of ${signal.label}`, [chosen], { band: signal.band, colors: ["--own"] }));
   }
   const evidence = indices("evidence");
-  const hues = ["--own", "--ghost", "--bad", "--band"];
-  if (evidence.length) plots.push(chart("Evidence", evidence, { band: 1, colors: hues }));
+  const hues = ["--own", "--ghost", "--bad", "--band", "--second", "--third"];
+  if (evidence.length) plots.push(chart("Evidence", evidence, { limit: 1, colors: hues }));
 }
 
 function draw() {
@@ -199,8 +201,8 @@ function element(name, attributes, ...children) {
 
 /** The parts of a hydraulic actuator, each at its place: x, y, width, height and words. */
 const PARTS = [
-  ["supply_valve", 10, 26, 100, 26, "supply valve"],
-  ["tank_valve", 190, 26, 100, 26, "return valve"],
+  ["supply_valve", 10, 22, 100, 34, "supply valve"],
+  ["tank_valve", 190, 22, 100, 34, "return valve"],
   ["leakage_supply", 10, 60, 100, 20, "supply leak"],
   ["leakage_tank", 190, 60, 100, 20, "return leak"],
   ["servo_valve", 60, 92, 180, 34, "servo valve"],
@@ -208,10 +210,10 @@ const PARTS = [
   ["leakage_a", 10, 166, 60, 20, "leak A"],
   ["leakage_b", 230, 166, 60, 20, "leak B"],
   ["cylinder", 40, 194, 220, 46, ""],
-  ["sensor_pressure_a", 10, 248, 66, 20, "p_A sensor"],
-  ["sensor_pressure_b", 82, 248, 66, 20, "p_B sensor"],
-  ["sensor_ram", 154, 248, 66, 20, "ram sensor"],
-  ["sensor_spool", 226, 248, 66, 20, "spool sensor"],
+  ["sensor_pressure_a", 10, 248, 66, 20, "p_A s."],
+  ["sensor_pressure_b", 82, 248, 66, 20, "p_B s."],
+  ["sensor_ram", 154, 248, 66, 20, "ram s."],
+  ["sensor_spool", 226, 248, 66, 20, "spool s."],
   ["sensor_supply", 10, 272, 138, 20, "p_S sensor"],
   ["sensor_tank", 154, 272, 138, 20, "p_T sensor"],
 ];
@@ -234,12 +236,12 @@ const schematic = {
     if (!known.length) return null;
     const svg = element("svg", { viewBox: "0 0 300 300", role: "group", "aria-label": name || "actuator" });
     svg.append(element("text", { x: 10, y: 16, "font-weight": 700 }, name.replace("_", " ") || "actuator"));
-    svg.append(element("path", { class: "pipe", d: "M60 52V92M240 52V92M90 126V194M210 126V194" }));
+    svg.append(element("path", { class: "pipe", d: "M60 56V92M240 56V92M90 126V194M210 126V194" }));
     const parts = known.map(([part, x, y, width, height, words]) => {
       const touch = element("g", { class: "touch", tabindex: 0, role: "button", "data-component": id(part),
         "aria-label": `${name} ${part}`.replaceAll("_", " ") });
       touch.append(element("rect", { class: "part", x, y, width, height, rx: 3 }));
-      touch.append(element("text", { x: x + 5, y: y + Math.min(15, height / 2 + 4) }, words));
+      touch.append(element("text", { x: x + 5, y: y + 14 }, words));
       const choose = () => chooseComponent(id(part));
       touch.addEventListener("click", choose);
       touch.addEventListener("keydown", (event) => {
@@ -249,10 +251,10 @@ const schematic = {
       return touch;
     });
     const ram = element("rect", { x: 146, y: 196, width: 8, height: 42, fill: "currentColor" });
-    const spool = element("rect", { x: 142, y: 112, width: 16, height: 10, fill: "currentColor" });
+    const spool = element("rect", { x: 142, y: 113, width: 16, height: 10, fill: "currentColor" });
     svg.append(ram, spool);
     const readings = {};
-    const place = { pressure_a: [46, 222], pressure_b: [200, 222], supply: [14, 48], return: [194, 48], ram: [100, 212], spool: [150, 108] };
+    const place = { pressure_a: [46, 222], pressure_b: [200, 222], supply: [15, 50], return: [195, 50], ram: [112, 207], spool: [160, 107] };
     for (const [quantity, [x, y]] of Object.entries(place)) {
       const signal = this.signal(actuator, quantity);
       if (signal === null) continue;
@@ -465,6 +467,6 @@ $("hold").addEventListener("click", () => {
 });
 $("residual").addEventListener("change", makeCharts);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", makeCharts);
-new ResizeObserver(() => plots.forEach(({ plot }) => plot.setSize({ width: $("plots").clientWidth, height: 165 })))
+new ResizeObserver(() => plots.forEach(({ plot }) => plot.setSize({ width: $("plots").clientWidth, height: HEIGHT })))
   .observe($("plots"));
 begin();

@@ -315,6 +315,8 @@ async fn file(
         "page.css" => return typed("text/css", STYLE),
         "uplot.js" => return typed("text/javascript", CHARTS),
         "uplot.css" => return typed("text/css", CHART_STYLE),
+        // Every browser asks for one.
+        "favicon.ico" => return StatusCode::NO_CONTENT.into_response(),
         _ => {}
     }
     if let Some(why) = shared.access.refusal(&headers, pass.token.as_deref()) {

@@ -119,8 +119,7 @@ impl Signals {
         let source = Source::Input(study.command_input, input.unit);
         self.push(shown("command", "command", Group::Motion), source);
         if let Some(slot) = self.surface.following {
-            let moves = "what follows";
-            self.push(shown("position", moves, Group::Motion), Source::Plant(slot, input.unit));
+            self.push(shown("position", "answer", Group::Motion), Source::Plant(slot, input.unit));
             let ghost = Source::Ghost(slot, input.unit);
             self.push(shown("position_ghost", "without diagnosis", Group::Motion), ghost);
         }

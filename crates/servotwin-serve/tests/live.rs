@@ -1,0 +1,253 @@
+//! The server as a viewer meets it: who may come in, what it sends, what it takes, and what a bad viewer cannot do.
+
+use serde_json::{Value, json};
+use servotwin::job::Folder;
+use servotwin::job::flights::{Crew, learn};
+use servotwin::parallel::Workers;
+use servotwin::study::{Setting, Study};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_serve::{Access, Live, Server};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+const LEAK: &str = "actuator_1.servo_valve.bias_positive";
+/// No answer within this time is none.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn study() -> Study {
+    let head = include_str!("../../servotwin/tests/tiny.toml");
+    let rest = include_str!("../../servotwin/tests/tiny_flights.toml");
+    Study::parse(&format!("{head}{rest}"), "tiny.toml").unwrap()
+}
+
+fn diagnoser() -> Arc<Diagnoser> {
+    static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
+    let make = || {
+        let path = std::env::temp_dir().join(format!("servotwin-serve-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        let (study, crew) = (study(), Crew { workers: Workers::new(2), progress: &|_, _| () });
+        let flights = study.flights().unwrap().unwrap();
+        let learned = learn(&Folder::new(&path), &study, &flights, Setting::Noise, &crew).unwrap();
+        std::fs::remove_dir_all(&path).unwrap();
+        Arc::new(learned.0)
+    };
+    MADE.get_or_init(make).clone()
+}
+
+/// Serves a flight on a free port while `visit` runs.
+fn served(visit: impl FnOnce(SocketAddr)) {
+    let study = study();
+    let mut inputs = study.system.default_inputs();
+    let unit = study.system.network().inputs[study.command_input].unit;
+    let signal: servotwin::signal::Signal = "noise:rms=3deg,bandwidth=1Hz,seed=4".parse().unwrap();
+    inputs[study.command_input] = signal.build(unit, 600.0).unwrap();
+    let live = Live { study, diagnoser: diagnoser(), inputs, duration_s: 600.0, specimen: None };
+    let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
+    let server = Server::listen(access).unwrap();
+    let link = server.link();
+    let address = link.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let run = scope.spawn(|| server.run(&live, &stop));
+        // A failed visit must end the server, too.
+        let visited = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| visit(address)));
+        stop.store(true, Ordering::Relaxed);
+        run.join().unwrap().unwrap();
+        visited.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    });
+}
+
+/// The status and the body of a page, asked for with further header lines.
+fn get(address: SocketAddr, path: &str, host: &str, more: &str) -> (u16, String) {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+}
+
+fn own(address: SocketAddr, path: &str) -> Value {
+    let (status, body) = get(address, path, &address.to_string(), "");
+    assert_eq!(status, 200, "{path}");
+    serde_json::from_str(&body).unwrap()
+}
+
+fn join(address: SocketAddr) -> WebSocket<TcpStream> {
+    let stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let request = format!("ws://{address}/live").into_client_request().unwrap();
+    tungstenite::client(request, stream).unwrap().0
+}
+
+fn ask(viewer: &mut WebSocket<TcpStream>, request: &Value) {
+    viewer.send(Message::text(request.to_string())).unwrap();
+}
+
+/// The first text in which `wanted` finds something.
+fn wait_for<T>(viewer: &mut WebSocket<TcpStream>, wanted: impl Fn(&Value) -> Option<T>) -> T {
+    loop {
+        if let Message::Text(text) = viewer.read().unwrap()
+            && let Some(found) = wanted(&serde_json::from_str(&text).unwrap())
+        {
+            return found;
+        }
+    }
+}
+
+fn event_of(said: &Value, kind: &str) -> Option<Value> {
+    Some(said["event"].clone()).filter(|event| event["kind"] == kind)
+}
+
+/// The first sample, the number of samples and of signals of a frame.
+fn frame(message: &Message) -> Option<(u64, u32, u32)> {
+    let Message::Binary(bytes) = message else { return None };
+    let four = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let first = u64::from_le_bytes(bytes[..8].try_into().unwrap());
+    assert_eq!(bytes.len(), 16 + 4 * (four(8) * four(12)) as usize);
+    Some((first, four(8), four(12)))
+}
+
+#[test]
+fn the_page_and_everything_beside_it_are_in_the_server() {
+    served(|address| {
+        for path in ["/", "/page.js", "/page.css", "/uplot.js", "/uplot.css"] {
+            let (status, body) = get(address, path, &address.to_string(), "");
+            assert!(status == 200 && body.len() > 1000, "{path}: {status}");
+            let elsewhere = body.matches("http://").count() + body.matches("https://").count();
+            // The one name of a namespace, and the home of the charts in their license line.
+            assert!(elsewhere <= 1, "{path} asks elsewhere");
+        }
+        assert_eq!(get(address, "/nothing", &address.to_string(), "").0, 404);
+        let about = own(address, "/about");
+        let faults = about["components"].as_array().unwrap().iter();
+        let faults: Vec<&Value> =
+            faults.flat_map(|one| one["faults"].as_array().unwrap()).collect();
+        assert!(faults.iter().any(|fault| fault["id"] == LEAK));
+    });
+}
+
+#[test]
+fn other_pages_and_other_names_are_refused() {
+    served(|address| {
+        let own_host = address.to_string();
+        let evil = "Origin: http://evil.example\r\n";
+        for (path, host, more) in [
+            ("/about", own_host.as_str(), evil),
+            ("/about", "evil.example", ""),
+            ("/", "evil.example", ""),
+            ("/events", "127.0.0.1.evil.example", ""),
+        ] {
+            assert_eq!(get(address, path, host, more).0, 403, "{path} {host} {more}");
+        }
+        let upgrade = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+                       Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+        let with_upgrade = format!("{evil}{upgrade}").replace("Connection: close\r\n", "");
+        assert_ne!(get(address, "/live", &own_host, &with_upgrade).0, 101);
+        assert_eq!(own(address, "/counts")["refused_visits"], 4);
+        let port = address.port();
+        assert_eq!(get(address, "/about", &format!("localhost:{port}"), "").0, 200);
+    });
+}
+
+#[test]
+fn beyond_this_machine_a_token_is_needed() {
+    let access = Access::to(([0, 0, 0, 0], 0).into()).unwrap();
+    let other = Access::to(([0, 0, 0, 0], 0).into()).unwrap();
+    assert_eq!(access.token.as_ref().map(String::len), Some(32));
+    assert_ne!(access.token, other.token);
+    assert_eq!(Access::to(([127, 0, 0, 1], 0).into()).unwrap().token, None);
+}
+
+#[test]
+fn a_fault_is_injected_found_and_answered_as_the_server_logs_it() {
+    served(|address| {
+        let mut viewer = join(address);
+        let before = wait_for(&mut viewer, |said| said.get("events").cloned());
+        assert_eq!(before[0]["kind"], "begin");
+        let inject = json!({ "inject": { "fault": LEAK, "intensity": 1.0, "onset": "step" } });
+        wait_for(&mut viewer, |said| {
+            event_of(said, "finding").filter(|event| event["finding"] == "healthy")
+        });
+        ask(&mut viewer, &inject);
+        let injected = wait_for(&mut viewer, |said| event_of(said, "inject"));
+        let action = wait_for(&mut viewer, |said| event_of(said, "action"));
+        assert_eq!(
+            (&action["actuator"], &action["command"]),
+            (&json!("actuator_1"), &json!("shut_down"))
+        );
+        let time = |event: &Value| event["time_s"].as_f64().unwrap();
+        let latency_s = action["after_s"].as_f64().unwrap();
+        assert!((time(&action) - time(&injected) - latency_s).abs() < 0.05, "{action} {injected}");
+        let state = wait_for(&mut viewer, |said| said.get("state").cloned());
+        assert_eq!(state["injected"][0]["fault"], LEAK);
+        assert_eq!(state["actions"][0]["command"], "shut_down");
+        assert!(own(address, "/events").as_array().unwrap().contains(&action));
+        ask(&mut viewer, &json!({ "restart": true }));
+        let state = wait_for(&mut viewer, |said| {
+            said.get("state").filter(|state| state["injected"] == json!([])).cloned()
+        });
+        assert_eq!(state["actions"], json!([]));
+    });
+}
+
+#[test]
+fn two_viewers_see_the_same_and_a_silent_one_loses_frames_alone() {
+    served(|address| {
+        let _silent = join(address);
+        let mut viewers = [join(address), join(address)];
+        let width = own(address, "/about")["signals"].as_array().unwrap().len() as u32;
+        let seen = viewers.each_mut().map(|viewer| {
+            let mut list: Vec<(u64, u32, u32)> = vec![];
+            while list.last().is_none_or(|last| last.0 < 150) {
+                list.extend(frame(&viewer.read().unwrap()));
+            }
+            list
+        });
+        for list in &seen {
+            let contiguous =
+                |pair: &[(u64, u32, u32)]| pair[0].0 + u64::from(pair[0].1) == pair[1].0;
+            assert!(list.windows(2).all(contiguous) && list.iter().all(|frame| frame.2 == width));
+        }
+        let [one, other] = seen;
+        assert!(one.iter().filter(|frame| other.contains(frame)).count() > 5);
+        assert_eq!(own(address, "/counts")["viewers"], 3);
+    });
+}
+
+#[test]
+fn garbage_is_refused_counted_and_without_effect() {
+    served(|address| {
+        let mut good = join(address);
+        let mut bad = join(address);
+        let unknown = json!({ "inject": { "fault": "a.b.c", "intensity": 1.0, "onset": "step" } });
+        ask(&mut bad, &unknown);
+        let refused = wait_for(&mut good, |said| event_of(said, "refused"));
+        assert!(refused["why"].as_str().unwrap().contains("no fault 'a.b.c'"), "{refused}");
+        let mut sent = 0;
+        while sent < 10_000 && bad.send(Message::text("{\"fly\": ")).is_ok() {
+            sent += 1;
+        }
+        assert!(sent > 100, "a few mistakes are forgiven");
+        // Whatever is still under way is counted before the viewer is sent away.
+        while bad.read().is_ok() {}
+        let mut long = join(address);
+        let _ = long.send(Message::text(" ".repeat(100_000)));
+        while long.read().is_ok() {}
+        let counts = own(address, "/counts");
+        assert!(counts["refused_requests"].as_u64().unwrap() > 100, "{counts}");
+        assert_eq!(counts["viewers"], 1, "{counts}");
+        let mut later = [0; 2].map(|_| {
+            std::iter::repeat_with(|| good.read().unwrap()).find_map(|m| frame(&m)).unwrap()
+        });
+        later.sort_unstable();
+        assert!(later[0].0 < later[1].0, "the flight goes on");
+    });
+}

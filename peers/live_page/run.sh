@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Drives the live page in real browsers as a user would. Needs node, npm and Debian's chromium or firefox-esr; what is
+# missing is installed with apt-get. Writes screenshots into target/live_page.
+#   peers/live_page/run.sh [chromium|firefox]
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+browser="${1:-chromium}"
+out=target/live_page
+mkdir -p "$out"
+if [ "$browser" = firefox ]; then package=firefox-esr; else package=chromium; fi
+command -v "$package" > /dev/null || apt-get install --yes --quiet "$package"
+npm install --silent --no-save --prefix "$out" playwright-core@1.65.1
+cargo build --release --quiet --features serve
+target/release/servotwin serve --port 0 --out "$out/study" > "$out/link" 2> "$out/server.log" &
+server=$!
+trap 'kill "$server"' EXIT
+until grep -q http "$out/link"; do kill -0 "$server"; sleep 0.2; done
+NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$(cat "$out/link")" "$out"

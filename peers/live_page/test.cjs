@@ -1,0 +1,91 @@
+"use strict";
+// A first visit to the live page: inject a leak, wait for the action by an attribute, compare page and server, and look
+// at gaps, peaks, keyboard, dark mode and narrow screens.
+const playwright = require("playwright-core");
+const assert = require("node:assert");
+
+const [, , name, link, out] = process.argv;
+const path = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" }[name];
+const PATIENCE_MS = 60_000;
+
+/** Colors of a column of pixels of a chart's canvas, from top to bottom. */
+async function inkAt(page, share) {
+  return page.evaluate((at) => {
+    const canvas = document.querySelectorAll("#plots canvas")[2];
+    const x = Math.round(canvas.width * at);
+    const { data } = canvas.getContext("2d").getImageData(x, 0, 3, canvas.height);
+    let inked = 0;
+    for (let k = 3; k < data.length; k += 4) inked += data[k] > 0 ? 1 : 0;
+    return inked;
+  }, share);
+}
+
+async function visit(browser) {
+  const page = await browser.newPage({ viewport: { width: 1280, height: 720 } });
+  const asked = [];
+  const problems = [];
+  page.on("request", (request) => asked.push(request.url()));
+  page.on("console", (message) => { if (message.type() === "error") problems.push(message.text()); });
+  page.on("pageerror", (error) => problems.push(error.message));
+  page.setDefaultTimeout(PATIENCE_MS);
+  await page.goto(link);
+  await page.waitForSelector('body[data-connected="yes"][data-finding="healthy"]');
+
+  // A fault, by keyboard alone: Tab to the leak in the drawing, Enter, then the form.
+  await page.focus('[data-component="actuator_1.leakage_a"]');
+  await page.keyboard.press("Enter");
+  assert.equal(await page.evaluate(() => document.activeElement.id), "fault");
+  assert.equal(await page.inputValue("#fault"), "actuator_1.leakage_a.leakage");
+  await page.focus("#go");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector('body[data-action="actuator_1 shut_down"]');
+  const latency = await page.getAttribute("body", "data-latency");
+  const events = await page.evaluate(async () => (await fetch("events" + location.search)).json());
+  const action = events.findLast((event) => event.kind === "action");
+  assert.equal(action.command, "shut_down");
+  assert.ok(Math.abs(Number(latency) - action.after_s) < 0.02, `${latency} ${action.after_s}`);
+  await page.screenshot({ path: `${out}/${name}-1280.png` });
+
+  // A gap is a gap, and a peak of one sample is seen at any zoom.
+  await page.evaluate(() => {
+    document.getElementById("span").value = "60";
+    const columns = data.columns;
+    data.take = () => {};
+    const length = 6000;
+    columns.forEach((column) => { column.length = 0; });
+    for (let k = 0; k < length; k++) columns.forEach((column, c) => column.push(c === 0 ? k * 0.01 : k > 2900 && k < 3500 ? null : 0));
+    columns.forEach((column, c) => { if (c > 0) column[1500] = 50; });
+  });
+  await page.waitForTimeout(500);
+  const drawn = await page.evaluate(() => {
+    const { plot } = plots[2];
+    const values = plot.data[1];
+    const area = plot.bbox;
+    const at = (x) => Math.round(plot.valToPos(x, "x", true)) / plot.ctx.canvas.width;
+    return { peak: Math.max(...values.filter((v) => v !== null)), gaps: values.filter((v) => v === null).length, gapAt: at(32), lineAt: at(45), peakAt: at(15), area };
+  });
+  assert.equal(drawn.peak, 50);
+  assert.ok(drawn.gaps > 10, `${drawn.gaps} gaps`);
+  const [inGap, onLine, atPeak] = [await inkAt(page, drawn.gapAt), await inkAt(page, drawn.lineAt), await inkAt(page, drawn.peakAt)];
+  assert.ok(inGap < onLine && onLine < atPeak, `ink: gap ${inGap}, line ${onLine}, peak ${atPeak}`);
+
+  await page.reload();
+  await page.waitForSelector('body[data-connected="yes"]');
+  await page.waitForTimeout(1500);
+  await page.emulateMedia({ colorScheme: "dark" });
+  await page.waitForTimeout(500);
+  await page.screenshot({ path: `${out}/${name}-dark.png` });
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.waitForTimeout(500);
+  const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  assert.ok(overflow <= 0, `the page is ${overflow} px too wide for 390 px`);
+  await page.screenshot({ path: `${out}/${name}-390.png`, fullPage: true });
+  assert.deepEqual(asked.filter((url) => new URL(url).host !== new URL(link).host), [], "nothing else is asked");
+  assert.deepEqual(problems, []);
+  console.log(`${name}: action after ${latency} s as the server says; ink: gap ${inGap}, line ${onLine}, peak ${atPeak}`);
+}
+
+(async () => {
+  const browser = await playwright[name].launch({ executablePath: path, args: name === "chromium" ? ["--no-sandbox"] : [] });
+  try { await visit(browser); } finally { await browser.close(); }
+})().catch((error) => { console.error(error); process.exit(1); });
