@@ -7,15 +7,19 @@
 //! sensor next to the boundary:
 //!
 //! ```text
-//! wrong reading    r = δ
-//! fault            r = δ + s y,  s ≠ 0
-//! evidence         n/2 ln(Σr² / (Σr² − (Σry)²/Σy²)) − 1/2 ln n                 (1)
+//! wrong reading    r = δ + s₀ y
+//! fault            r = δ + s y,  s ≠ s₀
+//! s = Σry/Σy²,   information I = n Σy² / (Σr² − (Σry)²/Σy²)                                   (1)
+//! evidence         ½ (s − s₀)² / (1/I + V₀) − ½ ln n                                         (2)
+//! s₀ = V₀ I_h s_h,   V₀ = 1/(1/σ² + I_h)                                                     (3)
 //! ```
 //!
-//! The sums take deviations from the means of windows, so a drift of δ does no harm. (1) is the criterion of Schwarz,
-//! "Estimating the Dimension of a Model", Annals of Statistics 6, 1978. n counts independent samples. What is left of
-//! the residual beside the line is in part the white noise of the sensor, which is new in every sample. The other part
-//! is an error of the model, which is new in every window only.
+//! The specimen's own line is not exactly the twin's, so its residual has a slope s₀ in health, too. (3) takes it from
+//! the windows before the deviation (index h), and from the spread σ of lines where these had no motion. The sums take
+//! deviations from the means of windows, so a drift of δ does no harm. (2) is the logarithm of a likelihood ratio less
+//! the price of a parameter by Schwarz, "Estimating the Dimension of a Model", Annals of Statistics 6, 1978. n counts
+//! independent samples. What is left of the residual beside the line is in part the white noise of the sensor, which is
+//! new in every sample. The other part is an error of the model, which is new in every window only.
 //!
 //! A shutdown waits for this evidence while a wrong reading explains all that the actuator shows: what is left of the
 //! mean residuals lies within their bands, and δ is no larger than a transducer's error.
@@ -32,6 +36,14 @@ const NEEDED_NATS: f64 = 3.0;
 
 /// How long the sums remember, s. *Statistical*: ten seconds of motion tell a wrong reading from a leak.
 const MEMORY_S: f64 = 10.0;
+
+/// How long the slope of a healthy specimen is remembered, s. *Statistical*: a minute of motion, and a filter clogs more
+/// slowly.
+const HEALTHY_MEMORY_S: f64 = 60.0;
+
+/// The standard deviation of a healthy specimen's slope that is not known yet. *Physical*: the resistance of lines and
+/// filters differs from the twin's by up to a quarter.
+const SLOPE_DEVIATION: f64 = 0.15;
 
 /// The largest error of a reading that waits, in parts of the scale of the sensor next to the boundary. *Physical*: line
 /// transducers err by up to 4 % of their full scale, and a larger deviation is a failure of the supply.
@@ -90,27 +102,92 @@ impl Boundary {
     }
 }
 
-/// The evidence of a running session against a wrong reading of one boundary value.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Doubt {
-    /// Consecutive windows in which the sensor next to the boundary deviated.
-    deviating: u32,
+/// Sums over windows of a residual and the twin's signal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Sums {
     /// Number of samples, and of windows that share none.
     samples: f64,
     windows: f64,
     /// Σr², Σry and Σy².
-    sums: [f64; 3],
+    moments: [f64; 3],
+}
+
+/// A slope with its information, equation (1).
+struct Slope {
+    slope: f64,
+    information: f64,
+    independent: f64,
+}
+
+impl Sums {
+    fn fits(&self) -> bool {
+        let Sums { samples, windows, moments } = *self;
+        [samples, windows, moments[0], moments[2]].iter().all(|sum| *sum >= 0.0)
+            && moments.iter().chain([&samples, &windows]).all(|sum| sum.is_finite())
+    }
+
+    /// Keeps a share of what was.
+    fn fade(&mut self, kept: f64) {
+        let Sums { samples, windows, moments } = self;
+        moments.iter_mut().chain([samples, windows]).for_each(|sum| *sum *= kept);
+    }
+
+    fn add(&mut self, other: &Sums) {
+        self.samples += other.samples;
+        self.windows += other.windows;
+        self.moments.iter_mut().zip(other.moments).for_each(|(sum, more)| *sum += more);
+    }
+
+    /// The sums of what is new in a window: a share of it.
+    fn of(window: &Window, sensor: usize, share: f64) -> Self {
+        let new = share * window.count() as f64;
+        let moments = [
+            window.covariance(sensor, sensor),
+            window.cross_covariance(sensor, sensor),
+            window.twin_covariance(sensor, sensor),
+        ];
+        Sums { samples: new, windows: share, moments: moments.map(|moment| new * moment) }
+    }
+
+    /// Equation (1); `None` without motion. `noise` is the standard deviation of a sample of the residual by the
+    /// sensor's noise, in parts of scale.
+    fn slope(&self, noise: f64) -> Option<Slope> {
+        let [of_residual, of_both, of_twin] = self.moments;
+        if self.samples <= 1.0 || of_residual <= 0.0 || of_twin <= 0.0 {
+            return None;
+        }
+        let left = (of_residual - of_both * of_both / of_twin).max(1e-12 * of_residual);
+        let white = (self.samples * noise * noise / left).min(1.0);
+        let independent = (white * self.samples + (1.0 - white) * self.windows).max(1.0);
+        let information = independent * of_twin / left;
+        Some(Slope { slope: of_both / of_twin, information, independent })
+    }
+}
+
+/// The evidence of a running session against a wrong reading of one boundary value.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub(super) struct Doubt {
+    /// Consecutive windows in which the sensor next to the boundary deviated.
+    deviating: u32,
+    /// The number of windows, the last one included, for which a wrong reading counts as an explanation.
+    explained: u32,
+    /// The windows since then.
+    since: Sums,
+    /// Windows before it, none of which holds its onset.
+    healthy: Sums,
+    /// Healthy windows that may hold an onset: those of the last full group, and of the group being filled.
+    waiting: Sums,
+    filling: Sums,
+    /// The number of windows in the group being filled.
+    filled: u32,
 }
 
 impl Doubt {
     /// Whether a session can have stored these numbers.
     pub fn fits(&self) -> bool {
-        self.samples >= 0.0
-            && self.windows >= 0.0
-            && self.sums.iter().chain([&self.samples, &self.windows]).all(|sum| sum.is_finite())
-            && self.sums[0] >= 0.0
-            && self.sums[2] >= 0.0
+        [&self.since, &self.healthy, &self.waiting, &self.filling].iter().all(|sums| sums.fits())
     }
 
     /// Forgets all samples.
@@ -124,46 +201,71 @@ impl Doubt {
         &mut self,
         boundary: &Boundary,
         window: &Window,
-        half_width: f64,
+        bands: &[SensorBand],
         (panes, share, period_s): (u32, f64, f64),
     ) {
         let sensor = boundary.sensor as usize;
-        if window.mean(sensor).abs() <= half_width {
-            return self.clear();
+        let new = Sums::of(window, sensor, share);
+        let is_deviating = window.mean(sensor).abs() > bands[sensor].half_width;
+        self.explain(boundary.explains(window, bands), panes);
+        if !is_deviating {
+            (self.deviating, self.since) = (0, Sums::default());
+            return self.take_healthy(&new, panes, period_s);
         }
+        (self.waiting, self.filling, self.filled) = (Sums::default(), Sums::default(), 0);
         self.deviating = self.deviating.saturating_add(1);
-        if self.deviating <= panes {
-            return;
-        }
-        let new = share * window.count() as f64;
-        let kept = libm::exp(-new * period_s / MEMORY_S);
-        self.samples = kept * self.samples + new;
-        self.windows = kept * self.windows + share;
-        let moments = [
-            window.covariance(sensor, sensor),
-            window.cross_covariance(sensor, sensor),
-            window.twin_covariance(sensor, sensor),
-        ];
-        for (sum, moment) in self.sums.iter_mut().zip(moments) {
-            *sum = kept * *sum + new * moment;
+        if self.deviating > panes {
+            self.since.fade(libm::exp(-new.samples * period_s / MEMORY_S));
+            self.since.add(&new);
         }
     }
 
-    /// Equation (1), in nats. `noise` is the standard deviation of a sample of the residual by the sensor's noise, in
-    /// parts of scale.
+    /// An explanation of windows without the onset holds until a whole window has nothing of it: noise lifts one sensor
+    /// or another out of its band now and then. An explanation of a window with the onset holds for this window alone,
+    /// because the mean of any larger deviation passes through the explained ones.
+    fn explain(&mut self, is_explained: bool, panes: u32) {
+        self.explained = match is_explained {
+            true if self.deviating >= panes => panes,
+            true => 1,
+            false => self.explained.saturating_sub(1),
+        };
+    }
+
+    /// Whether a wrong reading explains the present windows.
+    pub fn is_explained(&self) -> bool {
+        self.explained > 0
+    }
+
+    /// Takes a window without a deviation. It counts once a whole group of further ones has followed, because a
+    /// deviation shows in the mean of a window later than in its moments.
+    fn take_healthy(&mut self, new: &Sums, panes: u32, period_s: f64) {
+        self.filling.add(new);
+        self.filled += 1;
+        if self.filled >= panes {
+            self.healthy.fade(libm::exp(-self.waiting.samples * period_s / HEALTHY_MEMORY_S));
+            self.healthy.add(&self.waiting);
+            self.waiting = self.filling;
+            (self.filling, self.filled) = (Sums::default(), 0);
+        }
+    }
+
+    /// Equation (2), in nats.
     fn evidence_nats(&self, noise: f64) -> f64 {
-        let [of_residual, of_both, of_twin] = self.sums;
-        if self.samples <= 1.0 || of_residual <= 0.0 || of_twin <= 0.0 {
-            return 0.0;
-        }
-        let explained = of_both * of_both / (of_residual * of_twin);
-        let left = (1.0 - explained).max(1e-12);
-        let white = (self.samples * noise * noise / (left * of_residual)).min(1.0);
-        let independent = (white * self.samples + (1.0 - white) * self.windows).max(1.0);
-        -0.5 * (independent * libm::log(left) + libm::log(independent))
+        let Some(now) = self.since.slope(noise) else { return 0.0 };
+        let of_lines = 1.0 / (SLOPE_DEVIATION * SLOPE_DEVIATION);
+        let (own, variance) = match self.healthy.slope(noise) {
+            Some(healthy) => {
+                let variance = 1.0 / (of_lines + healthy.information);
+                (variance * healthy.information * healthy.slope, variance)
+            }
+            None => (0.0, 1.0 / of_lines),
+        };
+        let change = now.slope - own;
+        0.5 * (change * change / (1.0 / now.information + variance) - libm::log(now.independent))
     }
 
-    /// Whether a wrong reading is still possible; `noise` as the sensor's, in parts of scale.
+    /// Whether a wrong reading is still possible. `noise` is the standard deviation of a sample of the residual by the
+    /// sensor's noise, in parts of scale.
     pub fn remains(&self, noise: f64) -> bool {
         self.evidence_nats(noise) < NEEDED_NATS
     }
@@ -215,7 +317,7 @@ mod tests {
         let mut doubt = Doubt::default();
         for pane in 0..10 * seconds {
             let window = window(10 * pane, &drop, &residual);
-            doubt.take(&BOUNDARY(), &window, 0.02, (5, 0.2, 0.01));
+            doubt.take(&BOUNDARY(), &window, &bands(), (5, 0.2, 0.01));
         }
         doubt
     }
@@ -253,10 +355,62 @@ mod tests {
 
     #[test]
     fn evidence_is_forgotten_when_the_deviation_ends() {
-        let leak = |time_s: f64| [-0.04 - 0.5 * moving(time_s), -0.02];
+        let leak = |time_s: f64| [-0.04 - 0.9 * moving(time_s), -0.02];
         let mut doubt = doubt(3, moving, leak);
-        doubt.take(&BOUNDARY(), &window(0, moving, |_| [0.0, 0.0]), 0.02, (5, 0.2, 0.01));
-        assert!(doubt.remains(NOISE) && doubt.samples == 0.0);
+        assert!(!doubt.remains(NOISE));
+        doubt.take(&BOUNDARY(), &window(0, moving, |_| [0.0, 0.0]), &bands(), (5, 0.2, 0.01));
+        assert!(doubt.remains(NOISE) && doubt.since.samples == 0.0);
+    }
+
+    #[test]
+    fn an_explanation_outlasts_the_noise_of_some_windows() {
+        let at = |explained: [bool; 4], before: usize| {
+            let mut doubt = Doubt::default();
+            let wrong = |is_wrong: bool| if is_wrong { [-0.04, -0.02] } else { [-0.04, 0.03] };
+            let all = core::iter::repeat_n(true, before).chain(explained);
+            for is_explained in all {
+                let window = window(0, moving, |_| wrong(is_explained));
+                doubt.take(&BOUNDARY(), &window, &bands(), (3, 0.2, 0.01));
+            }
+            doubt.is_explained()
+        };
+        assert!(at([true, false, false, true], 9));
+        assert!(at([true, true, false, false], 9));
+        assert!(!at([true, false, false, false], 9), "a whole window without it ends it");
+        assert!(!at([false; 4], 0));
+        // A larger deviation passes through what a wrong reading explains, and nothing waits for it afterwards.
+        assert!(!at([true, true, false, false], 0));
+    }
+
+    /// A line that differs from the twin's by a fifth has a slope before and after a reading goes wrong. A leak changes
+    /// it.
+    #[test]
+    fn a_slope_that_was_there_before_is_no_evidence() {
+        let own = |time_s: f64| -0.2 * moving(time_s);
+        let from = |shift: f64, slope: f64| {
+            move |time_s: f64| {
+                let later = f64::from(u8::from(time_s >= 20.0));
+                let r = own(time_s) + later * (shift + slope * moving(time_s));
+                [r, 0.5 * r]
+            }
+        };
+        assert!(doubt(30, moving, from(-0.04, 0.0)).remains(NOISE));
+        assert!(!doubt(30, moving, from(-0.04, -0.5)).remains(NOISE));
+    }
+
+    /// Without motion in health the slope of the line is not known, and may be as large as lines differ.
+    #[test]
+    fn a_slope_that_lines_have_is_no_evidence_after_rest() {
+        let still_then_moving = |time_s: f64| if time_s < 20.0 { 0.001 } else { moving(time_s) };
+        let from = |slope: f64| {
+            move |time_s: f64| {
+                let shift = if time_s < 20.0 { 0.0 } else { -0.04 };
+                let r = shift + slope * still_then_moving(time_s);
+                [r, 0.5 * r]
+            }
+        };
+        assert!(doubt(30, still_then_moving, from(-0.2)).remains(NOISE));
+        assert!(!doubt(30, still_then_moving, from(-0.9)).remains(NOISE));
     }
 
     #[test]

@@ -103,6 +103,11 @@ enum Usable {
     Wrong,
 }
 
+/// The number of doubts in a session: one for each length and boundary, those of a length side by side.
+fn doubts_of(diagnoser: &Diagnoser) -> usize {
+    diagnoser.lengths.len() * diagnoser.boundaries.len()
+}
+
 impl Session {
     /// A session without samples. Allocates all its memory.
     ///
@@ -127,7 +132,7 @@ impl Session {
                 diagnoser.conditional_band.as_ref().map_or(0, |band| band.covariates.len())
             ],
             alarm: alarm::Memory::new(actuators),
-            doubts: vec![Doubt::default(); diagnoser.boundaries.len()],
+            doubts: vec![Doubt::default(); doubts_of(&diagnoser)],
             evidence: vec![Evidence::new(hypotheses); classifiers.len()],
             judged: Vec::new(),
             outcome: Outcome::first(),
@@ -388,7 +393,7 @@ impl Session {
         self.streams.restore(windows, baseline_corrected.as_ref())?;
         self.memory = memory.clone();
         // States from older versions have no doubts and no sensor health.
-        self.memory.doubts.resize(self.diagnoser.boundaries.len(), Doubt::default());
+        self.memory.doubts.resize(doubts_of(&self.diagnoser), Doubt::default());
         self.memory.sensor_health.resize(self.scales.len(), SensorHealth::default());
         self.guard.memory = environment.clone();
         for (classifier, judged) in
@@ -409,7 +414,7 @@ impl Session {
             && (of_before || sensors == self.scales.len())
             && memory.sensor_health.iter().all(|sensor_health| sensor_health.fits(self.patience))
             && memory.asked.iter().flatten().all(|asked| asked.is_finite())
-            && memory.doubts.len() <= self.diagnoser.boundaries.len()
+            && memory.doubts.len() <= doubts_of(&self.diagnoser)
             && memory.doubts.iter().all(Doubt::fits)
             && memory.outcome.fits(places, memory.samples)
     }
@@ -624,31 +629,36 @@ impl Session {
         Ok(())
     }
 
-    /// Takes the new window of the first length, whose residuals are uncorrected.
+    /// Takes the new windows: every length has bands of its own, so each has its own doubts.
     fn update_doubts(&mut self, diagnoser: &Diagnoser) {
-        if !self.streams.has_ended(0) || !self.streams.is_full(0) {
-            return;
-        }
-        let (length, window) = (&diagnoser.lengths[0], self.streams.window(0));
-        let panes = length.span.panes.unwrap_or(1);
-        let of_window = (panes, self.streams.share_of_newest(0), diagnoser.period_s);
-        for (doubt, boundary) in self.memory.doubts.iter_mut().zip(&diagnoser.boundaries) {
-            let half_width = length.panel.bands[boundary.sensor as usize].half_width;
-            doubt.take(boundary, window, half_width, of_window);
+        let boundaries = &diagnoser.boundaries;
+        for (place, length) in diagnoser.lengths.iter().enumerate() {
+            let Some(panes) = length.span.panes else { continue };
+            if !self.streams.has_ended(place) || !self.streams.is_full(place) {
+                continue;
+            }
+            let window = self.streams.window(place);
+            let of_window = (panes, self.streams.share_of_newest(place), diagnoser.period_s);
+            let doubts = self.memory.doubts.iter_mut().skip(place * boundaries.len());
+            for (doubt, boundary) in doubts.zip(boundaries) {
+                doubt.take(boundary, window, &length.panel.bands, of_window);
+            }
         }
     }
 
-    /// The input whose wrong reading explains all that an actuator shows, while nothing speaks for a fault.
+    /// The input whose wrong reading explains all that an actuator shows in the windows of some length, while nothing
+    /// speaks for a fault.
     fn doubtful(&self, diagnoser: &Diagnoser, actuator: usize) -> Option<u32> {
-        let (window, bands) = (self.streams.window(0), &diagnoser.lengths[0].panel.bands);
-        let is_doubtful = |(boundary, doubt): &(&Boundary, &Doubt)| {
-            let sensor = &diagnoser.sensors[boundary.sensor as usize];
-            sensor.actuator == Some(actuator as u32)
-                && doubt.remains(sensor.noise)
-                && boundary.explains(window, bands)
+        let of_actuator = |boundary: &&Boundary| {
+            diagnoser.sensors[boundary.sensor as usize].actuator == Some(actuator as u32)
         };
-        let mut pairs = diagnoser.boundaries.iter().zip(&self.memory.doubts);
-        pairs.find(is_doubtful).map(|(boundary, _)| boundary.input)
+        let noise = |boundary: &Boundary| diagnoser.sensors[boundary.sensor as usize].noise;
+        let boundaries = diagnoser.boundaries.iter().cycle();
+        let mut pairs = boundaries.zip(&self.memory.doubts);
+        let found = pairs.find(|(boundary, doubt)| {
+            of_actuator(boundary) && doubt.is_explained() && doubt.remains(noise(boundary))
+        });
+        found.map(|(boundary, _)| boundary.input)
     }
 
     /// Raises, holds or drops an action, and updates the finding.
