@@ -42,7 +42,9 @@ impl Injection {
         let share = match self.onset {
             Onset::Step => 1.0,
             Onset::Ramp => ((age_s / RAMP_S).min(1.0) / STEP).floor() * STEP,
-            Onset::Intermittent => f64::from(u8::from((age_s / HALF_PERIOD_S) as u64 % 2 == 0)),
+            Onset::Intermittent => {
+                f64::from(u8::from(((age_s / HALF_PERIOD_S) as u64).is_multiple_of(2)))
+            }
         };
         FaultAt { intensity: self.fault.intensity * share, ..self.fault }
     }

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Parameters that differ from the system's: (component, parameter, value).
-pub(super) type Overrides = Vec<(usize, usize, f64)>;
+pub(crate) type Overrides = Vec<(usize, usize, f64)>;
 
 /// The path of the file with the specimens of a pool: true values, fitted values and standard errors.
 pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {

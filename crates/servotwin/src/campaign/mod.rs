@@ -24,6 +24,7 @@ mod prepared;
 mod shard;
 mod watch;
 
+pub(crate) use calibration::Overrides;
 pub use calibration::{Calibrated, Calibrating, Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};

@@ -8,7 +8,7 @@
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
 use super::plan::{self, Flight, Purpose};
-use crate::campaign::{Calibrating, CampaignError, ensemble};
+use crate::campaign::{Calibrating, CampaignError, Overrides, ensemble};
 use crate::ensemble::{Ensemble, Rows, Sink, Variant};
 use crate::parallel::Workers;
 use crate::signal::random::Random;
@@ -32,8 +32,8 @@ pub trait Observer: Send {
 
 /// A calibrated actuator: the deviating parameters of the plant and of its twin.
 pub(super) struct Actuator {
-    pub parameters: Vec<(usize, usize, f64)>,
-    pub twin: Vec<(usize, usize, f64)>,
+    pub parameters: Overrides,
+    pub twin: Overrides,
 }
 
 /// Flights for one purpose in one scenario.
@@ -197,7 +197,7 @@ impl<'s> FlightCampaign<'s> {
     }
 
     /// The parameters of the specimen of each environment.
-    pub(super) fn specimens(&self) -> Result<Vec<Vec<(usize, usize, f64)>>, CampaignError> {
+    pub(super) fn specimens(&self) -> Result<Vec<Overrides>, CampaignError> {
         let Some(realism) = &self.study.realism else {
             return Err(CampaignError::no_section(self.setting, self.study));
         };

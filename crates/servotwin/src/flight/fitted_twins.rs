@@ -8,7 +8,7 @@
 //! write nothing, because a finding may be a fault. Here the plant is known to be healthy, and the twin takes the fit.
 
 use super::campaign::{Actuator, FlightCampaign, Latencies};
-use crate::campaign::CampaignError;
+use crate::campaign::{CampaignError, Overrides};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::unknown::Moved;
 use crate::fit::{Fit, FitError, Record, Unknown};
@@ -87,7 +87,7 @@ fn unknowns(flown: &FlightCampaign) -> Vec<Unknown> {
 fn measured(
     flown: &FlightCampaign,
     calibration: &Calibration,
-    specimens: &[Vec<(usize, usize, f64)>],
+    specimens: &[Overrides],
 ) -> Result<Vec<Vec<f64>>, CampaignError> {
     let (plants, ensemble) = flown.others.as_ref().expect("plants of another structure");
     let ensemble = Ensemble {
