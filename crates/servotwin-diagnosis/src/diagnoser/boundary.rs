@@ -27,16 +27,6 @@ use crate::error::Error;
 use crate::panel::SensorBand;
 use crate::residual::Window;
 
-/// The evidence for a fault that a shutdown needs, in nats. *Statistical*: odds of 20 to 1.
-const NEEDED_NATS: f64 = 3.0;
-
-/// How long the sums remember, s. *Statistical*: ten seconds of motion tell a wrong reading from a leak.
-const MEMORY_S: f64 = 10.0;
-
-/// The largest error of a reading that waits, in parts of the scale of the sensor next to the boundary. *Physical*: line
-/// transducers err by up to 4 % of their full scale, and a larger deviation is a failure of the supply.
-const LARGEST_ERROR: f64 = 0.05;
-
 /// What a wrong reading of one boundary value does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -70,8 +60,13 @@ impl Boundary {
     }
 
     /// Whether a wrong reading explains a window: it moves the sensor next to the boundary out of its band, by no more
-    /// than a transducer errs, and what is left of all mean residuals lies within their bands.
-    pub(super) fn explains(&self, window: &Window, bands: &[SensorBand]) -> bool {
+    /// than `largest_error` in parts of scale, and what is left of all mean residuals lies within their bands.
+    pub(super) fn explains(
+        &self,
+        window: &Window,
+        bands: &[SensorBand],
+        largest_error: f64,
+    ) -> bool {
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
         for &(sensor, effect) in &self.effects {
@@ -85,7 +80,7 @@ impl Boundary {
         };
         let moved = (wrong_by * self.effect().unwrap_or_default()).abs();
         moved > half_width(self.sensor)
-            && moved <= LARGEST_ERROR
+            && moved <= largest_error
             && self.effects.iter().all(is_left_in_band)
     }
 }
@@ -118,13 +113,14 @@ impl Doubt {
         *self = Doubt::default();
     }
 
-    /// Takes a window of `panes` panes, of which `share` is new. A window that holds the onset of the deviation counts
+    /// Takes a window of `panes` panes, of which `share` is new. The sums forget within `memory_s` seconds. A window that holds the onset of the deviation counts
     /// nothing: there the residual steps, whatever the flow is.
     pub fn take(
         &mut self,
         boundary: &Boundary,
         window: &Window,
         half_width: f64,
+        memory_s: f64,
         (panes, share, period_s): (u32, f64, f64),
     ) {
         let sensor = boundary.sensor as usize;
@@ -136,7 +132,7 @@ impl Doubt {
             return;
         }
         let new = share * window.count() as f64;
-        let kept = libm::exp(-new * period_s / MEMORY_S);
+        let kept = libm::exp(-new * period_s / memory_s);
         self.samples = kept * self.samples + new;
         self.windows = kept * self.windows + share;
         let moments = [
@@ -151,7 +147,7 @@ impl Doubt {
 
     /// Equation (1), in nats. `noise` is the standard deviation of a sample of the residual by the sensor's noise, in
     /// parts of scale.
-    fn evidence_nats(&self, noise: f64) -> f64 {
+    pub fn evidence_nats(&self, noise: f64) -> f64 {
         let [of_residual, of_both, of_twin] = self.sums;
         if self.samples <= 1.0 || of_residual <= 0.0 || of_twin <= 0.0 {
             return 0.0;
@@ -162,11 +158,6 @@ impl Doubt {
         let independent = (white * self.samples + (1.0 - white) * self.windows).max(1.0);
         -0.5 * (independent * libm::log(left) + libm::log(independent))
     }
-
-    /// Whether a wrong reading is still possible; `noise` as the sensor's, in parts of scale.
-    pub fn remains(&self, noise: f64) -> bool {
-        self.evidence_nats(noise) < NEEDED_NATS
-    }
 }
 
 #[cfg(test)]
@@ -175,6 +166,13 @@ mod tests {
     use crate::random::Random;
     use alloc::format;
     use alloc::vec;
+
+    impl Doubt {
+        /// Whether a wrong reading is still possible with odds of 1 to 20.
+        fn remains(&self) -> bool {
+            self.evidence_nats(NOISE) < 3.0
+        }
+    }
 
     const BOUNDARY: fn() -> Boundary =
         || Boundary { input: 0, sensor: 0, effects: vec![(0, 1e-7), (1, 0.5e-7)] };
@@ -215,7 +213,7 @@ mod tests {
         let mut doubt = Doubt::default();
         for pane in 0..10 * seconds {
             let window = window(10 * pane, &drop, &residual);
-            doubt.take(&BOUNDARY(), &window, 0.02, (5, 0.2, 0.01));
+            doubt.take(&BOUNDARY(), &window, 0.02, 10.0, (5, 0.2, 0.01));
         }
         doubt
     }
@@ -231,8 +229,8 @@ mod tests {
             let shift = -0.04 - 0.5 * moving(time_s);
             [shift, 0.5 * shift]
         };
-        assert!(!doubt(2, moving, leak).remains(NOISE));
-        assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains(NOISE));
+        assert!(!doubt(2, moving, leak).remains());
+        assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains());
     }
 
     /// A model error that happens to move with the flow for some seconds is no evidence, though its samples are many.
@@ -242,28 +240,28 @@ mod tests {
             let shift = -0.04 + 0.004 * libm::sin(3.1 * time_s);
             [shift, 0.5 * shift]
         };
-        assert!(doubt(4, moving, swinging).remains(NOISE));
+        assert!(doubt(4, moving, swinging).remains());
     }
 
     /// Without motion nothing tells the two apart, however long it lasts.
     #[test]
     fn an_actuator_at_rest_stays_doubtful() {
-        assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains(NOISE));
+        assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains());
     }
 
     #[test]
     fn evidence_is_forgotten_when_the_deviation_ends() {
         let leak = |time_s: f64| [-0.04 - 0.5 * moving(time_s), -0.02];
         let mut doubt = doubt(3, moving, leak);
-        doubt.take(&BOUNDARY(), &window(0, moving, |_| [0.0, 0.0]), 0.02, (5, 0.2, 0.01));
-        assert!(doubt.remains(NOISE) && doubt.samples == 0.0);
+        doubt.take(&BOUNDARY(), &window(0, moving, |_| [0.0, 0.0]), 0.02, 10.0, (5, 0.2, 0.01));
+        assert!(doubt.remains() && doubt.samples == 0.0);
     }
 
     #[test]
     fn a_wrong_reading_moves_all_sensors_in_its_direction_by_no_more_than_transducers_err() {
         let explains = |residual: [f64; 2]| {
             let window = window(0, |_| 0.0, |_| residual);
-            BOUNDARY().explains(&window, &bands())
+            BOUNDARY().explains(&window, &bands(), 0.05)
         };
         assert!(explains([-0.04, -0.02]));
         assert!(explains([0.04, 0.02]));

@@ -24,7 +24,7 @@ use crate::sliding::Span;
 mod alarm;
 mod boundary;
 mod common_mode;
-pub mod decision;
+mod decision;
 pub mod environment;
 pub mod novelty;
 mod outcome;
@@ -32,6 +32,7 @@ pub mod scatter;
 mod sensor_health;
 mod session;
 mod streams;
+pub mod tuning;
 mod window_classifier;
 
 pub use boundary::Boundary;
@@ -40,9 +41,10 @@ pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use scatter::{Scatter, ScatterTest};
 pub use session::{Session, State};
+pub use tuning::Tuning;
 
 /// The format name at the start of a stored diagnoser.
-pub const FORMAT: &str = "servotwin diagnoser 1";
+pub const FORMAT: &str = "servotwin diagnoser 2";
 
 /// Upper limit of the counts of a stored session.
 const LARGEST_COUNT: u64 = 1 << 53;
@@ -69,7 +71,7 @@ pub struct Sensor {
     pub follows: Vec<(u32, f64)>,
 }
 
-/// Bands, models and allowances for windows of one length.
+/// Bands and models for windows of one length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Length {
@@ -79,9 +81,9 @@ pub struct Length {
     pub panel: Panel,
     /// The ranges of the training data, by class.
     pub novelty: Novelty,
-    /// The allowances of windows of baseline-corrected residuals; `None` for uncorrected residuals.
-    #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
-    pub baseline_corrected: Option<decision::Allowances>,
+    /// Whether the windows are of baseline-corrected residuals.
+    #[serde(default, rename = "relative", skip_serializing_if = "core::ops::Not::not")]
+    pub is_baseline_corrected: bool,
 }
 
 /// Sensors, windows, bands, features, trees and the decision: enough to diagnose with.
@@ -107,8 +109,8 @@ pub struct Diagnoser {
     /// A band that depends on the operating point, in place of the bands of lengths with uncorrected residuals.
     #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
     pub conditional_band: Option<ConditionalBand>,
-    /// The sequential test that raises actions.
-    pub decision: decision::Settings,
+    /// All constants.
+    pub tuning: Tuning,
     /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Scatter>,
@@ -209,9 +211,9 @@ impl Diagnoser {
         if let Some(band) = &self.conditional_band {
             band.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
         }
-        self.decision.check(self.names())?;
+        self.tuning.check(self.names())?;
         self.scatter.iter().try_for_each(Scatter::check)?;
-        let is_plain = self.lengths[0].baseline_corrected.is_none();
+        let is_plain = !self.lengths[0].is_baseline_corrected;
         holds(is_plain, "the first window length is not of residuals as they are")?;
         streams::Streams::new(self).map(drop)?;
         self.lengths
@@ -238,9 +240,8 @@ impl Diagnoser {
     }
 
     fn check_length(&self, length: &Length) -> Result<(), Error> {
-        let Length { panel, novelty, baseline_corrected, .. } = length;
+        let Length { panel, novelty, .. } = length;
         panel.check()?;
-        baseline_corrected.iter().try_for_each(decision::Allowances::check)?;
         let of = |names: &Names| [&names.actuators, &names.actions, &names.details].map(Vec::clone);
         let names = &panel.trees.names;
         holds(of(names) == of(self.names()), "window lengths have other names")?;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::alarm::{self, Rules};
 use super::boundary::Doubt;
-use super::decision::{self, Evidence, Hypotheses, Limits};
+use super::decision::{Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
 use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
 use super::sensor_health::{Patience, SensorHealth};
@@ -79,8 +79,6 @@ pub struct Session {
     patience: Patience,
     hypotheses: Hypotheses,
     classifiers: Vec<WindowClassifier>,
-    /// The decision settings for each length.
-    settings: Vec<decision::Settings>,
     /// The limits of the evidence for each length.
     limits: Vec<Limits>,
     guard: Guard,
@@ -134,11 +132,10 @@ impl Session {
         };
         Ok(Session {
             scales: diagnoser.scales(),
-            rules: Rules::new(&diagnoser.decision, names, diagnoser.period_s),
+            rules: Rules::new(&diagnoser.tuning, names, diagnoser.period_s),
             patience: patience(&diagnoser),
             hypotheses,
             classifiers,
-            settings: diagnoser.lengths.iter().map(|length| settings(&diagnoser, length)).collect(),
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             streams: Streams::new(&diagnoser)?,
@@ -416,7 +413,7 @@ impl Session {
 
     /// Number of samples that are not judged after a restart.
     fn settling_samples(&self) -> u64 {
-        libm::ceil(self.diagnoser.decision.settle_s / self.diagnoser.period_s) as u64
+        libm::ceil(self.diagnoser.tuning.settle_s / self.diagnoser.period_s) as u64
     }
 
     fn check_unit(&self, index: usize) -> Result<(), Error> {
@@ -451,7 +448,7 @@ impl Session {
         if self.memory.outcome.finding != finding || self.memory.has_judged {
             self.restart();
         }
-        let settle_s = self.diagnoser.decision.settle_s;
+        let settle_s = self.diagnoser.tuning.settle_s;
         self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
@@ -527,16 +524,16 @@ impl Session {
         })
     }
 
-    /// Whether more than half of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
+    /// Whether too many of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
     fn is_blind(&self) -> bool {
         let most_lost = |actuator: Option<u32>| {
             let sensors = self.diagnoser.sensors.iter().zip(&self.memory.sensor_health);
             let own =
                 sensors.filter(|(sensor, _)| actuator.is_none() || sensor.actuator == actuator);
             let (count, lost) = own.fold((0, 0), |(count, lost), (_, sensor_health)| {
-                (count + 1, lost + usize::from(sensor_health.is_lost()))
+                (count + 1, lost + u32::from(sensor_health.is_lost()))
             });
-            2 * lost > count
+            f64::from(lost) > self.diagnoser.tuning.most_lost * f64::from(count)
         };
         most_lost(None)
             || (0..self.is_masked.len()).any(|actuator| most_lost(Some(actuator as u32)))
@@ -617,7 +614,7 @@ impl Session {
             let length = &diagnoser.lengths[place];
             let said = classifier.classify(length, window, &self.is_masked, &self.stands_in)?;
             let evidence = &mut self.memory.evidence[place];
-            evidence.take(said, share, &self.settings[place], &self.limits[place]);
+            evidence.take(said, share, &diagnoser.tuning, &self.limits[place]);
             self.memory.has_judged = true;
         }
         self.update_doubts(diagnoser);
@@ -634,7 +631,8 @@ impl Session {
         let of_window = (panes, self.streams.share_of_newest(0), diagnoser.period_s);
         for (doubt, boundary) in self.memory.doubts.iter_mut().zip(&diagnoser.boundaries) {
             let half_width = length.panel.bands[boundary.sensor as usize].half_width;
-            doubt.take(boundary, window, half_width, of_window);
+            let memory_s = diagnoser.tuning.boundary_memory_s;
+            doubt.take(boundary, window, half_width, memory_s, of_window);
         }
     }
 
@@ -644,8 +642,8 @@ impl Session {
         let is_doubtful = |(boundary, doubt): &(&Boundary, &Doubt)| {
             let sensor = &diagnoser.sensors[boundary.sensor as usize];
             sensor.actuator == Some(actuator as u32)
-                && doubt.remains(sensor.noise)
-                && boundary.explains(window, bands)
+                && doubt.evidence_nats(sensor.noise) < diagnoser.tuning.fault_needed_nats
+                && boundary.explains(window, bands, diagnoser.tuning.largest_boundary_error)
         };
         let mut pairs = diagnoser.boundaries.iter().zip(&self.memory.doubts);
         pairs.find(is_doubtful).map(|(boundary, _)| boundary.input)
@@ -656,10 +654,10 @@ impl Session {
         let sample = self.memory.outcome.sample;
         let withheld = self.withheld(diagnoser);
         if let Some((length, claim)) = self.candidate(diagnoser) {
-            let raised = self.raised(length, claim, diagnoser.decision.least_detail_confidence);
+            let raised = self.raised(length, claim, diagnoser.tuning.least_detail_confidence);
             self.memory.alarm.raise(&self.rules, raised);
         } else {
-            let share = diagnoser.decision.pending_share;
+            let share = diagnoser.tuning.pending_share;
             let has_evidence = self.memory.alarm.hypothesis(&self.rules).is_some_and(|claim| {
                 let forgets = |length: &usize| diagnoser.lengths[*length].span.panes.is_some();
                 self.lengths().filter(forgets).any(|length| self.margin(length, claim) >= share)
@@ -676,7 +674,7 @@ impl Session {
             let evidence = &self.memory.evidence[length];
             let limits = &self.limits[length];
             let most = evidence.of_change(limits).max(evidence.of_unknown(limits));
-            most >= diagnoser.decision.pending_share
+            most >= diagnoser.tuning.pending_share
         });
         self.tell(found, is_pending);
     }
@@ -863,28 +861,16 @@ impl Session {
 
 fn patience(diagnoser: &Diagnoser) -> Patience {
     let samples = |time_s: f64| libm::ceil(time_s / diagnoser.period_s).max(1.0) as u64;
-    let decision = &diagnoser.decision;
-    Patience {
-        until_lost: samples(decision.no_data_after_s),
-        until_back: samples(decision.settle_s),
-    }
-}
-
-/// The decision settings for a length.
-fn settings(diagnoser: &Diagnoser, length: &Length) -> decision::Settings {
-    match &length.baseline_corrected {
-        Some(allowances) => diagnoser.decision.allowing(allowances),
-        None => diagnoser.decision.clone(),
-    }
+    let tuning = &diagnoser.tuning;
+    Patience { until_lost: samples(tuning.no_data_after_s), until_back: samples(tuning.settle_s) }
 }
 
 fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
-    let hypotheses = Hypotheses::of(diagnoser.names());
-    let is_off = |action: &String| diagnoser.decision.off_actions.contains(action);
-    let is_off: Vec<bool> = diagnoser.names().actions.iter().map(is_off).collect();
-    let settings = settings(diagnoser, length);
-    Limits::new(&settings, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
+    let (names, tuning) = (diagnoser.names(), &diagnoser.tuning);
+    let window_s = samples as f64 * diagnoser.period_s;
+    let shares = length.panel.committee.training_shares();
+    Limits::new(tuning, Hypotheses::of(names), &tuning.switches_off(names), window_s, &shares)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve uniform ones.

@@ -345,7 +345,7 @@ fn a_stored_diagnoser_is_the_same_and_a_broken_one_is_refused() {
         |d| d.sensors[0].actuator = Some(9),
         |d| d.sensors.truncate(3),
         |d| d.environment.inputs[0].largest = f64::NAN,
-        |d| d.decision.least_on = 7,
+        |d| d.tuning.least_on = 7,
     ];
     for (place, wrong) in breaks.iter().enumerate() {
         let mut broken = read.clone();

@@ -3,7 +3,7 @@
 
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Environment, FORMAT, Length, Sensor, decision};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Environment, FORMAT, Length, Sensor, Tuning};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{self, Panel, SensorBand};
@@ -236,7 +236,7 @@ fn learn(span: Span, lessons: &Lessons, actuators: usize) -> Length {
     };
     let novelty =
         servotwin_learning::novelty::learn(&examples, &rows, lessons.groups(), 0.999).unwrap();
-    Length { span, panel, novelty, baseline_corrected: None }
+    Length { span, panel, novelty, is_baseline_corrected: false }
 }
 
 /// A trained diagnoser; trained once for each test binary.
@@ -247,14 +247,11 @@ pub fn diagnoser() -> Arc<Diagnoser> {
 
 pub const BASELINE: baseline::Settings =
     baseline::Settings { settle_samples: 205, memory_samples: 2000 };
-pub const ALLOWANCES: decision::Allowances =
-    decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0, other_nats: 0.0 };
 
 /// The trained diagnoser, of short windows beyond a reference too: the third length.
 pub fn with_baseline() -> Diagnoser {
     let mut diagnoser = (*diagnoser()).clone();
-    let baseline_corrected = Some(ALLOWANCES);
-    diagnoser.lengths.push(Length { baseline_corrected, ..diagnoser.lengths[0].clone() });
+    diagnoser.lengths.push(Length { is_baseline_corrected: true, ..diagnoser.lengths[0].clone() });
     diagnoser.baseline = Some(BASELINE);
     diagnoser
 }
@@ -271,7 +268,7 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         baseline: None,
         conditional_band: None,
         scatter: None,
-        decision: decision::Settings::usual(&names(actuators), &["shut_down"]),
+        tuning: Tuning { allowance_nats: 0.5, ..Tuning::usual(&names(actuators), &["shut_down"]) },
     };
     let lessons = lessons::<S>(&diagnoser, actuators);
     let pairs = SPANS.iter().zip(&lessons);

@@ -12,6 +12,7 @@
 //! - [`replay`]: the diagnosis of a recorded flight
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`judge`]: latency, certainty and errors of the diagnosis
+//! - [`healthy`]: healthy flights in an environment of their own, and how near they come to an alarm
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
 
@@ -20,6 +21,7 @@ pub mod boundaries;
 pub mod campaign;
 pub mod closed_loop;
 pub mod hard_negatives;
+pub mod healthy;
 pub mod judge;
 pub mod other_plant;
 pub mod plan;

@@ -8,20 +8,14 @@ use crate::evaluation::{
 use crate::parallel::{self, Workers};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
-use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
-use servotwin_diagnosis::diagnoser::novelty::QUANTILE;
-use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, decision};
-use servotwin_diagnosis::hierarchy::Names;
+use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, Tuning};
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_learning::classifiers::{self, boosted_trees};
 use servotwin_learning::hierarchy::Settings as Training;
 use servotwin_learning::novelty;
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
-
-/// How far an input may leave the range of the training flights, as a fraction of its width.
-const MARGIN: f64 = 0.25;
 
 /// Tree depth for flights: windows from many environments are more diverse than records of one command. In shallower
 /// trees, the last questions are not asked for every actuator.
@@ -34,36 +28,6 @@ const TREES_EVERY: usize = 10;
 /// information than 60 trees of depth 4, which suffice for records, can represent. The learning rate is then also
 /// slightly higher.
 const LEARNING_RATE: f64 = 0.2;
-
-/// Evidence against health that is subtracted in every window if specimens differ by their tolerances, in nats: for any
-/// command, and for one that switches off. In 42 hours of tuning flights, with 500 healthy specimens under the most
-/// violent commands, the evidence for such a command then reached at most 0.26 of its limit. Other commands do less
-/// harm, and warnings address weak symptoms: with 6 nats, only a tenth of them would be raised.
-const ALLOWANCES_NATS: (f64, f64) = (3.0, 5.0);
-
-/// The cost of any other false alarm in that case. Every window counts in full, so the same evidence more than doubles;
-/// the limit of about 16 nats is raised accordingly.
-const WITH_TOLERANCES_COST: f64 = 3e8;
-
-/// The evidence that must remain, of that which two of five fault windows exceed. A diagnosis trained on few flights is
-/// less certain, and would otherwise raise nothing. With the full number of flights this evidence is at least 9.4 nats,
-/// so the whole allowance applies.
-const LEFT_NATS: f64 = 2.0;
-
-/// The same for baseline-corrected windows, in which tolerances are less visible.
-const BASELINE_CORRECTED_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
-
-/// The same against health with a fitted twin; without any allowance, the evidence reached at most 0.02 of its limit.
-const NOISE_ALLOWANCE_NATS: f64 = 0.5;
-
-/// Allowance between two commands. It is zero between those of one actuator in baseline-corrected windows: of two
-/// similar ones, the likelier should eventually be named.
-const PAIRS_NATS: f64 = 0.2;
-
-/// Log-likelihood margin required against another actuator for a command that switches off, in nats. Without it, a
-/// fault that is hard to attribute (about 2 nats per window) shut down the healthy actuator after 4 s in one of 1,389
-/// tuning flights. Clearly visible faults give much more evidence.
-const OTHER_ACTUATOR_NATS: f64 = 1.5;
 
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
@@ -104,20 +68,9 @@ pub fn diagnoser(
         flights,
         median_excess,
     });
-    let evidence_quantile = |is_baseline_corrected: bool| {
-        let of = kinds
-            .iter()
-            .zip(&lengths)
-            .filter(|(kind, _)| kind.is_baseline_corrected == is_baseline_corrected);
-        of.map(|(_, learned)| learned.evidence_quantile).fold(f64::INFINITY, f64::min)
-    };
-    let (evidence_quantile, baseline_corrected_quantile) =
-        (evidence_quantile(false), evidence_quantile(true));
-    let of = |(kind, LearnedLength { length, .. }): (&Kind, LearnedLength)| Length {
-        baseline_corrected: kind
-            .is_baseline_corrected
-            .then(|| baseline_corrected_allowances(baseline_corrected_quantile)),
-        ..length
+    let of = |(kind, learned): (&Kind, LearnedLength)| Length {
+        is_baseline_corrected: kind.is_baseline_corrected,
+        ..learned.length
     };
     let lengths: Vec<Length> = kinds.iter().zip(lengths).map(of).collect();
     let names = &lengths[0].panel.trees.names;
@@ -129,10 +82,7 @@ pub fn diagnoser(
         sensors: sensors(study),
         boundaries: vec![],
         environment: environment(study, flights),
-        decision: decision::Settings {
-            least_on: study.least_on(),
-            ..decision(setting, names, &off, evidence_quantile)
-        },
+        tuning: Tuning { least_on: study.least_on(), ..Tuning::usual(names, &off) },
         lengths,
         baseline: windows::baseline(flights, setting, study.sample_period_s),
         conditional_band: None,
@@ -142,54 +92,9 @@ pub fn diagnoser(
     Ok(diagnoser)
 }
 
-/// The cost of switching off the healthy actuator if every window counts in full. The same evidence then more than
-/// doubles, so the limit is doubled (`ln 1e3 + ln 1e9 = 2 (ln 1e3 + ln 1e3)`).
-const WRONG_ACTUATOR_COST: f64 = 1e9;
-
-/// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
-/// covers the repeated effect of tolerances.
-fn decision(
-    setting: Setting,
-    names: &Names,
-    off_commands: &[&str],
-    evidence_quantile: f64,
-) -> decision::Settings {
-    let mut settings = decision::Settings::usual(names, off_commands);
-    settings.overlap_exponent = 0.0;
-    settings.allowance_nats = PAIRS_NATS;
-    settings.other_allowance_nats = OTHER_ACTUATOR_NATS;
-    let of_off = settings.costs.other_actuator.iter_mut().zip(&names.actions);
-    let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
-    of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
-    if setting.has_tolerances() {
-        (settings.health_allowance_nats, settings.off_allowance_nats) =
-            allowed(ALLOWANCES_NATS, evidence_quantile);
-        let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.actions);
-        let of_others = of_healthy.filter(|(_, name)| !off_commands.contains(&name.as_str()));
-        of_others.for_each(|(cost, _)| *cost = WITH_TOLERANCES_COST);
-    } else {
-        settings.health_allowance_nats = NOISE_ALLOWANCE_NATS;
-    }
-    settings
-}
-
-/// The allowance against health, and the additional one for a command that switches off, limited so that enough
-/// evidence remains.
-fn allowed((of_any, of_off): (f64, f64), evidence_quantile: f64) -> (f64, f64) {
-    let most = (evidence_quantile - LEFT_NATS).max(0.0);
-    (of_any.min(most), of_off.min(most) - of_any.min(most))
-}
-
-fn baseline_corrected_allowances(evidence_quantile: f64) -> Allowances {
-    let (health_nats, off_nats) = allowed(BASELINE_CORRECTED_ALLOWANCES_NATS, evidence_quantile);
-    Allowances { of_pairs_nats: 0.0, health_nats, off_nats, other_nats: OTHER_ACTUATOR_NATS }
-}
-
 /// What windows of one length teach.
 struct LearnedLength {
     length: Length,
-    /// The evidence that two of five fault windows exceed, in nats.
-    evidence_quantile: f64,
     /// The number of healthy flights, and the largest of their median excesses; `None` for too few.
     widest: Option<(u64, f64)>,
 }
@@ -245,11 +150,9 @@ fn length(
     let committee = committee::train(&data.for_committee()?, &settings.committee, &known, workers)?;
     let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
-    let evidence_quantile =
-        committee::evidence_quantile(&data, &committee.hierarchy, settings.committee_lessons)?;
     let length = Length {
         span: windows::span(kind.window_s, study.sample_period_s),
-        novelty: novelty::learn(&data.examples, &known, &groups, QUANTILE)?,
+        novelty: novelty::learn(&data.examples, &known, &groups, Tuning::default().known_share)?,
         panel: Panel {
             bands: bands.unwrap_or_default().into_iter().map(band).collect(),
             least_confidence: committee.least_confidence,
@@ -257,9 +160,9 @@ fn length(
             committee: committee.hierarchy,
             ..Panel::default()
         },
-        baseline_corrected: None,
+        is_baseline_corrected: false,
     };
-    Ok(LearnedLength { length, evidence_quantile, widest })
+    Ok(LearnedLength { length, widest })
 }
 
 fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
@@ -279,6 +182,7 @@ fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
 /// The accepted inputs: within their declared ranges, and if flights varied them, not far outside the flown range.
 fn environment(study: &Study, flights: &Flights) -> Environment {
     let network = study.system.network();
+    let margin = Tuning::default().input_margin;
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
         let signals = flights.learned.iter().map(|environment| &environment.inputs[place]);
         let ends = signals.flat_map(|signal| {
@@ -288,7 +192,7 @@ fn environment(study: &Study, flights: &Flights) -> Environment {
         let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
             (low.min(value), high.max(value))
         });
-        let margin = MARGIN * (high - low);
+        let margin = margin * (high - low);
         let (least, largest) = match high > low {
             true => (low - margin, high + margin),
             false => (-f64::MAX, f64::MAX),
