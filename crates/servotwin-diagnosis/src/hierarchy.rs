@@ -212,19 +212,6 @@ impl Stage {
         scores
     }
 
-    /// The share of each of a question's `count` classes in the training rows; 0 for a class that the stage never decides.
-    fn training_shares(&self, count: usize) -> Vec<f64> {
-        let of_classes = match &self.model {
-            Model::BoostedTrees(boosted) => boosted.training_shares(),
-            _ => vec![1.0 / self.classes.len() as f64; self.classes.len()],
-        };
-        let mut shares = vec![0.0; count];
-        for (&class, share) in self.classes.iter().zip(of_classes) {
-            shares[class as usize] = share;
-        }
-        shares
-    }
-
     /// The nodes from the root to the leaf for a row of all features; empty unless the model is a CART tree.
     pub fn path(&self, row: &[f64]) -> Vec<usize> {
         let Model::Cart(tree) = &self.model else {
@@ -394,31 +381,6 @@ impl Hierarchy {
             }
         }
         Ok(())
-    }
-
-    /// The share of each hypothesis in the training rows, in the order of [`Hierarchy::probabilities_into`]. Only boosted
-    /// trees know shares; the classes of other models count as equal.
-    pub fn training_shares(&self) -> Vec<f64> {
-        let (actuators, actions) = (self.names.actuators.len(), self.names.actions.len());
-        let mut shares = vec![0.0; 1 + actuators * actions];
-        let first = self.stage(Question::Actuator, 0, 0);
-        // Without this stage the first actuator is at fault, as in `probabilities_into`.
-        let of_first = match first {
-            Some(stage) => stage.training_shares(1 + actuators),
-            None => (0..=actuators).map(|actuator| f64::from(u8::from(actuator == 0))).collect(),
-        };
-        shares[0] = of_first[actuators];
-        for actuator in 0..actuators {
-            let stage = self.stage(Question::Action, actuator as u32, 0);
-            let of_actions = match stage {
-                Some(stage) => stage.training_shares(actions),
-                None => vec![1.0 / actions as f64; actions],
-            };
-            for (action, share) in of_actions.into_iter().enumerate() {
-                shares[1 + actuator * actions + action] = of_first[actuator] * share;
-            }
-        }
-        shares
     }
 
     /// The detail of a fault with known actuator and action, for a row given in every view. Does not allocate.

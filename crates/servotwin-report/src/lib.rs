@@ -34,7 +34,7 @@ use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject};
 use servotwin::study::{Setting, Study};
-use servotwin_diagnosis::diagnoser::Tuning;
+use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_plot::Figure;
 use vocabulary::Vocabulary;
@@ -55,7 +55,7 @@ pub struct Material<'a> {
     /// Healthy flights, each in an environment of its own.
     pub healthy: &'a [HealthyRun],
     /// The constants of the stored diagnosers, by scenario.
-    pub tunings: &'a [(Setting, Tuning)],
+    pub constants: &'a [(Setting, Vec<Constant>)],
     /// The learned conditional bands and their figures of merit.
     pub bands: &'a [BandMerit],
     /// True and fitted parameters of the specimens in the fitted setting.

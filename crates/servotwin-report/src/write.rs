@@ -9,6 +9,8 @@ use servotwin::flight::band::BandMerit;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, healthy, hierarchy, manifest};
 use servotwin::study::{Role, Setting, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
+use servotwin_diagnosis::diagnoser::decision::Allowances;
+use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_io::files::{create_folder, write_atomically};
 
@@ -31,7 +33,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let healthy = Setting::ALL.map(|setting| healthy::stored(folder, setting));
     let healthy =
         healthy.into_iter().filter_map(Result::transpose).collect::<Result<Vec<_>, _>>()?;
-    let tunings = tunings(folder)?;
+    let constants = constants(folder)?;
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
@@ -43,7 +45,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         flights: flights.as_ref(),
         sealed: sealed.as_ref(),
         healthy: &healthy,
-        tunings: &tunings,
+        constants: &constants,
         bands: &bands,
         calibrations: &calibrations,
         examples: &examples::simulate(study)?,
@@ -92,18 +94,28 @@ fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
 /// The constants of a stored diagnoser, without its models.
 #[derive(Deserialize)]
 struct OfDiagnoser {
+    #[serde(rename = "decision")]
     tuning: Tuning,
+    lengths: Vec<OfLength>,
+}
+
+/// The allowances of one window length.
+#[derive(Deserialize)]
+struct OfLength {
+    #[serde(default, rename = "relative")]
+    baseline_corrected: Option<Allowances>,
 }
 
 /// Reads the constants of the stored diagnosers.
 ///
 /// # Errors
 /// A file cannot be read.
-fn tunings(folder: &Folder) -> Result<Vec<(Setting, Tuning)>, JobError> {
+fn constants(folder: &Folder) -> Result<Vec<(Setting, Vec<Constant>)>, JobError> {
     let stored = Setting::ALL.into_iter().filter(|setting| folder.diagnoser(*setting).exists());
     let read = |setting: Setting| {
-        let OfDiagnoser { tuning } = model_file::read(folder.diagnoser(setting))?;
-        Ok((setting, tuning))
+        let OfDiagnoser { tuning, lengths } = model_file::read(folder.diagnoser(setting))?;
+        let corrected = lengths.iter().find_map(|length| length.baseline_corrected.as_ref());
+        Ok((setting, tuning.constants(corrected)))
     };
     stored.map(read).collect()
 }

@@ -7,7 +7,10 @@
 use super::{Folder, stderr, stdout};
 use servotwin::{catalogue, format, signal, study};
 use servotwin_diagnosis::diagnoser::Tuning;
-use servotwin_diagnosis::diagnoser::tuning::Constant;
+use servotwin_diagnosis::diagnoser::tuning::{
+    BASELINE_CORRECTED, Constant, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
+};
+use servotwin_diagnosis::hierarchy::Names;
 use std::path::{Component, Path};
 use std::process::{Command, Output};
 
@@ -302,6 +305,19 @@ fn shipped_section((word, folder, name): (&str, &str, &str)) -> String {
     )
 }
 
+/// The usual constants of a diagnosis beside specimens with tolerances.
+fn usual_constants() -> Vec<Constant> {
+    let names = Names {
+        actuators: vec!["a".into()],
+        actions: vec!["off".into(), "on".into()],
+        ..Names::default()
+    };
+    let mut usual = Tuning::usual(&names, &["off"]);
+    usual.costs.same_actuator[0][2] = WITH_TOLERANCES_COST;
+    usual.costs.other_actuator[0] = WRONG_ACTUATOR_COST;
+    usual.constants(Some(&BASELINE_CORRECTED))
+}
+
 /// The usual constants of a diagnosis, each with a link to its source.
 fn constants_table() -> String {
     let row = |constant: Constant| {
@@ -316,13 +332,13 @@ fn constants_table() -> String {
         let (value, label) = (value.trim_end(), constant.label());
         format!("| `{name}` | {value} | {label} | {meaning} | [{shown}]({source}) |\n")
     };
-    let rows: String = Tuning::default().constants().into_iter().map(row).collect();
+    let rows: String = usual_constants().into_iter().map(row).collect();
     format!("| constant | value | label | meaning | source |\n|---|---|---|---|---|\n{rows}")
 }
 
 #[test]
 fn every_constant_names_a_page_that_exists() {
-    for Constant { name, source, .. } in Tuning::default().constants() {
+    for Constant { name, source, .. } in usual_constants() {
         assert!(Path::new(DOCS).join(source).is_file(), "{name}: {source}");
     }
 }

@@ -5,7 +5,6 @@ use super::Classifier;
 use crate::error::{Error, same_length};
 use crate::numeric::softmax;
 use crate::tree::Branches;
-use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -42,23 +41,6 @@ impl Model {
         self.trees.iter().flat_map(|tree| tree.branches.splits())
     }
 
-    /// The share of each class in the training rows: the answer without any tree.
-    pub fn training_shares(&self) -> Vec<f64> {
-        let mut shares = vec![0.0; self.classes];
-        self.start(&mut shares);
-        softmax(&mut shares);
-        shares
-    }
-
-    /// Writes the scores before the first tree.
-    fn start(&self, scores: &mut [f64]) {
-        scores.fill(f64::NEG_INFINITY);
-        self.present.iter().for_each(|&class| scores[class as usize] = 0.0);
-        for (&class, prior) in self.outputs().iter().zip(&self.priors) {
-            scores[class as usize] = *prior;
-        }
-    }
-
     /// The classes that the trees contribute to.
     pub fn outputs(&self) -> &[u32] {
         &self.present[self.present.len() - self.priors.len()..]
@@ -80,8 +62,12 @@ impl Classifier for Model {
 
     /// The probabilities; 0 for a class without training rows.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
-        self.start(scores);
+        scores.fill(f64::NEG_INFINITY);
+        self.present.iter().for_each(|&class| scores[class as usize] = 0.0);
         let outputs = self.outputs();
+        for (&class, prior) in outputs.iter().zip(&self.priors) {
+            scores[class as usize] = *prior;
+        }
         for tree in &self.trees {
             let values = &tree.values[tree.branches.leaf_of(row) * outputs.len()..];
             for (&class, value) in outputs.iter().zip(values) {

@@ -4,20 +4,19 @@
 //! length, its committee gives each a probability p_h. For every pair
 //!
 //! ```text
-//! z_hg = clip(ln p_h/π_h − ln p_g/π_g − a_g, ±c) · w^q
+//! z_hg = clip(ln p_h − ln p_g − a_hg, ±c) · w^q
 //! S_hg ← clamp(S_hg + z_hg, 0, K b_hg)
 //! S_hg ← 0 for every g where S_h0 = 0                           (1)
 //! h may be raised where S_hg ≥ b_hg for every g ≠ h             (2)
 //! ```
 //!
-//! with π_h the share of the hypothesis in the training windows, w the share of the window that is new, a_g an allowance
-//! against health, and c a clip, so that no single window decides. A classifier's probability contains the shares of its
-//! training, which say nothing about flights. Without them z is a log-likelihood ratio, whatever the mix of training.
+//! with w the share of the window that is new, a_hg an allowance, and c a clip, so that no single window decides.
 //! Windows overlap, and the same sample must not count twice. But a later window also sees it in a new context, hence
 //! the exponent q.
 //!
-//! The allowance is as much as a healthy specimen may permanently look like a fault. Its tolerances persist, so that their
-//! effect would otherwise add up to an alarm some day, however high the limit. Between two faults there is none.
+//! The allowance against health is larger for specimens with tolerances. Tolerances persist, and a fault that looks
+//! slightly likelier than health would otherwise be raised some day, however high its limit. For the same reason the
+//! allowance against another actuator is larger for an action that switches off.
 //!
 //! This is the matrix CuSum (Nikiforov, "A Simple Recursive Algorithm for Diagnosis of Abrupt Changes in Random
 //! Signals", IEEE Trans. Information Theory 46, 2000; Oskiper, Poor, "Online Activity Detection in a Multiuser
@@ -33,7 +32,7 @@
 //! b_hg = ln(1/probability) + ln cost(g, h)
 //! ```
 //!
-//! with T the length of the window. All constants stand in [`Tuning`]. For likelihood ratios of independent windows, a CuSum with limit b crosses by
+//! with T the length of the window. For likelihood ratios of independent windows, a CuSum with limit b crosses by
 //! chance within m windows with a probability of at most m e^−b. This local false-alarm probability matters for
 //! intermittent faults. Within an hour of windows of length T, false alarms then stay below the chosen rate. The
 //! committee's probabilities are no likelihoods of independent windows, so the rates are targets, and a campaign
@@ -44,10 +43,80 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::tuning::Tuning;
+use crate::error::{Error, require, same_length};
 use crate::hierarchy::Names;
 
 /// Lower limit of probabilities and costs before a logarithm is taken.
 const LEAST_PROBABILITY: f64 = 1e-12;
+
+/// Costs of errors. The error rates are meant for an error of cost 1.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Costs {
+    /// `[truth][answer]` for the faulty actuator: healthy, then the actions.
+    pub same_actuator: Vec<Vec<f64>>,
+    /// For each action, given to an actuator while the fault is in another one.
+    pub other_actuator: Vec<f64>,
+}
+
+impl Costs {
+    /// Ten for switching off a healthy actuator, and a thousand if another actuator has the fault. Three for switching
+    /// off when less would do, and one for every other error. `is_off` marks the actions that switch off.
+    pub fn usual(is_off: &[bool]) -> Self {
+        let answer = |truth: usize, answer: usize| match answer.checked_sub(1) {
+            Some(action) if is_off[action] && truth == 0 => 10.0,
+            Some(action) if is_off[action] => 3.0,
+            _ => 1.0,
+        };
+        let all = 0..=is_off.len();
+        let row = |truth: usize| all.clone().map(|a| answer(truth, a)).collect();
+        let other = |off: &bool| if *off { 1000.0 } else { 1.0 };
+        Costs {
+            same_actuator: all.clone().map(row).collect(),
+            other_actuator: is_off.iter().map(other).collect(),
+        }
+    }
+
+    pub(super) fn check(&self, actions: usize) -> Result<(), Error> {
+        same_length("costs of truths", actions + 1, self.same_actuator.len())?;
+        same_length("costs of another actuator", actions, self.other_actuator.len())?;
+        for row in &self.same_actuator {
+            same_length("costs of answers", actions + 1, row.len())?;
+        }
+        let all = self.same_actuator.iter().flatten().chain(&self.other_actuator);
+        let wrong = all.copied().find(|cost| !(*cost >= 0.0 && cost.is_finite()));
+        require(wrong.is_none(), "costs", wrong.unwrap_or(0.0), "0 or more")
+    }
+}
+
+/// The allowances of one window length, in nats.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Allowances {
+    /// As [`Tuning::allowance_nats`].
+    pub of_pairs_nats: f64,
+    /// As [`Tuning::health_allowance_nats`].
+    pub health_nats: f64,
+    /// As [`Tuning::off_allowance_nats`].
+    pub off_nats: f64,
+    /// As [`Tuning::other_allowance_nats`].
+    #[serde(default)]
+    pub other_nats: f64,
+}
+
+impl Allowances {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let numbers = [
+            ("of_pairs_nats", self.of_pairs_nats),
+            ("health_nats", self.health_nats),
+            ("off_nats", self.off_nats),
+            ("other_nats", self.other_nats),
+        ];
+        numbers.into_iter().try_for_each(|(name, value)| {
+            require((0.0..=1e6).contains(&value), name, value, "0 to 1,000,000")
+        })
+    }
+}
 
 /// The numbering of the hypotheses: 0 is healthy, then the actions follow actuator by actuator, in the order of
 /// [`crate::hierarchy::Hierarchy::probabilities_into`].
@@ -87,42 +156,35 @@ impl Hypotheses {
 pub(super) struct Limits {
     hypotheses: Hypotheses,
     of_pairs: Vec<f64>,
-    /// `ln π_h` of each hypothesis.
-    shares_nats: Vec<f64>,
-    /// The log odds of a fault in training, nats.
-    faults_nats: f64,
+    /// The allowance of each hypothesis against each other, `a_hg`, row by row.
+    allowances_nats: Vec<f64>,
     /// The limit against health for an error of cost 1.
     pub of_change: f64,
 }
 
 impl Limits {
-    /// `is_off` marks the actions that switch off; `training_shares` has the share π_h of each hypothesis in training.
-    pub fn new(
-        tuning: &Tuning,
-        hypotheses: Hypotheses,
-        is_off: &[bool],
-        window_s: f64,
-        training_shares: &[f64],
-    ) -> Self {
+    /// `is_off` marks the actions that switch off.
+    pub fn new(tuning: &Tuning, hypotheses: Hypotheses, is_off: &[bool], window_s: f64) -> Self {
         let of_change = libm::log(3600.0 / (tuning.false_alarms_per_h * window_s));
         let of_isolation = -libm::log(tuning.wrong_isolation);
         let count = hypotheses.count();
         let limit = |claim: usize, other: usize| {
             let base = if other == 0 { of_change } else { of_isolation };
-            let cost = cost(tuning, hypotheses, is_off, (other, claim));
+            let cost = cost(&tuning.costs, hypotheses, other, claim);
             (base + libm::log(cost.max(LEAST_PROBABILITY))).max(tuning.least_limit_nats)
         };
         let of_pairs = (0..count * count).map(|place| limit(place / count, place % count));
-        // A hypothesis that training did not contain is never likely, so there is nothing to take off.
-        let nats = |share: &f64| if *share > 0.0 { libm::log(*share) } else { 0.0 };
-        let healthy = training_shares[0];
-        let has_both = healthy > 0.0 && healthy < 1.0;
+        let of_change = of_change.max(tuning.least_limit_nats);
+        let allowance = |claim: usize, other: usize| {
+            tuning.allowance_nats + besides(tuning, hypotheses, is_off, (claim, other))
+        };
         Limits {
             hypotheses,
             of_pairs: of_pairs.collect(),
-            shares_nats: training_shares.iter().map(nats).collect(),
-            faults_nats: if has_both { log_odds(1.0 - healthy) } else { 0.0 },
-            of_change: of_change.max(tuning.least_limit_nats),
+            allowances_nats: (0..count * count)
+                .map(|place| allowance(place / count, place % count))
+                .collect(),
+            of_change,
         }
     }
 
@@ -130,21 +192,41 @@ impl Limits {
         let count = self.hypotheses.count();
         &self.of_pairs[claim * count..(claim + 1) * count]
     }
+
+    fn allowances(&self, claim: usize) -> &[f64] {
+        let count = self.hypotheses.count();
+        &self.allowances_nats[claim * count..(claim + 1) * count]
+    }
 }
 
-/// The cost of an answer. Costs are in multiples of an ordinary error.
-fn cost(
+/// The additional allowance of a claim against another hypothesis.
+fn besides(
     tuning: &Tuning,
     hypotheses: Hypotheses,
     is_off: &[bool],
-    (truth, answer): (usize, usize),
+    (claim, other): (usize, usize),
 ) -> f64 {
+    let Some((own, action)) = hypotheses.split(claim) else { return 0.0 };
+    let (of_off, of_other) = match is_off[action] {
+        true => (tuning.off_allowance_nats, tuning.other_allowance_nats),
+        false => (0.0, 0.0),
+    };
+    match hypotheses.split(other) {
+        None => tuning.health_allowance_nats + of_off,
+        Some((actuator, _)) if actuator != own => of_other,
+        Some(_) => 0.0,
+    }
+}
+
+fn cost(costs: &Costs, hypotheses: Hypotheses, truth: usize, answer: usize) -> f64 {
     match (hypotheses.split(truth), hypotheses.split(answer)) {
-        (_, Some((_, action))) if !is_off[action] => 1.0,
-        (None, Some(_)) => tuning.cost_of_healthy_shutdown,
-        (Some((faulty, _)), Some((named, _))) if faulty != named => tuning.cost_of_wrong_shutdown,
-        (Some(_), Some(_)) => tuning.cost_of_needless_shutdown,
-        (_, None) => 1.0,
+        (Some((faulty, _)), Some((named, action))) if faulty != named => {
+            costs.other_actuator[action]
+        }
+        (truth, answer) => {
+            let class = |split: Option<(usize, usize)>| split.map_or(0, |(_, action)| action + 1);
+            costs.same_actuator[class(truth)][class(answer)]
+        }
     }
 }
 
@@ -198,23 +280,22 @@ impl Evidence {
         let (clip, cap) = (tuning.clip_nats, tuning.evidence_cap);
         let count = limits.hypotheses.count();
         let log = |hypothesis: usize| match said {
-            Said::InBand if hypothesis == 0 => tuning.in_band_nats,
-            Said::InBand => 0.0,
-            Said::Probabilities(p, _) => {
-                libm::log(p[hypothesis].max(LEAST_PROBABILITY)) - limits.shares_nats[hypothesis]
+            Said::InBand => {
+                if hypothesis == 0 {
+                    tuning.in_band_nats
+                } else {
+                    0.0
+                }
             }
+            Said::Probabilities(p, _) => libm::log(p[hypothesis].max(LEAST_PROBABILITY)),
         };
-        let add = |statistic: f64, nats: f64, limit: f64| {
-            (statistic + nats.clamp(-clip, clip) * weight).clamp(0.0, cap * limit)
-        };
+        let weigh = |nats: f64| nats.clamp(-clip, clip) * weight;
         for claim in 0..count {
-            let own = log(claim);
+            let (own, row) = (log(claim), limits.row(claim).iter().zip(limits.allowances(claim)));
             let statistics = &mut self.of_pairs[claim * count..(claim + 1) * count];
-            for (other, (statistic, limit)) in
-                statistics.iter_mut().zip(limits.row(claim)).enumerate()
+            for (other, (statistic, (limit, allowed))) in statistics.iter_mut().zip(row).enumerate()
             {
-                let allowed = if other == 0 { tuning.allowance_nats } else { 0.0 };
-                *statistic = add(*statistic, own - log(other) - allowed, *limit);
+                *statistic = add(*statistic, weigh(own - log(other) - allowed), cap * limit);
             }
             if claim > 0 && statistics[0] == 0.0 {
                 statistics.fill(0.0);
@@ -223,11 +304,13 @@ impl Evidence {
         let (change, unknown) = match said {
             Said::InBand => (-tuning.in_band_nats, -tuning.in_band_nats),
             Said::Probabilities(p, novelty) => {
-                (log_odds(1.0 - p[0]) - limits.faults_nats, novelty.nats())
+                let allowed = tuning.health_allowance_nats + tuning.off_allowance_nats;
+                (log_odds(1.0 - p[0]) - allowed, novelty.nats())
             }
         };
-        self.change = add(self.change, change - tuning.allowance_nats, limits.of_change);
-        self.unknown = add(self.unknown, unknown, limits.of_change);
+        let weigh = |nats: f64| weigh(nats - tuning.allowance_nats);
+        self.change = add(self.change, weigh(change), cap * limits.of_change);
+        self.unknown = add(self.unknown, weigh(unknown), cap * limits.of_change);
     }
 
     /// The smallest evidence for a hypothesis against any other, in parts of the limit. It may be raised from 1 on.
@@ -258,6 +341,10 @@ impl Evidence {
         let parts = own.iter().zip(row).enumerate().filter(|(other, _)| counts(*other));
         parts.map(|(_, (statistic, limit))| statistic / limit).fold(f64::MAX, f64::min)
     }
+}
+
+fn add(statistic: f64, nats: f64, most: f64) -> f64 {
+    (statistic + nats).clamp(0.0, most)
 }
 
 /// ln p/(1 − p)
@@ -291,17 +378,26 @@ mod tests {
     }
 
     /// The actions are `c0`, `c1`, …; only the first switches off.
-    const IS_OFF: [bool; 3] = [true, false, false];
+    const IS_OFF: [bool; 8] = [true, false, false, false, false, false, false, false];
 
-    /// Training with as many windows of each hypothesis.
-    const EVEN: [f64; 7] = [1.0 / 7.0; 7];
+    /// Small allowances, and overlapping windows by the root of their new share.
+    fn generic(names: &Names) -> Tuning {
+        Tuning {
+            allowance_nats: 0.5,
+            health_allowance_nats: 0.0,
+            off_allowance_nats: 0.0,
+            other_allowance_nats: 0.0,
+            overlap_exponent: 0.5,
+            ..Tuning::usual(names, &["c0"])
+        }
+    }
 
     fn setup() -> (Tuning, Hypotheses, Limits) {
         let names = names();
-        let tuning = Tuning { allowance_nats: 0.5, ..Tuning::usual(&names, &["c0"]) };
+        let tuning = generic(&names);
         tuning.check(&names).unwrap();
         let hypotheses = Hypotheses::of(&names);
-        let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5, &EVEN);
+        let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
         (tuning, hypotheses, limits)
     }
 
@@ -377,8 +473,8 @@ mod tests {
     fn what_is_a_little_likelier_than_health_is_raised_unless_it_is_allowed_for() {
         let (usual, hypotheses, _) = setup();
         let windows_to_raise = |allowance: f64, share: f64| {
-            let tuning = Tuning { allowance_nats: allowance, ..usual.clone() };
-            let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5, &EVEN);
+            let tuning = Tuning { health_allowance_nats: allowance, ..usual.clone() };
+            let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
             let mut evidence = Evidence::new(hypotheses);
             let mut said = sure_of(2, share);
             (said[0], said[1]) = (0.9 * (1.0 - share), 0.1 * (1.0 - share));
@@ -394,39 +490,51 @@ mod tests {
         assert!(before < after && after.unwrap() <= 2 * before.unwrap(), "{before:?} {after:?}");
     }
 
-    /// Ten times as many windows of one action in training make it ten times as probable in a window that says nothing.
     #[test]
-    fn the_mix_of_training_is_no_evidence() {
-        let (tuning, hypotheses, even) = setup();
-        let tuning = Tuning { allowance_nats: 0.0, ..tuning };
-        let mut shares = [1.0 / 16.0; 7];
-        shares[2] = 10.0 / 16.0;
-        let mixed = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5, &shares);
-        let gathered = |limits: &Limits| {
-            let mut evidence = Evidence::new(hypotheses);
-            for _ in 0..100 {
-                evidence.take(Said::Probabilities(&shares, KNOWN), 1.0, &tuning, limits);
+    fn what_switches_off_pays_more_against_health() {
+        let (usual, hypotheses, _) = setup();
+        let tuning =
+            Tuning { health_allowance_nats: 1.0, off_allowance_nats: 6.0, ..usual.clone() };
+        let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
+        let mut evidence = Evidence::new(hypotheses);
+        for _ in 0..1000 {
+            for claim in [1, 2] {
+                let mut said = sure_of(claim, 0.99);
+                (said[0], said[3 - claim]) = (0.01, 1e-9);
+                evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
             }
-            evidence
-        };
-        assert!(gathered(&even).margin(2, &even) >= 1.0);
-        let fair = gathered(&mixed);
-        assert!(fair.margin(2, &mixed) < 1e-9 && fair.of_change(&mixed) < 1e-9);
+        }
+        // Both are equally likely, four and a half nats above health.
+        assert_eq!(evidence.of_pairs[hypotheses.count()], 0.0);
+        let mut evidence = Evidence::new(hypotheses);
+        for _ in 0..1000 {
+            let mut said = sure_of(2, 0.99);
+            said[0] = 0.01;
+            evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+        }
+        assert!(evidence.of_pairs[2 * hypotheses.count()] > 0.0);
     }
 
-    /// What says nothing about health or fault leaves the order of the faults as it is.
+    /// A hundred windows, each of which favors actuator 1 over 0 by about 1.4 nats.
     #[test]
-    fn the_allowance_counts_against_health_alone() {
-        let (usual, hypotheses, limits) = setup();
-        let tuning = Tuning { allowance_nats: 100.0, ..usual };
-        let mut evidence = Evidence::new(hypotheses);
-        let count = hypotheses.count();
-        // Evidence against similar hypotheses counts only while there is some against health.
-        evidence.of_pairs[2 * count] = limits.row(2)[0];
-        evidence.take(Said::Probabilities(&sure_of(2, 0.99), KNOWN), 1.0, &tuning, &limits);
-        assert!(evidence.of_pairs[2 * count] < limits.row(2)[0]);
-        let against_others = &evidence.of_pairs[2 * count + 3..3 * count];
-        assert!(against_others.iter().all(|nats| *nats > 6.0), "{against_others:?}");
+    fn what_is_hardly_told_from_another_actuator_never_switches_off() {
+        let (usual, hypotheses, _) = setup();
+        let most = |other_allowance_nats: f64, claim: usize| {
+            let tuning = Tuning { other_allowance_nats, ..usual.clone() };
+            let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
+            let mut evidence = Evidence::new(hypotheses);
+            let mut said = vec![1e-6; 7];
+            let rival = hypotheses.place(0, hypotheses.split(claim).unwrap().1);
+            (said[claim], said[rival]) = (0.8, 0.2);
+            let margins = (0..100).map(|_| {
+                evidence.take(Said::Probabilities(&said, KNOWN), 1.0, &tuning, &limits);
+                evidence.margin(claim, &limits)
+            });
+            margins.fold(0.0, f64::max)
+        };
+        let (off, other) = (hypotheses.place(1, 0), hypotheses.place(1, 1));
+        assert!(most(0.0, off) >= 1.0 && most(1.5, off) == 0.0);
+        assert!(most(1.5, other) >= 1.0, "what does not switch off is raised as before");
     }
 
     #[test]

@@ -24,7 +24,7 @@ use crate::sliding::Span;
 mod alarm;
 mod boundary;
 mod common_mode;
-mod decision;
+pub mod decision;
 pub mod environment;
 pub mod novelty;
 mod outcome;
@@ -44,7 +44,7 @@ pub use session::{Session, State};
 pub use tuning::Tuning;
 
 /// The format name at the start of a stored diagnoser.
-pub const FORMAT: &str = "servotwin diagnoser 2";
+pub const FORMAT: &str = "servotwin diagnoser 1";
 
 /// Upper limit of the counts of a stored session.
 const LARGEST_COUNT: u64 = 1 << 53;
@@ -71,7 +71,7 @@ pub struct Sensor {
     pub follows: Vec<(u32, f64)>,
 }
 
-/// Bands and models for windows of one length.
+/// Bands, models and allowances for windows of one length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Length {
@@ -81,9 +81,9 @@ pub struct Length {
     pub panel: Panel,
     /// The ranges of the training data, by class.
     pub novelty: Novelty,
-    /// Whether the windows are of baseline-corrected residuals.
-    #[serde(default, rename = "relative", skip_serializing_if = "core::ops::Not::not")]
-    pub is_baseline_corrected: bool,
+    /// The allowances of windows of baseline-corrected residuals; `None` for uncorrected residuals.
+    #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
+    pub baseline_corrected: Option<decision::Allowances>,
 }
 
 /// Sensors, windows, bands, features, trees and the decision: enough to diagnose with.
@@ -110,6 +110,7 @@ pub struct Diagnoser {
     #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
     pub conditional_band: Option<ConditionalBand>,
     /// All constants.
+    #[serde(rename = "decision")]
     pub tuning: Tuning,
     /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -213,7 +214,7 @@ impl Diagnoser {
         }
         self.tuning.check(self.names())?;
         self.scatter.iter().try_for_each(Scatter::check)?;
-        let is_plain = !self.lengths[0].is_baseline_corrected;
+        let is_plain = self.lengths[0].baseline_corrected.is_none();
         holds(is_plain, "the first window length is not of residuals as they are")?;
         streams::Streams::new(self).map(drop)?;
         self.lengths
@@ -240,8 +241,9 @@ impl Diagnoser {
     }
 
     fn check_length(&self, length: &Length) -> Result<(), Error> {
-        let Length { panel, novelty, .. } = length;
+        let Length { panel, novelty, baseline_corrected, .. } = length;
         panel.check()?;
+        baseline_corrected.iter().try_for_each(decision::Allowances::check)?;
         let of = |names: &Names| [&names.actuators, &names.actions, &names.details].map(Vec::clone);
         let names = &panel.trees.names;
         holds(of(names) == of(self.names()), "window lengths have other names")?;

@@ -13,6 +13,7 @@ use super::environment::{self, Guard, Invalid, Why};
 use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
 use super::sensor_health::{Patience, SensorHealth};
 use super::streams::{Sample, StoredBaselineCorrected, Streams};
+use super::tuning::Tuning;
 use super::window_classifier::{self, WindowClassifier};
 use super::{Boundary, Diagnoser, LARGEST_COUNT, Length};
 use crate::conditional_band::{self, Here};
@@ -79,6 +80,8 @@ pub struct Session {
     patience: Patience,
     hypotheses: Hypotheses,
     classifiers: Vec<WindowClassifier>,
+    /// The constants for each length, with its allowances.
+    tunings: Vec<Tuning>,
     /// The limits of the evidence for each length.
     limits: Vec<Limits>,
     guard: Guard,
@@ -136,6 +139,7 @@ impl Session {
             patience: patience(&diagnoser),
             hypotheses,
             classifiers,
+            tunings: diagnoser.lengths.iter().map(|length| tuning_of(&diagnoser, length)).collect(),
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             streams: Streams::new(&diagnoser)?,
@@ -614,7 +618,7 @@ impl Session {
             let length = &diagnoser.lengths[place];
             let said = classifier.classify(length, window, &self.is_masked, &self.stands_in)?;
             let evidence = &mut self.memory.evidence[place];
-            evidence.take(said, share, &diagnoser.tuning, &self.limits[place]);
+            evidence.take(said, share, &self.tunings[place], &self.limits[place]);
             self.memory.has_judged = true;
         }
         self.update_doubts(diagnoser);
@@ -865,12 +869,20 @@ fn patience(diagnoser: &Diagnoser) -> Patience {
     Patience { until_lost: samples(tuning.no_data_after_s), until_back: samples(tuning.settle_s) }
 }
 
+/// The constants for a length: baseline-corrected windows have allowances of their own.
+fn tuning_of(diagnoser: &Diagnoser, length: &Length) -> Tuning {
+    match &length.baseline_corrected {
+        Some(allowances) => diagnoser.tuning.allowing(allowances),
+        None => diagnoser.tuning.clone(),
+    }
+}
+
 fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
-    let (names, tuning) = (diagnoser.names(), &diagnoser.tuning);
+    let names = diagnoser.names();
+    let is_off = diagnoser.tuning.switches_off(names);
     let window_s = samples as f64 * diagnoser.period_s;
-    let shares = length.panel.committee.training_shares();
-    Limits::new(tuning, Hypotheses::of(names), &tuning.switches_off(names), window_s, &shares)
+    Limits::new(&tuning_of(diagnoser, length), Hypotheses::of(names), &is_off, window_s)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve uniform ones.

@@ -60,7 +60,7 @@ impl Streams {
         let spans = |is_baseline_corrected: bool| -> Vec<Span> {
             let lengths = diagnoser.lengths.iter();
             lengths
-                .filter(|l| l.is_baseline_corrected == is_baseline_corrected)
+                .filter(|l| l.baseline_corrected.is_some() == is_baseline_corrected)
                 .map(|l| l.span)
                 .collect()
         };
@@ -80,7 +80,7 @@ impl Streams {
         };
         let mut counts = [0; 2];
         let place = |length: &super::Length| {
-            let is_baseline_corrected = length.is_baseline_corrected;
+            let is_baseline_corrected = length.baseline_corrected.is_some();
             let count = &mut counts[usize::from(is_baseline_corrected)];
             *count += 1;
             (is_baseline_corrected, *count - 1)

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use Origin::{Physical, Statistical};
 
+use super::decision::{Allowances, Costs};
 use crate::error::{Error, require};
 use crate::hierarchy::Names;
 
@@ -51,6 +52,8 @@ pub struct Constant {
     pub value: f64,
     /// Its usual value, which the origin explains.
     pub usual: f64,
+    /// Whether the value is usual; some constants have two usual values.
+    pub is_usual: bool,
     /// The unit; empty for a number or a share.
     pub unit: &'static str,
     /// Where the usual value comes from.
@@ -64,14 +67,15 @@ pub struct Constant {
 impl Constant {
     /// The label of the origin, or that the value is not the usual one.
     pub fn label(&self) -> String {
-        if self.value == self.usual { self.origin.label() } else { "set by hand".into() }
+        if self.is_usual { self.origin.label() } else { "not the usual value".into() }
     }
 }
 
 macro_rules! tuning {
     ($(
         $(#[$attribute:meta])*
-        $name:ident: $kind:ty = $usual:literal in $least:literal..=$largest:literal, $unit:literal,
+        $name:ident: $kind:ty = $usual:literal $(or $other:literal)? in $least:literal..=$largest:literal,
+            $unit:literal,
             $origin:expr, $source:literal, $($meaning:literal)+;
     )*) => {
         /// Every constant of a diagnosis. The module describes it.
@@ -83,6 +87,8 @@ macro_rules! tuning {
             pub off_actions: Vec<String>,
             /// Minimum number of actuators that stay on. Usually one of several, and none for a single actuator.
             pub least_on: u32,
+            /// What errors cost.
+            pub costs: Costs,
             $(
                 #[doc = concat!($($meaning,)+)]
                 $(#[$attribute])*
@@ -93,19 +99,25 @@ macro_rules! tuning {
         impl Default for Tuning {
             /// The usual constants, without an action that switches off.
             fn default() -> Self {
-                Tuning { off_actions: Vec::new(), least_on: 0, $($name: $usual,)* }
+                Tuning {
+                    off_actions: Vec::new(),
+                    least_on: 0,
+                    costs: Costs::default(),
+                    $($name: $usual,)*
+                }
             }
         }
 
         impl Tuning {
-            /// All constants, in the order of their declaration.
-            pub fn constants(&self) -> Vec<Constant> {
+            /// The declared constants, in order.
+            fn declared(&self) -> Vec<Constant> {
                 let usual = Tuning::default();
                 alloc::vec![$(
                     Constant {
                         name: stringify!($name),
                         value: f64::from(self.$name),
                         usual: f64::from(usual.$name),
+                        is_usual: self.$name == usual.$name $(|| self.$name == $other)?,
                         unit: $unit,
                         origin: $origin,
                         meaning: concat!($($meaning,)+),
@@ -141,22 +153,23 @@ tuning! {
         Statistical, "decisions/071-matrix-cusum.md",
         "Probability that a fault raises the wrong action, for an error of cost 1: a target, from which the limits between \
          actions follow.";
-    cost_of_healthy_shutdown: f64 = 10.0 in 0.0..=1e12, "",
-        Statistical, "decisions/138-one-allowance.md",
-        "Cost of shutting an actuator down while nothing has a fault, in false alarms of another action.";
-    cost_of_needless_shutdown: f64 = 3.0 in 0.0..=1e12, "",
-        Statistical, "decisions/138-one-allowance.md",
-        "Cost of shutting an actuator down while a milder action would do, in wrong actions of cost 1.";
-    cost_of_wrong_shutdown: f64 = 1000.0 in 0.0..=1e12, "",
-        Statistical, "decisions/138-one-allowance.md",
-        "Cost of shutting a healthy actuator down while another one has a fault, in wrong actions of cost 1.";
-    allowance_nats: f64 = 3.0 in 0.0..=1e6, "nats",
-        tuned(41), "lab/2026-11-one-allowance.md",
-        "Subtracted from the evidence of every window against health: as much as a healthy specimen may permanently look \
-         like a fault.";
-    overlap_exponent: f64 = 0.5 in 0.0..=1.0, "",
-        Statistical, "decisions/071-matrix-cusum.md",
-        "Exponent of a window's new share: its root lies between counting every sample once and every window in full.";
+    allowance_nats: f64 = 0.2 in 0.0..=1e6, "nats",
+        tuned(9), "lab/2026-11-committee-size.md",
+        "Subtracted from the evidence of every window for any hypothesis against any other.";
+    health_allowance_nats: f64 = 3.0 or 0.5 in 0.0..=1e6, "nats",
+        tuned(7), "lab/2026-11-evidence-allowance.md",
+        "Subtracted besides against health, as much as a healthy specimen may permanently look like a fault; 0.5 beside \
+         perfect specimens.";
+    off_allowance_nats: f64 = 2.0 or 0.0 in 0.0..=1e6, "nats",
+        tuned(9), "lab/2026-11-committee-size.md",
+        "Subtracted besides against health for an action that switches off; 0 beside perfect specimens.";
+    other_allowance_nats: f64 = 1.5 in 0.0..=1e6, "nats",
+        tuned(9), "lab/2026-11-committee-size.md",
+        "Subtracted besides against another actuator for an action that switches off: nearly uncertain windows are no \
+         knowledge, however many.";
+    overlap_exponent: f64 = 0.0 in 0.0..=1e6, "",
+        tuned(7), "lab/2026-11-evidence-allowance.md",
+        "Exponent of a window's new share: with 0 every window counts in full, with 1 every sample once.";
     clip_nats: f64 = 8.0 in 1e-3..=100.0, "nats",
         Statistical, "decisions/071-matrix-cusum.md",
         "The largest evidence of one window, odds of 3,000 to 1: no single window decides.";
@@ -221,13 +234,37 @@ tuning! {
         "The share of known windows that count as known; the others look like nothing in training.";
 }
 
+/// The cost of shutting the healthy actuator down while another one has a fault.
+pub const WRONG_ACTUATOR_COST: f64 = 1e9;
+
+/// The cost of any false alarm that does not shut down, where specimens differ by their tolerances.
+pub const WITH_TOLERANCES_COST: f64 = 3e8;
+
+/// Allowances of baseline-corrected windows, nats.
+pub const BASELINE_CORRECTED: Allowances =
+    Allowances { of_pairs_nats: 0.0, health_nats: 0.0, off_nats: 2.0, other_nats: 1.5 };
+
 impl Tuning {
     /// The usual constants for these names; `off_actions` switch an actuator off.
     pub fn usual(names: &Names, off_actions: &[&str]) -> Self {
+        let is_off: Vec<bool> =
+            names.actions.iter().map(|action| off_actions.contains(&action.as_str())).collect();
         Tuning {
             off_actions: off_actions.iter().map(|&action| action.into()).collect(),
             least_on: usual_least_on(names.actuators.len()),
+            costs: Costs::usual(&is_off),
             ..Tuning::default()
+        }
+    }
+
+    /// These constants with other allowances.
+    pub fn allowing(&self, allowances: &Allowances) -> Self {
+        Tuning {
+            allowance_nats: allowances.of_pairs_nats,
+            health_allowance_nats: allowances.health_nats,
+            off_allowance_nats: allowances.off_nats,
+            other_allowance_nats: allowances.other_nats,
+            ..self.clone()
         }
     }
 
@@ -236,18 +273,124 @@ impl Tuning {
         names.actions.iter().map(|action| self.off_actions.contains(action)).collect()
     }
 
+    /// All constants: the declared ones, the costs, and the allowances of baseline-corrected windows, if there are such.
+    /// Costs are those of a diagnoser with an action that switches off and another one.
+    pub fn constants(&self, baseline_corrected: Option<&Allowances>) -> Vec<Constant> {
+        let mut all = self.declared();
+        all.extend(self.costs.constants());
+        all.extend(baseline_corrected.into_iter().flat_map(Allowances::constants));
+        all
+    }
+
     /// Checks ranges and names.
     ///
     /// # Errors
     /// [`Error::SettingOutOfRange`], [`Error::CorruptModel`].
     pub fn check(&self, names: &Names) -> Result<(), Error> {
         self.check_ranges()?;
+        self.costs.check(names.actions.len())?;
         let actuators = names.actuators.len() as u32;
         let kept = f64::from(self.least_on);
         require(self.least_on <= actuators, "least_on", kept, "at most the number of actuators")?;
         let known = self.off_actions.iter().all(|action| names.actions.contains(action));
         let broken = "a command that switches off is none of the commands";
         if known { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+    }
+}
+
+impl Costs {
+    /// The different costs as constants. The largest of each kind stands for it.
+    fn constants(&self) -> Vec<Constant> {
+        const SOURCE: &str = "decisions/138-constants-in-one-place.md";
+        let most = |costs: &[f64]| costs.iter().copied().fold(0.0, f64::max);
+        let [healthy, faulty @ ..] = &self.same_actuator[..] else { return Vec::new() };
+        let of = |name, value: f64, usual: [f64; 2], origin, meaning| Constant {
+            name,
+            value,
+            usual: usual[0],
+            is_usual: usual.contains(&value),
+            unit: "",
+            origin,
+            meaning,
+            source: SOURCE,
+        };
+        let least = healthy.iter().skip(1).copied().fold(f64::INFINITY, f64::min);
+        let needless = faulty.iter().map(|row| most(row)).fold(0.0, f64::max);
+        alloc::vec![
+            of(
+                "cost_of_healthy_shutdown",
+                if least < 10.0 { most(healthy) } else { least },
+                [10.0, 1.0],
+                Statistical,
+                "Cost of shutting an actuator down while nothing has a fault, in ordinary errors.",
+            ),
+            of(
+                "cost_of_false_alarm",
+                if least < 10.0 { least } else { most(healthy) },
+                [WITH_TOLERANCES_COST, 1.0],
+                Origin::Tuned { seed: 7 },
+                "Cost of another false alarm: with tolerances no cost proper, but the limit for windows that count in \
+                 full; 1 beside perfect specimens.",
+            ),
+            of(
+                "cost_of_needless_shutdown",
+                needless,
+                [3.0, 1.0],
+                Statistical,
+                "Cost of shutting an actuator down while a milder action would do, in ordinary errors.",
+            ),
+            of(
+                "cost_of_wrong_shutdown",
+                most(&self.other_actuator),
+                [WRONG_ACTUATOR_COST, 1.0],
+                Origin::Tuned { seed: 7 },
+                "Cost of shutting a healthy actuator down while another one has a fault: 1,000, and a million more \
+                 because every window counts in full.",
+            ),
+        ]
+    }
+}
+
+impl Allowances {
+    /// The allowances as constants of baseline-corrected windows.
+    fn constants(&self) -> Vec<Constant> {
+        let of = |name, value, usual, meaning| Constant {
+            name,
+            value,
+            usual,
+            is_usual: value == usual,
+            unit: "nats",
+            origin: Origin::Tuned { seed: 9 },
+            meaning,
+            source: "lab/2026-11-committee-size.md",
+        };
+        let usual = BASELINE_CORRECTED;
+        alloc::vec![
+            of(
+                "corrected_allowance_nats",
+                self.of_pairs_nats,
+                usual.of_pairs_nats,
+                "In baseline-corrected windows, in place of the allowance of every pair.",
+            ),
+            of(
+                "corrected_health_allowance_nats",
+                self.health_nats,
+                usual.health_nats,
+                "In baseline-corrected windows, in place of the allowance against health.",
+            ),
+            of(
+                "corrected_off_allowance_nats",
+                self.off_nats,
+                usual.off_nats,
+                "In baseline-corrected windows, in place of that for an action that switches off.",
+            ),
+            of(
+                "corrected_other_allowance_nats",
+                self.other_nats,
+                usual.other_nats,
+                "In baseline-corrected windows, in place of that against another actuator.",
+            ),
+        ]
     }
 }
 
@@ -282,7 +425,7 @@ mod tests {
             Tuning { wrong_isolation: f64::NAN, ..good.clone() },
             Tuning { pending_share: 1.0, ..good.clone() },
             Tuning { recover_s: -1.0, ..good.clone() },
-            Tuning { cost_of_wrong_shutdown: f64::INFINITY, ..good.clone() },
+            Tuning { costs: Costs::usual(&[true]), ..good.clone() },
             Tuning { panes: 0, ..good.clone() },
             Tuning { least_on: 3, ..good.clone() },
             Tuning { off_actions: vec!["c9".into()], ..good.clone() },
@@ -294,16 +437,21 @@ mod tests {
 
     #[test]
     fn every_constant_has_a_range_a_sentence_and_a_source() {
-        let constants = Tuning::default().constants();
+        let usual = Tuning::usual(&names(), &["c0"]);
+        let constants = usual.constants(Some(&BASELINE_CORRECTED));
+        assert_eq!(constants.len(), usual.declared().len() + 8);
         for constant in &constants {
             let Constant { name, meaning, source, .. } = constant;
             assert!(meaning.ends_with('.') && !meaning.contains("  "), "{name}: {meaning}");
             assert!(source.ends_with(".md"), "{name}: {source}");
-            assert_eq!(constant.label(), constant.origin.label());
+            let is_cost = name.starts_with("cost_");
+            assert!(is_cost || constant.label() == constant.origin.label(), "{name}");
         }
-        let by_hand = Tuning { clip_nats: 7.0, ..Tuning::default() }.constants();
+        let by_hand = Tuning { clip_nats: 7.0, ..Tuning::default() };
         let changed: Vec<&str> =
-            by_hand.iter().filter(|c| c.label() == "set by hand").map(|c| c.name).collect();
+            by_hand.declared().iter().filter(|c| !c.is_usual).map(|c| c.name).collect();
         assert_eq!(changed, ["clip_nats"]);
+        let perfect = Tuning { health_allowance_nats: 0.5, ..Tuning::default() };
+        assert!(perfect.declared().iter().all(|c| c.is_usual));
     }
 }

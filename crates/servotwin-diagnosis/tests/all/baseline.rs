@@ -2,6 +2,7 @@
 
 use crate::toy::{self, Fault, Flight, Kind};
 use servotwin_diagnosis::baseline::Settings;
+use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
 use std::sync::Arc;
 
@@ -125,7 +126,9 @@ fn a_reference_and_the_windows_beyond_it_need_each_other() {
         |d| d.baseline = None,
         |d| d.lengths.truncate(2),
         |d| d.lengths.rotate_right(1),
-        |d| d.lengths[0].is_baseline_corrected = true,
+        |d| {
+            d.lengths[2].baseline_corrected = Some(Allowances { off_nats: -1.0, ..toy::ALLOWANCES })
+        },
         |d| d.baseline = Some(Settings { settle_samples: 0, memory_samples: 10 }),
     ];
     for (place, wrong) in breaks.iter().enumerate() {

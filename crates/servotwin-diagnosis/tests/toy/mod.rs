@@ -3,7 +3,9 @@
 
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Environment, FORMAT, Length, Sensor, Tuning};
+use servotwin_diagnosis::diagnoser::{
+    Diagnoser, Environment, FORMAT, Length, Sensor, Tuning, decision,
+};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{self, Panel, SensorBand};
@@ -236,7 +238,7 @@ fn learn(span: Span, lessons: &Lessons, actuators: usize) -> Length {
     };
     let novelty =
         servotwin_learning::novelty::learn(&examples, &rows, lessons.groups(), 0.999).unwrap();
-    Length { span, panel, novelty, is_baseline_corrected: false }
+    Length { span, panel, novelty, baseline_corrected: None }
 }
 
 /// A trained diagnoser; trained once for each test binary.
@@ -247,11 +249,14 @@ pub fn diagnoser() -> Arc<Diagnoser> {
 
 pub const BASELINE: baseline::Settings =
     baseline::Settings { settle_samples: 205, memory_samples: 2000 };
+pub const ALLOWANCES: decision::Allowances =
+    decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0, other_nats: 0.0 };
 
 /// The trained diagnoser, of short windows beyond a reference too: the third length.
 pub fn with_baseline() -> Diagnoser {
     let mut diagnoser = (*diagnoser()).clone();
-    diagnoser.lengths.push(Length { is_baseline_corrected: true, ..diagnoser.lengths[0].clone() });
+    let baseline_corrected = Some(ALLOWANCES);
+    diagnoser.lengths.push(Length { baseline_corrected, ..diagnoser.lengths[0].clone() });
     diagnoser.baseline = Some(BASELINE);
     diagnoser
 }
@@ -268,7 +273,14 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         baseline: None,
         conditional_band: None,
         scatter: None,
-        tuning: Tuning { allowance_nats: 0.5, ..Tuning::usual(&names(actuators), &["shut_down"]) },
+        tuning: Tuning {
+            allowance_nats: ALLOWANCES.of_pairs_nats,
+            health_allowance_nats: ALLOWANCES.health_nats,
+            off_allowance_nats: ALLOWANCES.off_nats,
+            other_allowance_nats: ALLOWANCES.other_nats,
+            overlap_exponent: 0.5,
+            ..Tuning::usual(&names(actuators), &["shut_down"])
+        },
     };
     let lessons = lessons::<S>(&diagnoser, actuators);
     let pairs = SPANS.iter().zip(&lessons);

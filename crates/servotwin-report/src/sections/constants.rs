@@ -4,7 +4,6 @@ use crate::page::{Grid, Page, Side};
 use crate::words::number;
 use crate::{Material, Section};
 use servotwin::study::Setting;
-use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 
 /// The section. The module describes it.
@@ -20,9 +19,9 @@ impl Section for Constants {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        for (settings, constants) in grouped(material.tunings) {
+        for (settings, constants) in grouped(material.constants) {
             let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
-            page.table(&grid(&constants), &format!(
+            page.table(&grid(constants), &format!(
                 "The constants of the diagnoser, setting {}. Physical: from what actuators, sensors and computers \
                  are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
                  in flights of a seed that no evaluation uses.",
@@ -33,11 +32,10 @@ impl Section for Constants {
 }
 
 /// The settings whose diagnosers have the same constants, with these.
-fn grouped(tunings: &[(Setting, Tuning)]) -> Vec<(Vec<Setting>, Vec<Constant>)> {
-    let mut groups: Vec<(Vec<Setting>, Vec<Constant>)> = vec![];
-    for (setting, tuning) in tunings {
-        let constants = tuning.constants();
-        match groups.iter_mut().find(|(_, known)| *known == constants) {
+fn grouped(all: &[(Setting, Vec<Constant>)]) -> Vec<(Vec<Setting>, &[Constant])> {
+    let mut groups: Vec<(Vec<Setting>, &[Constant])> = vec![];
+    for (setting, constants) in all {
+        match groups.iter_mut().find(|(_, known)| known == constants) {
             Some((settings, _)) => settings.push(*setting),
             None => groups.push((vec![*setting], constants)),
         }

@@ -4,7 +4,7 @@
 //! Both come from rows that were left out of training, whole commands at a time. They give the temperature of every
 //! stage (`servotwin_learning::calibration`), and the threshold that the least certain answers do not reach.
 
-use super::data_set::{DataSet, Row};
+use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{self, Outcome, settled};
 use crate::parallel::{self, Workers};
@@ -87,6 +87,36 @@ pub fn train(
     confidences.sort_by(f64::total_cmp);
     let place = (WITHHELD * confidences.len() as f64) as usize;
     Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
+}
+
+/// The share of all rows whose evidence is below [`evidence_quantile`].
+const LESS_SURE: f64 = 0.6;
+
+/// The evidence against health, in nats, that two of five fault rows exceed. It is a quantile of `ln((1 − p)/p)` over
+/// the training faults, where p is the probability of health.
+///
+/// # Errors
+/// [`EvaluationError::NothingDetectable`] without training faults.
+pub fn evidence_quantile(
+    data: &DataSet,
+    hierarchy: &Hierarchy,
+    lessons: TrainingFilter,
+) -> Result<f64, EvaluationError> {
+    let rows = data.learnt_from(lessons)?;
+    let mut scratch = hierarchy.scratch();
+    let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
+    let names = &hierarchy.names;
+    let mut shares = vec![0.0; 1 + names.actuators.len() * names.actions.len()];
+    let mut nats = vec![];
+    for &row in rows.iter().filter(|&&row| !data.rows[row].is_healthy) {
+        for (view, values) in views.iter_mut().enumerate() {
+            data.examples.row_into(view, row, values);
+        }
+        hierarchy.probabilities_into(&views, &mut scratch, &mut shares)?;
+        nats.push(((1.0 - shares[0]) / shares[0].max(f64::MIN_POSITIVE)).ln());
+    }
+    nats.sort_by(f64::total_cmp);
+    Ok(nats[(nats.len() as f64 * LESS_SURE) as usize])
 }
 
 /// Scores and true classes of the rows that each stage decides.

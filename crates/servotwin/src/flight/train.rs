@@ -8,8 +8,13 @@ use crate::evaluation::{
 use crate::parallel::{self, Workers};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
+use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
+use servotwin_diagnosis::diagnoser::tuning::{
+    BASELINE_CORRECTED, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
+};
 use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, Tuning};
+use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_learning::classifiers::{self, boosted_trees};
 use servotwin_learning::hierarchy::Settings as Training;
@@ -28,6 +33,14 @@ const TREES_EVERY: usize = 10;
 /// information than 60 trees of depth 4, which suffice for records, can represent. The learning rate is then also
 /// slightly higher.
 const LEARNING_RATE: f64 = 0.2;
+
+/// The evidence that must remain, of that which two of five fault windows exceed. A diagnosis trained on few flights is
+/// less certain, and would otherwise raise nothing. With the full number of flights this evidence is at least 9.4 nats,
+/// so the whole allowance applies.
+const LEFT_NATS: f64 = 2.0;
+
+/// The same against health with a fitted twin; without any allowance, the evidence reached at most 0.02 of its limit.
+const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
@@ -68,9 +81,20 @@ pub fn diagnoser(
         flights,
         median_excess,
     });
-    let of = |(kind, learned): (&Kind, LearnedLength)| Length {
-        is_baseline_corrected: kind.is_baseline_corrected,
-        ..learned.length
+    let evidence_quantile = |is_baseline_corrected: bool| {
+        let of = kinds
+            .iter()
+            .zip(&lengths)
+            .filter(|(kind, _)| kind.is_baseline_corrected == is_baseline_corrected);
+        of.map(|(_, learned)| learned.evidence_quantile).fold(f64::INFINITY, f64::min)
+    };
+    let (evidence_quantile, baseline_corrected_quantile) =
+        (evidence_quantile(false), evidence_quantile(true));
+    let of = |(kind, LearnedLength { length, .. }): (&Kind, LearnedLength)| Length {
+        baseline_corrected: kind
+            .is_baseline_corrected
+            .then(|| baseline_corrected_allowances(baseline_corrected_quantile)),
+        ..length
     };
     let lengths: Vec<Length> = kinds.iter().zip(lengths).map(of).collect();
     let names = &lengths[0].panel.trees.names;
@@ -82,7 +106,10 @@ pub fn diagnoser(
         sensors: sensors(study),
         boundaries: vec![],
         environment: environment(study, flights),
-        tuning: Tuning { least_on: study.least_on(), ..Tuning::usual(names, &off) },
+        tuning: Tuning {
+            least_on: study.least_on(),
+            ..tuning(setting, names, &off, evidence_quantile)
+        },
         lengths,
         baseline: windows::baseline(flights, setting, study.sample_period_s),
         conditional_band: None,
@@ -92,9 +119,51 @@ pub fn diagnoser(
     Ok(diagnoser)
 }
 
+/// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
+/// covers the repeated effect of tolerances.
+fn tuning(
+    setting: Setting,
+    names: &Names,
+    off_commands: &[&str],
+    evidence_quantile: f64,
+) -> Tuning {
+    let mut settings = Tuning::usual(names, off_commands);
+    let of_off = settings.costs.other_actuator.iter_mut().zip(&names.actions);
+    let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
+    of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
+    let Tuning { health_allowance_nats, off_allowance_nats, .. } = settings;
+    let against_health = (health_allowance_nats, health_allowance_nats + off_allowance_nats);
+    if setting.has_tolerances() {
+        (settings.health_allowance_nats, settings.off_allowance_nats) =
+            allowed(against_health, evidence_quantile);
+        let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.actions);
+        let of_others = of_healthy.filter(|(_, name)| !off_commands.contains(&name.as_str()));
+        of_others.for_each(|(cost, _)| *cost = WITH_TOLERANCES_COST);
+    } else {
+        settings.health_allowance_nats = NOISE_ALLOWANCE_NATS;
+        settings.off_allowance_nats = 0.0;
+    }
+    settings
+}
+
+/// The allowance against health, and the additional one for a command that switches off, limited so that enough
+/// evidence remains.
+fn allowed((of_any, of_off): (f64, f64), evidence_quantile: f64) -> (f64, f64) {
+    let most = (evidence_quantile - LEFT_NATS).max(0.0);
+    (of_any.min(most), of_off.min(most) - of_any.min(most))
+}
+
+fn baseline_corrected_allowances(evidence_quantile: f64) -> Allowances {
+    let Allowances { health_nats, off_nats, .. } = BASELINE_CORRECTED;
+    let (health_nats, off_nats) = allowed((health_nats, health_nats + off_nats), evidence_quantile);
+    Allowances { health_nats, off_nats, ..BASELINE_CORRECTED }
+}
+
 /// What windows of one length teach.
 struct LearnedLength {
     length: Length,
+    /// The evidence that two of five fault windows exceed, in nats.
+    evidence_quantile: f64,
     /// The number of healthy flights, and the largest of their median excesses; `None` for too few.
     widest: Option<(u64, f64)>,
 }
@@ -150,6 +219,8 @@ fn length(
     let committee = committee::train(&data.for_committee()?, &settings.committee, &known, workers)?;
     let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
+    let evidence_quantile =
+        committee::evidence_quantile(&data, &committee.hierarchy, settings.committee_lessons)?;
     let length = Length {
         span: windows::span(kind.window_s, study.sample_period_s),
         novelty: novelty::learn(&data.examples, &known, &groups, Tuning::default().known_share)?,
@@ -160,9 +231,9 @@ fn length(
             committee: committee.hierarchy,
             ..Panel::default()
         },
-        is_baseline_corrected: false,
+        baseline_corrected: None,
     };
-    Ok(LearnedLength { length, widest })
+    Ok(LearnedLength { length, evidence_quantile, widest })
 }
 
 fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {

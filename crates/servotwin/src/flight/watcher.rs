@@ -232,9 +232,9 @@ impl<'s> Watcher<'s> {
         if let (Some(sensor), Some(length)) = (outcome.worst_sensor, outcome.length) {
             let window_s = self.window_s(length as usize);
             let sensor = &self.diagnoser.sensors[sensor as usize].name;
-            let corrected = match self.diagnoser.lengths[length as usize].is_baseline_corrected {
-                true => ", beyond what it was in health",
-                false => "",
+            let corrected = match self.diagnoser.lengths[length as usize].baseline_corrected {
+                Some(_) => ", beyond what it was in health",
+                None => "",
             };
             evidence.push(format!(
                 "{sensor} is {:.1} times its band away from the twin{corrected}, in the last {window_s} s",
