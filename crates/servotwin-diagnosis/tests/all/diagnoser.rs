@@ -593,3 +593,29 @@ fn a_sample_of_other_lengths_is_refused_with_both_numbers_and_not_counted() {
     assert!(session.try_push(&[0.0; 99], &values, &values).is_err());
     assert_eq!(session.try_push(&inputs, &values, &values).unwrap().sample, 0);
 }
+
+/// Constants that a file lacks have the values that were compiled in before they were stored.
+#[test]
+fn a_diagnoser_from_before_all_constants_were_stored_is_read() {
+    let diagnoser = toy::diagnoser();
+    let mut file = serde_json::to_value(&*diagnoser).unwrap();
+    let decision = file["decision"].as_object_mut().unwrap();
+    for name in [
+        "least_limit_nats",
+        "evidence_cap",
+        "most_lost",
+        "fault_needed_nats",
+        "boundary_memory_s",
+        "largest_boundary_error",
+        "baseline_settle_s",
+        "baseline_memory_s",
+        "panes",
+        "input_margin",
+        "known_share",
+    ] {
+        assert!(decision.remove(name).is_some(), "{name}");
+    }
+    assert_eq!(serde_json::from_value::<Diagnoser>(file.clone()).unwrap(), *diagnoser);
+    file["decision"]["clipp_nats"] = 3.0.into();
+    assert!(serde_json::from_value::<Diagnoser>(file).is_err(), "a name that is not known");
+}
