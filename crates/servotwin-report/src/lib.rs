@@ -29,10 +29,12 @@ use page::{Entry, Page};
 use servotwin::campaign::Comparison;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::flights::{FlightResults, SealedResults};
+use servotwin::job::healthy::HealthyRun;
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject};
 use servotwin::study::{Setting, Study};
+use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_plot::Figure;
 use vocabulary::Vocabulary;
@@ -50,6 +52,10 @@ pub struct Material<'a> {
     pub flights: Option<&'a FlightResults>,
     /// The results in sealed environments, if any were opened.
     pub sealed: Option<&'a SealedResults>,
+    /// Healthy flights, each in an environment of its own.
+    pub healthy: &'a [HealthyRun],
+    /// The constants of the stored diagnosers, by scenario.
+    pub constants: &'a [(Setting, Vec<Constant>)],
     /// The learned conditional bands and their figures of merit.
     pub bands: &'a [BandMerit],
     /// True and fitted parameters of the specimens in the fitted setting.
@@ -166,6 +172,7 @@ pub static CHAPTERS: &[Chapter] = &[
             &sections::data_set::DataSet,
             &sections::exclusions::Exclusions,
             &sections::effort::Effort,
+            &sections::constants::Constants,
             &sections::making::Making,
         ],
     },

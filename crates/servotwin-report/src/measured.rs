@@ -5,17 +5,21 @@
 
 use crate::lines::{self, Measure, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{NONE, begun, by_environment, chosen, number, percent, spoken};
+use crate::words::{
+    NONE, begun, by_environment, by_environment_and_tail, chosen, number, percent, spoken,
+};
 use serde::Serialize;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
+use servotwin::flight::healthy::HealthySummary;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::flight::other_plant::OTHER_PLANT;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
+use servotwin::job::healthy::HealthyRun;
 use servotwin::job::sealed::Openings;
 use servotwin::study::Study;
 
@@ -35,6 +39,24 @@ pub struct Measured {
     /// The same in sealed environments; `None` if none were opened.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sealed: Option<MeasuredSealed>,
+    /// Healthy flights, each in an environment of its own; empty if none were flown.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub healthy: Vec<MeasuredHealthy>,
+}
+
+/// The measures of healthy flights, each in an environment of its own.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MeasuredHealthy {
+    /// The scenario.
+    pub scenario: String,
+    /// The number of flights.
+    pub flown: u64,
+    /// Duration of a flight, s.
+    pub duration_s: f64,
+    /// The seed of the environments.
+    pub seed: u64,
+    /// The counts, and the extrapolated rates.
+    pub summary: HealthySummary,
 }
 
 /// The measures in sealed environments.
@@ -104,7 +126,20 @@ impl Measured {
             variants: variants.collect(),
             flights: flights.map_or_else(Vec::new, |flights| all_scenarios(flights, &words)),
             sealed: None,
+            healthy: vec![],
         }
+    }
+
+    /// Adds healthy flights, each in an environment of its own.
+    pub fn add_healthy(&mut self, run: &HealthyRun) {
+        let HealthyRun { setting, seed, duration_s, flown, summary, .. } = run;
+        self.healthy.push(MeasuredHealthy {
+            scenario: setting.clone(),
+            flown: *flown,
+            duration_s: *duration_s,
+            seed: *seed,
+            summary: summary.clone(),
+        });
     }
 
     /// Adds the results in sealed environments. `known` are the openings on record now, where the record is at hand.
@@ -133,11 +168,26 @@ impl Measured {
         for flights in &self.flights {
             page += &flights.markdown();
         }
+        self.healthy.iter().for_each(|healthy| page += &healthy.markdown());
         if let Some(sealed) = &self.sealed {
             page += &format!("\n## Sealed environments\n\n{}\n{SEALED}", sealed.opening);
             sealed.flights.iter().for_each(|flights| page += &flights.markdown());
         }
         page
+    }
+}
+
+impl MeasuredHealthy {
+    fn markdown(&self) -> String {
+        let MeasuredHealthy { scenario, flown, duration_s, seed, summary } = self;
+        let lines = by_environment_and_tail(summary).into_iter();
+        let lines: String = lines.map(|line| format!("- {}.\n", begun(&line))).collect();
+        format!(
+            "\n## Healthy flights, scenario {scenario}\n\n{flown} healthy flights of {} s, each in an environment of \
+             its own (seed {seed}); {:.1} hours.\n\n{lines}",
+            chosen(*duration_s),
+            summary.hours
+        )
     }
 }
 

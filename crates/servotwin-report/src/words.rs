@@ -1,6 +1,7 @@
 //! Formats numbers and names for reports.
 
-use servotwin::evaluation::metrics::Rate;
+use servotwin::evaluation::metrics::{Rate, Tail};
+use servotwin::flight::healthy::HealthySummary;
 use servotwin::flight::judge::EnvironmentMetrics;
 
 pub use servotwin_io::text::{number, spoken};
@@ -10,6 +11,33 @@ pub fn by_environment(all: EnvironmentMetrics) -> String {
     let EnvironmentMetrics { flown, with_alarm, share_upper } = all;
     let most = number(100.0 * share_upper);
     format!("in {with_alarm} of {flown} environments, at most {most} % of them (95 %)")
+}
+
+/// What healthy flights, each in an environment of its own, say of false alarms: the counts, and the rate that the tail
+/// of the largest evidence gives. First all actions, then shutdowns.
+pub fn by_environment_and_tail(summary: &HealthySummary) -> Vec<String> {
+    let HealthySummary { alarms, shutdowns, largest_evidence, largest_shutdown_evidence, .. } =
+        summary;
+    vec![
+        format!("false alarms {}", by_environment(*alarms)),
+        extrapolated(&summary.tail, *largest_evidence),
+        format!("shutdowns {}", by_environment(*shutdowns)),
+        extrapolated(&summary.shutdown_tail, *largest_shutdown_evidence),
+    ]
+}
+
+/// The rate at which the largest evidence of a flight reaches its limit, by the tail of all flights.
+fn extrapolated(tail: &Option<Tail>, largest: f64) -> String {
+    let largest = format!("the largest evidence is {} of its limit", number(largest));
+    let Some(Tail { blocks, excesses, threshold, shape, probability, low, high, .. }) = tail else {
+        return format!("{largest}; too few flights come near it to extrapolate a rate");
+    };
+    let [probability, low, high] = [probability, low, high].map(|part| number(100.0 * part));
+    format!(
+        "{largest}; by the tail of {excesses} of {blocks} flights above {} (shape {shape:.2}), it is reached in \
+         {probability} % of flights [{low} … {high}]",
+        number(*threshold)
+    )
 }
 
 /// The placeholder for a missing value.

@@ -2,11 +2,15 @@
 
 use crate::excerpt::{self, Excerpt};
 use crate::{self as report, Material, examples};
+use serde::Deserialize;
 use servotwin::campaign;
 use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::flight::band::BandMerit;
-use servotwin::job::{Folder, JobError, Results, Subject, flights, hierarchy, manifest};
+use servotwin::job::{Folder, JobError, Results, Subject, flights, healthy, hierarchy, manifest};
 use servotwin::study::{Role, Setting, Study};
+use servotwin_diagnosis::diagnoser::Tuning;
+use servotwin_diagnosis::diagnoser::decision::Allowances;
+use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_io::files::{create_folder, write_atomically};
 
@@ -26,6 +30,10 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let manifest = manifest::write(folder, study)?;
     let flights = flights::results(folder)?;
     let sealed = flights::sealed_results(folder)?;
+    let healthy = Setting::ALL.map(|setting| healthy::stored(folder, setting));
+    let healthy =
+        healthy.into_iter().filter_map(Result::transpose).collect::<Result<Vec<_>, _>>()?;
+    let constants = constants(folder)?;
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
@@ -36,6 +44,8 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         hierarchies: &hierarchies,
         flights: flights.as_ref(),
         sealed: sealed.as_ref(),
+        healthy: &healthy,
+        constants: &constants,
         bands: &bands,
         calibrations: &calibrations,
         examples: &examples::simulate(study)?,
@@ -79,4 +89,33 @@ fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
     let files = Setting::ALL.map(|setting| folder.band(setting));
     let there = files.into_iter().filter(|file| file.exists());
     there.map(|file| Ok(model_file::read(file)?)).collect()
+}
+
+/// The constants of a stored diagnoser, without its models.
+#[derive(Deserialize)]
+struct OfDiagnoser {
+    #[serde(rename = "decision")]
+    tuning: Tuning,
+    lengths: Vec<OfLength>,
+}
+
+/// The allowances of one window length.
+#[derive(Deserialize)]
+struct OfLength {
+    #[serde(default, rename = "relative")]
+    baseline_corrected: Option<Allowances>,
+}
+
+/// Reads the constants of the stored diagnosers.
+///
+/// # Errors
+/// A file cannot be read.
+fn constants(folder: &Folder) -> Result<Vec<(Setting, Vec<Constant>)>, JobError> {
+    let stored = Setting::ALL.into_iter().filter(|setting| folder.diagnoser(*setting).exists());
+    let read = |setting: Setting| {
+        let OfDiagnoser { tuning, lengths } = model_file::read(folder.diagnoser(setting))?;
+        let corrected = lengths.iter().find_map(|length| length.baseline_corrected.as_ref());
+        Ok((setting, tuning.constants(corrected)))
+    };
+    stored.map(read).collect()
 }

@@ -7,12 +7,17 @@ use servotwin::evaluation::detection::{Curve, Detection, Least};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
 use servotwin::flight::band::BandMerit;
+use servotwin::flight::healthy::{HealthyFlight, HealthySummary};
+use servotwin::job::healthy::HealthyRun;
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
-use servotwin::study::Study;
+use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
+use servotwin_diagnosis::diagnoser::Tuning;
+use servotwin_diagnosis::diagnoser::tuning::BASELINE_CORRECTED;
 use servotwin_report::page::Page;
+use servotwin_report::words::by_environment_and_tail;
 use servotwin_report::{CHAPTERS, Material, Section, render, table};
 use std::collections::BTreeSet;
 
@@ -52,6 +57,8 @@ fn results_alone<'a>(
         hierarchies: &[],
         flights: None,
         sealed: None,
+        healthy: &[],
+        constants: &[],
         bands: &[],
         calibrations: &[],
         examples: &[],
@@ -129,6 +136,8 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
         hierarchies: &[],
         flights: None,
         sealed: None,
+        healthy: &[],
+        constants: &[],
         bands: &bands,
         calibrations: &calibrations,
         examples: &[],
@@ -157,6 +166,57 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
     // What was not measured is not told.
     let none = Material { bands: &[], calibrations: &[], ..material };
     assert!(!render(&none).0.contains("id=\"twin\""));
+}
+
+/// The healthy flights of a scenario, the largest evidence of which spreads evenly up to 0.5 of its limit.
+fn healthy_run() -> HealthyRun {
+    let flight = |environment: u64| HealthyFlight {
+        environment,
+        alarms: 0,
+        shutdowns: 0,
+        evidence: 0.001 * environment as f64,
+        shutdown_evidence: 0.0,
+    };
+    let flights: Vec<HealthyFlight> = (0..500).map(flight).collect();
+    HealthyRun {
+        setting: "realistic".into(),
+        seed: 3,
+        duration_s: 300.0,
+        diagnoser_sha256: String::new(),
+        study_sha256: String::new(),
+        flown: 500,
+        failed: 0,
+        summary: HealthySummary::new(&flights, 300.0),
+        flights,
+    }
+}
+
+#[test]
+fn constants_have_a_label_and_environments_without_alarm_a_bound() {
+    let (study, manifest) = (Study::default(), manifest());
+    let results = Results {
+        format: results::FORMAT.into(),
+        study: "paper".into(),
+        subjects: vec![],
+        robustness: vec![],
+    };
+    let usual = || Tuning::default().constants(Some(&BASELINE_CORRECTED));
+    let by_hand = Tuning { clip_nats: 7.0, ..Tuning::default() }.constants(None);
+    let constants = [(Setting::Noise, usual()), (Setting::Realistic, usual())];
+    let alone = results_alone(&study, &results, &manifest);
+    let (html, _) = render(&Material { constants: &constants, ..alone });
+    assert!(html.contains("setting noise and realistic"), "both have the same constants");
+    assert!(html.contains("corrected off allowance nats") && html.contains("tuned on seed 9"));
+    assert!(html.contains(">physical<") && html.contains(">statistical<"));
+    assert!(!html.contains("not the usual value"));
+    let constants = [(Setting::Noise, usual()), (Setting::Realistic, by_hand)];
+    let alone = results_alone(&study, &results, &manifest);
+    let (html, _) = render(&Material { constants: &constants, ..alone });
+    assert_eq!(html.matches("not the usual value").count(), 1);
+    let lines = by_environment_and_tail(&healthy_run().summary);
+    assert_eq!(lines[0], "false alarms in 0 of 500 environments, at most 0.597 % of them (95 %)");
+    assert!(lines[1].contains("0.499 of its limit; by the tail of 50 of 500 flights"), "{lines:?}");
+    assert!(lines[3].contains("too few flights come near it"), "{lines:?}");
 }
 
 #[test]

@@ -13,11 +13,13 @@ use servotwin::flight::judge::{
 };
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
+use servotwin::job::healthy::{self, HealthyRun};
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, JobError, manifest};
-use servotwin::study::{Flights, Setting, Study};
+use servotwin::study::flights::MAX_HEALTHY;
+use servotwin::study::{Flights, HealthyDraw, Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{by_environment, number};
+use servotwin_report::words::{by_environment, by_environment_and_tail, number};
 use std::fmt::Write;
 
 /// Train the diagnosis on flights in which faults begin, and measure how fast and how reliable it is.
@@ -40,6 +42,16 @@ pub struct Options {
     /// output folder, before the first flight. Writes `flights-sealed.json`.
     #[arg(long, conflicts_with = "missing_sensors")]
     sealed: bool,
+    /// Only fly this many healthy flights with the diagnosers in the folder, each in an environment of its own, and bound
+    /// the rate of false alarms by environment. An interrupted run goes on where it was last stored. Writes
+    /// `flights-healthy-<scenario>.json`.
+    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["missing_sensors", "sealed", "other_plant"],
+          value_parser = clap::value_parser!(u32).range(1..=MAX_HEALTHY as i64))]
+    healthy: Option<u32>,
+    /// Seed of the environments of `--healthy`, 0 to 999.
+    #[arg(long, value_name = "SEED", default_value_t = 0, requires = "healthy",
+          value_parser = clap::value_parser!(u64).range(0..=999))]
+    seed: u64,
     /// Only judge the diagnoser of the scenario `realistic` in the folder, in the plants of `[flights.other_plant]`.
     #[arg(long, conflicts_with_all = ["missing_sensors", "setting", "sealed"])]
     other_plant: bool,
@@ -81,6 +93,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if options.other_plant {
         return other_plant(options, (&study, &sizes), global);
     }
+    if let Some(count) = options.healthy {
+        return healthy(options, &study, (&settings, count as usize), global);
+    }
     let results = with_crew(threads, global, |crew| {
         flights::fly_all(&folder, &study, &sizes, &settings, is_full, crew)
     })?;
@@ -115,6 +130,43 @@ fn sealed(
             format!("{}\n{recorded}\n{text}", sealed.in_words(None))
         }
     })
+}
+
+/// Flies healthy flights of the stored diagnosers, each in an environment of its own.
+fn healthy(
+    options: &Options,
+    study: &Study,
+    (settings, count): (&[Setting], usize),
+    global: Global,
+) -> Result<String, Failure> {
+    let folder = Folder::new(&options.study.out);
+    let draw = HealthyDraw { seed: options.seed, is_full: options.study.full };
+    let runs = with_crew(options.study.threads, global, |crew| {
+        let fly = |&setting: &Setting| {
+            healthy::fly(&folder, study, setting, (count, draw), crew).transpose()
+        };
+        settings.iter().filter_map(fly).collect::<Result<Vec<_>, _>>()
+    })?;
+    manifest::write(&folder, study)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(runs)),
+        Global { quiet: true, .. } => String::new(),
+        _ => runs.iter().map(of_healthy).collect(),
+    })
+}
+
+/// Describes the healthy flights of a scenario.
+fn of_healthy(run: &HealthyRun) -> String {
+    let HealthyRun { setting, seed, duration_s, flown, failed, summary, .. } = run;
+    let mut out = format!(
+        "{setting}: {flown} healthy flights of {duration_s} s, each in an environment of its own (seed {seed}), \
+         {failed} not finished; {:.1} h\n",
+        summary.hours
+    );
+    for line in by_environment_and_tail(summary) {
+        let _ = writeln!(out, "  {line}");
+    }
+    out
 }
 
 /// Judges the stored diagnoser in plants that differ from their twin in structure.

@@ -5,14 +5,15 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::job::sealed::Record;
-use servotwin::job::{Folder, Results, flights};
+use servotwin::job::{Folder, Results, flights, healthy};
+use servotwin::study::Setting;
 use servotwin_report::measured::Measured;
 use std::path::PathBuf;
 
 /// Write the measured results of a study to standard output, as Markdown.
 ///
-/// Every share comes with its count and its 95 % interval. The command reads evaluation.json, flights.json and
-/// flights-sealed.json if they exist. Nothing on the page depends on the machine.
+/// Every share comes with its count and its 95 % interval. The command reads evaluation.json, and if they exist
+/// flights.json, flights-healthy-SCENARIO.json and flights-sealed.json. Nothing on the page depends on the machine.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of an evaluated study.
@@ -27,6 +28,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let results = Results::read(&folder)?;
     let flights = flights::results(&folder)?;
     let mut measured = Measured::new(&study, &results, flights.as_ref());
+    for setting in Setting::ALL {
+        healthy::stored(&folder, setting)?.iter().for_each(|run| measured.add_healthy(run));
+    }
     if let Some(sealed) = flights::sealed_results(&folder)? {
         let here = std::env::current_dir().unwrap_or_default();
         let known = Record::find(&here, folder.path()).count()?;

@@ -6,6 +6,11 @@
 
 use super::{Folder, stderr, stdout};
 use servotwin::{catalogue, format, signal, study};
+use servotwin_diagnosis::diagnoser::Tuning;
+use servotwin_diagnosis::diagnoser::tuning::{
+    BASELINE_CORRECTED, Constant, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
+};
+use servotwin_diagnosis::hierarchy::Names;
 use std::path::{Component, Path};
 use std::process::{Command, Output};
 
@@ -300,6 +305,44 @@ fn shipped_section((word, folder, name): (&str, &str, &str)) -> String {
     )
 }
 
+/// The usual constants of a diagnosis beside specimens with tolerances.
+fn usual_constants() -> Vec<Constant> {
+    let names = Names {
+        actuators: vec!["a".into()],
+        actions: vec!["off".into(), "on".into()],
+        ..Names::default()
+    };
+    let mut usual = Tuning::usual(&names, &["off"]);
+    usual.costs.same_actuator[0][2] = WITH_TOLERANCES_COST;
+    usual.costs.other_actuator[0] = WRONG_ACTUATOR_COST;
+    usual.constants(Some(&BASELINE_CORRECTED))
+}
+
+/// The usual constants of a diagnosis, each with a link to its source.
+fn constants_table() -> String {
+    let row = |constant: Constant| {
+        let Constant { name, value, unit, meaning, source, .. } = &constant;
+        let (_, number) = source.rsplit_once('/').expect("a page in a folder");
+        let of = if source.starts_with("lab/") { "lab note" } else { "decision" };
+        let shown = match number.split_once('-') {
+            Some((number, _)) if of == "decision" => format!("decision {number}"),
+            _ => of.to_owned(),
+        };
+        let value = format!("{value} {unit}");
+        let (value, label) = (value.trim_end(), constant.label());
+        format!("| `{name}` | {value} | {label} | {meaning} | [{shown}]({source}) |\n")
+    };
+    let rows: String = usual_constants().into_iter().map(row).collect();
+    format!("| constant | value | label | meaning | source |\n|---|---|---|---|---|\n{rows}")
+}
+
+#[test]
+fn every_constant_names_a_page_that_exists() {
+    for Constant { name, source, .. } in usual_constants() {
+        assert!(Path::new(DOCS).join(source).is_file(), "{name}: {source}");
+    }
+}
+
 /// A page with the text between its marks replaced.
 fn with(page: &str, generated: &str) -> String {
     let (begin, end) = ("<!-- generated -->\n", "<!-- end -->");
@@ -315,6 +358,7 @@ fn tables_of_the_book_are_what_is_declared() {
         ("study-format.md", format::markdown(study::keys())),
         ("signals.md", format!("```text\n{}```", signal::help())),
         (SHIPPED, FILES.map(shipped_section).concat()),
+        ("tuning.md", constants_table()),
     ];
     for (name, generated) in pages {
         let found = page(name);

@@ -90,6 +90,45 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
 }
 
 #[test]
+fn healthy_flights_go_on_where_they_were_stored() {
+    let folder = Folder::new("healthy-flights");
+    let [study, diagnoser] = learned(&folder);
+    let out = folder.file("out");
+    let fly = |count: &str, seed: &str| {
+        let more = ["--healthy", count, "--seed", seed, "--setting", "realistic"];
+        let output = servotwin(&[&["flights", &study, "--out", &out][..], &more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let text = std::fs::read_to_string(folder.file("out/flights-healthy-realistic.json"));
+        (stdout(&output), serde_json::from_str::<serde_json::Value>(&text.unwrap()).unwrap())
+    };
+    let learned = std::fs::read(&diagnoser).unwrap();
+    let (text, three) = fly("3", "5");
+    assert!(text.starts_with("realistic: 3 healthy flights of "), "{text}");
+    assert!(text.contains(" of 3 environments, at most "), "{text}");
+    assert!(text.contains("too few flights"), "{text}");
+    let flights = |run: &serde_json::Value| run["flights"].as_array().unwrap().clone();
+    let environments: Vec<_> =
+        flights(&three).iter().map(|one| one["environment"].as_u64()).collect();
+    assert_eq!(environments, [Some(0), Some(1), Some(2)]);
+    // A mark in a stored flight shows that it is not flown again.
+    let mut marked = three.clone();
+    marked["flights"][1]["evidence"] = 0.125.into();
+    std::fs::remove_file(folder.file("out/manifest.json")).unwrap();
+    let path = folder.file("out/flights-healthy-realistic.json");
+    std::fs::write(path, marked.to_string()).unwrap();
+    let (_, five) = fly("5", "5");
+    assert_eq!(five["flown"], 5);
+    assert_eq!(flights(&five)[..3], flights(&marked)[..]);
+    // Another seed has other environments, and the first one gives the same again.
+    let (_, other) = fly("3", "6");
+    assert_eq!((&other["flown"], &other["seed"]), (&3.into(), &6.into()));
+    let (_, again) = fly("5", "5");
+    assert_eq!(flights(&again)[..3], flights(&three)[..]);
+    assert_eq!(flights(&again)[3..], flights(&five)[3..]);
+    assert_eq!(std::fs::read(&diagnoser).unwrap(), learned, "nothing is learned");
+}
+
+#[test]
 fn settings_flown_one_after_the_other_are_those_flown_together() {
     let folder = Folder::new("one-setting");
     let (study, together) = (folder.file("tiny.toml"), folder.file("together"));

@@ -184,7 +184,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
     let study = Study::read(Path::new(study)).unwrap();
     let text = std::fs::read_to_string(Path::new(out).join("diagnoser-noise.json")).unwrap();
     let diagnoser: Diagnoser = serde_json::from_str(&text).unwrap();
-    assert_eq!(diagnoser.decision.least_on, 1);
+    assert_eq!(diagnoser.tuning.least_on, 1);
     let duration_s = 14.0;
     let mut inputs = study.system.default_inputs();
     let signal: Signal = "noise:rms=3deg,bandwidth=0.8Hz,seed=9".parse().unwrap();
@@ -198,7 +198,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
     let off = |least_on: u32| {
         let faults = [2, 3, 1].iter().enumerate().map(fault).collect();
         let mut diagnoser = diagnoser.clone();
-        diagnoser.decision.least_on = least_on;
+        diagnoser.tuning.least_on = least_on;
         let (study, inputs) = (&study, inputs.clone());
         let scenario = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: true };
         let record = closed_loop::fly(&scenario, &Arc::new(diagnoser), &[]).unwrap();

@@ -4,8 +4,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::decision::{Hypotheses, Settings};
+use super::decision::Hypotheses;
 use super::outcome::{Places, Raised};
+use super::tuning::Tuning;
 use crate::hierarchy::Names;
 
 /// The alarm state of a session.
@@ -33,13 +34,12 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub fn new(settings: &Settings, names: &Names, period_s: f64) -> Self {
-        let switches_off = names.actions.iter().map(|c| settings.off_actions.contains(c));
+    pub fn new(tuning: &Tuning, names: &Names, period_s: f64) -> Self {
         Rules {
             hypotheses: Hypotheses::of(names),
-            switches_off: switches_off.collect(),
-            least_on: settings.least_on as usize,
-            recover_samples: libm::ceil(settings.recover_s / period_s) as u64,
+            switches_off: tuning.switches_off(names),
+            least_on: tuning.least_on as usize,
+            recover_samples: libm::ceil(tuning.recover_s / period_s) as u64,
         }
     }
 
@@ -188,9 +188,9 @@ mod tests {
             actions: list(3),
             details: list(2),
         };
-        let usual = Settings::usual(&names, &["0"]);
+        let usual = Tuning::usual(&names, &["0"]);
         let least_on = least_on.map_or(usual.least_on, |least| least as u32);
-        Rules::new(&Settings { least_on, ..usual }, &names, 0.01)
+        Rules::new(&Tuning { least_on, ..usual }, &names, 0.01)
     }
 
     fn raised(actuator: usize, action: usize, sample: u64) -> Raised {

@@ -27,27 +27,10 @@
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
+use super::tuning::Tuning;
 use crate::error::Error;
 use crate::panel::SensorBand;
 use crate::residual::Window;
-
-/// The evidence for a fault that a shutdown needs, in nats. *Statistical*: odds of 20 to 1.
-const NEEDED_NATS: f64 = 3.0;
-
-/// How long the sums remember, s. *Statistical*: ten seconds of motion tell a wrong reading from a leak.
-const MEMORY_S: f64 = 10.0;
-
-/// How long the slope of a healthy specimen is remembered, s. *Statistical*: a minute of motion, and a filter clogs more
-/// slowly.
-const HEALTHY_MEMORY_S: f64 = 60.0;
-
-/// The standard deviation of a healthy specimen's slope that is not known yet. *Physical*: the resistance of lines and
-/// filters differs from the twin's by up to a quarter.
-const SLOPE_DEVIATION: f64 = 0.15;
-
-/// The largest error of a reading that waits, in parts of the scale of the sensor next to the boundary. *Physical*: line
-/// transducers err by up to 4 % of their full scale, and a larger deviation is a failure of the supply.
-const LARGEST_ERROR: f64 = 0.05;
 
 /// What a wrong reading of one boundary value does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -82,8 +65,13 @@ impl Boundary {
     }
 
     /// Whether a wrong reading explains a window: it moves the sensor next to the boundary out of its band, by no more
-    /// than a transducer errs, and what is left of all mean residuals lies within their bands.
-    pub(super) fn explains(&self, window: &Window, bands: &[SensorBand]) -> bool {
+    /// than `largest_error` in parts of scale, and what is left of all mean residuals lies within their bands.
+    pub(super) fn explains(
+        &self,
+        window: &Window,
+        bands: &[SensorBand],
+        largest_error: f64,
+    ) -> bool {
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
         for &(sensor, effect) in &self.effects {
@@ -97,7 +85,7 @@ impl Boundary {
         };
         let moved = (wrong_by * self.effect().unwrap_or_default()).abs();
         moved > half_width(self.sensor)
-            && moved <= LARGEST_ERROR
+            && moved <= largest_error
             && self.effects.iter().all(is_left_in_band)
     }
 }
@@ -202,20 +190,22 @@ impl Doubt {
         boundary: &Boundary,
         window: &Window,
         bands: &[SensorBand],
+        tuning: &Tuning,
         (panes, share, period_s): (u32, f64, f64),
     ) {
         let sensor = boundary.sensor as usize;
         let new = Sums::of(window, sensor, share);
         let is_deviating = window.mean(sensor).abs() > bands[sensor].half_width;
-        self.explain(boundary.explains(window, bands), panes);
+        let is_explained = boundary.explains(window, bands, tuning.largest_boundary_error);
+        self.explain(is_explained, panes);
         if !is_deviating {
             (self.deviating, self.since) = (0, Sums::default());
-            return self.take_healthy(&new, panes, period_s);
+            return self.take_healthy(&new, panes, period_s / tuning.healthy_slope_memory_s);
         }
         (self.waiting, self.filling, self.filled) = (Sums::default(), Sums::default(), 0);
         self.deviating = self.deviating.saturating_add(1);
         if self.deviating > panes {
-            self.since.fade(libm::exp(-new.samples * period_s / MEMORY_S));
+            self.since.fade(libm::exp(-new.samples * period_s / tuning.boundary_memory_s));
             self.since.add(&new);
         }
     }
@@ -237,22 +227,23 @@ impl Doubt {
     }
 
     /// Takes a window without a deviation. It counts once a whole group of further ones has followed, because a
-    /// deviation shows in the mean of a window later than in its moments.
-    fn take_healthy(&mut self, new: &Sums, panes: u32, period_s: f64) {
+    /// deviation shows in the mean of a window later than in its moments. A sample forgets the part `forgotten` of all
+    /// before.
+    fn take_healthy(&mut self, new: &Sums, panes: u32, forgotten: f64) {
         self.filling.add(new);
         self.filled += 1;
         if self.filled >= panes {
-            self.healthy.fade(libm::exp(-self.waiting.samples * period_s / HEALTHY_MEMORY_S));
+            self.healthy.fade(libm::exp(-self.waiting.samples * forgotten));
             self.healthy.add(&self.waiting);
             self.waiting = self.filling;
             (self.filling, self.filled) = (Sums::default(), 0);
         }
     }
 
-    /// Equation (2), in nats.
-    fn evidence_nats(&self, noise: f64) -> f64 {
+    /// Equation (2), in nats; `deviation` is the standard deviation of the slopes of healthy lines.
+    fn evidence_nats(&self, noise: f64, deviation: f64) -> f64 {
         let Some(now) = self.since.slope(noise) else { return 0.0 };
-        let of_lines = 1.0 / (SLOPE_DEVIATION * SLOPE_DEVIATION);
+        let of_lines = 1.0 / (deviation * deviation);
         let (own, variance) = match self.healthy.slope(noise) {
             Some(healthy) => {
                 let variance = 1.0 / (of_lines + healthy.information);
@@ -266,8 +257,8 @@ impl Doubt {
 
     /// Whether a wrong reading is still possible. `noise` is the standard deviation of a sample of the residual by the
     /// sensor's noise, in parts of scale.
-    pub fn remains(&self, noise: f64) -> bool {
-        self.evidence_nats(noise) < NEEDED_NATS
+    pub fn remains(&self, noise: f64, tuning: &Tuning) -> bool {
+        self.evidence_nats(noise, tuning.line_slope_deviation) < tuning.fault_needed_nats
     }
 }
 
@@ -317,7 +308,7 @@ mod tests {
         let mut doubt = Doubt::default();
         for pane in 0..10 * seconds {
             let window = window(10 * pane, &drop, &residual);
-            doubt.take(&BOUNDARY(), &window, &bands(), (5, 0.2, 0.01));
+            doubt.take(&BOUNDARY(), &window, &bands(), &Tuning::default(), (5, 0.2, 0.01));
         }
         doubt
     }
@@ -333,8 +324,8 @@ mod tests {
             let shift = -0.04 - 0.5 * moving(time_s);
             [shift, 0.5 * shift]
         };
-        assert!(!doubt(2, moving, leak).remains(NOISE));
-        assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains(NOISE));
+        assert!(!doubt(2, moving, leak).remains(NOISE, &Tuning::default()));
+        assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains(NOISE, &Tuning::default()));
     }
 
     /// A model error that happens to move with the flow for some seconds is no evidence, though its samples are many.
@@ -344,22 +335,28 @@ mod tests {
             let shift = -0.04 + 0.004 * libm::sin(3.1 * time_s);
             [shift, 0.5 * shift]
         };
-        assert!(doubt(4, moving, swinging).remains(NOISE));
+        assert!(doubt(4, moving, swinging).remains(NOISE, &Tuning::default()));
     }
 
     /// Without motion nothing tells the two apart, however long it lasts.
     #[test]
     fn an_actuator_at_rest_stays_doubtful() {
-        assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains(NOISE));
+        assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains(NOISE, &Tuning::default()));
     }
 
     #[test]
     fn evidence_is_forgotten_when_the_deviation_ends() {
         let leak = |time_s: f64| [-0.04 - 0.9 * moving(time_s), -0.02];
         let mut doubt = doubt(3, moving, leak);
-        assert!(!doubt.remains(NOISE));
-        doubt.take(&BOUNDARY(), &window(0, moving, |_| [0.0, 0.0]), &bands(), (5, 0.2, 0.01));
-        assert!(doubt.remains(NOISE) && doubt.since.samples == 0.0);
+        assert!(!doubt.remains(NOISE, &Tuning::default()));
+        doubt.take(
+            &BOUNDARY(),
+            &window(0, moving, |_| [0.0, 0.0]),
+            &bands(),
+            &Tuning::default(),
+            (5, 0.2, 0.01),
+        );
+        assert!(doubt.remains(NOISE, &Tuning::default()) && doubt.since.samples == 0.0);
     }
 
     #[test]
@@ -370,7 +367,7 @@ mod tests {
             let all = core::iter::repeat_n(true, before).chain(explained);
             for is_explained in all {
                 let window = window(0, moving, |_| wrong(is_explained));
-                doubt.take(&BOUNDARY(), &window, &bands(), (3, 0.2, 0.01));
+                doubt.take(&BOUNDARY(), &window, &bands(), &Tuning::default(), (3, 0.2, 0.01));
             }
             doubt.is_explained()
         };
@@ -394,8 +391,8 @@ mod tests {
                 [r, 0.5 * r]
             }
         };
-        assert!(doubt(30, moving, from(-0.04, 0.0)).remains(NOISE));
-        assert!(!doubt(30, moving, from(-0.04, -0.5)).remains(NOISE));
+        assert!(doubt(30, moving, from(-0.04, 0.0)).remains(NOISE, &Tuning::default()));
+        assert!(!doubt(30, moving, from(-0.04, -0.5)).remains(NOISE, &Tuning::default()));
     }
 
     /// Without motion in health the slope of the line is not known, and may be as large as lines differ.
@@ -409,15 +406,15 @@ mod tests {
                 [r, 0.5 * r]
             }
         };
-        assert!(doubt(30, still_then_moving, from(-0.2)).remains(NOISE));
-        assert!(!doubt(30, still_then_moving, from(-0.9)).remains(NOISE));
+        assert!(doubt(30, still_then_moving, from(-0.2)).remains(NOISE, &Tuning::default()));
+        assert!(!doubt(30, still_then_moving, from(-0.9)).remains(NOISE, &Tuning::default()));
     }
 
     #[test]
     fn a_wrong_reading_moves_all_sensors_in_its_direction_by_no_more_than_transducers_err() {
         let explains = |residual: [f64; 2]| {
             let window = window(0, |_| 0.0, |_| residual);
-            BOUNDARY().explains(&window, &bands())
+            BOUNDARY().explains(&window, &bands(), 0.05)
         };
         assert!(explains([-0.04, -0.02]));
         assert!(explains([0.04, 0.02]));

@@ -32,6 +32,7 @@ pub mod scatter;
 mod sensor_health;
 mod session;
 mod streams;
+pub mod tuning;
 mod window_classifier;
 
 pub use boundary::Boundary;
@@ -40,6 +41,7 @@ pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use scatter::{Scatter, ScatterTest};
 pub use session::{Session, State};
+pub use tuning::Tuning;
 
 /// The format name at the start of a stored diagnoser.
 pub const FORMAT: &str = "servotwin diagnoser 1";
@@ -107,8 +109,9 @@ pub struct Diagnoser {
     /// A band that depends on the operating point, in place of the bands of lengths with uncorrected residuals.
     #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
     pub conditional_band: Option<ConditionalBand>,
-    /// The sequential test that raises actions.
-    pub decision: decision::Settings,
+    /// All constants.
+    #[serde(rename = "decision")]
+    pub tuning: Tuning,
     /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Scatter>,
@@ -209,7 +212,7 @@ impl Diagnoser {
         if let Some(band) = &self.conditional_band {
             band.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
         }
-        self.decision.check(self.names())?;
+        self.tuning.check(self.names())?;
         self.scatter.iter().try_for_each(Scatter::check)?;
         let is_plain = self.lengths[0].baseline_corrected.is_none();
         holds(is_plain, "the first window length is not of residuals as they are")?;

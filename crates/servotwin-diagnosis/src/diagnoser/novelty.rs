@@ -13,12 +13,10 @@
 //! The classes are healthy and the actions. A fault is scored in the view of its actuator, so that identical actuators
 //! share the learned ranges.
 
+use super::tuning::Tuning;
 use crate::error::Error;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
-
-/// Share of known rows with a score of at most 1.
-pub const QUANTILE: f64 = 0.999;
 
 /// The learned ranges of all classes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,7 +45,7 @@ pub struct Known {
 impl Novelty {
     /// A novelty without classes, for which nothing is unknown.
     pub fn none() -> Self {
-        Novelty { quantile: QUANTILE, classes: Vec::new() }
+        Novelty { quantile: Tuning::default().known_share, classes: Vec::new() }
     }
 
     /// Distance of a row from the training data of a class, in parts of the limit. The row is in the actuator's view.

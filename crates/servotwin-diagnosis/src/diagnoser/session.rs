@@ -8,11 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::alarm::{self, Rules};
 use super::boundary::Doubt;
-use super::decision::{self, Evidence, Hypotheses, Limits};
+use super::decision::{Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
 use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
 use super::sensor_health::{Patience, SensorHealth};
 use super::streams::{Sample, StoredBaselineCorrected, Streams};
+use super::tuning::Tuning;
 use super::window_classifier::{self, WindowClassifier};
 use super::{Boundary, Diagnoser, LARGEST_COUNT, Length};
 use crate::conditional_band::{self, Here};
@@ -79,8 +80,8 @@ pub struct Session {
     patience: Patience,
     hypotheses: Hypotheses,
     classifiers: Vec<WindowClassifier>,
-    /// The decision settings for each length.
-    settings: Vec<decision::Settings>,
+    /// The constants for each length, with its allowances.
+    tunings: Vec<Tuning>,
     /// The limits of the evidence for each length.
     limits: Vec<Limits>,
     guard: Guard,
@@ -139,11 +140,11 @@ impl Session {
         };
         Ok(Session {
             scales: diagnoser.scales(),
-            rules: Rules::new(&diagnoser.decision, names, diagnoser.period_s),
+            rules: Rules::new(&diagnoser.tuning, names, diagnoser.period_s),
             patience: patience(&diagnoser),
             hypotheses,
             classifiers,
-            settings: diagnoser.lengths.iter().map(|length| settings(&diagnoser, length)).collect(),
+            tunings: diagnoser.lengths.iter().map(|length| tuning_of(&diagnoser, length)).collect(),
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             streams: Streams::new(&diagnoser)?,
@@ -421,7 +422,7 @@ impl Session {
 
     /// Number of samples that are not judged after a restart.
     fn settling_samples(&self) -> u64 {
-        libm::ceil(self.diagnoser.decision.settle_s / self.diagnoser.period_s) as u64
+        libm::ceil(self.diagnoser.tuning.settle_s / self.diagnoser.period_s) as u64
     }
 
     fn check_unit(&self, index: usize) -> Result<(), Error> {
@@ -456,7 +457,7 @@ impl Session {
         if self.memory.outcome.finding != finding || self.memory.has_judged {
             self.restart();
         }
-        let settle_s = self.diagnoser.decision.settle_s;
+        let settle_s = self.diagnoser.tuning.settle_s;
         self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
@@ -532,16 +533,16 @@ impl Session {
         })
     }
 
-    /// Whether more than half of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
+    /// Whether too many of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
     fn is_blind(&self) -> bool {
         let most_lost = |actuator: Option<u32>| {
             let sensors = self.diagnoser.sensors.iter().zip(&self.memory.sensor_health);
             let own =
                 sensors.filter(|(sensor, _)| actuator.is_none() || sensor.actuator == actuator);
             let (count, lost) = own.fold((0, 0), |(count, lost), (_, sensor_health)| {
-                (count + 1, lost + usize::from(sensor_health.is_lost()))
+                (count + 1, lost + u32::from(sensor_health.is_lost()))
             });
-            2 * lost > count
+            f64::from(lost) > self.diagnoser.tuning.most_lost * f64::from(count)
         };
         most_lost(None)
             || (0..self.is_masked.len()).any(|actuator| most_lost(Some(actuator as u32)))
@@ -622,7 +623,7 @@ impl Session {
             let length = &diagnoser.lengths[place];
             let said = classifier.classify(length, window, &self.is_masked, &self.stands_in)?;
             let evidence = &mut self.memory.evidence[place];
-            evidence.take(said, share, &self.settings[place], &self.limits[place]);
+            evidence.take(said, share, &self.tunings[place], &self.limits[place]);
             self.memory.has_judged = true;
         }
         self.update_doubts(diagnoser);
@@ -641,7 +642,7 @@ impl Session {
             let of_window = (panes, self.streams.share_of_newest(place), diagnoser.period_s);
             let doubts = self.memory.doubts.iter_mut().skip(place * boundaries.len());
             for (doubt, boundary) in doubts.zip(boundaries) {
-                doubt.take(boundary, window, &length.panel.bands, of_window);
+                doubt.take(boundary, window, &length.panel.bands, &diagnoser.tuning, of_window);
             }
         }
     }
@@ -656,7 +657,9 @@ impl Session {
         let boundaries = diagnoser.boundaries.iter().cycle();
         let mut pairs = boundaries.zip(&self.memory.doubts);
         let found = pairs.find(|(boundary, doubt)| {
-            of_actuator(boundary) && doubt.is_explained() && doubt.remains(noise(boundary))
+            of_actuator(boundary)
+                && doubt.is_explained()
+                && doubt.remains(noise(boundary), &diagnoser.tuning)
         });
         found.map(|(boundary, _)| boundary.input)
     }
@@ -666,10 +669,10 @@ impl Session {
         let sample = self.memory.outcome.sample;
         let withheld = self.withheld(diagnoser);
         if let Some((length, claim)) = self.candidate(diagnoser) {
-            let raised = self.raised(length, claim, diagnoser.decision.least_detail_confidence);
+            let raised = self.raised(length, claim, diagnoser.tuning.least_detail_confidence);
             self.memory.alarm.raise(&self.rules, raised);
         } else {
-            let share = diagnoser.decision.pending_share;
+            let share = diagnoser.tuning.pending_share;
             let has_evidence = self.memory.alarm.hypothesis(&self.rules).is_some_and(|claim| {
                 let forgets = |length: &usize| diagnoser.lengths[*length].span.panes.is_some();
                 self.lengths().filter(forgets).any(|length| self.margin(length, claim) >= share)
@@ -686,7 +689,7 @@ impl Session {
             let evidence = &self.memory.evidence[length];
             let limits = &self.limits[length];
             let most = evidence.of_change(limits).max(evidence.of_unknown(limits));
-            most >= diagnoser.decision.pending_share
+            most >= diagnoser.tuning.pending_share
         });
         self.tell(found, is_pending);
     }
@@ -873,28 +876,24 @@ impl Session {
 
 fn patience(diagnoser: &Diagnoser) -> Patience {
     let samples = |time_s: f64| libm::ceil(time_s / diagnoser.period_s).max(1.0) as u64;
-    let decision = &diagnoser.decision;
-    Patience {
-        until_lost: samples(decision.no_data_after_s),
-        until_back: samples(decision.settle_s),
-    }
+    let tuning = &diagnoser.tuning;
+    Patience { until_lost: samples(tuning.no_data_after_s), until_back: samples(tuning.settle_s) }
 }
 
-/// The decision settings for a length.
-fn settings(diagnoser: &Diagnoser, length: &Length) -> decision::Settings {
+/// The constants for a length: baseline-corrected windows have allowances of their own.
+fn tuning_of(diagnoser: &Diagnoser, length: &Length) -> Tuning {
     match &length.baseline_corrected {
-        Some(allowances) => diagnoser.decision.allowing(allowances),
-        None => diagnoser.decision.clone(),
+        Some(allowances) => diagnoser.tuning.allowing(allowances),
+        None => diagnoser.tuning.clone(),
     }
 }
 
 fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
-    let hypotheses = Hypotheses::of(diagnoser.names());
-    let is_off = |action: &String| diagnoser.decision.off_actions.contains(action);
-    let is_off: Vec<bool> = diagnoser.names().actions.iter().map(is_off).collect();
-    let settings = settings(diagnoser, length);
-    Limits::new(&settings, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
+    let names = diagnoser.names();
+    let is_off = diagnoser.tuning.switches_off(names);
+    let window_s = samples as f64 * diagnoser.period_s;
+    Limits::new(&tuning_of(diagnoser, length), Hypotheses::of(names), &is_off, window_s)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve uniform ones.

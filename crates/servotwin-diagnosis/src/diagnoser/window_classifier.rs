@@ -74,7 +74,7 @@ impl WindowClassifier {
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
         let views = trees.views().max(committee.views()).max(diagnoser.views_of_novelty(length));
         let hypotheses = Hypotheses::of(&trees.names);
-        let odds = libm::exp(-diagnoser.decision.in_band_nats);
+        let odds = libm::exp(-diagnoser.tuning.in_band_nats);
         Ok(WindowClassifier {
             hypotheses,
             views: Views::new(diagnoser.sensors_seen(), &trees.names.features, views)?,
@@ -82,7 +82,7 @@ impl WindowClassifier {
             of_committee: committee.scratch(),
             memory: Memory { probabilities: vec![0.0; hypotheses.count()], last: None },
             common_mode: CommonMode::new(&diagnoser.sensors_seen(), diagnoser.watched()),
-            max_common_mode: diagnoser.decision.max_common_mode,
+            max_common_mode: diagnoser.tuning.max_common_mode,
             share_of_known: 1.0 - length.novelty.quantile,
             in_band_share: 1.0 / (1.0 + odds),
         })

@@ -345,7 +345,7 @@ fn a_stored_diagnoser_is_the_same_and_a_broken_one_is_refused() {
         |d| d.sensors[0].actuator = Some(9),
         |d| d.sensors.truncate(3),
         |d| d.environment.inputs[0].largest = f64::NAN,
-        |d| d.decision.least_on = 7,
+        |d| d.tuning.least_on = 7,
     ];
     for (place, wrong) in breaks.iter().enumerate() {
         let mut broken = read.clone();
@@ -592,4 +592,32 @@ fn a_sample_of_other_lengths_is_refused_with_both_numbers_and_not_counted() {
     assert!(session.try_push(&inputs, &values, &[]).is_err());
     assert!(session.try_push(&[0.0; 99], &values, &values).is_err());
     assert_eq!(session.try_push(&inputs, &values, &values).unwrap().sample, 0);
+}
+
+/// Constants that a file lacks have the values that were compiled in before they were stored.
+#[test]
+fn a_diagnoser_from_before_all_constants_were_stored_is_read() {
+    let diagnoser = toy::diagnoser();
+    let mut file = serde_json::to_value(&*diagnoser).unwrap();
+    let decision = file["decision"].as_object_mut().unwrap();
+    for name in [
+        "least_limit_nats",
+        "evidence_cap",
+        "most_lost",
+        "fault_needed_nats",
+        "boundary_memory_s",
+        "healthy_slope_memory_s",
+        "line_slope_deviation",
+        "largest_boundary_error",
+        "baseline_settle_s",
+        "baseline_memory_s",
+        "panes",
+        "input_margin",
+        "known_share",
+    ] {
+        assert!(decision.remove(name).is_some(), "{name}");
+    }
+    assert_eq!(serde_json::from_value::<Diagnoser>(file.clone()).unwrap(), *diagnoser);
+    file["decision"]["clipp_nats"] = 3.0.into();
+    assert!(serde_json::from_value::<Diagnoser>(file).is_err(), "a name that is not known");
 }

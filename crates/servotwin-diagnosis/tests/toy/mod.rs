@@ -3,7 +3,9 @@
 
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Environment, FORMAT, Length, Sensor, decision};
+use servotwin_diagnosis::diagnoser::{
+    Diagnoser, Environment, FORMAT, Length, Sensor, Tuning, decision,
+};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{self, Panel, SensorBand};
@@ -271,7 +273,14 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         baseline: None,
         conditional_band: None,
         scatter: None,
-        decision: decision::Settings::usual(&names(actuators), &["shut_down"]),
+        tuning: Tuning {
+            allowance_nats: ALLOWANCES.of_pairs_nats,
+            health_allowance_nats: ALLOWANCES.health_nats,
+            off_allowance_nats: ALLOWANCES.off_nats,
+            other_allowance_nats: ALLOWANCES.other_nats,
+            overlap_exponent: 0.5,
+            ..Tuning::usual(&names(actuators), &["shut_down"])
+        },
     };
     let lessons = lessons::<S>(&diagnoser, actuators);
     let pairs = SPANS.iter().zip(&lessons);

@@ -3,6 +3,7 @@
 mod confusion;
 mod rate;
 mod score;
+mod tail;
 
 pub use confusion::Confusion;
 pub use rate::{
@@ -10,3 +11,4 @@ pub use rate::{
     wilson_interval,
 };
 pub use score::{Prediction, Score};
+pub use tail::{LEAST_EXCESSES, Tail};

@@ -5,7 +5,9 @@ use crate::looks;
 use crate::looks::Looks;
 use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
-use crate::words::{NONE, by_environment, chosen, number, rate, spoken, stacked};
+use crate::words::{
+    NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
+};
 use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::fitted_twins::CalibrationRecords;
@@ -13,6 +15,7 @@ use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
 use servotwin::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
+use servotwin::job::healthy::HealthyRun;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
@@ -63,6 +66,7 @@ impl Section for Flights {
                  sealed environments. Every opening is on record, also those without a result.",
             );
         }
+        in_own_environments(material.healthy, page);
         page.heading("How soon a fault is isolated");
         page.text(&format!(
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
@@ -109,6 +113,28 @@ impl Section for Flights {
             trade(results, words, page);
         }
         wrong_kinds(results, words, page);
+    }
+}
+
+/// Healthy flights, each in an environment of its own.
+fn in_own_environments(runs: &[HealthyRun], page: &mut Page) {
+    if runs.is_empty() {
+        return;
+    }
+    page.heading("False alarms by environment");
+    page.text(
+        "What raises one false alarm in an environment raises others there, so hours in one environment do not \
+         count like hours in many. Here every healthy flight has an environment and a specimen of its own. Beside \
+         the count stands an extrapolation: the largest evidence of each flight is a part of the limit at which an \
+         action may be raised, and the tail of these values says how often it would reach that limit.",
+    );
+    for HealthyRun { setting, seed, duration_s, flown, failed, summary, .. } in runs {
+        let lines = by_environment_and_tail(summary).join("; ");
+        page.note(&format!(
+            "Setting {setting}: {flown} healthy flights of {} s (seed {seed}), {failed} not finished. {}.",
+            chosen(*duration_s),
+            begun(&lines)
+        ));
     }
 }
 

@@ -9,6 +9,7 @@ pub mod commands;
 pub mod commands_curve;
 pub mod committee;
 pub mod confusion;
+pub mod constants;
 pub mod data_set;
 pub mod detectability;
 pub mod effort;

@@ -9,7 +9,7 @@ use super::plan::{self, Flight, Onset, Purpose};
 use super::training_windows::MovingFlight;
 use crate::study::{FaultCase, Flights, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
 use servotwin_learning::metrics::{Rate, Trial, clopper_pearson_upper};
@@ -104,7 +104,7 @@ pub struct EnvironmentMetrics {
 
 impl EnvironmentMetrics {
     /// From each environment with time without a fault: whether an alarm was raised in it.
-    fn new(alarmed: impl Iterator<Item = bool>) -> Self {
+    pub(super) fn new(alarmed: impl Iterator<Item = bool>) -> Self {
         let (mut flown, mut with_alarm) = (0, 0);
         for alarmed in alarmed {
             flown += 1;
@@ -233,9 +233,22 @@ pub struct MissingSensorMetrics {
 
 /// The output of one session in one flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct RaisedLog {
+pub(super) struct RaisedLog {
     /// Every command, at the time it was raised.
-    raised: Vec<Raised>,
+    pub raised: Vec<Raised>,
+}
+
+impl RaisedLog {
+    /// Takes the outcome of a sample. A command that changes only its details is no new one.
+    pub fn take(&mut self, outcome: &Outcome) {
+        let before = self.raised.last().map(|raised| (raised.actuator, raised.action));
+        let is_new = |raised: &Raised| raised.sample == outcome.sample;
+        if let Some(raised) = outcome.raised.filter(is_new)
+            && before != Some((raised.actuator, raised.action))
+        {
+            self.raised.push(raised);
+        }
+    }
 }
 
 /// The recorded results of evaluated flights.
@@ -356,14 +369,7 @@ impl Observer for Watching {
             }
         };
         for (session, story) in &mut self.sessions {
-            let before = story.raised.last().map(|raised| (raised.actuator, raised.action));
-            let outcome = session.push(inputs, measured, twin);
-            let is_new = |raised: &Raised| raised.sample == outcome.sample;
-            if let Some(raised) = outcome.raised.filter(is_new)
-                && before != Some((raised.actuator, raised.action))
-            {
-                story.raised.push(raised);
-            }
+            story.take(session.push(inputs, measured, twin));
         }
         self.look(index as u64);
     }
@@ -397,7 +403,7 @@ pub fn watch(
 ) -> Result<WatchedFlights, Error> {
     let with_rate = |false_alarms_per_h| {
         let mut other = diagnoser.clone();
-        other.decision.false_alarms_per_h = false_alarms_per_h;
+        other.tuning.false_alarms_per_h = false_alarms_per_h;
         Session::new(Arc::new(other))
     };
     let sessions = match rates {
@@ -502,7 +508,7 @@ pub fn merit(
 
 /// The target rates, the diagnoser's own first.
 fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
-    let own = diagnoser.decision.false_alarms_per_h;
+    let own = diagnoser.tuning.false_alarms_per_h;
     let others = ASKED_PER_H.into_iter().filter(|rate| *rate != own);
     std::iter::once(own).chain(others).collect()
 }
@@ -599,12 +605,12 @@ impl Judged<'_> {
     }
 
     fn off_command(&self) -> Option<&str> {
-        self.diagnoser.decision.off_actions.first().map(String::as_str)
+        self.diagnoser.tuning.off_actions.first().map(String::as_str)
     }
 
     fn is_off(&self, command: u32) -> bool {
         let name = &self.diagnoser.names().actions[command as usize];
-        self.diagnoser.decision.off_actions.contains(name)
+        self.diagnoser.tuning.off_actions.contains(name)
     }
 
     fn outcomes(&self, session: usize, choice: impl Fn(&Flight) -> bool) -> Vec<FlightOutcome> {

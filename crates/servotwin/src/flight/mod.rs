@@ -15,6 +15,7 @@
 //! - [`fitted_twins`]: twins fitted to plants that differ from them in structure
 //! - [`surface`]: what an aircraft or machine notices of its actuators
 //! - [`judge`]: latency, certainty and errors of the diagnosis
+//! - [`healthy`]: healthy flights in an environment of their own, and how near they come to an alarm
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
 
@@ -25,6 +26,7 @@ pub mod closed_loop;
 pub mod cost;
 pub mod fitted_twins;
 pub mod hard_negatives;
+pub mod healthy;
 pub mod judge;
 pub mod other_plant;
 pub mod plan;

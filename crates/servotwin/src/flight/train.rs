@@ -10,8 +10,10 @@ use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
-use servotwin_diagnosis::diagnoser::novelty::QUANTILE;
-use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, decision};
+use servotwin_diagnosis::diagnoser::tuning::{
+    BASELINE_CORRECTED, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
+};
+use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, Tuning};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_learning::classifiers::{self, boosted_trees};
@@ -19,9 +21,6 @@ use servotwin_learning::hierarchy::Settings as Training;
 use servotwin_learning::novelty;
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
-
-/// How far an input may leave the range of the training flights, as a fraction of its width.
-const MARGIN: f64 = 0.25;
 
 /// Tree depth for flights: windows from many environments are more diverse than records of one command. In shallower
 /// trees, the last questions are not asked for every actuator.
@@ -35,35 +34,13 @@ const TREES_EVERY: usize = 10;
 /// slightly higher.
 const LEARNING_RATE: f64 = 0.2;
 
-/// Evidence against health that is subtracted in every window if specimens differ by their tolerances, in nats: for any
-/// command, and for one that switches off. In 42 hours of tuning flights, with 500 healthy specimens under the most
-/// violent commands, the evidence for such a command then reached at most 0.26 of its limit. Other commands do less
-/// harm, and warnings address weak symptoms: with 6 nats, only a tenth of them would be raised.
-const ALLOWANCES_NATS: (f64, f64) = (3.0, 5.0);
-
-/// The cost of any other false alarm in that case. Every window counts in full, so the same evidence more than doubles;
-/// the limit of about 16 nats is raised accordingly.
-const WITH_TOLERANCES_COST: f64 = 3e8;
-
 /// The evidence that must remain, of that which two of five fault windows exceed. A diagnosis trained on few flights is
 /// less certain, and would otherwise raise nothing. With the full number of flights this evidence is at least 9.4 nats,
 /// so the whole allowance applies.
 const LEFT_NATS: f64 = 2.0;
 
-/// The same for baseline-corrected windows, in which tolerances are less visible.
-const BASELINE_CORRECTED_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
-
 /// The same against health with a fitted twin; without any allowance, the evidence reached at most 0.02 of its limit.
 const NOISE_ALLOWANCE_NATS: f64 = 0.5;
-
-/// Allowance between two commands. It is zero between those of one actuator in baseline-corrected windows: of two
-/// similar ones, the likelier should eventually be named.
-const PAIRS_NATS: f64 = 0.2;
-
-/// Log-likelihood margin required against another actuator for a command that switches off, in nats. Without it, a
-/// fault that is hard to attribute (about 2 nats per window) shut down the healthy actuator after 4 s in one of 1,389
-/// tuning flights. Clearly visible faults give much more evidence.
-const OTHER_ACTUATOR_NATS: f64 = 1.5;
 
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
@@ -129,9 +106,9 @@ pub fn diagnoser(
         sensors: sensors(study),
         boundaries: vec![],
         environment: environment(study, flights),
-        decision: decision::Settings {
+        tuning: Tuning {
             least_on: study.least_on(),
-            ..decision(setting, names, &off, evidence_quantile)
+            ..tuning(setting, names, &off, evidence_quantile)
         },
         lengths,
         baseline: windows::baseline(flights, setting, study.sample_period_s),
@@ -142,33 +119,29 @@ pub fn diagnoser(
     Ok(diagnoser)
 }
 
-/// The cost of switching off the healthy actuator if every window counts in full. The same evidence then more than
-/// doubles, so the limit is doubled (`ln 1e3 + ln 1e9 = 2 (ln 1e3 + ln 1e3)`).
-const WRONG_ACTUATOR_COST: f64 = 1e9;
-
 /// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
 /// covers the repeated effect of tolerances.
-fn decision(
+fn tuning(
     setting: Setting,
     names: &Names,
     off_commands: &[&str],
     evidence_quantile: f64,
-) -> decision::Settings {
-    let mut settings = decision::Settings::usual(names, off_commands);
-    settings.overlap_exponent = 0.0;
-    settings.allowance_nats = PAIRS_NATS;
-    settings.other_allowance_nats = OTHER_ACTUATOR_NATS;
+) -> Tuning {
+    let mut settings = Tuning::usual(names, off_commands);
     let of_off = settings.costs.other_actuator.iter_mut().zip(&names.actions);
     let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
     of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
+    let Tuning { health_allowance_nats, off_allowance_nats, .. } = settings;
+    let against_health = (health_allowance_nats, health_allowance_nats + off_allowance_nats);
     if setting.has_tolerances() {
         (settings.health_allowance_nats, settings.off_allowance_nats) =
-            allowed(ALLOWANCES_NATS, evidence_quantile);
+            allowed(against_health, evidence_quantile);
         let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.actions);
         let of_others = of_healthy.filter(|(_, name)| !off_commands.contains(&name.as_str()));
         of_others.for_each(|(cost, _)| *cost = WITH_TOLERANCES_COST);
     } else {
         settings.health_allowance_nats = NOISE_ALLOWANCE_NATS;
+        settings.off_allowance_nats = 0.0;
     }
     settings
 }
@@ -181,8 +154,9 @@ fn allowed((of_any, of_off): (f64, f64), evidence_quantile: f64) -> (f64, f64) {
 }
 
 fn baseline_corrected_allowances(evidence_quantile: f64) -> Allowances {
-    let (health_nats, off_nats) = allowed(BASELINE_CORRECTED_ALLOWANCES_NATS, evidence_quantile);
-    Allowances { of_pairs_nats: 0.0, health_nats, off_nats, other_nats: OTHER_ACTUATOR_NATS }
+    let Allowances { health_nats, off_nats, .. } = BASELINE_CORRECTED;
+    let (health_nats, off_nats) = allowed((health_nats, health_nats + off_nats), evidence_quantile);
+    Allowances { health_nats, off_nats, ..BASELINE_CORRECTED }
 }
 
 /// What windows of one length teach.
@@ -249,7 +223,7 @@ fn length(
         committee::evidence_quantile(&data, &committee.hierarchy, settings.committee_lessons)?;
     let length = Length {
         span: windows::span(kind.window_s, study.sample_period_s),
-        novelty: novelty::learn(&data.examples, &known, &groups, QUANTILE)?,
+        novelty: novelty::learn(&data.examples, &known, &groups, Tuning::default().known_share)?,
         panel: Panel {
             bands: bands.unwrap_or_default().into_iter().map(band).collect(),
             least_confidence: committee.least_confidence,
@@ -279,6 +253,7 @@ fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
 /// The accepted inputs: within their declared ranges, and if flights varied them, not far outside the flown range.
 fn environment(study: &Study, flights: &Flights) -> Environment {
     let network = study.system.network();
+    let margin = Tuning::default().input_margin;
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
         let signals = flights.learned.iter().map(|environment| &environment.inputs[place]);
         let ends = signals.flat_map(|signal| {
@@ -288,7 +263,7 @@ fn environment(study: &Study, flights: &Flights) -> Environment {
         let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
             (low.min(value), high.max(value))
         });
-        let margin = MARGIN * (high - low);
+        let margin = margin * (high - low);
         let (least, largest) = match high > low {
             true => (low - margin, high + margin),
             false => (-f64::MAX, f64::MAX),

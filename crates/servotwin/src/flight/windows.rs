@@ -2,17 +2,11 @@
 
 use crate::study::{Flights, Plants, Setting};
 use servotwin_diagnosis::baseline;
+use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::sliding::Span;
 
-/// Number of panes: a window is judged this often while it passes.
-const PANES: u32 = 5;
-
-/// Settling time of a baseline, s; shortened so that it ends before the earliest fault.
-const SETTLE_S: f64 = 4.0;
-/// The largest share of the time before the earliest fault that settling may take.
+/// The largest share of the time before the earliest fault that the settling of a baseline may take.
 const SETTLE_SHARE: f64 = 0.8;
-/// Memory of a baseline, s: long compared with the isolation of a fault, short compared with natural changes.
-const MEMORY_S: f64 = 60.0;
 
 /// A kind of window.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,18 +38,20 @@ fn is_baseline_corrected(setting: Setting) -> bool {
 /// The settings of the baseline; `None` if windows are not baseline-corrected.
 pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<baseline::Settings> {
     let pane = span(shortest_s(flights), period_s).pane_samples;
-    let settle_s = SETTLE_S.min(SETTLE_SHARE * flights.onset_s[0]);
+    let Tuning { baseline_settle_s, baseline_memory_s, .. } = Tuning::default();
+    let settle_s = baseline_settle_s.min(SETTLE_SHARE * flights.onset_s[0]);
     // Half a pane later than the others, so that no sample completes windows of both.
     let panes = (settle_s / period_s) as u32 / pane;
     let settle_samples = (panes * pane + pane / 2).max(1);
-    let memory_samples = ((MEMORY_S / period_s) as u32).max(settle_samples);
+    let memory_samples = ((baseline_memory_s / period_s) as u32).max(settle_samples);
     is_baseline_corrected(setting).then_some(baseline::Settings { settle_samples, memory_samples })
 }
 
 /// The panes of a window with a given length.
 pub fn span(window_s: f64, period_s: f64) -> Span {
     let samples = (window_s / period_s).round() as u32;
-    Span { pane_samples: (samples / PANES).max(1), panes: Some(PANES) }
+    let Tuning { panes, .. } = Tuning::default();
+    Span { pane_samples: (samples / panes).max(1), panes: Some(panes) }
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@
 //! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
 //! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
+//! | `flights-healthy-<setting>.json` | flights --healthy: healthy flights, each in an environment of its own |
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
 //! | `band-<setting>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
@@ -94,6 +95,11 @@ impl Folder {
         self.0.join("flights.json")
     }
 
+    /// The file with healthy flights in many environments.
+    pub fn healthy_flights(&self, setting: Setting) -> PathBuf {
+        self.0.join(format!("flights-healthy-{}.json", setting.name()))
+    }
+
     /// The file with the results in sealed environments.
     pub fn sealed_flights(&self) -> PathBuf {
         self.0.join("flights-sealed.json")
@@ -135,6 +141,7 @@ impl Folder {
         files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
+        files.extend(Setting::ALL.map(|setting| self.healthy_flights(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.data_card(), self.sealed_flights()]);
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);

@@ -8,6 +8,7 @@ pub mod data_card;
 mod error;
 pub mod flights;
 pub mod folder;
+pub mod healthy;
 pub mod hold;
 pub mod manifest;
 pub mod results;

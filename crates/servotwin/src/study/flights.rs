@@ -34,6 +34,7 @@ use serde::Serialize;
 use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 type Ranges = BTreeMap<String, [f64; 2]>;
 
@@ -133,7 +134,7 @@ impl Default for Limits {
 /// A command, with values for everything else that varies.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// The name, `L007` for training (learn) or `J007` for evaluation (judge).
+    /// The name, `L007` for training (learn), `J007` for evaluation (judge), or `H007` for a single healthy flight.
     pub name: String,
     /// The command as text.
     pub command: String,
@@ -166,6 +167,24 @@ pub struct Flights {
     pub learned: Vec<Environment>,
     /// The evaluation environments.
     pub judged: Vec<Environment>,
+}
+
+/// The seed of commands after which those of [`HealthyDraw`] begin: beyond all others, sealed ones included.
+const HEALTHY_COMMANDS: usize = 20_000_000;
+
+/// The commands of a seed that differ from those of every other seed, for each pattern.
+const COMMANDS_OF_A_SEED: usize = 1_000_000;
+
+/// The largest number of environments of a [`HealthyDraw`]: no command and no specimen is in those of another seed.
+pub const MAX_HEALTHY: usize = COMMANDS_OF_A_SEED / 2;
+
+/// Environments for healthy flights, each of which is flown once. Training and evaluation have none of their commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HealthyDraw {
+    /// The seed of environments, specimens and noise, 0 to 999.
+    pub seed: u64,
+    /// Whether the flights are as long as the healthy ones of the full sizes.
+    pub is_full: bool,
 }
 
 /// Other draws of evaluation flights than those of the study file.
@@ -309,6 +328,22 @@ impl Text {
         Ok(())
     }
 
+    /// The duration of a healthy evaluation flight, s.
+    pub(super) fn healthy_duration_s(&self) -> f64 {
+        self.judge.healthy_duration_s.unwrap_or(self.duration_s)
+    }
+
+    /// Environments of a [`HealthyDraw`] by their numbers.
+    pub(super) fn healthy(
+        &self,
+        reader: &Reader,
+        numbers: Range<usize>,
+    ) -> Result<Vec<Environment>, Noted> {
+        let count = numbers.len();
+        let all = reader.sound(numbers.map(|n| self.environment(reader, 'H', n, self.judge)));
+        if all.len() == count { Ok(all) } else { Err(Noted) }
+    }
+
     fn environments(
         &self,
         reader: &Reader,
@@ -331,9 +366,7 @@ impl Text {
         let name = format!("{letter}{number:03}");
         let position = number % self.commands.len();
         let pattern = &self.commands[position];
-        // Evaluation environments use other draws than training environments.
-        let first = if letter == 'L' { 1 } else { 1 + MAX_ENVIRONMENTS }
-            + MAX_ENVIRONMENTS / 100 * self.seed as usize;
+        let first = first_command(letter, self.seed as usize);
         let command = filled(pattern, first + number / self.commands.len());
         let durations_s = [size.healthy_duration_s, size.further_duration_s];
         let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);
@@ -368,6 +401,16 @@ impl Text {
             }
         }
         Ok(Environment { name, command, inputs, parameters })
+    }
+}
+
+/// The seed of the first command of an environment: evaluation uses other draws than training, and healthy flights in
+/// environments of their own use others again.
+fn first_command(letter: char, seed: usize) -> usize {
+    match letter {
+        'L' => 1 + MAX_ENVIRONMENTS / 100 * seed,
+        'H' => HEALTHY_COMMANDS + COMMANDS_OF_A_SEED * seed,
+        _ => 1 + MAX_ENVIRONMENTS + MAX_ENVIRONMENTS / 100 * seed,
     }
 }
 

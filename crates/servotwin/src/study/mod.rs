@@ -24,7 +24,7 @@ mod warning;
 pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
-pub use flights::Flights;
+pub use flights::{Flights, HealthyDraw};
 pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
 pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
@@ -42,15 +42,17 @@ use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
+use flights::{Environment, Redraw};
 use keys::{QUANTITY, RUN_S, some};
 use mistake::Mistake;
 use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;
-use servotwin_diagnosis::diagnoser::decision::usual_least_on;
+use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
 use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
@@ -361,11 +363,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Study::flights`].
-    pub fn flights_with(
-        &self,
-        is_full: bool,
-        draw: flights::Redraw,
-    ) -> Result<Option<Flights>, StudyError> {
+    pub fn flights_with(&self, is_full: bool, draw: Redraw) -> Result<Option<Flights>, StudyError> {
         let sizes = self.sizes(is_full);
         let Some(usual) = self.drawn(sizes.as_ref())? else { return Ok(None) };
         let other = self.drawn(sizes.map(|sizes| sizes.redrawn(draw)).as_ref())?;
@@ -374,6 +372,28 @@ impl Study {
             Flights { learn, learned, ..other }
         };
         Ok(other.map(both))
+    }
+
+    /// The duration of the flights of a [`HealthyDraw`], s; `None` if the study declares no flights of these sizes.
+    pub fn healthy_duration_s(&self, draw: HealthyDraw) -> Option<f64> {
+        self.sizes(draw.is_full).map(|sizes| sizes.healthy_duration_s())
+    }
+
+    /// Draws some environments for healthy flights, by their numbers; `None` if the study declares no flights of these
+    /// sizes. An environment depends on nothing but seed and number.
+    ///
+    /// # Errors
+    /// As [`Study::flights`].
+    pub fn healthy_environments(
+        &self,
+        draw: HealthyDraw,
+        numbers: Range<usize>,
+    ) -> Result<Option<Vec<Environment>>, StudyError> {
+        let seed = Redraw { seed: Some(draw.seed), ..Redraw::default() };
+        let sizes = self.sizes(draw.is_full).map(|sizes| sizes.redrawn(seed));
+        let reader = self.reader();
+        let drawn = sizes.map(|sizes| sizes.healthy(&reader, numbers)).transpose();
+        reader.finish(drawn)
     }
 
     fn sizes(&self, is_full: bool) -> Option<flights::Text> {

@@ -349,9 +349,7 @@ pub fn judge(
     let told = Cow::Owned(told);
     let flown = FlightCampaign::planned(study, told, plan, lot, setting, workers)?;
     let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
-    let commands = diagnoser.names().actions.iter();
-    let is_off: Vec<bool> =
-        commands.map(|command| diagnoser.decision.off_actions.contains(command)).collect();
+    let is_off = diagnoser.tuning.switches_off(diagnoser.names());
     let case = |flight: &Flight| &cases[flight.number - FIRST];
     let mut ended = vec![];
     let all: Vec<usize> = (0..cases.len()).collect();

@@ -1,0 +1,65 @@
+//! The constants of the diagnosis in operation, with where their values come from.
+
+use crate::page::{Grid, Page, Side};
+use crate::words::number;
+use crate::{Material, Section};
+use servotwin::study::Setting;
+use servotwin_diagnosis::diagnoser::tuning::Constant;
+
+/// The section. The module describes it.
+pub struct Constants;
+
+impl Section for Constants {
+    fn id(&self) -> &'static str {
+        "constants"
+    }
+
+    fn title(&self) -> &'static str {
+        "Constants of the diagnosis"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for (settings, constants) in grouped(material.constants) {
+            let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+            page.table(&grid(constants), &format!(
+                "The constants of the diagnoser, setting {}. Physical: from what actuators, sensors and computers \
+                 are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
+                 in flights of a seed that no evaluation uses.",
+                names.join(" and ")
+            ));
+        }
+    }
+}
+
+/// The settings whose diagnosers have the same constants, with these.
+fn grouped(all: &[(Setting, Vec<Constant>)]) -> Vec<(Vec<Setting>, &[Constant])> {
+    let mut groups: Vec<(Vec<Setting>, &[Constant])> = vec![];
+    for (setting, constants) in all {
+        match groups.iter_mut().find(|(_, known)| known == constants) {
+            Some((settings, _)) => settings.push(*setting),
+            None => groups.push((vec![*setting], constants)),
+        }
+    }
+    groups
+}
+
+fn grid(constants: &[Constant]) -> Grid {
+    let mut grid = Grid::new([
+        ("constant", Side::Left),
+        ("value", Side::Right),
+        ("", Side::Left),
+        ("meaning", Side::Left),
+        ("source", Side::Left),
+    ]);
+    for constant in constants {
+        let value = format!("{} {}", number(constant.value), constant.unit);
+        grid.push(vec![
+            constant.name.replace('_', " "),
+            value.trim_end().into(),
+            constant.label(),
+            constant.meaning.into(),
+            constant.source.into(),
+        ]);
+    }
+    grid
+}

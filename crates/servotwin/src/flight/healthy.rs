@@ -1,0 +1,183 @@
+//! Healthy flights, each in an environment of its own: how often they raise an alarm, and how near they come to one.
+//!
+//! False alarms cluster. What raises one in an environment raises others there, so hours in one environment do not count
+//! like hours in many. Here the environment is the unit: each is flown once, by a specimen of its own. A flight without an
+//! alarm still tells something, because the evidence for an action reaches some part of its limit. These largest values
+//! are block maxima, and their tail gives a rate of false alarms where counting gives only a bound.
+
+use super::campaign::{FlightCampaign, Observer};
+use super::judge::{EnvironmentMetrics, RaisedLog};
+use super::plan::{Flight, Onset, Purpose};
+use crate::campaign::CampaignError;
+use crate::parallel::Workers;
+use crate::study::flights::Environment;
+use crate::study::{Setting, Study};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::{Raised, Session};
+use servotwin_learning::metrics::Tail;
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// The number of the first flight: beyond those of the evaluation, so that no specimen flies twice.
+const FIRST_NUMBER: usize = 200_000;
+
+/// What a healthy flight gave.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HealthyFlight {
+    /// The number of its environment.
+    pub environment: u64,
+    /// Number of actions raised.
+    pub alarms: u64,
+    /// Number of shutdowns raised.
+    pub shutdowns: u64,
+    /// The largest evidence for any action, in parts of its limit.
+    pub evidence: f64,
+    /// The largest evidence for a shutdown, in parts of its limit.
+    pub shutdown_evidence: f64,
+}
+
+/// What many healthy flights gave, counted by environment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HealthySummary {
+    /// Duration of all flights, h.
+    pub hours: f64,
+    /// Environments with an alarm.
+    pub alarms: EnvironmentMetrics,
+    /// Environments with a shutdown.
+    pub shutdowns: EnvironmentMetrics,
+    /// The largest evidence for any action in any flight, in parts of its limit.
+    pub largest_evidence: f64,
+    /// The largest evidence for a shutdown in any flight, in parts of its limit.
+    pub largest_shutdown_evidence: f64,
+    /// The tail of the largest evidence for any action, extrapolated to the limit; `None` for too few flights.
+    pub tail: Option<Tail>,
+    /// The same for shutdowns.
+    pub shutdown_tail: Option<Tail>,
+}
+
+impl HealthySummary {
+    /// Counts flights of `duration_s` seconds.
+    pub fn new(flights: &[HealthyFlight], duration_s: f64) -> Self {
+        let environments = |count: fn(&HealthyFlight) -> u64| {
+            EnvironmentMetrics::new(flights.iter().map(|flight| count(flight) > 0))
+        };
+        let maxima = |evidence: fn(&HealthyFlight) -> f64| -> Vec<f64> {
+            flights.iter().map(evidence).collect()
+        };
+        let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
+        let of_any = maxima(|flight| flight.evidence);
+        let of_shutdown = maxima(|flight| flight.shutdown_evidence);
+        HealthySummary {
+            hours: flights.len() as f64 * duration_s / 3600.0,
+            alarms: environments(|flight| flight.alarms),
+            shutdowns: environments(|flight| flight.shutdowns),
+            largest_evidence: largest(&of_any),
+            largest_shutdown_evidence: largest(&of_shutdown),
+            tail: Tail::fit(&of_any, 1.0),
+            shutdown_tail: Tail::fit(&of_shutdown, 1.0),
+        }
+    }
+}
+
+/// Flies each environment once without a fault, observed by a session. `environments` have the given numbers; the
+/// specimens and the noise follow from these and the seed. Returns the finished flights in order, and how many failed.
+///
+/// # Errors
+/// A twin cannot be simulated, or the run was cancelled.
+pub fn fly(
+    study: &Study,
+    (environments, numbers): (&[Environment], Range<usize>),
+    (seed, duration_s): (u64, f64),
+    setting: Setting,
+    session: &Session,
+    workers: Workers,
+) -> Result<(Vec<HealthyFlight>, u64), CampaignError> {
+    let flight = |(environment, number): (usize, usize)| Flight {
+        number: FIRST_NUMBER + number,
+        environment,
+        fault: None,
+        intensity: 0.0,
+        onset_s: f64::INFINITY,
+        onset: Onset::Step,
+        duration_s,
+    };
+    let plan: Vec<Flight> = numbers.enumerate().map(flight).collect();
+    let environments = Cow::Borrowed(environments);
+    let lot = (Purpose::Judge, seed);
+    let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
+    let (mut finished, mut failed) = (vec![], 0);
+    flown.fly(
+        &flown.which,
+        |_| EvidenceWatch::new(session.clone()),
+        |flight, watch, outcome| match outcome {
+            Ok(_) => finished.push(watch.into_flight(flight.number - FIRST_NUMBER)),
+            Err(_) => failed += 1,
+        },
+    );
+    if workers.is_cancelled() {
+        return Err(CampaignError::Cancelled);
+    }
+    finished.sort_by_key(|flight| flight.environment);
+    Ok((finished, failed))
+}
+
+/// A session with the largest evidence that it gathered.
+struct EvidenceWatch {
+    session: Session,
+    /// Every action, at the time it was raised.
+    log: RaisedLog,
+    /// For each action, whether it switches off.
+    switches_off: Vec<bool>,
+    evidence: f64,
+    shutdown_evidence: f64,
+}
+
+impl EvidenceWatch {
+    fn new(session: Session) -> Self {
+        let diagnoser = session.diagnoser();
+        EvidenceWatch {
+            switches_off: diagnoser.tuning.switches_off(diagnoser.names()),
+            session,
+            log: RaisedLog::default(),
+            evidence: 0.0,
+            shutdown_evidence: 0.0,
+        }
+    }
+
+    fn into_flight(self, environment: usize) -> HealthyFlight {
+        let is_off = |raised: &&Raised| self.switches_off[raised.action as usize];
+        HealthyFlight {
+            environment: environment as u64,
+            alarms: self.log.raised.len() as u64,
+            shutdowns: self.log.raised.iter().filter(is_off).count() as u64,
+            evidence: self.evidence,
+            shutdown_evidence: self.shutdown_evidence,
+        }
+    }
+
+    /// Takes the evidence of a length's new window.
+    fn take(&mut self, length: usize) {
+        for actuator in 0..self.session.diagnoser().names().actuators.len() {
+            for (action, switches_off) in self.switches_off.iter().enumerate() {
+                let evidence = self.session.evidence(length, actuator, action);
+                self.evidence = self.evidence.max(evidence);
+                if *switches_off {
+                    self.shutdown_evidence = self.shutdown_evidence.max(evidence);
+                }
+            }
+        }
+    }
+}
+
+impl Observer for EvidenceWatch {
+    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        self.log.take(self.session.push(inputs, measured, twin));
+        for length in 0..self.session.diagnoser().lengths.len() {
+            if self.session.has_new_window(length) {
+                self.take(length);
+            }
+        }
+    }
+}
