@@ -11,6 +11,7 @@
 //! - [`watcher`]: the runtime on a log or a live stream
 //! - [`replay`]: the diagnosis of a recorded flight
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
+//! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
 //! - [`judge`]: latency, certainty and errors of the diagnosis
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
@@ -25,6 +26,7 @@ pub mod other_plant;
 pub mod plan;
 pub mod replay;
 pub mod runtime;
+pub mod tracking;
 pub mod train;
 pub mod training_windows;
 pub mod unseen_faults;

@@ -1,0 +1,387 @@
+//! Closed-loop flights as evidence: every fault of the study is flown with a flight control computer that reacts to the
+//! diagnosis, and again with one that does not.
+//!
+//! The flights are stored in `safety/fmea-flights.csv` with the basis of their diagnoser, so a sheet is filled again
+//! without flying. One healthy flight per file is the reference.
+
+use crate::error::SafetyError;
+use crate::results::{EvidenceBasis, FOLDER, StudyResultsFolder};
+use servotwin::files::create_folder;
+use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::tracking::{TrackedQuantities, first_report_s};
+use servotwin::job::flights::diagnoser;
+use servotwin::parallel::{self, Workers};
+use servotwin::study::{FaultCase, Study};
+use servotwin::table::{self, Column, Table, TableError};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::program::FaultAt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The file of the flights.
+pub const FILE: &str = "fmea-flights.csv";
+
+/// How every fault is flown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightPlan {
+    /// Intensities of each fault.
+    pub intensities: Vec<f64>,
+    /// When the fault begins, s.
+    pub onset_s: f64,
+    /// Duration of the flight, s.
+    pub duration_s: f64,
+}
+
+impl Default for FlightPlan {
+    /// Half and full intensity, in the flight of `servotwin fly`.
+    fn default() -> Self {
+        FlightPlan { intensities: vec![0.5, 1.0], onset_s: 6.0, duration_s: 20.0 }
+    }
+}
+
+/// A flight of a fault with the diagnosis, and the same without it. Times count from the onset. NaN stands for what does
+/// not exist: a time of something that did not happen, an error of a quantity that the system lacks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlownFault {
+    /// The fault, or `healthy`.
+    pub fault: String,
+    /// Its intensity; 0 without a fault.
+    pub intensity: f64,
+    /// The first report of a fault, s.
+    pub report_s: f64,
+    /// The first action after the onset, s.
+    pub action_s: f64,
+    /// That action with its actuator; empty without one.
+    pub action: String,
+    /// Whether it was the right action for the right actuator.
+    pub is_right: bool,
+    /// The actuators that were switched off, separated by spaces.
+    pub lanes_off: String,
+    /// Root mean square of the command since the onset, SI.
+    pub command_rms: f64,
+    /// Root mean square and largest tracking error without the diagnosis, SI.
+    pub error_alone: [f64; 2],
+    /// The same with the diagnosis.
+    pub error_reacting: [f64; 2],
+    /// Root mean square of the force fight without the diagnosis and with it, N.
+    pub force_fight_n: [f64; 2],
+    /// The largest difference of the faulty actuator's rod force from the healthy flight, without the diagnosis, N.
+    pub force_difference_n: f64,
+    /// Why the flight could not be simulated; empty otherwise.
+    pub failure: String,
+}
+
+/// The flights of a folder.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FmeaFlights {
+    /// One entry per fault and intensity, the healthy flight first.
+    pub list: Vec<FlownFault>,
+    /// The operating case that was flown.
+    pub case: String,
+    /// The scenario of the diagnoser.
+    pub setting: String,
+    /// What changed since the flights; `None` if they are of this model.
+    pub stale: Option<String>,
+}
+
+/// The columns of numbers, in the order of [`numbers`].
+const NUMBERS: [&str; 12] = [
+    "intensity",
+    "report_s",
+    "action_s",
+    "command_rms",
+    "rms_error_alone",
+    "largest_error_alone",
+    "rms_error_reacting",
+    "largest_error_reacting",
+    "rms_force_fight_alone_n",
+    "rms_force_fight_reacting_n",
+    "largest_force_difference_n",
+    "is_right",
+];
+
+fn numbers(flown: &FlownFault) -> [f64; 12] {
+    [
+        flown.intensity,
+        flown.report_s,
+        flown.action_s,
+        flown.command_rms,
+        flown.error_alone[0],
+        flown.error_alone[1],
+        flown.error_reacting[0],
+        flown.error_reacting[1],
+        flown.force_fight_n[0],
+        flown.force_fight_n[1],
+        flown.force_difference_n,
+        f64::from(u8::from(flown.is_right)),
+    ]
+}
+
+impl FmeaFlights {
+    /// The rows of a fault, with their numbers in the file from 1.
+    pub fn of<'s>(&'s self, fault: &'s str) -> impl Iterator<Item = (usize, &'s FlownFault)> {
+        let numbered = self.list.iter().enumerate().map(|(place, flown)| (place + 1, flown));
+        numbered.filter(move |(_, flown)| flown.fault == fault && flown.failure.is_empty())
+    }
+
+    /// The healthy flight.
+    pub fn healthy(&self) -> Option<&FlownFault> {
+        self.list.first().filter(|flown| flown.intensity == 0.0)
+    }
+
+    /// Reads the stored flights of a folder; `None` without any.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
+        let path = results.artefact(FILE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let table = Table::read(&path)?;
+        let list = from_table(&table)?;
+        let one = |name: &str| -> Result<String, TableError> {
+            Ok(table.text(name)?.first().cloned().unwrap_or_default())
+        };
+        let stale = match EvidenceBasis::parse(&one("basis")?) {
+            Some(basis) => results.basis.changes_since(&basis),
+            None => Some("nothing says of which model they are".into()),
+        };
+        Ok(Some(FmeaFlights { list, case: one("case")?, setting: one("setting")?, stale }))
+    }
+
+    /// Flies every fault of the study and stores the flights.
+    ///
+    /// # Errors
+    /// There is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
+    pub fn fly(
+        results: &StudyResultsFolder,
+        plan: &FlightPlan,
+        workers: Workers,
+    ) -> Result<Self, SafetyError> {
+        let setting = results.flown_setting();
+        let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
+        let specimen = setting.has_tolerances().then_some(0);
+        let study = &results.study;
+        let flying =
+            Flying { study, plan, diagnoser, specimen, kept: TrackedQuantities::of(study) };
+        let healthy = flying.fly(None, false).map_err(|error| SafetyError::Flight {
+            fault: "healthy".into(),
+            intensity: 0.0,
+            error,
+        })?;
+        let mut tasks: Vec<(Option<&FaultCase>, f64)> = vec![(None, 0.0)];
+        let mut last = None;
+        for fault in &study.faults {
+            if last.replace(&fault.id) != Some(&fault.id) {
+                tasks.extend(plan.intensities.iter().map(|&intensity| (Some(fault), intensity)));
+            }
+        }
+        let flown = parallel::map(&tasks, workers, |&(fault, intensity)| {
+            flying.both(fault, intensity, &healthy)
+        });
+        let list = flown.map_err(|_| SafetyError::Cancelled)?;
+        let flights = FmeaFlights {
+            list,
+            case: study.cases[0].name.clone(),
+            setting: setting.name().into(),
+            stale: None,
+        };
+        create_folder(results.folder.path().join(FOLDER))?;
+        flights.write(&results.artefact(FILE), &results.basis)?;
+        Ok(flights)
+    }
+
+    fn write(&self, path: &Path, basis: &EvidenceBasis) -> Result<(), SafetyError> {
+        let text = |name: &str, of: &dyn Fn(&FlownFault) -> String| {
+            Column::new(name, "", self.list.iter().map(of).collect::<Vec<String>>())
+        };
+        let mut columns = vec![text("fault", &|flown| flown.fault.clone())];
+        for (place, name) in NUMBERS.iter().enumerate() {
+            let values: Vec<f64> = self.list.iter().map(|flown| numbers(flown)[place]).collect();
+            columns.push(Column::new(*name, "", values));
+        }
+        columns.extend([
+            text("action", &|flown| flown.action.clone()),
+            text("lanes_off", &|flown| flown.lanes_off.clone()),
+            text("failure", &|flown| flown.failure.clone()),
+            text("case", &|_| self.case.clone()),
+            text("setting", &|_| self.setting.clone()),
+            text("basis", &|_| basis.in_words()),
+        ]);
+        Ok(table::write(path, &Table::from_columns(columns)?)?)
+    }
+}
+
+fn from_table(table: &Table) -> Result<Vec<FlownFault>, TableError> {
+    let columns: Vec<_> = NUMBERS.iter().map(|name| table.f64(name)).collect::<Result<_, _>>()?;
+    let [fault, action, off, failure] = ["fault", "action", "lanes_off", "failure"];
+    let (fault, action) = (table.text(fault)?, table.text(action)?);
+    let (off, failure) = (table.text(off)?, table.text(failure)?);
+    let flown = |row: usize| {
+        let value = |place: usize| columns[place][row];
+        FlownFault {
+            fault: fault[row].clone(),
+            intensity: value(0),
+            report_s: value(1),
+            action_s: value(2),
+            command_rms: value(3),
+            error_alone: [value(4), value(5)],
+            error_reacting: [value(6), value(7)],
+            force_fight_n: [value(8), value(9)],
+            force_difference_n: value(10),
+            is_right: value(11) > 0.5,
+            action: action[row].clone(),
+            lanes_off: off[row].clone(),
+            failure: failure[row].clone(),
+        }
+    };
+    Ok((0..table.row_count()).map(flown).collect())
+}
+
+struct Flying<'f> {
+    study: &'f Study,
+    plan: &'f FlightPlan,
+    diagnoser: Arc<Diagnoser>,
+    specimen: Option<usize>,
+    kept: TrackedQuantities,
+}
+
+impl Flying<'_> {
+    fn fly(
+        &self,
+        fault: Option<FaultAt>,
+        reacts: bool,
+    ) -> Result<Record, servotwin::flight::runtime::RuntimeError> {
+        let scenario = Scenario {
+            study: self.study,
+            inputs: self.study.cases[0].inputs.clone(),
+            faults: fault.map(|fault| (self.plan.onset_s, fault)).into_iter().collect(),
+            duration_s: self.plan.duration_s,
+            specimen: self.specimen,
+            reacts,
+        };
+        closed_loop::fly(&scenario, &self.diagnoser, &self.kept.slots)
+    }
+
+    fn both(&self, fault: Option<&FaultCase>, intensity: f64, healthy: &Record) -> FlownFault {
+        let at = fault.map(|fault| FaultAt { intensity, ..fault.at });
+        let flown = self.fly(at, true).and_then(|with| Ok((with, self.fly(at, false)?)));
+        let name = fault.map_or("healthy", |fault| fault.id.as_str());
+        match flown {
+            Ok((with, alone)) => self.measured(name, (fault, intensity), [&with, &alone], healthy),
+            Err(error) => FlownFault {
+                fault: name.into(),
+                intensity,
+                failure: error.to_string(),
+                ..FlownFault::empty()
+            },
+        }
+    }
+
+    fn measured(
+        &self,
+        name: &str,
+        (fault, intensity): (Option<&FaultCase>, f64),
+        [with, alone]: [&Record; 2],
+        healthy: &Record,
+    ) -> FlownFault {
+        let since = with.time_s.iter().position(|time_s| *time_s >= self.plan.onset_s).unwrap_or(0);
+        let error = |record| {
+            let error = self.kept.tracking_error(self.study, record);
+            error.map_or([f64::NAN; 2], |error| [rms(&error[since..]), largest(&error[since..])])
+        };
+        let fight = |record| {
+            self.kept.force_fight(self.study, record).map_or(f64::NAN, |n| rms(&n[since..]))
+        };
+        let unit = fault.map(|fault| self.study.units[fault.unit].as_str());
+        let action = with.actions.iter().find(|action| action.time_s >= self.plan.onset_s);
+        let names = self.diagnoser.names();
+        let actuator =
+            |action: &closed_loop::Action| &names.actuators[action.raised.actuator as usize];
+        let command = |action: &closed_loop::Action| &names.actions[action.raised.action as usize];
+        let right = fault.map(|fault| &self.study.classes[fault.class].command);
+        let mut off: Vec<&str> = vec![];
+        for action in with.actions.iter().filter(|action| action.reaction.switches_off) {
+            if !off.contains(&actuator(action).as_str()) {
+                off.push(actuator(action));
+            }
+        }
+        FlownFault {
+            fault: name.into(),
+            intensity,
+            report_s: first_report_s(with, self.plan.onset_s)
+                .map_or(f64::NAN, |s| s - self.plan.onset_s),
+            action_s: action.map_or(f64::NAN, |action| action.time_s - self.plan.onset_s),
+            action: action.map_or_else(String::new, |a| {
+                format!("{} {}", command(a), actuator(a)).trim().into()
+            }),
+            is_right: action.is_some_and(|a| {
+                unit.is_some_and(|unit| unit == actuator(a))
+                    && right.is_some_and(|right| right == command(a))
+            }),
+            lanes_off: off
+                .iter()
+                .map(|name| if name.is_empty() { "all" } else { name })
+                .collect::<Vec<_>>()
+                .join(" "),
+            command_rms: rms(&with.inputs[self.study.command_input][since..]),
+            error_alone: error(alone),
+            error_reacting: error(with),
+            force_fight_n: [fight(alone), fight(with)],
+            force_difference_n: self.force_difference_n(unit, alone, healthy, since),
+            failure: String::new(),
+        }
+    }
+
+    /// The largest difference of a rod force from the healthy flight, N.
+    fn force_difference_n(
+        &self,
+        unit: Option<&str>,
+        alone: &Record,
+        healthy: &Record,
+        since: usize,
+    ) -> f64 {
+        let force = |record| self.kept.rod_force(unit?, record);
+        match (force(alone), force(healthy)) {
+            (Some(with), Some(without)) => {
+                let pairs = with.iter().zip(without).skip(since);
+                pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+            }
+            _ => f64::NAN,
+        }
+    }
+}
+
+impl FlownFault {
+    fn empty() -> Self {
+        FlownFault {
+            fault: String::new(),
+            intensity: 0.0,
+            report_s: f64::NAN,
+            action_s: f64::NAN,
+            action: String::new(),
+            is_right: false,
+            lanes_off: String::new(),
+            command_rms: f64::NAN,
+            error_alone: [f64::NAN; 2],
+            error_reacting: [f64::NAN; 2],
+            force_fight_n: [f64::NAN; 2],
+            force_difference_n: f64::NAN,
+            failure: String::new(),
+        }
+    }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
+}
+
+/// The path of the flights, for messages.
+pub fn path(results: &StudyResultsFolder) -> PathBuf {
+    results.artefact(FILE)
+}

@@ -1,0 +1,528 @@
+//! The fault trees of a study. A *lane* is an actuator with its diagnosis.
+//!
+//! | basic event | probability |
+//! |---|---|
+//! | a fault begins in this flight | 1 − exp(−λ · flight) |
+//! | a fault is known and waits for its repair | 1 − exp(−λ · repair interval) |
+//! | a fault is hidden since the last check | 1 − exp(−λ · check interval) |
+//! | a fault is missed: the right action is not the first one | counted share of flights |
+//! | another action is raised, which may be a shutdown | counted share of flights |
+//! | a fault shuts another lane down | counted share of flights |
+//! | a false alarm shuts a healthy lane down | counted rate, as a failure rate |
+//!
+//! A lane is *physically lost* if a fault that needs a shutdown is in it, whether the shutdown comes or not. It is *lost
+//! by command* if a shutdown is raised without need. The alarm never shuts down the last lane that is on
+//! ([`Study::least_on`]). So all lanes are lost only if at least one is lost physically.
+//!
+//! Every lane that is lost stays lost until its repair. A lane that was lost before the flight matters only beside one
+//! that is lost in it.
+//!
+//! Rates λ are the user's. Counts are of `flights.json`. Its flights have faults of all intensities in equal shares,
+//! weak ones included, and a fault that never becomes visible counts as missed.
+
+use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
+use crate::error::SafetyError;
+use crate::interval::{CountedValue, clopper_pearson, poisson_rate_per_h};
+use crate::rates::{FailureRates, RatedFault};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics};
+use servotwin::study::Study;
+use servotwin::text::spoken;
+use std::collections::HashMap;
+
+/// The joint confidence of all counted intervals together.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// A number that basic events share.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeParameter {
+    /// An identifier of letters, digits, `_` and `-`.
+    pub id: String,
+    /// Its value; a rate in 1/h, or a probability. A user's rate has no band.
+    pub value: CountedValue,
+    /// Where it comes from.
+    pub evidence: String,
+}
+
+/// The trees of a study, with the numbers of their events.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LaneTrees {
+    /// Gates, events and top events.
+    pub tree: FaultTree,
+    /// Rates, 1/h.
+    pub rates: Vec<TreeParameter>,
+    /// Probabilities.
+    pub constants: Vec<TreeParameter>,
+    /// Why a usual top event is missing.
+    pub notes: Vec<String>,
+}
+
+/// What happened in the judged flights with faults of one action.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct ActionCounts {
+    flown: u64,
+    missed: u64,
+    other_action: u64,
+    wrong_shutdown: u64,
+}
+
+impl ActionCounts {
+    fn of(class: Option<&ClassMetrics>) -> Self {
+        match class {
+            None => ActionCounts { flown: 0, missed: 0, other_action: 0, wrong_shutdown: 0 },
+            Some(class) => ActionCounts {
+                flown: class.flown,
+                missed: class.flown - class.isolated.count,
+                other_action: class.other_command.count,
+                wrong_shutdown: class.wrong_shutdown,
+            },
+        }
+    }
+}
+
+/// The constants of an action, as indices.
+#[derive(Debug, Clone, Copy)]
+struct ActionConstants {
+    missed: usize,
+    other_action: usize,
+    wrong_shutdown: usize,
+}
+
+/// The events of a fault.
+struct FaultEvents {
+    lane: usize,
+    needs_shutdown: bool,
+    detail: String,
+    begins: TreeInput,
+    waits: TreeInput,
+    hidden: TreeInput,
+    missed: TreeInput,
+    other_action: Option<TreeInput>,
+    /// For every other lane that it may shut down: the lane and the event.
+    wrong_shutdowns: Vec<(usize, TreeInput)>,
+}
+
+/// The faults that the trees of a study need rates for.
+pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
+    let mut list: Vec<RatedFault> = vec![];
+    for fault in &study.faults {
+        if list.last().is_none_or(|last| last.id != fault.id) {
+            list.push(RatedFault { id: fault.id.clone(), kind: fault.kind.clone() });
+        }
+    }
+    list
+}
+
+/// Builds the trees of a study from counted flights and the user's rates.
+///
+/// # Errors
+/// The study has no action that switches an actuator off; a fault has no rate.
+pub fn lane_trees(
+    study: &Study,
+    metrics: &FlightMetrics,
+    rates: &FailureRates,
+) -> Result<LaneTrees, SafetyError> {
+    if study.shutdowns().is_empty() {
+        let problem = "no action switches an actuator off, so no lane can be lost by command; declare one with \
+                       switches_off = true in [reactions]";
+        return Err(SafetyError::Study { study: study.name.clone(), problem });
+    }
+    let missing: Vec<String> =
+        rated_faults(study).into_iter().filter(|f| rates.of(f).is_none()).map(|f| f.id).collect();
+    if !missing.is_empty() {
+        return Err(SafetyError::NoRates { path: rates.path.clone(), missing });
+    }
+    let trees =
+        LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
+    let mut growing = Growing { study, metrics, rates, trees, confidence: 0.0 };
+    growing.grow();
+    Ok(growing.trees)
+}
+
+struct Growing<'g> {
+    study: &'g Study,
+    metrics: &'g FlightMetrics,
+    rates: &'g FailureRates,
+    trees: LaneTrees,
+    /// The confidence of each interval.
+    confidence: f64,
+}
+
+/// The gates of a lane.
+struct LaneGates {
+    lost_now: Option<TreeInput>,
+    lost_ever: Option<TreeInput>,
+    physical: Option<TreeInput>,
+}
+
+/// An identifier made of a name.
+pub(super) fn identifier(name: &str) -> String {
+    let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
+    let text: String = name.chars().map(letter).collect();
+    let starts_well = text.starts_with(|c: char| c.is_ascii_alphabetic());
+    if starts_well { text } else { format!("n{text}") }
+}
+
+impl Growing<'_> {
+    fn grow(&mut self) {
+        let counted = 1 + self.study.commands().len() * if self.lanes() > 1 { 3 } else { 2 };
+        // Bonferroni: all intervals together hold with the joint confidence.
+        self.confidence = 1.0 - (1.0 - CONFIDENCE) / counted as f64;
+        let constants = self.actions();
+        let faults = self.faults(&constants);
+        let alarms = self.false_alarms();
+        let lanes: Vec<LaneGates> =
+            (0..self.lanes()).map(|lane| self.lane(lane, &faults, &alarms)).collect();
+        self.tops(&lanes, &faults);
+    }
+
+    fn lanes(&self) -> usize {
+        self.study.units.len()
+    }
+
+    /// A lane's name in identifiers and in words.
+    fn lane_name(&self, lane: usize) -> (String, String) {
+        match self.study.units[lane].as_str() {
+            "" => ("lane".into(), "the only lane".into()),
+            name => (identifier(name), spoken(name)),
+        }
+    }
+
+    fn constant(&mut self, id: String, count: u64, of: u64, what: &str) -> usize {
+        let evidence = match of {
+            0 => format!("{what}: not flown, so nothing is known"),
+            _ => format!(
+                "{what}: {count} of {of} flights, flights.json, scenario {}",
+                self.metrics.setting
+            ),
+        };
+        let value = clopper_pearson(count, of, self.confidence);
+        self.trees.constants.push(TreeParameter { id, value, evidence });
+        self.trees.constants.len() - 1
+    }
+
+    /// The constants of every action.
+    fn actions(&mut self) -> HashMap<String, ActionConstants> {
+        let mut found = HashMap::new();
+        for action in self.study.commands() {
+            // The first entry of an action has all intensities.
+            let class = self.metrics.classes.iter().find(|class| class.command == action);
+            let counts = ActionCounts::of(class);
+            let (id, words) = (identifier(&action), spoken(&action));
+            let missed = format!("right action not raised first for faults that need {words}");
+            let other = format!("another action for the right lane for faults that need {words}");
+            let wrong = format!("shutdown of another lane for faults that need {words}");
+            let constants = ActionConstants {
+                missed: self.constant(format!("missed-{id}"), counts.missed, counts.flown, &missed),
+                other_action: self.constant(
+                    format!("other_action-{id}"),
+                    counts.other_action,
+                    counts.flown,
+                    &other,
+                ),
+                wrong_shutdown: match self.lanes() {
+                    // No other lane can be shut down, so nothing reads this constant.
+                    1 => usize::MAX,
+                    _ => self.constant(
+                        format!("wrong_shutdown-{id}"),
+                        counts.wrong_shutdown,
+                        counts.flown,
+                        &wrong,
+                    ),
+                },
+            };
+            found.insert(action, constants);
+        }
+        found
+    }
+
+    /// The events of every fault, lane after lane.
+    fn faults(&mut self, constants: &HashMap<String, ActionConstants>) -> Vec<FaultEvents> {
+        let study = self.study;
+        let mut found: Vec<FaultEvents> = vec![];
+        let mut last = None;
+        for fault in &study.faults {
+            // A fault stands in the list once for each intensity.
+            if last.replace(&fault.id) == Some(&fault.id) {
+                continue;
+            }
+            let rated = RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
+            let Some(rate) = self.rates.of(&rated) else { continue };
+            let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
+            let id = identifier(&fault.id);
+            let evidence =
+                format!("{} line {}: {}", self.rates.path.display(), rate.line, rate.source);
+            self.trees.rates.push(TreeParameter { id: format!("rate-{id}"), value, evidence });
+            let class = &study.classes[fault.class];
+            if let Some(&constants) = constants.get(&class.command) {
+                let needs_shutdown = study.reactions.switches_off(&class.command);
+                let of = (fault.unit, needs_shutdown, class.detail.clone());
+                found.push(self.fault(&id, &spoken(&fault.id), of, constants));
+            }
+        }
+        found
+    }
+
+    /// The events of a fault whose rate was added last.
+    fn fault(
+        &mut self,
+        id: &str,
+        words: &str,
+        (lane, needs_shutdown, detail): (usize, bool, String),
+        constants: ActionConstants,
+    ) -> FaultEvents {
+        let rate = self.trees.rates.len() - 1;
+        let others: Vec<usize> = (0..self.lanes()).filter(|&other| other != lane).collect();
+        let names: Vec<(String, String)> = others.iter().map(|&o| self.lane_name(o)).collect();
+        let tree = &mut self.trees.tree;
+        let mut failure = |what: &str, words_of: String, exposure: Exposure| {
+            tree.event(format!("{id}-{what}"), words_of, EventLaw::Exponential(rate, exposure))
+        };
+        let begins = failure("begins", format!("{words} begins in this flight"), Exposure::Flight);
+        let waits = failure("waits", format!("{words} waits for its repair"), Exposure::Repair);
+        let hidden =
+            failure("hidden", format!("{words} is there since the last check"), Exposure::Check);
+        let mut counted = |what: String, words_of: String, constant: usize| {
+            tree.event(format!("{id}-{what}"), words_of, EventLaw::Constant(constant))
+        };
+        let missed = counted("missed".into(), format!("{words} is missed"), constants.missed);
+        let other_action = (!needs_shutdown).then(|| {
+            let words = format!("{words} raises another action, perhaps a shutdown");
+            counted("other_action".into(), words, constants.other_action)
+        });
+        let wrong = others.into_iter().zip(names).map(|(other, (name, spoken))| {
+            let words = format!("{words} shuts {spoken} down");
+            (other, counted(format!("shuts_down-{name}"), words, constants.wrong_shutdown))
+        });
+        let wrong_shutdowns = wrong.collect();
+        FaultEvents {
+            lane,
+            needs_shutdown,
+            detail,
+            begins,
+            waits,
+            hidden,
+            missed,
+            other_action,
+            wrong_shutdowns,
+        }
+    }
+
+    /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.
+    fn false_alarms(&mut self) -> Vec<[TreeInput; 2]> {
+        let healthy = &self.metrics.healthy;
+        // Every healthy hour was an hour of all lanes.
+        let hours = healthy.hours * self.lanes() as f64;
+        let value = match hours > 0.0 {
+            true => poisson_rate_per_h(healthy.shutdowns, hours, self.confidence),
+            // Without hours nothing is known; a rate of 1/h stands for that.
+            false => CountedValue { point: 1.0, low: 0.0, high: 1.0 },
+        };
+        let evidence = format!(
+            "shutdowns of healthy lanes: {} in {hours:.3} h of lanes, flights.json, scenario {}",
+            healthy.shutdowns, self.metrics.setting
+        );
+        self.trees.rates.push(TreeParameter { id: "rate-false_shutdown".into(), value, evidence });
+        let rate = self.trees.rates.len() - 1;
+        let names: Vec<_> = (0..self.lanes()).map(|lane| self.lane_name(lane)).collect();
+        let tree = &mut self.trees.tree;
+        let mut event = |id: &str, what: &str, words: String, exposure: Exposure| {
+            tree.event(format!("{id}-{what}"), words, EventLaw::Exponential(rate, exposure))
+        };
+        let mut of_lane = |(id, words): (String, String)| {
+            let now = format!("a false alarm shuts {words} down in this flight");
+            let before = format!("{words} waits for its release after a false alarm");
+            [
+                event(&id, "false_shutdown-begins", now, Exposure::Flight),
+                event(&id, "false_shutdown-waits", before, Exposure::Repair),
+            ]
+        };
+        names.into_iter().map(&mut of_lane).collect()
+    }
+
+    fn or(&mut self, id: &str, title: &str, inputs: Vec<TreeInput>) -> Option<TreeInput> {
+        self.trees.tree.gate(GateKind::Or, id, title, inputs)
+    }
+
+    fn both(&mut self, id: &str, title: &str, one: TreeInput, other: TreeInput) -> TreeInput {
+        self.trees.tree.named_gate(GateKind::And, id, title, vec![one, other])
+    }
+
+    /// An OR of the events of every fault class; figures show a class as one box.
+    fn by_class(
+        &mut self,
+        id: &str,
+        title: &str,
+        events: Vec<(String, TreeInput)>,
+    ) -> Option<TreeInput> {
+        let mut details: Vec<String> = vec![];
+        for (detail, _) in &events {
+            if !details.contains(detail) {
+                details.push(detail.clone());
+            }
+        }
+        let mut gates = vec![];
+        for detail in details {
+            let own = events.iter().filter(|(of, _)| *of == detail).map(|(_, event)| *event);
+            let own: Vec<TreeInput> = own.collect();
+            let gate = self.trees.tree.named_gate(
+                GateKind::Or,
+                &format!("{id}-{}", identifier(&detail)),
+                &format!("{}: {title}", spoken(&detail)),
+                own,
+            );
+            if let TreeInput::Gate(place) = gate {
+                self.trees.tree.gates[place].is_folded = true;
+            }
+            gates.push(gate);
+        }
+        self.or(id, title, gates)
+    }
+
+    fn lane(
+        &mut self,
+        lane: usize,
+        faults: &[FaultEvents],
+        alarms: &[[TreeInput; 2]],
+    ) -> LaneGates {
+        let (id, words) = self.lane_name(lane);
+        let own = || faults.iter().filter(|fault| fault.lane == lane);
+        let begins =
+            own().filter(|f| f.needs_shutdown).map(|f| (f.detail.clone(), f.begins)).collect();
+        let title = format!("a fault that needs a shutdown begins in {words}");
+        let physical_now = self.by_class(&format!("{id}-fails"), &title, begins);
+        let mut before = vec![];
+        for (place, fault) in own().filter(|fault| fault.needs_shutdown).enumerate() {
+            let both_id = format!("{id}-hidden-{}", place + 1);
+            let hidden = self.both(&both_id, "hidden and missed", fault.hidden, fault.missed);
+            before.extend([(fault.detail.clone(), fault.waits), (fault.detail.clone(), hidden)]);
+        }
+        let title = format!("a fault that needs a shutdown was in {words} before the flight");
+        let physical_before = self.by_class(&format!("{id}-failed"), &title, before);
+        let commanded = |begins: fn(&FaultEvents) -> TreeInput| {
+            let needless = own().filter_map(move |f| Some((begins(f), f.other_action?)));
+            let wrong = faults.iter().flat_map(move |fault| {
+                let own = fault.wrong_shutdowns.iter().filter(move |(other, _)| *other == lane);
+                own.map(move |(_, event)| (begins(fault), *event))
+            });
+            needless.chain(wrong).collect::<Vec<_>>()
+        };
+        let (now, earlier) = (commanded(|fault| fault.begins), commanded(|fault| fault.waits));
+        let [false_now, false_before] = alarms[lane];
+        let title = format!("{words} is shut down without need in this flight");
+        let commanded_now = self.commanded(&format!("{id}-is_shut_down"), &title, now, false_now);
+        let title = format!("{words} was shut down without need before the flight");
+        let commanded_before =
+            self.commanded(&format!("{id}-was_shut_down"), &title, earlier, false_before);
+        let some = |list: [Option<TreeInput>; 2]| list.into_iter().flatten().collect::<Vec<_>>();
+        let lost_now = self.or(
+            &format!("{id}-lost"),
+            &format!("{words} is lost in this flight"),
+            some([physical_now, Some(commanded_now)]),
+        );
+        let lost_before = self.or(
+            &format!("{id}-lost_before"),
+            &format!("{words} was lost before the flight"),
+            some([physical_before, Some(commanded_before)]),
+        );
+        let title = format!("{words} is lost");
+        let lost_ever = self.or(&format!("{id}-off"), &title, some([lost_now, lost_before]));
+        let title = format!("{words} has a fault that needs a shutdown");
+        let physical =
+            self.or(&format!("{id}-faulty"), &title, some([physical_now, physical_before]));
+        LaneGates { lost_now, lost_ever, physical }
+    }
+
+    /// A shutdown without need: by a fault and a wrong answer to it, or by a false alarm.
+    fn commanded(
+        &mut self,
+        id: &str,
+        title: &str,
+        pairs: Vec<(TreeInput, TreeInput)>,
+        false_alarm: TreeInput,
+    ) -> TreeInput {
+        let mut gates = vec![];
+        for (place, (fault, answer)) in pairs.into_iter().enumerate() {
+            let both_id = format!("{id}-{}", place + 1);
+            gates.push(self.both(&both_id, "a fault and a wrong answer", fault, answer));
+        }
+        let words = format!("{title}: a fault gets a wrong answer");
+        let wrong = self.or(&format!("{id}-wrongly"), &words, gates);
+        if let Some(TreeInput::Gate(place)) = wrong {
+            self.trees.tree.gates[place].is_folded = true;
+        }
+        let inputs: Vec<TreeInput> = wrong.into_iter().chain([false_alarm]).collect();
+        self.trees.tree.named_gate(GateKind::Or, id, title, inputs)
+    }
+
+    fn tops(&mut self, lanes: &[LaneGates], faults: &[FaultEvents]) {
+        let lost: Vec<TreeInput> = lanes.iter().filter_map(|lane| lane.lost_now).collect();
+        let title = match lanes.len() {
+            1 => "Loss of the only lane in a flight",
+            _ => "Loss of at least one lane in a flight",
+        };
+        self.top(GateKind::Or, "loss_of_one_lane", title, lost);
+        match lanes.len() {
+            1 => self.trees.notes.push(
+                "one actuator: the loss of its lane is the loss of the function, so there is no tree for both lanes"
+                    .into(),
+            ),
+            count => self.loss_of_all(lanes, count),
+        }
+        let mut undetected = vec![];
+        for (place, fault) in faults.iter().enumerate() {
+            let present = self.trees.tree.named_gate(
+                GateKind::Or,
+                &format!("present-{}", place + 1),
+                "it begins or is there since the last check",
+                vec![fault.begins, fault.hidden],
+            );
+            let both_id = format!("undetected-{}", place + 1);
+            let both = self.both(&both_id, "a fault is there and missed", present, fault.missed);
+            undetected.push((fault.detail.clone(), both));
+        }
+        let title = "a fault is missed";
+        let gate = self.by_class("undetected", title, undetected);
+        let title = "A fault without its action in a flight: undetected degradation";
+        self.top(GateKind::Or, "undetected_degradation", title, gate.into_iter().collect());
+    }
+
+    fn loss_of_all(&mut self, lanes: &[LaneGates], count: usize) {
+        let physical: Vec<TreeInput> = lanes.iter().filter_map(|lane| lane.physical).collect();
+        let guard = (self.study.least_on() > 0)
+            .then(|| {
+                self.or(
+                    "any_lane-faulty",
+                    "at least one lane has a fault that needs a shutdown",
+                    physical,
+                )
+            })
+            .flatten();
+        let mut ways = vec![];
+        for (last, lane) in lanes.iter().enumerate() {
+            let (id, words) = self.lane_name(last);
+            let others = lanes.iter().enumerate().filter(|(other, _)| *other != last);
+            let others = others.filter_map(|(_, other)| other.lost_ever);
+            let inputs: Vec<TreeInput> =
+                lane.lost_now.into_iter().chain(others).chain(guard).collect();
+            let title = format!("{words} is lost in this flight, and all others are lost");
+            ways.push(self.trees.tree.named_gate(
+                GateKind::And,
+                &format!("all_lost-{id}"),
+                &title,
+                inputs,
+            ));
+        }
+        let title = match count {
+            2 => "Loss of both lanes in a flight",
+            _ => "Loss of all lanes in a flight",
+        };
+        let id = if count == 2 { "loss_of_both_lanes" } else { "loss_of_all_lanes" };
+        self.top(GateKind::Or, id, title, ways);
+    }
+
+    fn top(&mut self, kind: GateKind, id: &str, title: &str, inputs: Vec<TreeInput>) {
+        if let TreeInput::Gate(gate) = self.trees.tree.named_gate(kind, id, title, inputs) {
+            self.trees.tree.tops.push(TopEvent { gate });
+        }
+    }
+}
