@@ -142,10 +142,11 @@ impl StudyResultsFolder {
     }
 }
 
-/// The quoted scenario: the wanted one, or the most realistic one with a data set.
+/// The quoted scenario: the wanted one, or the most realistic one with results.
 fn setting(folder: &Folder, wanted: Option<Setting>) -> Result<Setting, SafetyError> {
-    let has = |setting: &Setting| folder.data_set(*setting, Role::Judged).exists();
-    let known: Vec<Setting> = Setting::ALL.into_iter().filter(has).collect();
+    let has_runs = |setting: &Setting| folder.data_set(*setting, Role::Judged).exists();
+    let has_any = |setting: &Setting| has_runs(setting) || folder.diagnoser(*setting).exists();
+    let known: Vec<Setting> = Setting::ALL.into_iter().filter(has_any).collect();
     match wanted {
         Some(setting) if !known.contains(&setting) => Err(SafetyError::NoScenario {
             folder: folder.path().into(),
@@ -154,8 +155,7 @@ fn setting(folder: &Folder, wanted: Option<Setting>) -> Result<Setting, SafetyEr
         }),
         Some(setting) => Ok(setting),
         None => {
-            let subjects: Vec<Subject> =
-                known.iter().map(|&setting| Subject::of(setting)).collect();
+            let subjects: Vec<Subject> = known.into_iter().map(Subject::of).collect();
             Ok(Subject::default_among(&subjects).map_or(Setting::Noise, Subject::setting))
         }
     }
@@ -188,19 +188,19 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
     Ok(EvidenceBasis { system: input("system.toml"), study: input("study.toml"), model })
 }
 
-/// Reads the columns of a data set that describe faults and their largest residuals.
+/// Reads the columns of a data set that describe faults and their largest residuals; `None` without the data set.
 ///
 /// # Errors
-/// The file is missing, or contradicts the manifest.
+/// The file is damaged, or contradicts the manifest.
 pub fn read_residual_columns(
     folder: &Folder,
     setting: Setting,
-) -> Result<table::Table, SafetyError> {
+) -> Result<Option<table::Table>, SafetyError> {
     let path = folder.data_set(setting, Role::Judged);
     if !path.exists() {
-        return Err(JobError::Missing { path, stage: "campaign" }.into());
+        return Ok(None);
     }
     let own = ["variant", "case", "fault", "grade", "failure"];
     let is_wanted = |name: &str| own.contains(&name) || name.starts_with("largest:");
-    Ok(table::read_wanted(&path, &[], &is_wanted)?)
+    Ok(Some(table::read_wanted(&path, &[], &is_wanted)?))
 }

@@ -57,7 +57,7 @@ pub fn sources<'s>(
     Ok(FmeaSources {
         study: &results.study,
         rates: read_rates(&results.study, rates)?,
-        runs: Some(ResidualRuns::read(results)?),
+        runs: ResidualRuns::read(results)?,
         flights: flown(results, fly, workers)?,
         results: Some(results),
     })
@@ -94,7 +94,7 @@ fn flown(
     if is_current || fly == FlyFaults::Never || !can_fly(results) {
         return Ok(stored);
     }
-    Ok(Some(FmeaFlights::fly(results, &FlightPlan::default(), workers)?))
+    Ok(Some(FmeaFlights::fly(results, &FlightPlan::of(&results.study)?, workers)?))
 }
 
 /// Makes the sheet, with the cells that people filled into an earlier one.
@@ -122,4 +122,59 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<f64> {
         }
     }
     (all > 0.0).then(|| detected / all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fields::FIELDS;
+    use super::*;
+
+    fn cell(sheet: &FmeaSheet, fault: &str, name: &str) -> String {
+        let place = FIELDS.iter().position(|field| field.name == name).unwrap();
+        let row = sheet.rows.iter().find(|row| row.fault == fault).unwrap();
+        row.texts[place].clone()
+    }
+
+    #[test]
+    fn every_fault_of_every_shipped_system_has_a_row_whose_filled_cells_name_their_evidence() {
+        for (name, text) in servotwin::built_in::STUDIES {
+            let study = Study::parse(text, name).unwrap();
+            let sheet = sheet(&declared_sources(&study, None).unwrap(), None).unwrap();
+            assert_eq!(sheet.rows.len(), study.system.all_faults().len(), "{name}");
+            for row in &sheet.rows {
+                for ((text, evidence), field) in row.texts.iter().zip(&row.evidence).zip(&FIELDS) {
+                    let is_rate = field.name.starts_with("failure_rate") || field.name == "remarks";
+                    assert_eq!(text.is_empty(), is_rate, "{name} {} {}", row.fault, field.name);
+                    assert_eq!(
+                        text.is_empty(),
+                        evidence.is_empty(),
+                        "{name} {} {}",
+                        row.fault,
+                        field.name
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn declarations_fill_ranges_and_actions_and_nothing_else_is_invented() {
+        let study = Study::default();
+        let sheet = sheet(&declared_sources(&study, None).unwrap(), None).unwrap();
+        let fault = "actuator_2.servo_valve.clogging_pa";
+        assert_eq!(cell(&sheet, fault, "actuator"), "actuator 2");
+        let range = cell(&sheet, fault, "physical_range");
+        assert!(range.starts_with("width_pa_m: 2.38 mm … 0.119 mm"), "{range}");
+        assert!(cell(&sheet, fault, "action").starts_with("shut down: switches the actuator off"));
+        assert_eq!(cell(&sheet, fault, "severity"), "at least S3 (not flown)");
+        for name in ["local_effect", "diagnostic_coverage"] {
+            assert_eq!(cell(&sheet, fault, name), "not simulated");
+        }
+        assert_eq!(cell(&sheet, fault, "effect_on_system"), "not flown");
+        // The machine's only lane is its function.
+        let press = Study::parse(servotwin::built_in::STUDIES[2].1, "press_axis").unwrap();
+        let sheet = super::sheet(&declared_sources(&press, None).unwrap(), None).unwrap();
+        assert_eq!(cell(&sheet, "valve.clogging_pa", "severity"), "at least S4 (not flown)");
+        assert_eq!(cell(&sheet, "valve.clogging_pa", "actuator"), "the only one");
+    }
 }

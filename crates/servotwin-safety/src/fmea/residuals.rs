@@ -47,12 +47,14 @@ pub struct MovedResidual {
 }
 
 impl ResidualRuns {
-    /// Reads the runs of the quoted scenario.
+    /// Reads the runs of the quoted scenario; `None` if it has no data set.
     ///
     /// # Errors
-    /// The data set is missing or damaged.
-    pub fn read(results: &StudyResultsFolder) -> Result<Self, SafetyError> {
-        let table = read_residual_columns(&results.folder, results.setting)?;
+    /// The data set is damaged.
+    pub fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
+        let Some(table) = read_residual_columns(&results.folder, results.setting)? else {
+            return Ok(None);
+        };
         let sensors: Vec<String> = table
             .names()
             .filter_map(|name| name.strip_prefix("largest:"))
@@ -64,13 +66,13 @@ impl ResidualRuns {
             let own = learned.and_then(|bands| bands.iter().find(|band| band.sensor == *sensor));
             own.map_or(BAND, |band| band.half_width)
         };
-        Ok(ResidualRuns {
+        Ok(Some(ResidualRuns {
             file: format!("dataset-{}.parquet", results.setting.name()),
             bands: sensors.iter().map(half_width).collect(),
             are_learned: learned.is_some(),
             runs: runs(&table, &sensors)?,
             sensors,
-        })
+        }))
     }
 
     /// The runs of a fault that were simulated to their end.
