@@ -1,10 +1,11 @@
 //! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance and rates per flight hour.
 
 use crate::error::SafetyError;
+use crate::interval::CountedValue;
 use crate::rates::FailureRates;
 use crate::results::{FOLDER, StudyResultsFolder};
-use crate::tree::lanes::{CONFIDENCE, LaneTrees, lane_trees, rated_faults};
-use crate::tree::numbers::{BandEnd, ExposureHours, TopNumbers, evaluate};
+use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees, rated_faults};
+use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
 use crate::tree::{drawing, exchange};
 use serde::Serialize;
 use servotwin::files::{create_folder, write_atomically};
@@ -31,19 +32,18 @@ struct Written<'a> {
     basis: String,
     exposure: ExposureHours,
     joint_confidence: f64,
-    parameters: Vec<WrittenParameter<'a>>,
+    parameters: Vec<WrittenParameter>,
     notes: &'a [String],
     tops: &'a [TopNumbers],
 }
 
 #[derive(Serialize)]
-struct WrittenParameter<'a> {
-    id: &'a str,
+struct WrittenParameter {
+    id: String,
     kind: &'static str,
-    point: f64,
-    low: f64,
-    high: f64,
-    evidence: &'a str,
+    #[serde(flatten)]
+    value: CountedValue,
+    evidence: String,
 }
 
 impl FaultTreeArtefact {
@@ -107,20 +107,16 @@ impl FaultTreeArtefact {
 
     /// The numbers as JSON.
     pub fn json(&self, basis: &str) -> String {
-        let lists = [("rate_per_h", &self.trees.rates), ("probability", &self.trees.constants)];
         let parameter = |kind: &'static str| {
-            move |own: &'_ crate::tree::lanes::TreeParameter| (kind, own.clone())
+            move |own: &'_ TreeParameter| WrittenParameter {
+                id: own.id.clone(),
+                kind,
+                value: own.value,
+                evidence: own.evidence.clone(),
+            }
         };
-        let all: Vec<_> =
-            lists.into_iter().flat_map(|(kind, list)| list.iter().map(parameter(kind))).collect();
-        let parameters = all.iter().map(|(kind, own)| WrittenParameter {
-            id: &own.id,
-            kind,
-            point: own.value.point,
-            low: own.value.low,
-            high: own.value.high,
-            evidence: &own.evidence,
-        });
+        let rates = self.trees.rates.iter().map(parameter("rate_per_h"));
+        let parameters = rates.chain(self.trees.constants.iter().map(parameter("probability")));
         let written = Written {
             format: "servotwin fault tree 1",
             study: &self.study,
@@ -138,10 +134,9 @@ impl FaultTreeArtefact {
     fn cut_sets(&self) -> Result<Table, SafetyError> {
         let all =
             || self.tops.iter().flat_map(|top| top.cut_sets.iter().map(move |set| (top, set)));
-        let text =
-            |name: &str, of: &dyn Fn(&TopNumbers, &crate::tree::numbers::CutSet) -> String| {
-                Column::new(name, "", all().map(|(top, set)| of(top, set)).collect::<Vec<String>>())
-            };
+        let text = |name: &str, of: &dyn Fn(&TopNumbers, &CutSet) -> String| {
+            Column::new(name, "", all().map(|(top, set)| of(top, set)).collect::<Vec<String>>())
+        };
         let numbers = all().map(|(_, set)| set.probability).collect::<Vec<f64>>();
         Ok(Table::from_columns(vec![
             text("top_event", &|top, _| top.id.clone()),
@@ -157,7 +152,6 @@ impl FaultTreeArtefact {
 
     /// The importance of all events for all trees.
     fn importance(&self) -> Result<Table, SafetyError> {
-        use crate::tree::numbers::EventImportance;
         let all =
             || self.tops.iter().flat_map(|top| top.importances.iter().map(move |own| (top, own)));
         let numbers = |name: &str, of: fn(&EventImportance) -> f64| {

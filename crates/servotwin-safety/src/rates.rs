@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 /// The columns of the table.
 const COLUMNS: [&str; 4] = ["fault", "rate", "unit", "source"];
 
-/// The units of rates, with their value in 1/h.
-const UNITS: [(&str, f64); 3] = [("1/h", 1.0), ("1/(1e6 h)", 1e-6), ("FIT", 1e-9)];
+/// The units of rates, with the hours that they count failures in. Whole hours divide without an error.
+const UNITS: [(&str, f64); 3] = [("1/h", 1.0), ("1/(1e6 h)", 1e6), ("FIT", 1e9)];
 
 /// The largest rate that is believed, 1/h: above it a component would fail in every flight.
 const MAX_PER_H: f64 = 1.0;
@@ -102,13 +102,13 @@ impl FailureRates {
             return Err(wrong(0, format!("'{fault}' has a rate in line {} already", first.line)));
         }
         let units = UNITS.map(|(name, _)| name).join(", ");
-        let (_, per_h) = UNITS.into_iter().find(|(name, _)| *name == unit).ok_or_else(|| {
+        let (_, hours) = UNITS.into_iter().find(|(name, _)| *name == unit).ok_or_else(|| {
             wrong(2, format!("'{unit}' is no unit of a failure rate; allowed are {units}"))
         })?;
-        let range = || format!("allowed is 0 … {} {unit}", MAX_PER_H / per_h);
+        let range = || format!("allowed is 0 … {} {unit}", MAX_PER_H * hours);
         let value: f64 =
             rate.parse().map_err(|_| wrong(1, format!("'{rate}' is no number; {}", range())))?;
-        let value = value * per_h;
+        let value = value / hours;
         if !(0.0..=MAX_PER_H).contains(&value) {
             return Err(wrong(1, format!("{rate} is out of range: {}", range())));
         }

@@ -3,7 +3,7 @@
 use super::evaluate::workers;
 use super::{note, setting_of};
 use crate::failure::Failure;
-use crate::paths::Paths;
+use crate::paths::{Format, Paths};
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
@@ -51,11 +51,9 @@ pub struct Options {
 impl Options {
     /// The files that the command reads. It also reads the sheet that it writes.
     pub fn paths(&self) -> Paths {
-        Paths::default().read("--rates", &self.rates).write(
-            "--out",
-            crate::paths::Format::Only(&["csv", "xlsx"]),
-            &self.out,
-        )
+        // The formats of a sheet are checked with a message of their own.
+        let paths = Paths::default().read("--rates", &self.rates);
+        paths.write("--out", Format::Any, &self.out)
     }
 }
 
@@ -117,7 +115,7 @@ fn write(
         create_folder(folder)?;
     }
     format::write(path, &sheet)?;
-    let summary = Summary::of(&sheet, sources);
+    let summary = FmeaSummary::of(&sheet, sources);
     Ok(match global {
         Global { json: true, .. } => json(&summary.json(path)),
         Global { quiet: true, .. } => String::new(),
@@ -126,7 +124,7 @@ fn write(
 }
 
 /// What the command reports.
-struct Summary {
+struct FmeaSummary {
     rows: usize,
     filled: usize,
     without_evidence: usize,
@@ -135,13 +133,13 @@ struct Summary {
     coverage: Option<f64>,
 }
 
-impl Summary {
+impl FmeaSummary {
     fn of(sheet: &FmeaSheet, sources: &FmeaSources) -> Self {
         let cells = sheet.rows.iter().flat_map(|row| &row.texts);
         let is_missing = |text: &&String| text.starts_with("not ") || text.starts_with("none: not");
         let filled = cells.clone().filter(|text| !text.is_empty()).count();
         let without_evidence = cells.filter(is_missing).count();
-        Summary {
+        FmeaSummary {
             rows: sheet.rows.len(),
             filled: filled - without_evidence,
             without_evidence,

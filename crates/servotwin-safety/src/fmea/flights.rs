@@ -16,7 +16,7 @@ use servotwin::study::{FaultCase, Study};
 use servotwin::table::{self, Column, Table, TableError};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// The file of the flights.
@@ -175,7 +175,7 @@ impl FmeaFlights {
         let specimen = setting.has_tolerances().then_some(0);
         let study = &results.study;
         let flying =
-            Flying { study, plan, diagnoser, specimen, kept: TrackedQuantities::of(study) };
+            FaultFlyer { study, plan, diagnoser, specimen, kept: TrackedQuantities::of(study) };
         let healthy = flying.fly(None, false).map_err(|error| SafetyError::Flight {
             fault: "healthy".into(),
             intensity: 0.0,
@@ -250,7 +250,7 @@ fn from_table(table: &Table) -> Result<Vec<FlownFault>, TableError> {
     Ok((0..table.row_count()).map(flown).collect())
 }
 
-struct Flying<'f> {
+struct FaultFlyer<'f> {
     study: &'f Study,
     plan: &'f FlightPlan,
     diagnoser: Arc<Diagnoser>,
@@ -258,7 +258,7 @@ struct Flying<'f> {
     kept: TrackedQuantities,
 }
 
-impl Flying<'_> {
+impl FaultFlyer<'_> {
     fn fly(
         &self,
         fault: Option<FaultAt>,
@@ -390,9 +390,4 @@ fn rms(values: &[f64]) -> f64 {
 
 fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
-}
-
-/// The path of the flights, for messages.
-pub fn path(results: &StudyResultsFolder) -> PathBuf {
-    results.artefact(FILE)
 }

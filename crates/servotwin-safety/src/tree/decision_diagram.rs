@@ -75,14 +75,14 @@ pub struct DecisionDiagram {
 }
 
 /// Builds diagrams of gates, each gate once.
-struct Builder<'t> {
+struct DiagramBuilder<'t> {
     tree: &'t FaultTree,
     nodes: Nodes,
     gates: HashMap<usize, NodeId>,
     joined: HashMap<(bool, NodeId, NodeId), NodeId>,
 }
 
-impl Builder<'_> {
+impl DiagramBuilder<'_> {
     fn decide(&mut self, event: u32, high: NodeId, low: NodeId) -> NodeId {
         if high == low { high } else { self.nodes.add(Decision { event, high, low }) }
     }
@@ -133,8 +133,12 @@ impl Builder<'_> {
 impl DecisionDiagram {
     /// The diagram of an input of a tree.
     pub fn new(tree: &FaultTree, top: TreeInput) -> Self {
-        let mut builder =
-            Builder { tree, nodes: Nodes::new(), gates: HashMap::new(), joined: HashMap::new() };
+        let mut builder = DiagramBuilder {
+            tree,
+            nodes: Nodes::new(),
+            gates: HashMap::new(),
+            joined: HashMap::new(),
+        };
         let root = builder.input(top);
         DecisionDiagram { nodes: builder.nodes, root, events: tree.events.len() }
     }

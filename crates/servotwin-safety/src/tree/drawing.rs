@@ -13,7 +13,7 @@ const MAX_BRANCHES: usize = 8;
 
 /// Draws the tree of a top event.
 pub fn draw(trees: &LaneTrees, hours: &ExposureHours, top: usize) -> Figure {
-    let mut drawer = Drawer {
+    let mut drawer = FaultTreeDrawer {
         trees,
         probabilities: event_probabilities(trees, hours, BandEnd::Point),
         drawn: vec![false; trees.tree.gates.len()],
@@ -26,14 +26,14 @@ pub fn draw(trees: &LaneTrees, hours: &ExposureHours, top: usize) -> Figure {
     Tree { title, classes: vec![], looks: vec![], root, sideways: true }.draw()
 }
 
-struct Drawer<'t> {
+struct FaultTreeDrawer<'t> {
     trees: &'t LaneTrees,
     probabilities: Vec<f64>,
     /// Gates that the figure shows already; a second time they are a reference.
     drawn: Vec<bool>,
 }
 
-impl Drawer<'_> {
+impl FaultTreeDrawer<'_> {
     fn probability(&self, input: TreeInput) -> f64 {
         match input {
             TreeInput::Event(event) => self.probabilities[event],

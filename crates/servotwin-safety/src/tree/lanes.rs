@@ -133,12 +133,12 @@ pub fn lane_trees(
     }
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
-    let mut growing = Growing { study, metrics, rates, trees, confidence: 0.0 };
+    let mut growing = TreeGrower { study, metrics, rates, trees, confidence: 0.0 };
     growing.grow();
     Ok(growing.trees)
 }
 
-struct Growing<'g> {
+struct TreeGrower<'g> {
     study: &'g Study,
     metrics: &'g FlightMetrics,
     rates: &'g FailureRates,
@@ -162,7 +162,7 @@ pub(super) fn identifier(name: &str) -> String {
     if starts_well { text } else { format!("n{text}") }
 }
 
-impl Growing<'_> {
+impl TreeGrower<'_> {
     fn grow(&mut self) {
         let counted = 1 + self.study.commands().len() * if self.lanes() > 1 { 3 } else { 2 };
         // Bonferroni: all intervals together hold with the joint confidence.
