@@ -109,8 +109,11 @@ fn text_of(top: &TopNumbers) -> String {
         .iter()
         .take(3)
         .map(|own| format!("  {:5.1} %  {}\n", 100.0 * own.fussell_vesely, own.title));
+    let widest = top.band_drivers.first().map_or(String::new(), |driver| {
+        format!("  the band is widest by {} ({})\n", driver.parameter, driver.evidence)
+    });
     format!(
-        "{}\n  per flight hour: {} on average, {} in the last flight before a check\n  minimal cut sets: {}\n{}",
+        "{}\n  per flight hour: {} on average, {} in the last flight before a check\n{widest}  minimal cut sets: {}\n{}",
         top.title,
         band(top.mean_per_flight_hour),
         band(top.per_flight_hour),

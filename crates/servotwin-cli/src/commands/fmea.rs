@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 ///
 /// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and its
 /// rows, or a figure. A cell without evidence says so. If the folder has a diagnoser ('servotwin flights' learns one),
-/// every fault is flown in closed loop with the diagnosis and without it; safety/fmea-flights.csv stores the flights.
+/// every fault of the study is flown in closed loop with the diagnosis and without it; safety/fmea-flights.csv stores the flights.
 /// Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their rows as stale when
 /// the system, the study or the models change. With a study instead of a folder, the sheet holds declarations only.
 #[derive(clap::Args)]
@@ -41,8 +41,11 @@ pub struct Options {
     #[arg(long, value_name = "SCENARIO")]
     setting: Option<String>,
     /// Fly nothing; use stored flights as they are.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "all_faults")]
     no_flights: bool,
+    /// Also fly the faults that no class of the study lists.
+    #[arg(long)]
+    all_faults: bool,
     /// Number of threads [default: all processors; the sheet does not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -74,8 +77,12 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     let wanted = options.setting.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let _hold = folder.hold(Among::Nobody)?;
-    let fly = if options.no_flights { FlyFaults::Never } else { FlyFaults::IfNeeded };
-    if fly == FlyFaults::IfNeeded && !fmea::can_fly(&results) {
+    let fly = match (options.no_flights, options.all_faults) {
+        (true, _) => FlyFaults::Never,
+        (_, true) => FlyFaults::All,
+        _ => FlyFaults::Listed,
+    };
+    if fly != FlyFaults::Never && !fmea::can_fly(&results) {
         let name = options.input.display();
         note(
             global,

@@ -123,9 +123,6 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
 }
 
 pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    if subject.case.is_none() {
-        return not_in_study("not flown");
-    }
     let (mut parts, mut evidence) = (vec![], vec![]);
     if let Some((flights, own)) = own_flights(sources, subject) {
         let count = own.len();
@@ -151,6 +148,7 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
         evidence.push(format!("{place} (all faults with this action)"));
     }
     match parts.is_empty() {
+        true if subject.case.is_none() => not_in_study("not flown"),
         true => FmeaCell::missing(
             "not flown",
             "no judged flights: 'servotwin flights FOLDER --out FOLDER'",

@@ -14,9 +14,6 @@ fn flown<'s>(
     sources: &'s FmeaSources,
     subject: &'s FmeaSubject,
 ) -> Result<(&'s FmeaFlights, Vec<(usize, &'s FlownFault)>), FmeaCell> {
-    if subject.case.is_none() {
-        return Err(not_in_study("not flown"));
-    }
     let Some(flights) = &sources.flights else {
         let remedy = match sources.results {
             None => {
@@ -30,6 +27,7 @@ fn flown<'s>(
     };
     let own: Vec<_> = flights.of(&subject.fault.id).collect();
     match own.is_empty() {
+        true if subject.case.is_none() => Err(not_in_study("not flown")),
         true => Err(FmeaCell::missing(
             "not flown",
             format!("{FILE}: no completed flight of this fault"),
@@ -153,27 +151,30 @@ fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
 }
 
 pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let Some(case) = subject.case else { return not_in_study("not assessed") };
     let study = sources.study;
-    let class = &study.classes[case.class];
-    let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
-    let known = SeverityInputs {
-        lanes: study.units.len(),
-        switches_off: reaction.switches_off,
-        changes_mode: !reaction.inputs.is_empty() || !reaction.parameters.is_empty(),
-        ..SeverityInputs::default()
-    };
+    let mut known = SeverityInputs { lanes: study.units.len(), ..SeverityInputs::default() };
+    if let Some(case) = subject.case {
+        let class = &study.classes[case.class];
+        let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
+        known.switches_off = reaction.switches_off;
+        known.changes_mode = !reaction.inputs.is_empty() || !reaction.parameters.is_empty();
+    }
     let Some((flights, own)) = own_flights(sources, subject) else {
-        return FmeaCell::new(
-            format!("at least {} (not flown)", level(known)),
-            format!("rule of docs/safety.md, from the action {} alone", class.command),
-        );
+        return match subject.case {
+            None => not_in_study("not assessed"),
+            Some(_) => FmeaCell::new(
+                format!("at least {} (not flown)", level(known)),
+                "rule of docs/safety.md, from the action alone",
+            ),
+        };
     };
     let growth = growth(flights, &own);
     let off = own.iter().map(|(_, flown)| flown.lanes_off.split_whitespace().count()).max();
     let inputs = SeverityInputs { growth, lanes_off: off, ..known };
-    let measured = growth
-        .map_or("g is not measured".into(), |g| format!("g = {}", servotwin::shown::number(g, 3)));
+    let measured = match growth {
+        Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),
+        None => "g is not measured".into(),
+    };
     FmeaCell::new(
         level(inputs),
         format!("rule of docs/safety.md, {measured}; {}", flight_evidence(flights, &own)),

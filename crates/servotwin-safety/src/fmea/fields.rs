@@ -90,7 +90,8 @@ pub struct FmeaRow {
     pub cells: Vec<FmeaCell>,
 }
 
-/// Fills the rows of all faults of the system, in the order of its components.
+/// Fills the rows of all faults of the system: first those that the study lists, then the others, both in the order of
+/// the components.
 pub fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
     let study = sources.study;
     let list = study.system.fault_list();
@@ -101,7 +102,9 @@ pub fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
         let cells = FIELDS.iter().map(|field| (field.fill)(sources, &subject)).collect();
         FmeaRow { fault: fault.id.clone(), cells }
     };
-    list.iter().map(row).collect()
+    let (listed, others): (Vec<&ListedFault>, Vec<&ListedFault>) =
+        list.iter().partition(|fault| study.faults.iter().any(|case| case.id == fault.id));
+    listed.into_iter().chain(others).map(row).collect()
 }
 
 /// A fault's name without its actuator.

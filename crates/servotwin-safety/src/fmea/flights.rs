@@ -12,7 +12,7 @@ use servotwin::flight::tracking::{TrackedQuantities, first_report_s};
 use servotwin::job::JobError;
 use servotwin::job::flights::diagnoser;
 use servotwin::parallel::{self, Workers};
-use servotwin::study::{FaultCase, Study};
+use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
@@ -161,13 +161,19 @@ impl FmeaFlights {
         Ok(Some(FmeaFlights { list, case: one("case")?, setting: one("setting")?, stale }))
     }
 
-    /// Flies every fault of the study and stores the flights.
+    /// Whether all of these faults were flown, or tried.
+    pub fn covers(&self, faults: &[String]) -> bool {
+        faults.iter().all(|fault| self.list.iter().any(|flown| flown.fault == *fault))
+    }
+
+    /// Flies faults of the study's system and stores the flights.
     ///
     /// # Errors
     /// There is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
     pub fn fly(
         results: &StudyResultsFolder,
         plan: &FlightPlan,
+        faults: &[String],
         workers: Workers,
     ) -> Result<Self, SafetyError> {
         let setting = results.flown_setting();
@@ -181,12 +187,11 @@ impl FmeaFlights {
             intensity: 0.0,
             error,
         })?;
-        let mut tasks: Vec<(Option<&FaultCase>, f64)> = vec![(None, 0.0)];
-        let mut last = None;
-        for fault in &study.faults {
-            if last.replace(&fault.id) != Some(&fault.id) {
-                tasks.extend(plan.intensities.iter().map(|&intensity| (Some(fault), intensity)));
-            }
+        let faults: Vec<FlyingFault> =
+            faults.iter().filter_map(|id| FlyingFault::of(study, id)).collect();
+        let mut tasks: Vec<(Option<&FlyingFault>, f64)> = vec![(None, 0.0)];
+        for fault in &faults {
+            tasks.extend(plan.intensities.iter().map(|&intensity| (Some(fault), intensity)));
         }
         let flown = parallel::map(&tasks, workers, |&(fault, intensity)| {
             flying.both(fault, intensity, &healthy)
@@ -250,6 +255,35 @@ fn from_table(table: &Table) -> Result<Vec<FlownFault>, TableError> {
     Ok((0..table.row_count()).map(flown).collect())
 }
 
+/// A fault to be flown.
+struct FlyingFault {
+    id: String,
+    at: FaultAt,
+    /// Its actuator; for a shared component a name that no actuator has.
+    unit: String,
+    /// The right action; `None` if no class of the study lists the fault.
+    action: Option<String>,
+}
+
+impl FlyingFault {
+    fn of(study: &Study, id: &str) -> Option<Self> {
+        let (component, fault) = study.system.program.find_fault(id)?;
+        let case = study.faults.iter().find(|case| case.id == id);
+        let has_it = |unit: &&String| !unit.is_empty() && id.starts_with(&format!("{unit}."));
+        let unit = match study.units.iter().find(has_it) {
+            Some(unit) => unit.clone(),
+            None if study.units.len() == 1 => study.units[0].clone(),
+            None => "shared".into(),
+        };
+        Some(FlyingFault {
+            id: id.into(),
+            at: FaultAt { component, fault, intensity: 1.0 },
+            unit,
+            action: case.map(|case| study.classes[case.class].command.clone()),
+        })
+    }
+}
+
 struct FaultFlyer<'f> {
     study: &'f Study,
     plan: &'f FlightPlan,
@@ -275,7 +309,7 @@ impl FaultFlyer<'_> {
         closed_loop::fly(&scenario, &self.diagnoser, &self.kept.slots)
     }
 
-    fn both(&self, fault: Option<&FaultCase>, intensity: f64, healthy: &Record) -> FlownFault {
+    fn both(&self, fault: Option<&FlyingFault>, intensity: f64, healthy: &Record) -> FlownFault {
         let at = fault.map(|fault| FaultAt { intensity, ..fault.at });
         let flown = self.fly(at, true).and_then(|with| Ok((with, self.fly(at, false)?)));
         let name = fault.map_or("healthy", |fault| fault.id.as_str());
@@ -293,7 +327,7 @@ impl FaultFlyer<'_> {
     fn measured(
         &self,
         name: &str,
-        (fault, intensity): (Option<&FaultCase>, f64),
+        (fault, intensity): (Option<&FlyingFault>, f64),
         [with, alone]: [&Record; 2],
         healthy: &Record,
     ) -> FlownFault {
@@ -305,13 +339,13 @@ impl FaultFlyer<'_> {
         let fight = |record| {
             self.kept.force_fight(self.study, record).map_or(f64::NAN, |n| rms(&n[since..]))
         };
-        let unit = fault.map(|fault| self.study.units[fault.unit].as_str());
+        let unit = fault.map(|fault| fault.unit.as_str());
         let action = with.actions.iter().find(|action| action.time_s >= self.plan.onset_s);
         let names = self.diagnoser.names();
         let actuator =
             |action: &closed_loop::Action| &names.actuators[action.raised.actuator as usize];
         let command = |action: &closed_loop::Action| &names.actions[action.raised.action as usize];
-        let right = fault.map(|fault| &self.study.classes[fault.class].command);
+        let right = fault.and_then(|fault| fault.action.as_ref());
         let mut off: Vec<&str> = vec![];
         for action in with.actions.iter().filter(|action| action.reaction.switches_off) {
             if !off.contains(&actuator(action).as_str()) {

@@ -32,8 +32,10 @@ use std::path::Path;
 /// Whether faults are flown for the sheet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlyFaults {
-    /// Where there is a diagnoser and its flights are missing or of another model.
-    IfNeeded,
+    /// Those of the study, where there is a diagnoser and their flights are missing or of another model.
+    Listed,
+    /// All of the system, likewise.
+    All,
     /// Never: stored flights are used as they are.
     Never,
 }
@@ -90,11 +92,29 @@ fn flown(
     workers: Workers,
 ) -> Result<Option<FmeaFlights>, SafetyError> {
     let stored = FmeaFlights::read(results)?;
-    let is_current = stored.as_ref().is_some_and(|stored| stored.stale.is_none());
+    let study = &results.study;
+    let faults = match fly {
+        FlyFaults::Never => vec![],
+        FlyFaults::Listed => listed_faults(study),
+        FlyFaults::All => study.system.all_faults(),
+    };
+    let is_enough = |stored: &FmeaFlights| stored.stale.is_none() && stored.covers(&faults);
+    let is_current = stored.as_ref().is_some_and(is_enough);
     if is_current || fly == FlyFaults::Never || !can_fly(results) {
         return Ok(stored);
     }
-    Ok(Some(FmeaFlights::fly(results, &FlightPlan::of(&results.study)?, workers)?))
+    Ok(Some(FmeaFlights::fly(results, &FlightPlan::of(study)?, &faults, workers)?))
+}
+
+/// The faults that the study lists, each once.
+fn listed_faults(study: &Study) -> Vec<String> {
+    let mut list: Vec<String> = vec![];
+    for fault in &study.faults {
+        if list.last() != Some(&fault.id) {
+            list.push(fault.id.clone());
+        }
+    }
+    list
 }
 
 /// Makes the sheet, with the cells that people filled into an earlier one.

@@ -60,7 +60,7 @@ pub struct SheetRow {
 /// The sheet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FmeaSheet {
-    /// The rows, in the order of the system's components; at the end those of faults that the system no longer has.
+    /// The rows as they were generated; at the end those of faults that the system no longer has.
     pub rows: Vec<SheetRow>,
     /// The names of columns that a person added.
     pub other_columns: Vec<String>,

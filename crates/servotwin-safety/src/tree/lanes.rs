@@ -17,6 +17,7 @@
 //! Every lane that is lost stays lost until its repair. A lane that was lost before the flight matters only beside one
 //! that is lost in it.
 //!
+//! Flights are counted by action, so all faults of a lane that need one action share the events of their answers.
 //! Rates λ are the user's. Counts are of `flights.json`. Its flights have faults of all intensities in equal shares,
 //! weak ones included, and a fault that never becomes visible counts as missed.
 
@@ -27,7 +28,6 @@ use crate::rates::{FailureRates, RatedFault};
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics};
 use servotwin::study::Study;
 use servotwin::text::spoken;
-use std::collections::HashMap;
 
 /// The joint confidence of all counted intervals together.
 pub const CONFIDENCE: f64 = 0.95;
@@ -79,26 +79,41 @@ impl ActionCounts {
     }
 }
 
-/// The constants of an action, as indices.
-#[derive(Debug, Clone, Copy)]
-struct ActionConstants {
-    missed: usize,
-    other_action: usize,
-    wrong_shutdown: usize,
-}
-
-/// The events of a fault.
+/// The failure events of a fault.
 struct FaultEvents {
-    lane: usize,
-    needs_shutdown: bool,
     detail: String,
     begins: TreeInput,
     waits: TreeInput,
     hidden: TreeInput,
+}
+
+/// The answers of the diagnosis to faults of one lane that need one action. Flights are counted by action, so all of its
+/// faults in a lane share these events.
+struct AnswerEvents {
+    lane: usize,
+    needs_shutdown: bool,
     missed: TreeInput,
+    /// For an action that is no shutdown: another one is raised, perhaps a shutdown.
     other_action: Option<TreeInput>,
-    /// For every other lane that it may shut down: the lane and the event.
+    /// For every other lane: the lane, and the event that it is shut down.
     wrong_shutdowns: Vec<(usize, TreeInput)>,
+}
+
+/// The constants of the answers to faults that need one action, as indices.
+#[derive(Debug, Clone, Copy)]
+struct AnswerConstants {
+    needs_shutdown: bool,
+    missed: usize,
+    other_action: Option<usize>,
+    wrong_shutdown: Option<usize>,
+}
+
+/// The gates of the faults of one lane that need one action.
+struct FaultGates {
+    begins: TreeInput,
+    waits: TreeInput,
+    hidden: TreeInput,
+    answers: AnswerEvents,
 }
 
 /// The faults that the trees of a study need rates for.
@@ -154,6 +169,22 @@ struct LaneGates {
     physical: Option<TreeInput>,
 }
 
+/// Faults with an answer that shuts a lane down without need: a needless one of its own faults, or a wrong one of the
+/// faults of others.
+fn needless(
+    lane: usize,
+    gates: &[FaultGates],
+    fault: fn(&FaultGates) -> TreeInput,
+) -> Vec<(TreeInput, TreeInput)> {
+    let own = gates.iter().filter(|of| of.answers.lane == lane);
+    let own = own.filter_map(|of| Some((fault(of), of.answers.other_action?)));
+    let others = gates.iter().flat_map(|of| {
+        let wrong = of.answers.wrong_shutdowns.iter().filter(|(other, _)| *other == lane);
+        wrong.map(|(_, event)| (fault(of), *event))
+    });
+    own.chain(others).collect()
+}
+
 /// An identifier made of a name.
 pub(super) fn identifier(name: &str) -> String {
     let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
@@ -164,15 +195,25 @@ pub(super) fn identifier(name: &str) -> String {
 
 impl TreeGrower<'_> {
     fn grow(&mut self) {
-        let counted = 1 + self.study.commands().len() * if self.lanes() > 1 { 3 } else { 2 };
+        let actions = self.study.commands();
+        let counted = 1 + actions.len() * if self.lanes() > 1 { 3 } else { 2 };
         // Bonferroni: all intervals together hold with the joint confidence.
         self.confidence = 1.0 - (1.0 - CONFIDENCE) / counted as f64;
-        let constants = self.actions();
-        let faults = self.faults(&constants);
+        let constants: Vec<AnswerConstants> =
+            actions.iter().map(|action| self.constants_of(action)).collect();
+        let mut gates = vec![];
+        for lane in 0..self.lanes() {
+            for (name, &constants) in actions.iter().zip(&constants) {
+                // The answers follow their faults: then the decision diagram remembers one bit for all of them.
+                let faults = self.faults(lane, name);
+                let answers = self.answers((lane, name), constants);
+                gates.extend(self.fault_gates(name, answers, &faults));
+            }
+        }
         let alarms = self.false_alarms();
         let lanes: Vec<LaneGates> =
-            (0..self.lanes()).map(|lane| self.lane(lane, &faults, &alarms)).collect();
-        self.tops(&lanes, &faults);
+            (0..self.lanes()).map(|lane| self.lane(lane, &gates, &alarms)).collect();
+        self.tops(&lanes, &gates);
     }
 
     fn lanes(&self) -> usize {
@@ -200,111 +241,111 @@ impl TreeGrower<'_> {
         self.trees.constants.len() - 1
     }
 
-    /// The constants of every action.
-    fn actions(&mut self) -> HashMap<String, ActionConstants> {
-        let mut found = HashMap::new();
-        for action in self.study.commands() {
-            // The first entry of an action has all intensities.
-            let class = self.metrics.classes.iter().find(|class| class.command == action);
-            let counts = ActionCounts::of(class);
-            let (id, words) = (identifier(&action), spoken(&action));
-            let missed = format!("right action not raised first for faults that need {words}");
-            let other = format!("another action for the right lane for faults that need {words}");
-            let wrong = format!("shutdown of another lane for faults that need {words}");
-            let constants = ActionConstants {
-                missed: self.constant(format!("missed-{id}"), counts.missed, counts.flown, &missed),
-                other_action: self.constant(
-                    format!("other_action-{id}"),
-                    counts.other_action,
-                    counts.flown,
-                    &other,
-                ),
-                wrong_shutdown: match self.lanes() {
-                    // No other lane can be shut down, so nothing reads this constant.
-                    1 => usize::MAX,
-                    _ => self.constant(
-                        format!("wrong_shutdown-{id}"),
-                        counts.wrong_shutdown,
-                        counts.flown,
-                        &wrong,
-                    ),
-                },
-            };
-            found.insert(action, constants);
-        }
-        found
+    /// The constants of an action's answers.
+    fn constants_of(&mut self, name: &str) -> AnswerConstants {
+        // The first entry of an action has all intensities.
+        let class = self.metrics.classes.iter().find(|class| class.command == name);
+        let counts = ActionCounts::of(class);
+        let (id, words) = (identifier(name), spoken(name));
+        let needs_shutdown = self.study.reactions.switches_off(name);
+        let what = format!("right action not raised first for faults that need {words}");
+        let missed = self.constant(format!("missed-{id}"), counts.missed, counts.flown, &what);
+        let what = format!("another action for the right lane for faults that need {words}");
+        let other_action = (!needs_shutdown).then(|| {
+            let (count, of) = (counts.other_action, counts.flown);
+            self.constant(format!("other_action-{id}"), count, of, &what)
+        });
+        let what = format!("shutdown of another lane for faults that need {words}");
+        let wrong_shutdown = (self.lanes() > 1).then(|| {
+            let (count, of) = (counts.wrong_shutdown, counts.flown);
+            self.constant(format!("wrong_shutdown-{id}"), count, of, &what)
+        });
+        AnswerConstants { needs_shutdown, missed, other_action, wrong_shutdown }
     }
 
-    /// The events of every fault, lane after lane.
-    fn faults(&mut self, constants: &HashMap<String, ActionConstants>) -> Vec<FaultEvents> {
+    /// The answers to the faults of a lane that need an action.
+    fn answers(&mut self, (lane, name): (usize, &str), constants: AnswerConstants) -> AnswerEvents {
+        let (lane_id, lane_words) = self.lane_name(lane);
+        let names: Vec<_> = (0..self.lanes()).map(|other| self.lane_name(other)).collect();
+        let (id, words) = (format!("{lane_id}-{}", identifier(name)), spoken(name));
+        let fault = format!("a fault of {lane_words} that needs {words}");
+        let tree = &mut self.trees.tree;
+        let mut event = |what: String, words: String, constant: usize| {
+            tree.event(format!("{id}-{what}"), words, EventLaw::Constant(constant))
+        };
+        let missed = event("missed".into(), format!("{fault} is missed"), constants.missed);
+        let other_action = constants.other_action.map(|constant| {
+            let words = format!("{fault} raises another action, perhaps a shutdown");
+            event("other_action".into(), words, constant)
+        });
+        let others = names.into_iter().enumerate().filter(|(other, _)| *other != lane);
+        let wrong_shutdowns = constants.wrong_shutdown.map_or(vec![], |constant| {
+            let one = |(other, (other_id, other_words)): (usize, (String, String))| {
+                let words = format!("{fault} shuts {other_words} down");
+                (other, event(format!("shuts_down-{other_id}"), words, constant))
+            };
+            others.map(one).collect()
+        });
+        let needs_shutdown = constants.needs_shutdown;
+        AnswerEvents { lane, needs_shutdown, missed, other_action, wrong_shutdowns }
+    }
+
+    /// The events of every fault of a lane that needs an action.
+    fn faults(&mut self, lane: usize, action: &str) -> Vec<FaultEvents> {
         let study = self.study;
         let mut found: Vec<FaultEvents> = vec![];
         let mut last = None;
-        for fault in &study.faults {
+        for fault in study.faults.iter().filter(|fault| fault.unit == lane) {
+            let class = &study.classes[fault.class];
             // A fault stands in the list once for each intensity.
-            if last.replace(&fault.id) == Some(&fault.id) {
+            if class.command != action || last.replace(&fault.id) == Some(&fault.id) {
                 continue;
             }
             let rated = RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
             let Some(rate) = self.rates.of(&rated) else { continue };
             let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
-            let id = identifier(&fault.id);
+            let (id, words) = (identifier(&fault.id), spoken(&fault.id));
             let evidence =
                 format!("{} line {}: {}", self.rates.path.display(), rate.line, rate.source);
             self.trees.rates.push(TreeParameter { id: format!("rate-{id}"), value, evidence });
-            let class = &study.classes[fault.class];
-            if let Some(&constants) = constants.get(&class.command) {
-                let needs_shutdown = study.reactions.switches_off(&class.command);
-                let of = (fault.unit, needs_shutdown, class.detail.clone());
-                found.push(self.fault(&id, &spoken(&fault.id), of, constants));
-            }
+            let rate = self.trees.rates.len() - 1;
+            let tree = &mut self.trees.tree;
+            let mut failure = |what: &str, how: &str, exposure: Exposure| {
+                let law = EventLaw::Exponential(rate, exposure);
+                tree.event(format!("{id}-{what}"), format!("{words} {how}"), law)
+            };
+            found.push(FaultEvents {
+                detail: class.detail.clone(),
+                begins: failure("begins", "begins in this flight", Exposure::Flight),
+                waits: failure("waits", "waits for its repair", Exposure::Repair),
+                hidden: failure("hidden", "is there since the last check", Exposure::Check),
+            });
         }
         found
     }
 
-    /// The events of a fault whose rate was added last.
-    fn fault(
+    /// The gates of the faults that some answers are for; `None` without such faults.
+    fn fault_gates(
         &mut self,
-        id: &str,
-        words: &str,
-        (lane, needs_shutdown, detail): (usize, bool, String),
-        constants: ActionConstants,
-    ) -> FaultEvents {
-        let rate = self.trees.rates.len() - 1;
-        let others: Vec<usize> = (0..self.lanes()).filter(|&other| other != lane).collect();
-        let names: Vec<(String, String)> = others.iter().map(|&o| self.lane_name(o)).collect();
-        let tree = &mut self.trees.tree;
-        let mut failure = |what: &str, words_of: String, exposure: Exposure| {
-            tree.event(format!("{id}-{what}"), words_of, EventLaw::Exponential(rate, exposure))
+        name: &str,
+        answers: AnswerEvents,
+        faults: &[FaultEvents],
+    ) -> Option<FaultGates> {
+        let (lane_id, lane_words) = self.lane_name(answers.lane);
+        let (id, words) = (identifier(name), spoken(name));
+        let own = |of: fn(&FaultEvents) -> TreeInput| {
+            faults.iter().map(|fault| (fault.detail.clone(), of(fault))).collect::<Vec<_>>()
         };
-        let begins = failure("begins", format!("{words} begins in this flight"), Exposure::Flight);
-        let waits = failure("waits", format!("{words} waits for its repair"), Exposure::Repair);
-        let hidden =
-            failure("hidden", format!("{words} is there since the last check"), Exposure::Check);
-        let mut counted = |what: String, words_of: String, constant: usize| {
-            tree.event(format!("{id}-{what}"), words_of, EventLaw::Constant(constant))
+        let mut gate = |what: &str, how: &str, of: fn(&FaultEvents) -> TreeInput| {
+            let title = format!("a fault of {lane_words} that needs {words} {how}");
+            self.by_class(&format!("{lane_id}-{id}-{what}"), &title, own(of))
         };
-        let missed = counted("missed".into(), format!("{words} is missed"), constants.missed);
-        let other_action = (!needs_shutdown).then(|| {
-            let words = format!("{words} raises another action, perhaps a shutdown");
-            counted("other_action".into(), words, constants.other_action)
-        });
-        let wrong = others.into_iter().zip(names).map(|(other, (name, spoken))| {
-            let words = format!("{words} shuts {spoken} down");
-            (other, counted(format!("shuts_down-{name}"), words, constants.wrong_shutdown))
-        });
-        let wrong_shutdowns = wrong.collect();
-        FaultEvents {
-            lane,
-            needs_shutdown,
-            detail,
-            begins,
-            waits,
-            hidden,
-            missed,
-            other_action,
-            wrong_shutdowns,
-        }
+        Some(FaultGates {
+            begins: gate("begins", "begins in this flight", |fault| fault.begins)?,
+            waits: gate("waits", "waits for its repair", |fault| fault.waits)?,
+            hidden: gate("hidden", "is there since the last check", |fault| fault.hidden)?,
+            answers,
+        })
     }
 
     /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.
@@ -378,41 +419,29 @@ impl TreeGrower<'_> {
         self.or(id, title, gates)
     }
 
-    fn lane(
-        &mut self,
-        lane: usize,
-        faults: &[FaultEvents],
-        alarms: &[[TreeInput; 2]],
-    ) -> LaneGates {
+    fn lane(&mut self, lane: usize, gates: &[FaultGates], alarms: &[[TreeInput; 2]]) -> LaneGates {
         let (id, words) = self.lane_name(lane);
-        let own = || faults.iter().filter(|fault| fault.lane == lane);
-        let begins =
-            own().filter(|f| f.needs_shutdown).map(|f| (f.detail.clone(), f.begins)).collect();
-        let title = format!("a fault that needs a shutdown begins in {words}");
-        let physical_now = self.by_class(&format!("{id}-fails"), &title, begins);
-        let mut before = vec![];
-        for (place, fault) in own().filter(|fault| fault.needs_shutdown).enumerate() {
-            let both_id = format!("{id}-hidden-{}", place + 1);
-            let hidden = self.both(&both_id, "hidden and missed", fault.hidden, fault.missed);
-            before.extend([(fault.detail.clone(), fault.waits), (fault.detail.clone(), hidden)]);
+        let own = gates.iter().filter(|of| of.answers.lane == lane && of.answers.needs_shutdown);
+        let (mut now, mut before) = (vec![], vec![]);
+        for (place, of) in own.enumerate() {
+            now.push(of.begins);
+            let title = format!("a hidden fault of {words} was missed");
+            let both_id = format!("{id}-missed-{}", place + 1);
+            let hidden = self.both(&both_id, &title, of.hidden, of.answers.missed);
+            before.extend([of.waits, hidden]);
         }
+        let title = format!("a fault that needs a shutdown begins in {words}");
+        let physical_now = self.or(&format!("{id}-fails"), &title, now);
         let title = format!("a fault that needs a shutdown was in {words} before the flight");
-        let physical_before = self.by_class(&format!("{id}-failed"), &title, before);
-        let commanded = |begins: fn(&FaultEvents) -> TreeInput| {
-            let needless = own().filter_map(move |f| Some((begins(f), f.other_action?)));
-            let wrong = faults.iter().flat_map(move |fault| {
-                let own = fault.wrong_shutdowns.iter().filter(move |(other, _)| *other == lane);
-                own.map(move |(_, event)| (begins(fault), *event))
-            });
-            needless.chain(wrong).collect::<Vec<_>>()
-        };
-        let (now, earlier) = (commanded(|fault| fault.begins), commanded(|fault| fault.waits));
+        let physical_before = self.or(&format!("{id}-failed"), &title, before);
         let [false_now, false_before] = alarms[lane];
         let title = format!("{words} is shut down without need in this flight");
-        let commanded_now = self.commanded(&format!("{id}-is_shut_down"), &title, now, false_now);
+        let pairs = needless(lane, gates, |of| of.begins);
+        let commanded_now = self.commanded(&format!("{id}-is_shut_down"), &title, pairs, false_now);
         let title = format!("{words} was shut down without need before the flight");
+        let pairs = needless(lane, gates, |of| of.waits);
         let commanded_before =
-            self.commanded(&format!("{id}-was_shut_down"), &title, earlier, false_before);
+            self.commanded(&format!("{id}-was_shut_down"), &title, pairs, false_before);
         let some = |list: [Option<TreeInput>; 2]| list.into_iter().flatten().collect::<Vec<_>>();
         let lost_now = self.or(
             &format!("{id}-lost"),
@@ -440,21 +469,16 @@ impl TreeGrower<'_> {
         pairs: Vec<(TreeInput, TreeInput)>,
         false_alarm: TreeInput,
     ) -> TreeInput {
-        let mut gates = vec![];
+        let mut inputs = vec![];
         for (place, (fault, answer)) in pairs.into_iter().enumerate() {
             let both_id = format!("{id}-{}", place + 1);
-            gates.push(self.both(&both_id, "a fault and a wrong answer", fault, answer));
+            inputs.push(self.both(&both_id, "a fault and a wrong answer to it", fault, answer));
         }
-        let words = format!("{title}: a fault gets a wrong answer");
-        let wrong = self.or(&format!("{id}-wrongly"), &words, gates);
-        if let Some(TreeInput::Gate(place)) = wrong {
-            self.trees.tree.gates[place].is_folded = true;
-        }
-        let inputs: Vec<TreeInput> = wrong.into_iter().chain([false_alarm]).collect();
+        inputs.push(false_alarm);
         self.trees.tree.named_gate(GateKind::Or, id, title, inputs)
     }
 
-    fn tops(&mut self, lanes: &[LaneGates], faults: &[FaultEvents]) {
+    fn tops(&mut self, lanes: &[LaneGates], gates: &[FaultGates]) {
         let lost: Vec<TreeInput> = lanes.iter().filter_map(|lane| lane.lost_now).collect();
         let title = match lanes.len() {
             1 => "Loss of the only lane in a flight",
@@ -469,21 +493,19 @@ impl TreeGrower<'_> {
             count => self.loss_of_all(lanes, count),
         }
         let mut undetected = vec![];
-        for (place, fault) in faults.iter().enumerate() {
+        for (place, of) in gates.iter().enumerate() {
             let present = self.trees.tree.named_gate(
                 GateKind::Or,
                 &format!("present-{}", place + 1),
-                "it begins or is there since the last check",
-                vec![fault.begins, fault.hidden],
+                "a fault begins or is there since the last check",
+                vec![of.begins, of.hidden],
             );
             let both_id = format!("undetected-{}", place + 1);
-            let both = self.both(&both_id, "a fault is there and missed", present, fault.missed);
-            undetected.push((fault.detail.clone(), both));
+            let title = "a fault is there and missed";
+            undetected.push(self.both(&both_id, title, present, of.answers.missed));
         }
-        let title = "a fault is missed";
-        let gate = self.by_class("undetected", title, undetected);
         let title = "A fault without its action in a flight: undetected degradation";
-        self.top(GateKind::Or, "undetected_degradation", title, gate.into_iter().collect());
+        self.top(GateKind::Or, "undetected_degradation", title, undetected);
     }
 
     fn loss_of_all(&mut self, lanes: &[LaneGates], count: usize) {
@@ -637,12 +659,13 @@ mod tests {
             ("actuator_1-servo_valve-bias_positive", "actuator_2-servo_valve-bias_positive");
         assert!(has(&[&format!("{one}-begins"), &format!("{two}-begins")]));
         // One fault and a wrong answer to it.
-        assert!(has(&[&format!("{one}-begins"), &format!("{one}-shuts_down-actuator_2")]));
+        let wrong = "actuator_1-shut_down-shuts_down-actuator_2";
+        assert!(has(&[&format!("{one}-begins"), wrong]));
         // A fault hidden in one lane, and one that begins in the other.
         assert!(has(&[
             &format!("{one}-begins"),
             &format!("{two}-hidden"),
-            &format!("{two}-missed")
+            "actuator_2-shut_down-missed"
         ]));
         assert!(has(&[&format!("{one}-begins"), "actuator_2-false_shutdown-waits"]));
         // The alarm never shuts down the last lane: two false alarms are not enough.

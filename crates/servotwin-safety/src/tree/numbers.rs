@@ -6,7 +6,7 @@
 //! need a prior for events that were never seen, and that prior would decide the upper end.
 
 use super::decision_diagram::{CutSets, DecisionDiagram};
-use super::lanes::LaneTrees;
+use super::lanes::{LaneTrees, TreeParameter};
 use super::structure::{EventLaw, Exposure, TreeInput};
 use crate::error::SafetyError;
 use crate::interval::CountedValue;
@@ -90,15 +90,60 @@ impl BandEnd {
     }
 }
 
-/// The probability of every basic event. Equation: 1 − exp(−λ t), or a constant.
+/// The probability of every basic event at one end of all intervals.
 pub fn event_probabilities(trees: &LaneTrees, hours: &ExposureHours, end: BandEnd) -> Vec<f64> {
+    probabilities_with(trees, hours, &|parameter| end.of(parameter.value))
+}
+
+/// The probability of every basic event for these values of the parameters: 1 − exp(−λ t), or a constant.
+fn probabilities_with(
+    trees: &LaneTrees,
+    hours: &ExposureHours,
+    value: &dyn Fn(&TreeParameter) -> f64,
+) -> Vec<f64> {
     let probability = |law: EventLaw| match law {
-        EventLaw::Constant(place) => end.of(trees.constants[place].value),
+        EventLaw::Constant(place) => value(&trees.constants[place]),
         EventLaw::Exponential(place, exposure) => {
-            -(-end.of(trees.rates[place].value) * hours.of(exposure)).exp_m1()
+            -(-value(&trees.rates[place]) * hours.of(exposure)).exp_m1()
         }
     };
     trees.tree.events.iter().map(|event| probability(event.law)).collect()
+}
+
+/// How far a counted parameter alone widens the band of a top event.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BandDriver {
+    /// The parameter's identifier.
+    pub parameter: String,
+    /// Where its counts stand.
+    pub evidence: String,
+    /// The rate per flight hour with this parameter at its upper end and all others at their estimates, 1/h.
+    pub per_flight_hour: f64,
+}
+
+/// The counted parameters, the one that widens the band most first.
+fn band_drivers(
+    diagram: &DecisionDiagram,
+    trees: &LaneTrees,
+    hours: &ExposureHours,
+) -> Vec<BandDriver> {
+    let all = trees.rates.iter().chain(&trees.constants);
+    let driver = |driver: &TreeParameter| {
+        let value = |parameter: &TreeParameter| match parameter.id == driver.id {
+            true => parameter.value.high,
+            false => parameter.value.point,
+        };
+        let probability = diagram.probability(&probabilities_with(trees, hours, &value));
+        BandDriver {
+            parameter: driver.id.clone(),
+            evidence: driver.evidence.clone(),
+            per_flight_hour: probability / hours.flight_h,
+        }
+    };
+    let counted = all.filter(|parameter| parameter.value.high > parameter.value.point);
+    let mut drivers: Vec<BandDriver> = counted.map(driver).collect();
+    drivers.sort_by(|a, b| b.per_flight_hour.total_cmp(&a.per_flight_hour));
+    drivers
 }
 
 /// The importance of a basic event for a top event.
@@ -144,6 +189,8 @@ pub struct TopNumbers {
     pub cut_sets: Vec<CutSet>,
     /// All events of the tree, those with the largest share first.
     pub importances: Vec<EventImportance>,
+    /// What widens the band most.
+    pub band_drivers: Vec<BandDriver>,
     /// The number of nodes of its decision diagram.
     pub diagram_nodes: usize,
 }
@@ -181,6 +228,7 @@ fn top_numbers(trees: &LaneTrees, hours: &ExposureHours, gate: usize) -> TopNumb
         cut_set_orders: cut_sets.count_by_order(),
         cut_sets: listed_cut_sets(&cut_sets, trees, hours),
         importances: importances(&diagram, trees, hours, top),
+        band_drivers: band_drivers(&diagram, trees, hours),
         diagram_nodes: diagram.size(),
     }
 }
