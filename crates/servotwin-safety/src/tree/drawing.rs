@@ -58,9 +58,11 @@ impl FaultTreeDrawer<'_> {
             return Node::leaf(vec![gate.title.clone(), format!("{chance}, shown above")], vec![]);
         }
         if gate.is_folded || gate.inputs.len() > MAX_BRANCHES {
-            let lines =
-                vec![gate.title.clone(), format!("{kind} of {}", gate.inputs.len()), chance];
-            return Node::leaf(lines, vec![]);
+            let inputs = match gate.inputs.len() {
+                1 => "one fault".to_owned(),
+                count => format!("{kind} of {count}"),
+            };
+            return Node::leaf(vec![gate.title.clone(), inputs, chance], vec![]);
         }
         let lines = vec![gate.title.clone(), format!("{kind}, {chance}")];
         let inputs = gate.inputs.clone();

@@ -248,14 +248,14 @@ impl TreeGrower<'_> {
         let counts = ActionCounts::of(class);
         let (id, words) = (identifier(name), spoken(name));
         let needs_shutdown = self.study.reactions.switches_off(name);
-        let what = format!("right action not raised first for faults that need {words}");
+        let what = format!("right action not raised first for faults that need '{words}'");
         let missed = self.constant(format!("missed-{id}"), counts.missed, counts.flown, &what);
-        let what = format!("another action for the right lane for faults that need {words}");
+        let what = format!("another action for the right lane for faults that need '{words}'");
         let other_action = (!needs_shutdown).then(|| {
             let (count, of) = (counts.other_action, counts.flown);
             self.constant(format!("other_action-{id}"), count, of, &what)
         });
-        let what = format!("shutdown of another lane for faults that need {words}");
+        let what = format!("shutdown of another lane for faults that need '{words}'");
         let wrong_shutdown = (self.lanes() > 1).then(|| {
             let (count, of) = (counts.wrong_shutdown, counts.flown);
             self.constant(format!("wrong_shutdown-{id}"), count, of, &what)
@@ -268,7 +268,7 @@ impl TreeGrower<'_> {
         let (lane_id, lane_words) = self.lane_name(lane);
         let names: Vec<_> = (0..self.lanes()).map(|other| self.lane_name(other)).collect();
         let (id, words) = (format!("{lane_id}-{}", identifier(name)), spoken(name));
-        let fault = format!("a fault of {lane_words} that needs {words}");
+        let fault = format!("a fault of {lane_words} that needs '{words}'");
         let tree = &mut self.trees.tree;
         let mut event = |what: String, words: String, constant: usize| {
             tree.event(format!("{id}-{what}"), words, EventLaw::Constant(constant))
@@ -337,8 +337,8 @@ impl TreeGrower<'_> {
             faults.iter().map(|fault| (fault.detail.clone(), of(fault))).collect::<Vec<_>>()
         };
         let mut gate = |what: &str, how: &str, of: fn(&FaultEvents) -> TreeInput| {
-            let title = format!("a fault of {lane_words} that needs {words} {how}");
-            self.by_class(&format!("{lane_id}-{id}-{what}"), &title, own(of))
+            let title = format!("a fault of {lane_words} that needs '{words}' {how}");
+            self.by_class(&format!("{lane_id}-{id}-{what}"), &title, how, own(of))
         };
         Some(FaultGates {
             begins: gate("begins", "begins in this flight", |fault| fault.begins)?,
@@ -388,11 +388,13 @@ impl TreeGrower<'_> {
         self.trees.tree.named_gate(GateKind::And, id, title, vec![one, other])
     }
 
-    /// An OR of the events of every fault class; figures show a class as one box.
+    /// An OR of the events of every fault class; figures show a class as one box. `how` is what
+    /// its faults do.
     fn by_class(
         &mut self,
         id: &str,
         title: &str,
+        how: &str,
         events: Vec<(String, TreeInput)>,
     ) -> Option<TreeInput> {
         let mut details: Vec<String> = vec![];
@@ -408,7 +410,7 @@ impl TreeGrower<'_> {
             let gate = self.trees.tree.named_gate(
                 GateKind::Or,
                 &format!("{id}-{}", identifier(&detail)),
-                &format!("{}: {title}", spoken(&detail)),
+                &format!("{}: {how}", spoken(&detail)),
                 own,
             );
             if let TreeInput::Gate(place) = gate {
