@@ -256,3 +256,41 @@ fn a_workbook_keeps_a_persons_cells_and_goes_back_to_csv() {
     let person = again.column("filled_by_person").unwrap();
     assert_eq!(again.rows.iter().filter(|row| !row.cells[person].is_empty()).count(), 1);
 }
+
+/// LibreOffice is another program; where it is not installed this says so and checks nothing.
+#[cfg(feature = "xlsx")]
+#[test]
+fn libreoffice_opens_a_workbook_and_changes_no_cell() {
+    if Command::new("soffice").arg("--version").output().is_err() {
+        eprintln!("skipped: LibreOffice is not installed (apt-get install libreoffice-calc)");
+        return;
+    }
+    let folder = Folder::new("fmea-libreoffice");
+    let (csv, xlsx, back) = (folder.file("a.csv"), folder.file("sheet.xlsx"), folder.file("b.csv"));
+    succeeds(&["fmea", "press_axis", "--out", &csv]);
+    let mut sheet = texts::read(Path::new(&csv)).unwrap();
+    let severity = sheet.column("severity").unwrap();
+    sheet.rows[0].cells[severity] = "S4, see 1.5".into();
+    write(Path::new(&csv), &sheet);
+    succeeds(&["fmea", "press_axis", "--from", &csv, "--out", &xlsx]);
+    let profile = format!("-env:UserInstallation=file://{}", folder.file("profile"));
+    let converted = Command::new("soffice")
+        .args([
+            &profile,
+            "--headless",
+            "--convert-to",
+            "csv",
+            "--outdir",
+            &folder.file("out"),
+            &xlsx,
+        ])
+        .output()
+        .expect("LibreOffice runs");
+    assert!(converted.status.success(), "{}", stderr(&converted));
+    let printed =
+        succeeds(&["fmea", "press_axis", "--from", &folder.file("out/sheet.csv"), "--out", &back]);
+    assert!(printed.contains(" 1 filled in by people, 0 rows stale"), "{printed}");
+    let again = texts::read(Path::new(&back)).unwrap();
+    assert_eq!(again.rows[0].cells[severity], "S4, see 1.5");
+    assert_eq!(again.rows.len(), sheet.rows.len());
+}

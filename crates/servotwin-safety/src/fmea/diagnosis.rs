@@ -8,7 +8,7 @@ use crate::interval::clopper_pearson;
 use servotwin::flight::judge::{ClassMetrics, Latency};
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{number, shown};
-use servotwin_diagnosis::hierarchy::Question;
+use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
 use servotwin_model::program::FaultAt;
 
 /// The most sensors that a cell names.
@@ -274,6 +274,9 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fme
     let mut parts: Vec<String> = own
         .iter()
         .map(|(_, pair)| {
+            if pair.taken_for == HEALTHY {
+                return format!("no fault at all ({:.1} % of its tests)", 100.0 * pair.share);
+            }
             let wrong = match pair.question {
                 Question::Actuator => "actuator",
                 Question::Action => "action",

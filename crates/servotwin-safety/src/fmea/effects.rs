@@ -83,16 +83,23 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
         Err(cell) => return cell,
     };
     let evidence = flight_evidence(flights, &own);
+    let mut parts = vec![];
+    let travel = own.iter().map(|(_, flown)| flown.travel_difference_m * 1e3);
+    parts.extend(span_in_words(travel, "mm").map(|span| format!("piston by up to {span}")));
+    // A rod that carries outer loads alone has the same force in every flight, which is no effect.
     let forces = own.iter().map(|(_, flown)| flown.force_difference_n / 1e3);
-    match span_in_words(forces, "kN") {
-        Some(span) => FmeaCell::new(
+    let forces = forces.filter(|force| *force > 0.0);
+    parts.extend(span_in_words(forces, "kN").map(|span| format!("rod force by up to {span}")));
+    match parts.is_empty() {
+        true => FmeaCell::missing("not measured: the actuator has no piston", evidence),
+        false => FmeaCell::new(
             format!(
-                "rod force differs from the healthy flight by up to {span} (intensities {})",
+                "differs from the healthy flight: {} (intensities {})",
+                parts.join(", "),
                 intensities(&own)
             ),
             evidence,
         ),
-        None => FmeaCell::missing("not measured: the actuator has no rod force", evidence),
     }
 }
 

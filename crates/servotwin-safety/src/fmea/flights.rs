@@ -15,7 +15,7 @@ use servotwin::parallel::{self, Workers};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_model::program::FaultAt;
+use servotwin_model::program::{FaultAt, Slot};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -78,6 +78,8 @@ pub struct FlownFault {
     pub force_fight_n: [f64; 2],
     /// The largest difference of the faulty actuator's rod force from the healthy flight, without the diagnosis, N.
     pub force_difference_n: f64,
+    /// The largest difference of its piston's position from the healthy flight, without the diagnosis, m.
+    pub travel_difference_m: f64,
     /// Why the flight could not be simulated; empty otherwise.
     pub failure: String,
 }
@@ -96,7 +98,7 @@ pub struct FmeaFlights {
 }
 
 /// The columns of numbers, in the order of [`numbers`].
-const NUMBERS: [&str; 12] = [
+const NUMBERS: [&str; 13] = [
     "intensity",
     "report_s",
     "action_s",
@@ -108,10 +110,11 @@ const NUMBERS: [&str; 12] = [
     "rms_force_fight_alone_n",
     "rms_force_fight_reacting_n",
     "largest_force_difference_n",
+    "largest_travel_difference_m",
     "is_right",
 ];
 
-fn numbers(flown: &FlownFault) -> [f64; 12] {
+fn numbers(flown: &FlownFault) -> [f64; 13] {
     [
         flown.intensity,
         flown.report_s,
@@ -124,6 +127,7 @@ fn numbers(flown: &FlownFault) -> [f64; 12] {
         flown.force_fight_n[0],
         flown.force_fight_n[1],
         flown.force_difference_n,
+        flown.travel_difference_m,
         f64::from(u8::from(flown.is_right)),
     ]
 }
@@ -180,8 +184,14 @@ impl FmeaFlights {
         let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
         let specimen = setting.has_tolerances().then_some(0);
         let study = &results.study;
-        let flying =
-            FaultFlyer { study, plan, diagnoser, specimen, kept: TrackedQuantities::of(study) };
+        let flying = FaultFlyer {
+            study,
+            plan,
+            diagnoser,
+            specimen,
+            kept: TrackedQuantities::of(study),
+            pistons: pistons(study),
+        };
         let healthy = flying.fly(None, false).map_err(|error| SafetyError::Flight {
             fault: "healthy".into(),
             intensity: 0.0,
@@ -246,7 +256,8 @@ fn from_table(table: &Table) -> Result<Vec<FlownFault>, TableError> {
             error_reacting: [value(6), value(7)],
             force_fight_n: [value(8), value(9)],
             force_difference_n: value(10),
-            is_right: value(11) > 0.5,
+            travel_difference_m: value(11),
+            is_right: value(12) > 0.5,
             action: action[row].clone(),
             lanes_off: off[row].clone(),
             failure: failure[row].clone(),
@@ -290,6 +301,8 @@ struct FaultFlyer<'f> {
     diagnoser: Arc<Diagnoser>,
     specimen: Option<usize>,
     kept: TrackedQuantities,
+    /// For every actuator with a cylinder, its name and the slot of its piston's position; recorded behind `kept`.
+    pistons: Vec<(String, Slot)>,
 }
 
 impl FaultFlyer<'_> {
@@ -306,7 +319,9 @@ impl FaultFlyer<'_> {
             specimen: self.specimen,
             reacts,
         };
-        closed_loop::fly(&scenario, &self.diagnoser, &self.kept.slots)
+        let pistons = self.pistons.iter().map(|(_, slot)| *slot);
+        let slots: Vec<Slot> = self.kept.slots.iter().copied().chain(pistons).collect();
+        closed_loop::fly(&scenario, &self.diagnoser, &slots)
     }
 
     fn both(&self, fault: Option<&FlyingFault>, intensity: f64, healthy: &Record) -> FlownFault {
@@ -352,6 +367,8 @@ impl FaultFlyer<'_> {
                 off.push(actuator(action));
             }
         }
+        let [force_difference_n, travel_difference_m] =
+            self.differences(unit, alone, healthy, since);
         FlownFault {
             fault: name.into(),
             intensity,
@@ -374,28 +391,47 @@ impl FaultFlyer<'_> {
             error_alone: error(alone),
             error_reacting: error(with),
             force_fight_n: [fight(alone), fight(with)],
-            force_difference_n: self.force_difference_n(unit, alone, healthy, since),
+            force_difference_n,
+            travel_difference_m,
             failure: String::new(),
         }
     }
 
-    /// The largest difference of a rod force from the healthy flight, N.
-    fn force_difference_n(
+    /// The largest differences from the healthy flight: of the rod force, N, and of the piston's position, m.
+    fn differences(
         &self,
         unit: Option<&str>,
         alone: &Record,
         healthy: &Record,
         since: usize,
-    ) -> f64 {
+    ) -> [f64; 2] {
         let force = |record| self.kept.rod_force(unit?, record);
-        match (force(alone), force(healthy)) {
-            (Some(with), Some(without)) => {
-                let pairs = with.iter().zip(without).skip(since);
-                pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
-            }
-            _ => f64::NAN,
-        }
+        let piston = |record: &'_ Record| {
+            let place = self.pistons.iter().position(|(of, _)| Some(of.as_str()) == unit)?;
+            Some(record.plant[self.kept.slots.len() + place].clone())
+        };
+        let farthest = |with: &[f64], without: &[f64]| {
+            let pairs = with.iter().zip(without).skip(since);
+            pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+        };
+        let of_force = force(alone).zip(force(healthy)).map(|(a, b)| farthest(a, b));
+        let of_piston = piston(alone).zip(piston(healthy)).map(|(a, b)| farthest(&a, &b));
+        [of_force, of_piston].map(|found| found.unwrap_or(f64::NAN))
     }
+}
+
+/// The position of the first cylinder of every actuator.
+fn pistons(study: &Study) -> Vec<(String, Slot)> {
+    let of_unit = |unit: &String| {
+        let own = if unit.is_empty() { String::new() } else { format!("{unit}.") };
+        let mut components = study.system.network().components.iter();
+        let cylinder = components.find(|instance| {
+            instance.id.starts_with(&own) && instance.component.spec().kind.contains("cylinder")
+        })?;
+        let name = format!("{}.position_m", cylinder.id);
+        Some((unit.clone(), study.system.program.observable(&name)?.slot))
+    };
+    study.units.iter().filter_map(of_unit).collect()
 }
 
 impl FlownFault {
@@ -413,6 +449,7 @@ impl FlownFault {
             error_reacting: [f64::NAN; 2],
             force_fight_n: [f64::NAN; 2],
             force_difference_n: f64::NAN,
+            travel_difference_m: f64::NAN,
             failure: String::new(),
         }
     }
