@@ -134,9 +134,11 @@ mod xlsx {
         let bytes = read_bytes(path)?;
         let mut workbook: Xlsx<_> = open_workbook_from_rs(Cursor::new(bytes))
             .map_err(|error: calamine::XlsxError| wrong(error.to_string()))?;
-        let range = workbook
-            .worksheet_range(NAME)
-            .map_err(|error| wrong(format!("there is no sheet '{NAME}': {error}")))?;
+        // A workbook that another program made of a CSV names its only sheet after the file.
+        let names = workbook.sheet_names();
+        let own = names.iter().find(|name| *name == NAME).or(names.first()).cloned();
+        let name = own.ok_or_else(|| wrong("there is no sheet in it".into()))?;
+        let range = workbook.worksheet_range(&name).map_err(|error| wrong(error.to_string()))?;
         let mut rows = range.rows();
         let columns: Vec<String> = rows.next().unwrap_or_default().iter().map(text_of).collect();
         let row = |(place, cells): (usize, &[Data])| TextRow {

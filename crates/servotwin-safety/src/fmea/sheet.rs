@@ -81,13 +81,15 @@ struct EarlierRow {
     others: Vec<String>,
 }
 
-/// The hash of a text. Programs for sheets may write a number in another form and change spaces; that is no change.
+/// The hash of a text. Programs for sheets may write a number in another form, change spaces, and replace letters that
+/// their encoding lacks; these are no changes.
 fn hash(text: &str) -> String {
     sha256_of_text(&canonical(text))[..SEAL_DIGITS].to_owned()
 }
 
 fn canonical(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() => format!("{number:e}"),
         _ => text,
@@ -342,6 +344,7 @@ mod tests {
         let cells = |fault: &str| {
             let cell = |n: usize| FmeaCell::new(format!("{fault} {n} {mark}"), "a file, row 1");
             let mut cells: Vec<FmeaCell> = (0..FIELDS.len()).map(cell).collect();
+            cells[3] = FmeaCell::new("area 1 … 2 m² → λ", "a file, row 1");
             cells[14] = FmeaCell::new("1e-7", "rates.csv line 2");
             cells[FIELDS.len() - 1] = FmeaCell::default();
             cells
@@ -422,6 +425,8 @@ mod tests {
         set(&mut texts, 0, "severity", "");
         set(&mut texts, 0, "failure_rate_per_h", "0.0000001");
         set(&mut texts, 0, "isolation", " a.x  10 one ");
+        // Windows-1252 has no arrow and no Greek letters.
+        set(&mut texts, 0, "physical_range", "area 1 … 2 m² ? ?");
         let sheet = again(&texts, "one", "m");
         assert_eq!(sheet.person_cells(), 0, "{}", sheet.rows[0].person_fields());
         assert_eq!(field(&sheet, 0, "severity"), "a.x 13 one");
