@@ -8,6 +8,7 @@ use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::files::create_folder;
+use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Among, Folder};
 use servotwin::study::Study;
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
@@ -19,10 +20,11 @@ use std::path::{Path, PathBuf};
 /// Fill an FMEA (failure mode and effects analysis) from the results of a study.
 ///
 /// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and its
-/// rows, or a figure. A cell without evidence says so. If the folder has a diagnoser ('servotwin flights' learns one),
-/// every fault of the study is flown in closed loop with the diagnosis and without it; safety/fmea-flights.csv stores the flights.
-/// Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their rows as stale when
-/// the system, the study or the models change. With a study instead of a folder, the sheet holds declarations only.
+/// rows, or a figure. A cell without evidence says so. Every fault of the study is flown in closed loop with the
+/// diagnosis and without it, and safety/fmea-flights.csv stores the flights. If the diagnoser is missing, the command
+/// learns it first. Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their
+/// rows as stale when the system, the study or the models change. With a study instead of a folder, the sheet holds
+/// declarations only.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a study, a study file, or the name of a built-in study.
@@ -75,7 +77,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.input);
     let wanted = options.setting.as_deref().map(setting_of).transpose()?;
-    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let _hold = folder.hold(Among::Nobody)?;
     let fly = match (options.no_flights, options.all_faults) {
         (true, _) => FlyFaults::Never,
@@ -83,19 +85,30 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
         _ => FlyFaults::Listed,
     };
     if fly != FlyFaults::Never && !fmea::can_fly(&results) {
-        let name = options.input.display();
-        note(
-            global,
-            &format!(
-                "not flown: {name} has no diagnoser; 'servotwin flights {name} --out {name}' learns one"
-            ),
-        );
+        learn(options, &results, global)?;
+        // The basis names the diagnoser, too.
+        results = StudyResultsFolder::open(folder.clone(), wanted)?;
     }
     let rates = options.rates.as_deref();
     let sources = fmea::sources(&results, rates, fly, workers(options.threads))?;
     stop::check()?;
     let default = folder.path().join(FOLDER).join("fmea.csv");
     write(options, &sources, &default, global)
+}
+
+/// Learns the diagnoser that a folder lacks, as `servotwin fly` does.
+fn learn(options: &Options, results: &StudyResultsFolder, global: Global) -> Result<(), Failure> {
+    let (folder, setting) = (&results.folder, results.flown_setting());
+    let Some(plan) = results.study.flights()? else {
+        note(global, "not flown: the study has no [flights] to learn a diagnoser from");
+        return Ok(());
+    };
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
+    let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
+    let learned = flights::learn(folder, &results.study, &plan, setting, &crew);
+    stop::check()?;
+    learned?;
+    Ok(())
 }
 
 fn of_study(options: &Options, global: Global) -> Result<String, Failure> {
