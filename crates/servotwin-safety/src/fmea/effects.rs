@@ -9,11 +9,14 @@ use servotwin::study::Study;
 use servotwin::text::spoken;
 use servotwin_model::spec::Unit;
 
+/// All flights, and those of a fault with their rows in the file.
+pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
+
 /// The flights of a fault, or the cell that says why there are none.
 fn flown<'s>(
     sources: &'s FmeaSources,
     subject: &'s FmeaSubject,
-) -> Result<(&'s FmeaFlights, Vec<(usize, &'s FlownFault)>), FmeaCell> {
+) -> Result<OwnFlights<'s>, FmeaCell> {
     let Some(flights) = &sources.flights else {
         let remedy = match sources.results {
             None => {
@@ -53,7 +56,7 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)
 pub(super) fn own_flights<'s>(
     sources: &'s FmeaSources,
     subject: &'s FmeaSubject,
-) -> Option<(&'s FmeaFlights, Vec<(usize, &'s FlownFault)>)> {
+) -> Option<OwnFlights<'s>> {
     flown(sources, subject).ok()
 }
 
