@@ -19,6 +19,7 @@ use servotwin::simulate::SimulationError;
 use servotwin::study::StudyError;
 use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
+use servotwin_safety::SafetyError;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
 use servotwin_watch::map::MapError;
@@ -260,6 +261,9 @@ pub enum Failure {
     /// A fitted system cannot be written.
     #[error("error: {0}")]
     Rewrite(#[from] RewriteError),
+    /// An artefact of the safety case cannot be made.
+    #[error("error: {0}")]
+    Safety(SafetyError),
     /// A file cannot be written.
     #[error("error: {0}")]
     File(#[from] FileError),
@@ -363,6 +367,7 @@ impl Failure {
             | Failure::NoUpdate { .. }
             | Failure::Alarm { .. }
             | Failure::Print(_) => 1,
+            Failure::Safety(error) => of_safety(error),
             Failure::PartsMissing(_) => 4,
             Failure::Stopped | Failure::StoppedOnTheWay => 130,
         }
@@ -378,6 +383,20 @@ fn of_campaign(error: &CampaignError) -> u8 {
         | CampaignError::File(FileError::Altered { .. })
         | CampaignError::Table(TableError::File(FileError::Altered { .. })) => 3,
         _ => 1,
+    }
+}
+
+/// The exit code for an artefact of the safety case.
+fn of_safety(error: &SafetyError) -> u8 {
+    match error {
+        SafetyError::Hours { .. }
+        | SafetyError::SheetFormat { .. }
+        | SafetyError::Feature { .. }
+        | SafetyError::NoScenario { .. } => 2,
+        SafetyError::Flight { .. } => 1,
+        SafetyError::File(error) => of_file(error),
+        SafetyError::Table(error) => of_table(error),
+        _ => 3,
     }
 }
 
@@ -515,6 +534,16 @@ impl From<JobError> for Failure {
             JobError::Evaluation(EvaluationError::Cancelled)
             | JobError::Campaign(CampaignError::Cancelled) => Failure::Stopped,
             error => Failure::Job(error),
+        }
+    }
+}
+
+impl From<SafetyError> for Failure {
+    fn from(error: SafetyError) -> Self {
+        match error {
+            SafetyError::Cancelled => Failure::Stopped,
+            SafetyError::Job(error) => error.into(),
+            error => Failure::Safety(error),
         }
     }
 }

@@ -24,8 +24,8 @@ mod stop;
 use clap::{Parser, Subcommand};
 use commands::{
     band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
-    features, fit, flights, fly, history, init, man, merge, predict, report, results, schema,
-    serve, simulate, study, train, watch,
+    faulttree, features, fit, flights, fly, fmea, history, init, man, merge, predict, report,
+    results, schema, serve, simulate, study, train, watch,
 };
 use failure::Failure;
 use paths::Paths;
@@ -115,6 +115,8 @@ enum Command {
     Watch(Box<watch::Options>),
     Serve(Box<serve::Options>),
     Report(report::Options),
+    Fmea(fmea::Options),
+    Faulttree(faulttree::Options),
     Results(results::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -141,6 +143,8 @@ impl Command {
             Command::Band(options) => options.paths(),
             Command::Watch(options) => options.paths(),
             Command::Report(options) => options.paths(),
+            Command::Fmea(options) => options.paths(),
+            Command::Faulttree(options) => options.paths(),
             Command::Describe(options) => options.paths(),
             _ => Paths::default(),
         }
@@ -169,6 +173,8 @@ impl Command {
             Command::Watch(options) => watch::run(options, global),
             Command::Serve(options) => serve::run(options, global),
             Command::Report(options) => report::run(options, global),
+            Command::Fmea(options) => fmea::run(options, global),
+            Command::Faulttree(options) => faulttree::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use servotwin::flight::closed_loop::Flight;
-use servotwin::flight::surface::{Surface, force_fight_n};
+use servotwin::flight::tracking::{TrackedQuantities, force_fight_n};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::features::Quantity;
@@ -84,7 +84,8 @@ pub struct Signals {
     /// The signals in the order of a frame.
     pub list: Vec<Signal>,
     sources: Vec<Source>,
-    surface: Surface,
+    /// The rod forces of all actuators; empty if one has no rod.
+    rods: Vec<Slot>,
     scales: Vec<f64>,
     lengths: usize,
 }
@@ -95,7 +96,7 @@ impl Signals {
         let mut signals = Signals {
             list: vec![],
             sources: vec![],
-            surface: Surface::of(study),
+            rods: vec![],
             scales: diagnoser.scales(),
             lengths: diagnoser.lengths.len(),
         };
@@ -118,12 +119,14 @@ impl Signals {
             |id: &str, label: &str, group| Signal::new(id, label, input.unit.shown(), group);
         let source = Source::Input(study.command_input, input.unit);
         self.push(shown("command", "command", Group::Motion), source);
-        if let Some(slot) = self.surface.following {
+        let tracked = TrackedQuantities::of(study);
+        if let Some(slot) = tracked.following_slot() {
             self.push(shown("position", "answer", Group::Motion), Source::Plant(slot, input.unit));
             let ghost = Source::Ghost(slot, input.unit);
             self.push(shown("position_ghost", "without diagnosis", Group::Motion), ghost);
         }
-        if self.surface.rods.len() > 1 {
+        self.rods = tracked.rod_slots(study).unwrap_or_default();
+        if self.rods.len() > 1 {
             let newtons = |id: &str, label: &str| Signal::new(id, label, "kN", Group::Fight);
             self.push(newtons("fight", "force fight"), Source::Fight);
             self.push(newtons("fight_ghost", "without diagnosis"), Source::GhostFight);
@@ -194,7 +197,7 @@ impl Signals {
     /// Appends the values of the last sample of a flight and of its ghost, in shown units.
     pub fn fill(&self, flight: &Flight, ghost: &Flight, out: &mut Vec<f32>) {
         let fight_kn = |flown: &Flight| {
-            let rods: Vec<f64> = self.surface.rods.iter().map(|&rod| flown.plant(rod)).collect();
+            let rods: Vec<f64> = self.rods.iter().map(|&rod| flown.plant(rod)).collect();
             force_fight_n(&rods).map_or(f64::NAN, |newtons| newtons / 1e3)
         };
         let fluids_m3: Vec<f64> = flight.fluid_m3().collect();

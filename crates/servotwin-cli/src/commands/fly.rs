@@ -3,7 +3,7 @@
 
 use super::evaluate::workers;
 use super::fly_cost::Costs;
-use super::fly_truth::{Truth, Verdict, detected};
+use super::fly_truth::{Truth, Verdict};
 use super::simulate::fault;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
@@ -14,7 +14,7 @@ use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::flight::cost::Cost;
-use servotwin::flight::surface::{ROD_FORCE, following_end, force_fight_n};
+use servotwin::flight::tracking::{TrackedQuantities, command_unit, first_report_s};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
@@ -22,7 +22,7 @@ use servotwin::signal::{Quantity, Signal};
 use servotwin::study::{FaultCase, Setting, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
 use servotwin_report::words::{number, spoken};
 use std::fmt::Write;
@@ -138,7 +138,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         None => seconds("--at", &options.at[0])?,
     };
     let diagnoser = diagnoser(&options.study, &folder, &study, setting, global)?;
-    let kept = Kept::of(&study);
+    let kept = TrackedQuantities::of(&study);
     let fly = |reacts: bool| {
         let inputs = inputs.clone();
         let faults = begins.iter().map(|one| (one.onset_s, one.fault)).collect();
@@ -192,40 +192,11 @@ pub fn diagnoser(
     Ok(Arc::new(learned?.0))
 }
 
-/// Quantities of the plant to record apart from its sensors, with names and units.
-struct Kept {
-    slots: Vec<Slot>,
-    names: Vec<String>,
-    units: Vec<Unit>,
-    /// The index of the quantity that follows the command.
-    following: Option<usize>,
-}
-
-impl Kept {
-    /// Selects the quantity that follows the command (a surface angle or a piston position), the load on it, and the
-    /// forces in the rods.
-    fn of(study: &Study) -> Self {
-        let follows = following_end(study);
-        let is_wanted = |name: &str| {
-            let ends = [follows, ".rod.force_n", ".shaft.torque_nm"];
-            ends.iter().any(|end| name.ends_with(end))
-        };
-        let observables = study.system.program.observables().iter();
-        let found: Vec<_> = observables.filter(|o| is_wanted(&o.name)).collect();
-        Kept {
-            slots: found.iter().map(|o| o.slot).collect(),
-            names: found.iter().map(|o| o.name.clone()).collect(),
-            units: found.iter().map(|o| o.unit).collect(),
-            following: found.iter().position(|o| o.name.ends_with(follows)),
-        }
-    }
-}
-
 struct Flown<'f> {
     truths: &'f [Truth],
     study: &'f Study,
     diagnoser: &'f Diagnoser,
-    kept: &'f Kept,
+    kept: &'f TrackedQuantities,
     with: Record,
     without: Record,
 }
@@ -233,33 +204,17 @@ struct Flown<'f> {
 impl Flown<'_> {
     /// The unit of the command and of the quantity that follows it.
     fn unit(&self) -> Unit {
-        self.study.system.network().inputs[self.study.command_input].unit
+        command_unit(self.study)
     }
 
     /// The quantity that follows the command minus the command, SI.
     fn tracking_error(&self, record: &Record) -> Option<Vec<f64>> {
-        let place = self.kept.following.filter(|&place| self.kept.units[place] == self.unit())?;
-        let command = &record.inputs[self.study.command_input];
-        Some(record.plant[place].iter().zip(command).map(|(is, wanted)| is - wanted).collect())
-    }
-
-    /// The rod force of each actuator, N; `None` if one has no rod.
-    fn rod_forces<'r>(&self, record: &'r Record) -> Option<Vec<&'r Vec<f64>>> {
-        let of_unit = |unit: &String| {
-            let own = format!("{unit}.");
-            let is_rod = |name: &String| name.starts_with(&own) && name.contains(ROD_FORCE);
-            self.kept.names.iter().position(is_rod).map(|place| &record.plant[place])
-        };
-        self.study.units.iter().map(of_unit).collect()
+        self.kept.tracking_error(self.study, record)
     }
 
     /// The force fight, N.
     fn force_fight(&self, record: &Record) -> Option<Vec<f64>> {
-        let rods = self.rod_forces(record)?;
-        let at = |sample: usize| {
-            force_fight_n(&rods.iter().map(|rod| rod[sample]).collect::<Vec<f64>>())
-        };
-        (0..record.time_s.len()).map(at).collect()
+        self.kept.force_fight(self.study, record)
     }
 
     fn table(&self, record: &Record) -> Table {
@@ -348,7 +303,7 @@ impl Flown<'_> {
         let mut marks: Vec<Mark> =
             self.truths.iter().map(|truth| mark(truth.onset_s, "onset")).collect();
         let since_s = self.truths.first().map_or(0.0, |truth| truth.onset_s);
-        marks.extend(detected(&self.with, since_s).map(|at| mark(at, "detection")));
+        marks.extend(first_report_s(&self.with, since_s).map(|at| mark(at, "detection")));
         marks.extend(self.with.actions.iter().map(|action| mark(action.time_s, "reaction")));
         marks
     }

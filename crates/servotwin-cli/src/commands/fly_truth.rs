@@ -3,8 +3,9 @@
 
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{Action, Record};
+use servotwin::flight::tracking::first_report_s;
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Finding};
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_report::words::spoken;
 
@@ -62,21 +63,6 @@ impl Said {
     }
 }
 
-/// The first time from `since_s` on at which the diagnosis reported a fault, s.
-pub fn detected(record: &Record, since_s: f64) -> Option<f64> {
-    let says_fault = |finding: Finding| {
-        !matches!(
-            finding,
-            Finding::Unjudged | Finding::Healthy | Finding::EnvironmentInvalid { .. }
-        )
-    };
-    let later = record.changes.iter().filter(|change| change.time_s >= since_s);
-    later
-        .map(|change| (change.time_s, change.finding))
-        .find(|(_, f)| says_fault(*f))
-        .map(|(t, _)| t)
-}
-
 /// A fault and the first action raised for it.
 pub struct Judged<'t> {
     truth: &'t Truth,
@@ -92,7 +78,7 @@ impl<'t> Judged<'t> {
             later.map(|action| Said::of(action, diagnoser))
         };
         let said = later().find(|said| said.actuator == truth.actuator).or_else(|| later().next());
-        Judged { truth, detected_s: detected(record, truth.onset_s), said }
+        Judged { truth, detected_s: first_report_s(record, truth.onset_s), said }
     }
 
     /// Whether actuator, action and component were right; `None` if there was no answer or none is expected.

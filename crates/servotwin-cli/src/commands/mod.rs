@@ -11,12 +11,14 @@ mod design;
 pub mod evaluate;
 pub mod explain;
 pub mod faults;
+pub mod faulttree;
 pub mod features;
 pub mod fit;
 pub mod flights;
 pub mod fly;
 mod fly_cost;
 mod fly_truth;
+pub mod fmea;
 pub mod history;
 pub mod init;
 mod log_folder;
@@ -45,7 +47,7 @@ use servotwin::evaluation::table_model::{
 use servotwin::fit::FitError;
 use servotwin::job::{Folder, Hold, Kept};
 use servotwin::sanitize;
-use servotwin::study::Study;
+use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
 use servotwin_watch::intake::{self, IntakeError};
@@ -185,6 +187,16 @@ pub struct TableOptions {
     /// A second table to test with, instead of folds. All rows of the first table are used for training.
     #[arg(long, value_name = "FILE", conflicts_with = "folds")]
     test: Option<PathBuf>,
+}
+
+/// The scenario of an option `--setting`.
+fn setting_of(name: &str) -> Result<Setting, Failure> {
+    let found = Setting::ALL.into_iter().find(|setting| setting.name() == name);
+    found.ok_or_else(|| Failure::OutOfRange {
+        option: "--setting",
+        given: name.into(),
+        range: Setting::ALL.map(Setting::name).join(", ").into(),
+    })
 }
 
 /// Parses a number of threads from the command line.

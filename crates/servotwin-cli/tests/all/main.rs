@@ -13,6 +13,7 @@ mod paths;
 mod public_tables;
 mod reading;
 mod readme;
+mod safety;
 mod study;
 mod tables;
 mod units;

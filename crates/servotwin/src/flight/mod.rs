@@ -13,7 +13,7 @@
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`fitted_twins`]: twins fitted to plants that differ from them in structure
-//! - [`surface`]: what an aircraft or machine notices of its actuators
+//! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
 //! - [`judge`]: latency, certainty and errors of the diagnosis
 //! - [`healthy`]: healthy flights in an environment of their own, and how near they come to an alarm
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
@@ -32,7 +32,7 @@ pub mod other_plant;
 pub mod plan;
 pub mod replay;
 pub mod runtime;
-pub mod surface;
+pub mod tracking;
 pub mod train;
 pub mod training_windows;
 pub mod unseen_faults;

@@ -16,6 +16,7 @@ pub mod dialect;
 pub mod encoding;
 pub mod growing;
 mod records;
+pub mod texts;
 
 use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};

@@ -1,0 +1,123 @@
+//! `servotwin faulttree`: fault trees with counted probabilities.
+
+use super::{note, setting_of};
+use crate::Global;
+use crate::failure::Failure;
+use crate::paths::{Format, Paths};
+use crate::render::json;
+use serde_json::json;
+use servotwin::job::{Among, Folder};
+use servotwin_report::words::number;
+use servotwin_safety::faulttree::FaultTreeArtefact;
+use servotwin_safety::interval::CountedValue;
+use servotwin_safety::rates;
+use servotwin_safety::results::StudyResultsFolder;
+use servotwin_safety::tree::lanes::rated_faults;
+use servotwin_safety::tree::numbers::{ExposureHours, TopNumbers};
+use std::path::PathBuf;
+
+/// Write fault trees: loss of one lane, loss of both lanes, undetected degradation.
+///
+/// Failure rates come from your table, and detection, wrong shutdowns and false alarms from the counts in flights.json.
+/// The command writes into the folder safety: faulttree.xml (Open-PSA, with the lower and upper ends in faulttree-low.xml
+/// and faulttree-high.xml), a figure for each top event, minimal cut sets, importance, and all numbers as
+/// faulttree.json.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The output folder of a study with judged flights ('servotwin flights').
+    #[arg(value_name = "FOLDER", default_value = "out")]
+    folder: PathBuf,
+    /// A table of failure rates: fault, rate, unit (1/h, 1/(1e6 h) or FIT), source.
+    #[arg(long, value_name = "FILE", required_unless_present = "template")]
+    rates: Option<PathBuf>,
+    /// Write a table of rates to fill in, and nothing else.
+    #[arg(long, value_name = "FILE", conflicts_with = "rates")]
+    template: Option<PathBuf>,
+    /// Duration of a flight, h.
+    #[arg(long, value_name = "HOURS", required_unless_present = "template")]
+    flight_hours: Option<f64>,
+    /// From the report of a fault to its repair, h; 0 if no flight begins with a known fault.
+    #[arg(long, value_name = "HOURS", required_unless_present = "template")]
+    repair_hours: Option<f64>,
+    /// Between two checks that find every hidden fault, h.
+    #[arg(long, value_name = "HOURS", required_unless_present = "template")]
+    check_hours: Option<f64>,
+    /// The scenario whose flights are counted: noise or realistic [default: the most realistic one].
+    #[arg(long, value_name = "SCENARIO")]
+    setting: Option<String>,
+}
+
+impl Options {
+    /// The files that the command reads and writes.
+    pub fn paths(&self) -> Paths {
+        let paths = Paths::default().read("--rates", &self.rates);
+        paths.write("--template", Format::Only(&["csv"]), &self.template)
+    }
+}
+
+/// Returns the text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let folder = Folder::new(&options.folder);
+    if let Some(path) = &options.template {
+        let study = folder.read_study()?;
+        rates::write_template(path, &rated_faults(&study))?;
+        return Ok(format!("{}\n", path.display()));
+    }
+    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    let (Some(rates), Some(flight_h), Some(repair_h), Some(check_h)) =
+        (&options.rates, options.flight_hours, options.repair_hours, options.check_hours)
+    else {
+        return Err(Failure::Options(
+            "--rates, --flight-hours, --repair-hours and --check-hours are needed",
+        ));
+    };
+    let hours = ExposureHours { flight_h, repair_h, check_h };
+    let artefact = FaultTreeArtefact::new(&results, rates, hours)?;
+    let _hold = folder.hold(Among::Nobody)?;
+    let written = artefact.write(&results)?;
+    for text in &artefact.notes {
+        note(global, text);
+    }
+    let files = written.iter().map(|path| path.display().to_string());
+    Ok(match global {
+        Global { json: true, .. } => {
+            json(&json!({ "top_events": artefact.tops, "files": files.collect::<Vec<_>>() }))
+        }
+        Global { quiet: true, .. } => String::new(),
+        _ => {
+            let tops: String = artefact.tops.iter().map(text_of).collect();
+            format!("{tops}{}\n", files.collect::<Vec<_>>().join("\n"))
+        }
+    })
+}
+
+/// The numbers of a top event for people.
+fn text_of(top: &TopNumbers) -> String {
+    let band = |value: CountedValue| {
+        format!("{} ({} … {})", number(value.point), number(value.low), number(value.high))
+    };
+    let orders: Vec<String> = top
+        .cut_set_orders
+        .iter()
+        .enumerate()
+        .filter(|(_, count)| **count > 0)
+        .map(|(order, count)| format!("{count} of {} events", order + 1))
+        .collect();
+    let most = top
+        .importances
+        .iter()
+        .take(3)
+        .map(|own| format!("  {:5.1} %  {}\n", 100.0 * own.fussell_vesely, own.title));
+    let widest = top.band_drivers.first().map_or(String::new(), |driver| {
+        format!("  the band is widest by {} ({})\n", driver.parameter, driver.evidence)
+    });
+    format!(
+        "{}\n  per flight hour: {} on average, {} in the last flight before a check\n{widest}  minimal cut sets: {}\n{}",
+        top.title,
+        band(top.mean_per_flight_hour),
+        band(top.per_flight_hour),
+        orders.join(", "),
+        most.collect::<String>()
+    )
+}

@@ -1,0 +1,202 @@
+//! `servotwin fmea`: fills an FMEA from the results of a study.
+
+use super::evaluate::workers;
+use super::{note, setting_of};
+use crate::failure::Failure;
+use crate::paths::{Format, Paths};
+use crate::render::json;
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::files::create_folder;
+use servotwin::job::flights::{self, Crew};
+use servotwin::job::{Among, Folder};
+use servotwin::study::Study;
+use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
+use servotwin_safety::fmea::sheet::FmeaSheet;
+use servotwin_safety::fmea::{self, FlyFaults, format, weighted_coverage};
+use servotwin_safety::results::{FOLDER, StudyResultsFolder};
+use std::path::{Path, PathBuf};
+
+/// Fill an FMEA (failure mode and effects analysis) from the results of a study.
+///
+/// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and its
+/// rows, or a figure. A cell without evidence says so. Every fault of the study is flown in closed loop with the
+/// diagnosis and without it, and safety/fmea-flights.csv stores the flights. If the diagnoser is missing, the command
+/// learns it first. Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their
+/// rows as stale when the system, the study or the models change. With a study instead of a folder, the sheet holds
+/// declarations only.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The output folder of a study, a study file, or the name of a built-in study.
+    #[arg(value_name = "STUDY", default_value = "out")]
+    input: PathBuf,
+    /// The sheet, .csv or .xlsx [default: safety/fmea.csv in the output folder, fmea.csv without one].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Take the cells that people filled in from this sheet [default: the sheet that is written, if it exists].
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    /// A table of failure rates: fault, rate, unit, source ('servotwin faulttree --template FILE' writes one).
+    #[arg(long, value_name = "FILE")]
+    rates: Option<PathBuf>,
+    /// The scenario whose results are quoted: ideal, noise, fitted or realistic [default: the most realistic one].
+    #[arg(long, value_name = "SCENARIO")]
+    setting: Option<String>,
+    /// Fly nothing; use stored flights as they are.
+    #[arg(long, conflicts_with = "all_faults")]
+    no_flights: bool,
+    /// Also fly the faults that no class of the study lists.
+    #[arg(long)]
+    all_faults: bool,
+    /// Number of threads [default: all processors; the sheet does not depend on it].
+    #[arg(long, value_parser = super::threads)]
+    threads: Option<usize>,
+}
+
+impl Options {
+    /// The files that the command reads. It also reads the sheet that it writes.
+    pub fn paths(&self) -> Paths {
+        // The formats of a sheet are checked with a message of their own.
+        let paths = Paths::default().read("--rates", &self.rates);
+        paths.write("--out", Format::Any, &self.out)
+    }
+}
+
+/// Returns the text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    for path in options.out.iter().chain(&options.from) {
+        format::check(path)?;
+    }
+    stop::heed();
+    match options.input.is_dir() {
+        true => of_folder(options, global),
+        false => of_study(options, global),
+    }
+}
+
+fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
+    let folder = Folder::new(&options.input);
+    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    let _hold = folder.hold(Among::Nobody)?;
+    let fly = match (options.no_flights, options.all_faults) {
+        (true, _) => FlyFaults::Never,
+        (_, true) => FlyFaults::All,
+        _ => FlyFaults::Listed,
+    };
+    if fly != FlyFaults::Never && !fmea::can_fly(&results) {
+        learn(options, &results, global)?;
+        // The basis names the diagnoser, too.
+        results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    }
+    let rates = options.rates.as_deref();
+    let sources = fmea::sources(&results, rates, fly, workers(options.threads))?;
+    stop::check()?;
+    let default = folder.path().join(FOLDER).join("fmea.csv");
+    write(options, &sources, &default, global)
+}
+
+/// Learns the diagnoser that a folder lacks, as `servotwin fly` does.
+fn learn(options: &Options, results: &StudyResultsFolder, global: Global) -> Result<(), Failure> {
+    let (folder, setting) = (&results.folder, results.flown_setting());
+    let Some(plan) = results.study.flights()? else {
+        note(global, "not flown: the study has no [flights] to learn a diagnoser from");
+        return Ok(());
+    };
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
+    let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
+    let learned = flights::learn(folder, &results.study, &plan, setting, &crew);
+    stop::check()?;
+    learned?;
+    Ok(())
+}
+
+fn of_study(options: &Options, global: Global) -> Result<String, Failure> {
+    if options.setting.is_some() {
+        return Err(Failure::Options("--setting is for folders with results"));
+    }
+    let study = Study::read(&options.input)?;
+    let sources = fmea::declared_sources(&study, options.rates.as_deref())?;
+    write(options, &sources, Path::new("fmea.csv"), global)
+}
+
+fn write(
+    options: &Options,
+    sources: &FmeaSources,
+    default: &Path,
+    global: Global,
+) -> Result<String, Failure> {
+    let path = options.out.as_deref().unwrap_or(default);
+    let earlier = options.from.as_deref().or(Some(path).filter(|path| path.exists()));
+    let sheet = fmea::sheet(sources, earlier)?;
+    if options.out.is_none()
+        && let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty())
+    {
+        create_folder(folder)?;
+    }
+    format::write(path, &sheet)?;
+    let summary = FmeaSummary::of(&sheet, sources);
+    Ok(match global {
+        Global { json: true, .. } => json(&summary.json(path)),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}{}\n", summary.text(), path.display()),
+    })
+}
+
+/// What the command reports.
+struct FmeaSummary {
+    rows: usize,
+    filled: usize,
+    without_evidence: usize,
+    by_person: usize,
+    stale: usize,
+    coverage: Option<f64>,
+}
+
+impl FmeaSummary {
+    fn of(sheet: &FmeaSheet, sources: &FmeaSources) -> Self {
+        let cells = sheet.rows.iter().flat_map(|row| &row.texts);
+        let is_missing = |text: &&String| text.starts_with("not ") || text.starts_with("none: not");
+        let filled = cells.clone().filter(|text| !text.is_empty()).count();
+        let without_evidence = cells.filter(is_missing).count();
+        FmeaSummary {
+            rows: sheet.rows.len(),
+            filled: filled - without_evidence,
+            without_evidence,
+            by_person: sheet.person_cells(),
+            stale: sheet.stale_rows(),
+            coverage: weighted_coverage(sources),
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut text = format!(
+            "{} faults, {} fields: {} cells filled, {} without evidence, {} filled in by people, {} rows stale\n",
+            self.rows,
+            FIELDS.len(),
+            self.filled,
+            self.without_evidence,
+            self.by_person,
+            self.stale
+        );
+        if let Some(coverage) = self.coverage {
+            text += &format!(
+                "diagnostic coverage, weighted by failure rates: {:.1} %\n",
+                100.0 * coverage
+            );
+        }
+        text
+    }
+
+    fn json(&self, path: &Path) -> serde_json::Value {
+        json!({
+            "sheet": path.display().to_string(),
+            "rows": self.rows,
+            "cells_filled": self.filled,
+            "cells_without_evidence": self.without_evidence,
+            "cells_by_person": self.by_person,
+            "rows_stale": self.stale,
+            "diagnostic_coverage": self.coverage,
+        })
+    }
+}

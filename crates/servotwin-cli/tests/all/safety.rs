@@ -1,0 +1,296 @@
+//! Artefacts for a safety case, made as users make them, from a study small enough for a test.
+
+use super::flights::learned;
+use super::{Folder, servotwin, stderr, stdout};
+use servotwin::table::csv::texts::{self, Texts};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+const RATES: &str = "fault,rate,unit,source\n\
+                     servo_valve.bias_positive,100,FIT,a handbook\n\
+                     servo_valve.bias_negative,100,FIT,a handbook\n\
+                     sensor_pressure_a.bias_positive,1,1/(1e6 h),field data\n";
+
+const HOURS: [&str; 6] = ["--flight-hours", "2", "--repair-hours", "10", "--check-hours", "100"];
+
+fn succeeds(arguments: &[&str]) -> String {
+    let output = servotwin(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    stdout(&output)
+}
+
+fn fails(arguments: &[&str], code: i32) -> String {
+    let output = servotwin(arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    assert!(!text.contains("panicked"), "{text}");
+    text
+}
+
+/// A folder with a study's judged flights, and a table of rates.
+fn flown(name: &str) -> (Folder, String, String) {
+    let folder = Folder::new(name);
+    learned(&folder);
+    let (out, rates) = (folder.file("out"), folder.file("rates.csv"));
+    fs::write(&rates, RATES).unwrap();
+    (folder, out, rates)
+}
+
+fn cell(sheet: &Texts, fault: &str, column: &str) -> String {
+    let place = sheet.column(column).unwrap_or_else(|| panic!("no column {column}"));
+    let row = sheet.rows.iter().find(|row| row.cells[0] == fault).unwrap();
+    row.cells[place].clone()
+}
+
+#[test]
+fn fault_trees_are_written_and_the_same_twice() {
+    let (_folder, out, rates) = flown("faulttree");
+    let arguments = [&["faulttree", &out, "--rates", &rates][..], &HOURS].concat();
+    let text = succeeds(&arguments);
+    assert!(text.contains("Loss of both lanes in a flight\n  per flight hour: "), "{text}");
+    let safety = Path::new(&out).join("safety");
+    let read = || {
+        let mut files: Vec<_> = fs::read_dir(&safety).unwrap().map(|e| e.unwrap().path()).collect();
+        files.sort();
+        files.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect::<Vec<_>>()
+    };
+    let first = read();
+    assert_eq!(first.len(), 9, "{:?}", first.iter().map(|file| &file.0).collect::<Vec<_>>());
+    succeeds(&arguments);
+    assert!(read() == first, "the second run gave other bytes");
+    let json = fs::read_to_string(safety.join("faulttree.json")).unwrap();
+    let numbers: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(numbers["tops"].as_array().unwrap().len(), 3);
+    assert!(
+        fs::read_to_string(safety.join("faulttree-loss_of_both_lanes.svg"))
+            .unwrap()
+            .starts_with("<svg")
+    );
+}
+
+/// SCRAM is another program; where it is not installed this says so and checks nothing.
+#[test]
+fn scram_computes_the_same_probabilities() {
+    if Command::new("scram").arg("--version").output().is_err() {
+        eprintln!("skipped: SCRAM is not installed (apt-get install scram)");
+        return;
+    }
+    let (_folder, out, rates) = flown("scram");
+    succeeds(&[&["faulttree", &out, "--rates", &rates][..], &HOURS].concat());
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../peers/scram.py");
+    let output = Command::new("python3").args([script, &out]).output().expect("python3 runs");
+    assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
+    assert!(stdout(&output).contains("numbers compared"), "{}", stdout(&output));
+}
+
+#[test]
+fn every_fault_is_flown_once_and_a_persons_cells_survive() {
+    let (folder, out, rates) = flown("fmea");
+    let printed = succeeds(&["fmea", &out, "--rates", &rates]);
+    let path = Path::new(&out).join("safety/fmea.csv");
+    assert!(printed.ends_with("safety/fmea.csv\n"), "{printed}");
+    let sheet = texts::read(&path).unwrap();
+    let fault = "actuator_1.servo_valve.bias_positive";
+    assert!(
+        cell(&sheet, fault, "effect_on_system")
+            .starts_with("aircraft: rms surface error (aileron) ")
+    );
+    assert!(
+        cell(&sheet, fault, "evidence: effect_on_system")
+            .contains("safety/fmea-flights.csv rows 2, 3")
+    );
+    assert_eq!(cell(&sheet, fault, "failure_rate_per_h"), "1e-7");
+    assert!(cell(&sheet, fault, "detection_latency").contains("of 2 own flights"));
+    assert_eq!(cell(&sheet, "actuator_1.servo_valve.gain_low", "effect_on_system"), "not flown");
+    // The flights are stored: without threads to fly on, the second run gives the same sheet.
+    let flights = Path::new(&out).join("safety/fmea-flights.csv");
+    let stored = fs::metadata(&flights).unwrap().modified().unwrap();
+    let severity = sheet.column("severity").unwrap();
+    let mut edited = sheet.clone();
+    let row = edited.rows.iter_mut().find(|row| row.cells[0] == fault).unwrap();
+    row.cells[severity] = "S4, by the board".into();
+    write(&path, &edited);
+    let printed = succeeds(&["fmea", &out, "--rates", &rates]);
+    assert!(printed.contains(" 1 filled in by people, 0 rows stale"), "{printed}");
+    assert_eq!(fs::metadata(&flights).unwrap().modified().unwrap(), stored, "flown again");
+    let again = texts::read(&path).unwrap();
+    assert_eq!(cell(&again, fault, "severity"), "S4, by the board");
+    assert_eq!(cell(&again, fault, "filled_by_person"), "severity");
+    // Another diagnoser makes the row stale, and its flights too.
+    let diagnoser = Path::new(&out).join("diagnoser-realistic.json");
+    fs::copy(Path::new(&out).join("diagnoser-noise.json"), &diagnoser).unwrap();
+    fs::remove_file(Path::new(&out).join("manifest.json")).unwrap();
+    let message = fails(&["fmea", &out], 3);
+    assert!(message.contains("there is no manifest.json here"), "{message}");
+    drop(folder);
+}
+
+#[test]
+fn another_model_makes_a_persons_row_stale() {
+    let (_folder, out, _) = flown("fmea-stale");
+    succeeds(&["fmea", &out, "--no-flights"]);
+    let path = Path::new(&out).join("safety/fmea.csv");
+    let mut sheet = texts::read(&path).unwrap();
+    let remarks = sheet.column("remarks").unwrap();
+    sheet.rows[0].cells[remarks] = "see hazard log".into();
+    write(&path, &sheet);
+    let manifest = Path::new(&out).join("manifest.json");
+    let text = fs::read_to_string(&manifest).unwrap();
+    let diagnoser = Path::new(&out).join("diagnoser-noise.json");
+    let known = servotwin::manifest::sha256(&diagnoser).unwrap();
+    let changed = fs::read_to_string(&diagnoser).unwrap() + "\n";
+    fs::write(&diagnoser, changed).unwrap();
+    let now = servotwin::manifest::sha256(&diagnoser).unwrap();
+    fs::write(&manifest, text.replace(&known, &now)).unwrap();
+    let printed = succeeds(&["fmea", &out, "--no-flights"]);
+    assert!(printed.contains(" 1 rows stale"), "{printed}");
+    let sheet = texts::read(&path).unwrap();
+    assert!(
+        sheet.rows[0].cells[sheet.column("status").unwrap()]
+            .starts_with("stale: the model changed")
+    );
+}
+
+/// Writes a sheet as a program for sheets does: semicolons between cells.
+fn write(path: &Path, sheet: &Texts) {
+    let line = |cells: &[String]| {
+        let quoted: Vec<String> =
+            cells.iter().map(|cell| format!("\"{}\"", cell.replace('"', "\"\""))).collect();
+        quoted.join(";") + "\n"
+    };
+    let rows: String = sheet.rows.iter().map(|row| line(&row.cells)).collect();
+    fs::write(path, line(&sheet.columns) + &rows).unwrap();
+}
+
+#[test]
+fn wrong_input_is_told_with_its_place() {
+    let (folder, out, rates) = flown("safety-wrong");
+    let bad = folder.file("bad.csv");
+    let faulttree = |rates: &str, hours: [&str; 6], code: i32| {
+        fails(&[&["faulttree", &out, "--rates", rates][..], &hours].concat(), code)
+    };
+    let cases = [
+        (
+            "fault,rate,unit\nx,1,FIT\n",
+            "bad.csv: there is no column 'source'; needed are: fault, rate, unit, source",
+        ),
+        (
+            "fault,rate,unit,source\nservo_valve.bias_positive,-1,FIT,x\n",
+            "bad.csv: line 2, column 'rate': -1 is out of range: allowed is 0 … 1000000000 FIT",
+        ),
+        (
+            "fault,rate,unit,source\nservo_valve.bias_positiv,1,FIT,x\n",
+            "did you mean 'servo_valve.bias_positive'?",
+        ),
+        (
+            "fault,rate,unit,source\nservo_valve.bias_positive,1,per year,x\n",
+            "'per year' is no unit of a failure rate; allowed are 1/h, 1/(1e6 h), FIT",
+        ),
+        (
+            "fault,rate,unit,source\nservo_valve.bias_positive,1,FIT,x\n",
+            "4 faults of the tree have no rate: actuator_1.servo_valve.bias_negative",
+        ),
+        (
+            "fault,rate,unit,source\n\"servo_valve.bias_positive,1,FIT,x\n",
+            "line 2: a quote is opened and never closed",
+        ),
+        ("", "bad.csv: the file is empty"),
+    ];
+    for (text, message) in cases {
+        fs::write(&bad, text).unwrap();
+        let told = faulttree(&bad, HOURS, 3);
+        assert!(told.starts_with("error: ") && told.contains(message), "{text}: {told}");
+    }
+    assert!(faulttree("/nowhere.csv", HOURS, 3).contains("/nowhere.csv: no such file"));
+    let hours = ["--flight-hours", "2", "--repair-hours", "-1", "--check-hours", "100"];
+    let hours = hours.map(|word| if word == "-1" { "1e9" } else { word });
+    assert!(
+        faulttree(&rates, hours, 2)
+            .contains("--repair-hours 1000000000 is out of range: 0 … 100,000")
+    );
+    let hours = ["--flight-hours", "2", "--repair-hours", "0", "--check-hours", "1"];
+    assert!(faulttree(&rates, hours, 2).contains("at least the duration of a flight"));
+    assert!(fails(&["faulttree", &out], 2).contains("--rates"));
+    assert!(
+        fails(&["fmea", &out, "--setting", "fitted"], 2).contains("there are: noise, realistic")
+    );
+    assert!(
+        fails(&["fmea", &out, "--out", &folder.file("a.ods")], 2)
+            .contains("a sheet ends in .csv or .xlsx")
+    );
+    if !cfg!(feature = "xlsx") {
+        let told = fails(&["fmea", &out, "--out", &folder.file("a.xlsx")], 2);
+        assert!(
+            told.contains("cargo install --path crates/servotwin-cli --features xlsx"),
+            "{told}"
+        );
+    }
+    let sheet = folder.file("sheet.csv");
+    fs::write(&sheet, "fault,severity\na,b\n").unwrap();
+    assert!(
+        fails(&["fmea", &out, "--out", &sheet], 3)
+            .contains("sheet.csv: there is no column 'status'")
+    );
+    assert!(fails(&["fmea", "nowhere"], 3).contains("nowhere"));
+}
+
+#[cfg(feature = "xlsx")]
+#[test]
+fn a_workbook_keeps_a_persons_cells_and_goes_back_to_csv() {
+    let folder = Folder::new("fmea-xlsx");
+    let (csv, xlsx, back) = (folder.file("a.csv"), folder.file("a.xlsx"), folder.file("b.csv"));
+    succeeds(&["fmea", "press_axis", "--out", &csv]);
+    let mut sheet = texts::read(Path::new(&csv)).unwrap();
+    let severity = sheet.column("severity").unwrap();
+    sheet.rows[0].cells[severity] = "S4; =1+1".into();
+    write(Path::new(&csv), &sheet);
+    succeeds(&["fmea", "press_axis", "--from", &csv, "--out", &xlsx]);
+    let first = fs::read(&xlsx).unwrap();
+    succeeds(&["fmea", "press_axis", "--out", &xlsx]);
+    assert!(fs::read(&xlsx).unwrap() == first, "the same sheet gave other bytes");
+    succeeds(&["fmea", "press_axis", "--from", &xlsx, "--out", &back]);
+    let again = texts::read(Path::new(&back)).unwrap();
+    assert_eq!(again.rows[0].cells[severity], "S4; =1+1");
+    assert_eq!(again.rows.len(), sheet.rows.len());
+    let person = again.column("filled_by_person").unwrap();
+    assert_eq!(again.rows.iter().filter(|row| !row.cells[person].is_empty()).count(), 1);
+}
+
+/// LibreOffice is another program; where it is not installed this says so and checks nothing.
+#[cfg(feature = "xlsx")]
+#[test]
+fn libreoffice_opens_a_workbook_and_changes_no_cell() {
+    if Command::new("soffice").arg("--version").output().is_err() {
+        eprintln!("skipped: LibreOffice is not installed (apt-get install libreoffice-calc)");
+        return;
+    }
+    let folder = Folder::new("fmea-libreoffice");
+    let (csv, xlsx, back) = (folder.file("a.csv"), folder.file("sheet.xlsx"), folder.file("b.csv"));
+    succeeds(&["fmea", "press_axis", "--out", &csv]);
+    let mut sheet = texts::read(Path::new(&csv)).unwrap();
+    let severity = sheet.column("severity").unwrap();
+    sheet.rows[0].cells[severity] = "S4, see 1.5".into();
+    write(Path::new(&csv), &sheet);
+    succeeds(&["fmea", "press_axis", "--from", &csv, "--out", &xlsx]);
+    let profile = format!("-env:UserInstallation=file://{}", folder.file("profile"));
+    let converted = Command::new("soffice")
+        .args([
+            &profile,
+            "--headless",
+            "--convert-to",
+            "csv",
+            "--outdir",
+            &folder.file("out"),
+            &xlsx,
+        ])
+        .output()
+        .expect("LibreOffice runs");
+    assert!(converted.status.success(), "{}", stderr(&converted));
+    let printed =
+        succeeds(&["fmea", "press_axis", "--from", &folder.file("out/sheet.csv"), "--out", &back]);
+    assert!(printed.contains(" 1 filled in by people, 0 rows stale"), "{printed}");
+    let again = texts::read(Path::new(&back)).unwrap();
+    assert_eq!(again.rows[0].cells[severity], "S4, see 1.5");
+    assert_eq!(again.rows.len(), sheet.rows.len());
+}

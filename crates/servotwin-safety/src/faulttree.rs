@@ -1,0 +1,172 @@
+//! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance and rates per flight hour.
+
+use crate::error::SafetyError;
+use crate::interval::CountedValue;
+use crate::rates::FailureRates;
+use crate::results::{FOLDER, StudyResultsFolder};
+use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees, rated_faults};
+use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
+use crate::tree::{drawing, exchange};
+use serde::Serialize;
+use servotwin::files::{create_folder, write_atomically};
+use servotwin::table::{self, Column, Table};
+use std::path::{Path, PathBuf};
+
+/// The fault trees of a study and everything that is written of them.
+#[derive(Debug, Clone)]
+pub struct FaultTreeArtefact {
+    trees: LaneTrees,
+    study: String,
+    hours: ExposureHours,
+    /// The numbers of every top event.
+    pub tops: Vec<TopNumbers>,
+    /// What readers must know, such as a missing tree.
+    pub notes: Vec<String>,
+}
+
+/// The numbers as they are written to `faulttree.json`.
+#[derive(Serialize)]
+struct Written<'a> {
+    format: &'static str,
+    study: &'a str,
+    basis: String,
+    exposure: ExposureHours,
+    joint_confidence: f64,
+    parameters: Vec<WrittenParameter>,
+    notes: &'a [String],
+    tops: &'a [TopNumbers],
+}
+
+#[derive(Serialize)]
+struct WrittenParameter {
+    id: String,
+    kind: &'static str,
+    #[serde(flatten)]
+    value: CountedValue,
+    evidence: String,
+}
+
+impl FaultTreeArtefact {
+    /// Builds and evaluates the trees of a study.
+    ///
+    /// # Errors
+    /// The folder has no judged flights; a rate is missing or wrong; an interval is out of range.
+    pub fn new(
+        results: &StudyResultsFolder,
+        rates: &Path,
+        hours: ExposureHours,
+    ) -> Result<Self, SafetyError> {
+        let hours = hours.checked()?;
+        let study = &results.study;
+        let rates = FailureRates::read(rates, &rated_faults(study))?;
+        let metrics = results.flown_or_missing()?;
+        let trees = lane_trees(study, metrics, &rates)?;
+        let mut notes = trees.notes.clone();
+        let listed = rated_faults(study).len();
+        let all = study.system.all_faults().len();
+        if listed < all {
+            notes.push(format!(
+                "the study lists {listed} of the system's {all} faults; the others are in no tree"
+            ));
+        }
+        let tops = evaluate(&trees, &hours);
+        Ok(FaultTreeArtefact { trees, study: study.name.clone(), hours, tops, notes })
+    }
+
+    /// Writes all files and returns their paths.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
+        create_folder(results.folder.path().join(FOLDER))?;
+        let mut written = vec![];
+        for end in BandEnd::ALL {
+            let path = results.artefact(&format!("faulttree{}.xml", end.suffix()));
+            let text = exchange::document(&self.study, &self.trees, &self.hours, end);
+            write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+            written.push(path);
+        }
+        let path = results.artefact("faulttree.json");
+        let text = self.json(&results.basis.in_words());
+        write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        written.push(path);
+        for top in &self.trees.tree.tops {
+            let id = &self.trees.tree.gates[top.gate].id;
+            let path = results.artefact(&format!("faulttree-{id}.svg"));
+            let figure = drawing::draw(&self.trees, &self.hours, top.gate);
+            write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
+            written.push(path);
+        }
+        for (name, table) in [("cutsets", self.cut_sets()?), ("importance", self.importance()?)] {
+            let path = results.artefact(&format!("faulttree-{name}.csv"));
+            table::write(&path, &table)?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+
+    /// The numbers as JSON.
+    pub fn json(&self, basis: &str) -> String {
+        let parameter = |kind: &'static str| {
+            move |own: &'_ TreeParameter| WrittenParameter {
+                id: own.id.clone(),
+                kind,
+                value: own.value,
+                evidence: own.evidence.clone(),
+            }
+        };
+        let rates = self.trees.rates.iter().map(parameter("rate_per_h"));
+        let parameters = rates.chain(self.trees.constants.iter().map(parameter("probability")));
+        let written = Written {
+            format: "servotwin fault tree 1",
+            study: &self.study,
+            basis: basis.into(),
+            exposure: self.hours,
+            joint_confidence: CONFIDENCE,
+            parameters: parameters.collect(),
+            notes: &self.notes,
+            tops: &self.tops,
+        };
+        serde_json::to_string_pretty(&written).unwrap_or_default() + "\n"
+    }
+
+    /// The most probable minimal cut sets of all trees.
+    fn cut_sets(&self) -> Result<Table, SafetyError> {
+        let all =
+            || self.tops.iter().flat_map(|top| top.cut_sets.iter().map(move |set| (top, set)));
+        let text = |name: &str, of: &dyn Fn(&TopNumbers, &CutSet) -> String| {
+            Column::new(name, "", all().map(|(top, set)| of(top, set)).collect::<Vec<String>>())
+        };
+        let numbers = all().map(|(_, set)| set.probability).collect::<Vec<f64>>();
+        Ok(Table::from_columns(vec![
+            text("top_event", &|top, _| top.id.clone()),
+            Column::new("probability", "1", numbers),
+            Column::new(
+                "order",
+                "1",
+                all().map(|(_, s)| s.events.len() as u32).collect::<Vec<u32>>(),
+            ),
+            text("events", &|_, set| set.events.join(" and ")),
+        ])?)
+    }
+
+    /// The importance of all events for all trees.
+    fn importance(&self) -> Result<Table, SafetyError> {
+        let all =
+            || self.tops.iter().flat_map(|top| top.importances.iter().map(move |own| (top, own)));
+        let numbers = |name: &str, of: fn(&EventImportance) -> f64| {
+            Column::new(name, "1", all().map(|(_, own)| of(own)).collect::<Vec<f64>>())
+        };
+        let text = |name: &str, of: &dyn Fn(&TopNumbers, &EventImportance) -> String| {
+            Column::new(name, "", all().map(|(top, own)| of(top, own)).collect::<Vec<String>>())
+        };
+        Ok(Table::from_columns(vec![
+            text("top_event", &|top, _| top.id.clone()),
+            text("event", &|_, own| own.event.clone()),
+            numbers("probability", |own| own.probability),
+            numbers("birnbaum", |own| own.birnbaum),
+            numbers("fussell_vesely", |own| own.fussell_vesely),
+            text("title", &|_, own| own.title.clone()),
+        ])?)
+    }
+}

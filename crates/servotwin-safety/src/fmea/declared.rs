@@ -1,0 +1,123 @@
+//! Cells from declarations: the system, the catalogue, the study and the user's table of rates.
+
+use super::cell::FmeaCell;
+use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use crate::rates::RatedFault;
+use servotwin::shown::shown;
+use servotwin::study::{Reaction, Study};
+use servotwin::text::spoken;
+
+pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let own =
+        sources.study.units.iter().find(|unit| {
+            !unit.is_empty() && subject.fault.component.starts_with(&format!("{unit}."))
+        });
+    let name = match own {
+        Some(unit) => spoken(unit),
+        None if sources.study.units.len() == 1 => "the only one".into(),
+        None => "shared".into(),
+    };
+    FmeaCell::new(name, "study.toml units")
+}
+
+pub(super) fn component(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let fault = subject.fault;
+    FmeaCell::new(
+        format!("{} ({})", fault.component, spoken(fault.kind)),
+        format!("system.toml components.{}", fault.component),
+    )
+}
+
+pub(super) fn fault_mode(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let fault = subject.fault;
+    let name = fault.id.rsplit('.').next().unwrap_or_default();
+    FmeaCell::new(
+        format!("{}: {} ({})", spoken(name), fault.summary, fault.category),
+        format!("catalog {}, fault {name}", fault.kind),
+    )
+}
+
+pub(super) fn range(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let fault = subject.fault;
+    FmeaCell::new(
+        format!(
+            "{}: {} … {} at intensity 1",
+            fault.parameter,
+            shown(fault.healthy, fault.unit),
+            shown(fault.full, fault.unit)
+        ),
+        format!(
+            "system.toml components.{}, catalog {} {}",
+            fault.component, fault.kind, fault.parameter
+        ),
+    )
+}
+
+pub(super) fn action(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let Some(case) = subject.case else { return not_in_study("none: not in the study") };
+    let study = sources.study;
+    let class = &study.classes[case.class];
+    let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
+    FmeaCell::new(
+        format!("{}: {}", spoken(&class.command), reaction_in_words(study, &reaction)),
+        format!("study.toml classes {}, reactions", class.detail),
+    )
+}
+
+/// What a reaction does.
+fn reaction_in_words(study: &Study, reaction: &Reaction) -> String {
+    let network = study.system.network();
+    let mut parts = vec![];
+    if reaction.switches_off {
+        parts.push("switches the actuator off".to_owned());
+    }
+    for &(input, value) in &reaction.inputs {
+        let input = &network.inputs[input];
+        parts.push(format!("{} = {}", input.id, shown(value, input.unit)));
+    }
+    for &(component, parameter, value) in &reaction.parameters {
+        let instance = &network.components[component];
+        let declared = &instance.component.spec().parameters[parameter];
+        parts.push(format!("{}.{} = {}", instance.id, declared.name, shown(value, declared.unit)));
+    }
+    let ignored = reaction.takes_out.iter().map(|&sensor| study.sensors.0[sensor].name.as_str());
+    let ignored = ignored.collect::<Vec<_>>();
+    if !ignored.is_empty() {
+        parts.push(format!("ignores {}", ignored.join(", ")));
+    }
+    match parts.is_empty() {
+        true => "no reaction of the system".into(),
+        false => parts.join("; "),
+    }
+}
+
+/// The user's rate of a fault.
+fn rate<'s>(
+    sources: &'s FmeaSources,
+    subject: &FmeaSubject,
+) -> Option<&'s crate::rates::FailureRate> {
+    let rated = RatedFault { id: subject.fault.id.clone(), kind: subject.kind.clone() };
+    sources.rates.as_ref()?.of(&rated)
+}
+
+fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
+    let path = sources.rates.as_ref().map(|rates| rates.path.display().to_string());
+    format!("{} line {line}", path.unwrap_or_default())
+}
+
+pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    // Without a table the cell stays empty: a rate is never invented.
+    rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
+        FmeaCell::new(format!("{:e}", rate.per_h), rate_evidence(sources, rate.line))
+    })
+}
+
+pub(super) fn failure_rate_source(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
+        FmeaCell::new(rate.source.clone(), rate_evidence(sources, rate.line))
+    })
+}
+
+pub(super) fn remarks(_: &FmeaSources, _: &FmeaSubject) -> FmeaCell {
+    FmeaCell::default()
+}

@@ -1,0 +1,322 @@
+//! Cells about detection and isolation, from the campaign, the evaluation and flights.
+
+use super::cell::{FmeaCell, rate_in_words, span_in_words};
+use super::effects::{flight_evidence, own_flights};
+use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use super::residuals::{MovedResidual, ResidualRuns, STRONG};
+use crate::interval::clopper_pearson;
+use servotwin::flight::judge::{ClassMetrics, Latency};
+use servotwin::job::results::SubjectResult;
+use servotwin::shown::{number, shown};
+use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
+use servotwin_model::program::FaultAt;
+
+/// The most sensors that a cell names.
+const MAX_SENSORS: usize = 5;
+
+/// The time by which class latencies are quoted, s. One of those in `flights.json`.
+const QUOTED_S: f64 = 1.0;
+
+/// The remedy where a campaign is missing.
+const NO_RUNS: &str =
+    "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'";
+
+fn runs<'s>(sources: &'s FmeaSources, subject: &FmeaSubject) -> Result<&'s ResidualRuns, FmeaCell> {
+    match (&sources.runs, subject.case) {
+        (_, None) => Err(not_in_study("not simulated")),
+        (None, _) => Err(FmeaCell::missing("not simulated", NO_RUNS)),
+        (Some(runs), _) if runs.of(&subject.fault.id).is_empty() => Err(FmeaCell::missing(
+            "not simulated",
+            format!("{}: no completed run of this fault", runs.file),
+        )),
+        (Some(runs), _) => Ok(runs),
+    }
+}
+
+/// The evaluation of the quoted scenario, with its place in the file.
+fn evaluated<'s>(
+    sources: &'s FmeaSources,
+    subject: &FmeaSubject,
+) -> Result<(&'s SubjectResult, String), FmeaCell> {
+    if subject.case.is_none() {
+        return Err(not_in_study("not evaluated"));
+    }
+    let missing = || {
+        FmeaCell::missing(
+            "not evaluated",
+            "no evaluation.json: 'servotwin evaluate FOLDER' writes it",
+        )
+    };
+    let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RUNS))?;
+    let result = results.evaluated().ok_or_else(missing)?;
+    Ok((result, format!("evaluation.json {}", result.subject.name())))
+}
+
+/// The judged flights with the fault's action, all intensities.
+fn class_flights<'s>(
+    sources: &'s FmeaSources,
+    subject: &FmeaSubject,
+) -> Option<(&'s ClassMetrics, String)> {
+    let metrics = sources.results?.flown()?;
+    let command = &sources.study.classes[subject.case?.class].command;
+    let class = metrics.classes.iter().find(|class| class.command == *command)?;
+    Some((class, format!("flights.json merits {}, action {command}", metrics.setting)))
+}
+
+pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let runs = match runs(sources, subject) {
+        Ok(runs) => runs,
+        Err(cell) => return cell,
+    };
+    let strong = runs.strong(&subject.fault.id);
+    let (first, count) = (strong.first().map_or(0, |run| run.row), strong.len());
+    let figure = sources.results.and_then(|results| results.figure("bands.svg"));
+    let bands = match runs.are_learned {
+        true => "bands of evaluation.json",
+        false => "band of 3 %",
+    };
+    let evidence = format!(
+        "{}: {count} runs with intensity {STRONG} and more, first in row {first}; {bands}{}",
+        runs.file,
+        figure.map_or(String::new(), |figure| format!(", {figure}"))
+    );
+    let moved = runs.moved(&subject.fault.id);
+    if moved.is_empty() {
+        return FmeaCell::new("no residual leaves its band in half of the strong runs", evidence);
+    }
+    let words = |moved: &MovedResidual| {
+        format!(
+            "{} ({} % of scale, {} of {count})",
+            moved.sensor,
+            number(100.0 * moved.median, 3),
+            moved.beyond
+        )
+    };
+    let named: Vec<String> = moved.iter().take(MAX_SENSORS).map(words).collect();
+    let more = match moved.len().saturating_sub(MAX_SENSORS) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    FmeaCell::new(format!("residuals leave their bands: {}{more}", named.join(", ")), evidence)
+}
+
+pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let runs = match runs(sources, subject) {
+        Ok(runs) => runs,
+        Err(cell) => return cell,
+    };
+    let moved = runs.moved(&subject.fault.id);
+    let mut parts = vec![match moved.first() {
+        Some(first) => format!("twin residual of {} beyond its band", first.sensor),
+        None => "none in half of the strong runs".into(),
+    }];
+    let mut evidence = runs.file.clone();
+    if let Some(flights) = sources.results.and_then(|results| results.flights.as_ref()) {
+        let windows: Vec<String> = flights.windows_s.iter().map(|s| format!("{s} s")).collect();
+        parts.push(format!(
+            "trees and committee on windows of {}, evidence accumulated until the alarm",
+            windows.join(" and ")
+        ));
+        evidence += "; flights.json windows_s";
+    }
+    FmeaCell::new(parts.join("; "), evidence)
+}
+
+pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let (mut parts, mut evidence) = (vec![], vec![]);
+    if let Some((flights, own)) = own_flights(sources, subject) {
+        let count = own.len();
+        let event = |name: &str, of: fn(&super::flights::FlownFault) -> f64| {
+            let happened = own.iter().filter(|(_, flown)| of(flown).is_finite()).count();
+            match span_in_words(own.iter().map(|(_, flown)| of(flown)), "s") {
+                Some(span) => format!("{name} after {span} in {happened} of {count} own flights"),
+                None => format!("{name} in 0 of {count} own flights"),
+            }
+        };
+        parts.push(event("reported", |flown| flown.report_s));
+        parts.push(event("action", |flown| flown.action_s));
+        evidence.push(flight_evidence(flights, &own));
+    }
+    if let Some((class, place)) = class_flights(sources, subject) {
+        let visible = class.visible.count;
+        let events = [("detected", &class.detection), ("isolated", &class.isolation)];
+        for (name, latency) in events {
+            if let Some(latency) = latency {
+                parts.push(class_latency(name, latency, visible));
+            }
+        }
+        evidence.push(format!("{place} (all faults with this action)"));
+    }
+    match parts.is_empty() {
+        true if subject.case.is_none() => not_in_study("not flown"),
+        true => FmeaCell::missing(
+            "not flown",
+            "no judged flights: 'servotwin flights FOLDER --out FOLDER'",
+        ),
+        false => FmeaCell::new(parts.join("; "), evidence.join("; ")),
+    }
+}
+
+/// A latency of all faults with an action: median, 95 % quantile, and the share by a time with its exact interval.
+fn class_latency(name: &str, latency: &Latency, visible: u64) -> String {
+    let by = latency.by_s.iter().find(|(time_s, _)| *time_s == QUOTED_S);
+    let share = by.map_or(String::new(), |(time_s, share)| {
+        let count = (share * visible as f64).round() as u64;
+        let interval = clopper_pearson(count, visible, 0.95);
+        format!(
+            ", by {time_s} s {:.1} % ({:.1} … {:.1} %) of {visible} visible",
+            100.0 * interval.point,
+            100.0 * interval.low,
+            100.0 * interval.high
+        )
+    });
+    format!(
+        "all faults with this action {name} after {} s (median), {} s (95 %){share}",
+        number(latency.median_s, 3),
+        number(latency.p95_s, 3)
+    )
+}
+
+pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let (result, place) = match evaluated(sources, subject) {
+        Ok(found) => found,
+        Err(cell) => return cell,
+    };
+    let least = result.evaluation.detection.least.iter().enumerate();
+    let own: Vec<_> = least.filter(|(_, least)| least.fault == subject.fault.id).collect();
+    let Some((first, _)) = own.first() else {
+        return FmeaCell::missing(
+            "not evaluated",
+            format!("{place} detection.least: no entry of this fault"),
+        );
+    };
+    let figure = sources.results.and_then(|results| {
+        results.figure(&format!("least_intensity_{}.svg", result.subject.name()))
+    });
+    let evidence = format!(
+        "{place} detection.least entries {} … {}{}",
+        first + 1,
+        first + own.len(),
+        figure.map_or(String::new(), |figure| format!(", {figure}"))
+    );
+    let found: Vec<f64> = own.iter().filter_map(|(_, least)| least.intensity).collect();
+    let (detected, of) = (found.len(), own.len());
+    let Some(largest) = found.iter().copied().reduce(f64::max) else {
+        return FmeaCell::new(
+            format!("not detected at the largest intensity in {of} of {of} cases"),
+            evidence,
+        );
+    };
+    let span = span_in_words(found.into_iter(), "").unwrap_or_default();
+    let missed = match of - detected {
+        0 => String::new(),
+        missed => format!("; not detected at the largest intensity in {missed} of {of} cases"),
+    };
+    let text = format!(
+        "intensity {} in {detected} of {of} cases ({} at {largest}){missed}",
+        span.trim(),
+        physical(sources, subject, largest)
+    );
+    FmeaCell::new(text, evidence)
+}
+
+/// The parameter of a fault at an intensity, with its name and unit.
+fn physical(sources: &FmeaSources, subject: &FmeaSubject, intensity: f64) -> String {
+    let fault = subject.fault;
+    let Some(case) = subject.case else { return String::new() };
+    let program = &sources.study.system.program;
+    let spec = sources.study.system.network().components[case.at.component].component.spec();
+    let values = program.parameters(&[FaultAt { intensity, ..case.at }]);
+    let value = spec.parameter(fault.parameter).map(|place| values[case.at.component][place]);
+    format!(
+        "{} = {}",
+        fault.parameter,
+        value.map_or_else(String::new, |value| shown(value, fault.unit))
+    )
+}
+
+pub(super) fn isolation(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let (result, place) = match evaluated(sources, subject) {
+        Ok(found) => found,
+        Err(cell) => return cell,
+    };
+    let component = subject.kind.rsplit_once('.').map_or(subject.kind.as_str(), |(own, _)| own);
+    let protocols = result.evaluation.committee.iter().chain(&result.evaluation.protocols);
+    let headline = result.evaluation.headline();
+    let found = headline.into_iter().chain(protocols).find_map(|protocol| {
+        let own = protocol.components.iter().find(|score| score.component == component)?;
+        Some((protocol, own))
+    });
+    let Some((protocol, score)) = found else {
+        return FmeaCell::missing(
+            "not evaluated",
+            format!("{place}: no detected run of {component}"),
+        );
+    };
+    FmeaCell::new(
+        format!(
+            "actuator, action and fault class right for {component}: {}; wrong actuator {}; shutdown of a healthy one {}",
+            rate_in_words(&score.right),
+            rate_in_words(&score.wrong_actuator),
+            rate_in_words(&score.wrong_actuator_shutdown)
+        ),
+        format!("{place} protocols '{}', components {component}", protocol.title),
+    )
+}
+
+pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let (result, place) = match evaluated(sources, subject) {
+        Ok(found) => found,
+        Err(cell) => return cell,
+    };
+    let pairs = result.evaluation.ambiguity.pairs.iter().enumerate();
+    let own: Vec<_> = pairs.filter(|(_, pair)| pair.kind == subject.kind).collect();
+    let mut parts: Vec<String> = own
+        .iter()
+        .map(|(_, pair)| {
+            if pair.taken_for == HEALTHY {
+                return format!("no fault at all ({:.1} % of its tests)", 100.0 * pair.share);
+            }
+            let wrong = match pair.question {
+                Question::Actuator => "actuator",
+                Question::Action => "action",
+                Question::Detail => "fault class",
+            };
+            format!("{} ({:.1} % of its tests, wrong {wrong})", pair.taken_for, 100.0 * pair.share)
+        })
+        .collect();
+    let rows: Vec<String> = own.iter().map(|(row, _)| (row + 1).to_string()).collect();
+    let mut evidence = match rows.is_empty() {
+        true => format!("{place} ambiguity.pairs: none of this kind"),
+        false => format!("{place} ambiguity.pairs entries {}", rows.join(", ")),
+    };
+    if let Some(metrics) = sources.results.and_then(|results| results.flown())
+        && let Some((_, count)) = metrics.wrong_kinds.iter().find(|(kind, _)| *kind == subject.kind)
+    {
+        parts.push(format!("shuts a healthy actuator down in {count} judged flights"));
+        evidence += &format!("; flights.json merits {} wrong_kinds", metrics.setting);
+    }
+    let text = if parts.is_empty() { "none counted".into() } else { parts.join("; ") };
+    FmeaCell::new(text, evidence)
+}
+
+pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let runs = match runs(sources, subject) {
+        Ok(runs) => runs,
+        Err(cell) => return cell,
+    };
+    let rate = runs.detected(&subject.fault.id);
+    let first = runs.of(&subject.fault.id).first().map_or(0, |run| run.row);
+    FmeaCell::new(
+        format!("detected in {}", rate_in_words(&rate)),
+        format!(
+            "{}: {} runs of all intensities in equal shares, first in row {first}; interval over intensities",
+            runs.file, rate.of
+        ),
+    )
+}
+
+/// The detected share of a fault as a number.
+pub fn detected_share(sources: &FmeaSources, fault: &str) -> Option<f64> {
+    sources.runs.as_ref()?.detected(fault).share
+}

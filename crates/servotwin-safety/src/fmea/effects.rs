@@ -1,0 +1,200 @@
+//! Effects on the actuator and on the system, and the severity, from closed-loop flights.
+
+use super::cell::{FmeaCell, span_in_words};
+use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use super::flights::{FILE, FlownFault, FmeaFlights};
+use super::severity::{SeverityInputs, level};
+use servotwin::flight::tracking::{TrackedQuantities, command_unit};
+use servotwin::study::Study;
+use servotwin::text::spoken;
+use servotwin_model::spec::Unit;
+
+/// All flights, and those of a fault with their rows in the file.
+pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
+
+/// The flights of a fault, or the cell that says why there are none.
+fn flown<'s>(
+    sources: &'s FmeaSources,
+    subject: &'s FmeaSubject,
+) -> Result<OwnFlights<'s>, FmeaCell> {
+    let Some(flights) = &sources.flights else {
+        let remedy = match sources.results {
+            None => {
+                "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'"
+            }
+            Some(_) => {
+                "no flights of this folder: it has no diagnoser ('servotwin flights FOLDER --out FOLDER' learns one)"
+            }
+        };
+        return Err(FmeaCell::missing("not flown", remedy));
+    };
+    let own: Vec<_> = flights.of(&subject.fault.id).collect();
+    match own.is_empty() {
+        true if subject.case.is_none() => Err(not_in_study("not flown")),
+        true => Err(FmeaCell::missing(
+            "not flown",
+            format!("{FILE}: no completed flight of this fault"),
+        )),
+        false => Ok((flights, own)),
+    }
+}
+
+/// Where the flights of a fault stand.
+pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)]) -> String {
+    let rows: Vec<String> = own.iter().map(|(row, _)| row.to_string()).collect();
+    let stale = flights.stale.as_ref().map(|why| format!("; STALE: {why} since they were flown"));
+    format!(
+        "safety/{FILE} rows {} (case {}, scenario {}){}",
+        rows.join(", "),
+        flights.case,
+        flights.setting,
+        stale.unwrap_or_default()
+    )
+}
+
+/// A fault's flights, if there are any.
+pub(super) fn own_flights<'s>(
+    sources: &'s FmeaSources,
+    subject: &'s FmeaSubject,
+) -> Option<OwnFlights<'s>> {
+    flown(sources, subject).ok()
+}
+
+/// The words for the quantity that follows the command: what its error is called, and its unit.
+fn error_words(study: &Study) -> (String, Unit) {
+    let unit = command_unit(study);
+    let tracked = TrackedQuantities::of(study);
+    let name = tracked.following.map(|place| tracked.names[place].as_str()).unwrap_or_default();
+    let component = spoken(name.rsplit_once('.').map_or(name, |(component, _)| component));
+    let words = match (unit, is_aircraft(study)) {
+        (Unit::Radian, true) => format!("surface error ({component})"),
+        (Unit::Radian, false) => format!("angle error ({component})"),
+        _ => format!("position error ({component})"),
+    };
+    (words, unit)
+}
+
+/// Whether the system is part of an aircraft: something in it flies.
+fn is_aircraft(study: &Study) -> bool {
+    let mut kinds = study.system.network().components.iter().map(|c| c.component.spec().kind);
+    kinds.any(|kind| kind == "aerodynamic_load")
+}
+
+pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let (flights, own) = match flown(sources, subject) {
+        Ok(found) => found,
+        Err(cell) => return cell,
+    };
+    let evidence = flight_evidence(flights, &own);
+    let mut parts = vec![];
+    let travel = own.iter().map(|(_, flown)| flown.travel_difference_m * 1e3);
+    parts.extend(span_in_words(travel, "mm").map(|span| format!("piston by up to {span}")));
+    // A rod that carries outer loads alone has the same force in every flight, which is no effect.
+    let forces = own.iter().map(|(_, flown)| flown.force_difference_n / 1e3);
+    let forces = forces.filter(|force| *force > 0.0);
+    parts.extend(span_in_words(forces, "kN").map(|span| format!("rod force by up to {span}")));
+    match parts.is_empty() {
+        true => FmeaCell::missing("not measured: the actuator has no piston", evidence),
+        false => FmeaCell::new(
+            format!(
+                "differs from the healthy flight: {} (intensities {})",
+                parts.join(", "),
+                intensities(&own)
+            ),
+            evidence,
+        ),
+    }
+}
+
+fn intensities(own: &[(usize, &FlownFault)]) -> String {
+    own.iter().map(|(_, flown)| flown.intensity.to_string()).collect::<Vec<_>>().join(", ")
+}
+
+pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let (flights, own) = match flown(sources, subject) {
+        Ok(found) => found,
+        Err(cell) => return cell,
+    };
+    let study = sources.study;
+    let place = if is_aircraft(study) { "aircraft" } else { "machine" };
+    let mut parts = vec![];
+    let (words, unit) = error_words(study);
+    let shown = |of: fn(&FlownFault) -> f64| {
+        let values = own.iter().map(|(_, flown)| unit.difference_to_shown(of(flown)));
+        span_in_words(values, unit.shown())
+    };
+    let healthy = flights.healthy().map(|flown| unit.difference_to_shown(flown.error_alone[0]));
+    if let (Some(alone), Some(with)) =
+        (shown(|flown| flown.error_alone[0]), shown(|flown| flown.error_reacting[0]))
+    {
+        let healthy = span_in_words(healthy.into_iter(), unit.shown()).unwrap_or_default();
+        parts.push(format!(
+            "rms {words} {alone} without the diagnosis, {with} with it, {healthy} healthy"
+        ));
+    }
+    if let Some(largest) = shown(|flown| flown.error_alone[1]) {
+        parts.push(format!("largest without it {largest}"));
+    }
+    let fight = |place: usize| {
+        span_in_words(own.iter().map(|(_, flown)| flown.force_fight_n[place] / 1e3), "kN")
+    };
+    if let (Some(alone), Some(with)) = (fight(0), fight(1)) {
+        parts.push(format!("rms force fight {alone} without it, {with} with it"));
+    }
+    parts.push(lanes_in_words(study, &own));
+    FmeaCell::new(format!("{place}: {}", parts.join("; ")), flight_evidence(flights, &own))
+}
+
+/// Which lanes the diagnosis switched off.
+fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
+    let lanes = study.units.len();
+    let each = own.iter().map(|(_, flown)| {
+        let off = flown.lanes_off.split_whitespace().count();
+        match off {
+            0 => format!("no lane lost at {}", flown.intensity),
+            off => {
+                format!("{off} of {lanes} lanes off at {} ({})", flown.intensity, flown.lanes_off)
+            }
+        }
+    });
+    each.collect::<Vec<_>>().join(", ")
+}
+
+pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+    let study = sources.study;
+    let mut known = SeverityInputs { lanes: study.units.len(), ..SeverityInputs::default() };
+    if let Some(case) = subject.case {
+        let class = &study.classes[case.class];
+        let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
+        known.switches_off = reaction.switches_off;
+        known.changes_mode = !reaction.inputs.is_empty() || !reaction.parameters.is_empty();
+    }
+    let Some((flights, own)) = own_flights(sources, subject) else {
+        return match subject.case {
+            None => not_in_study("not assessed"),
+            Some(_) => FmeaCell::new(
+                format!("at least {} (not flown)", level(known)),
+                "rule of docs/safety.md, from the action alone",
+            ),
+        };
+    };
+    let growth = growth(flights, &own);
+    let off = own.iter().map(|(_, flown)| flown.lanes_off.split_whitespace().count()).max();
+    let inputs = SeverityInputs { growth, lanes_off: off, ..known };
+    let measured = match growth {
+        Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),
+        None => "g is not measured".into(),
+    };
+    FmeaCell::new(
+        level(inputs),
+        format!("rule of docs/safety.md, {measured}; {}", flight_evidence(flights, &own)),
+    )
+}
+
+/// The growth of the tracking error at the largest flown intensity, as a part of the command.
+fn growth(flights: &FmeaFlights, own: &[(usize, &FlownFault)]) -> Option<f64> {
+    let strongest = own.iter().max_by(|a, b| a.1.intensity.total_cmp(&b.1.intensity))?.1;
+    let growth =
+        (strongest.error_alone[0] - flights.healthy()?.error_alone[0]) / strongest.command_rms;
+    growth.is_finite().then_some(growth)
+}

@@ -1,0 +1,120 @@
+//! The fields of the sheet: one line in [`FIELDS`] and one function each.
+
+use super::cell::FmeaCell;
+use super::flights::FmeaFlights;
+use super::residuals::ResidualRuns;
+use super::{declared, diagnosis, effects};
+use crate::rates::FailureRates;
+use crate::results::StudyResultsFolder;
+use servotwin::study::{FaultCase, Study};
+use servotwin::system::ListedFault;
+
+/// Everything that cells are filled from.
+pub struct FmeaSources<'s> {
+    /// The study, and through it the system.
+    pub study: &'s Study,
+    /// The output folder; `None` for a study without results.
+    pub results: Option<&'s StudyResultsFolder>,
+    /// The runs of the campaign.
+    pub runs: Option<ResidualRuns>,
+    /// The closed-loop flights.
+    pub flights: Option<FmeaFlights>,
+    /// The user's failure rates.
+    pub rates: Option<FailureRates>,
+}
+
+/// A row of the sheet: a fault of the system.
+pub struct FmeaSubject<'s> {
+    /// The fault as the catalogue declares it.
+    pub fault: &'s ListedFault,
+    /// The fault in the study; `None` if no class lists it.
+    pub case: Option<&'s FaultCase>,
+    /// The fault without its actuator.
+    pub kind: String,
+}
+
+/// A field of the sheet.
+pub struct FmeaField {
+    /// The column's name.
+    pub name: &'static str,
+    /// What it holds.
+    pub meaning: &'static str,
+    /// Fills the cell.
+    pub fill: fn(&FmeaSources, &FmeaSubject) -> FmeaCell,
+}
+
+const fn field(
+    name: &'static str,
+    meaning: &'static str,
+    fill: fn(&FmeaSources, &FmeaSubject) -> FmeaCell,
+) -> FmeaField {
+    FmeaField { name, meaning, fill }
+}
+
+/// All fields, in the order of the sheet. A new field goes to the end of its group; the version of the seal then grows.
+pub const FIELDS: [FmeaField; 18] = [
+    field("actuator", "the actuator that the component belongs to", declared::actuator),
+    field("component", "the component and its kind in the catalog", declared::component),
+    field("fault_mode", "what fails, and how", declared::fault_mode),
+    field("physical_range", "the parameter without the fault and at intensity 1", declared::range),
+    field("local_effect", "the residuals that move", diagnosis::local_effect),
+    field(
+        "effect_on_actuator",
+        "what the actuator does, without the diagnosis",
+        effects::on_actuator,
+    ),
+    field("effect_on_system", "error, force fight and lost lanes", effects::on_system),
+    field("detection_means", "what reports the fault", diagnosis::means),
+    field(
+        "detection_latency",
+        "from the onset to the report and to the action",
+        diagnosis::latency,
+    ),
+    field("smallest_detectable", "the least detected intensity", diagnosis::smallest),
+    field("isolation", "whether the component is found", diagnosis::isolation),
+    field("confused_with", "the faults that it is taken for", diagnosis::confused_with),
+    field("action", "what the flight control computer does", declared::action),
+    field("severity", "by the rule of docs/safety.md, for this system alone", effects::severity),
+    field("failure_rate_per_h", "λ of the user's table", declared::failure_rate),
+    field("failure_rate_source", "where λ comes from", declared::failure_rate_source),
+    field("diagnostic_coverage", "the detected share, with its interval", diagnosis::coverage),
+    field("remarks", "for people", declared::remarks),
+];
+
+/// A row with its cells, in the order of [`FIELDS`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct FmeaRow {
+    /// The fault's full name.
+    pub fault: String,
+    /// One cell per field.
+    pub cells: Vec<FmeaCell>,
+}
+
+/// Fills the rows of all faults of the system: first those that the study lists, then the others, both in the order of
+/// the components.
+pub fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
+    let study = sources.study;
+    let list = study.system.fault_list();
+    let row = |fault: &ListedFault| {
+        let case = study.faults.iter().find(|case| case.id == fault.id);
+        let kind = kind_of(study, &fault.id);
+        let subject = FmeaSubject { fault, case, kind };
+        let cells = FIELDS.iter().map(|field| (field.fill)(sources, &subject)).collect();
+        FmeaRow { fault: fault.id.clone(), cells }
+    };
+    let (listed, others): (Vec<&ListedFault>, Vec<&ListedFault>) =
+        list.iter().partition(|fault| study.faults.iter().any(|case| case.id == fault.id));
+    listed.into_iter().chain(others).map(row).collect()
+}
+
+/// A fault's name without its actuator.
+pub fn kind_of(study: &Study, fault: &str) -> String {
+    let units = study.units.iter().filter(|unit| !unit.is_empty());
+    let mut own = units.filter_map(|unit| fault.strip_prefix(&format!("{unit}.")));
+    own.next().unwrap_or(fault).to_owned()
+}
+
+/// What a cell shows for a fault that no class of the study lists.
+pub fn not_in_study(what: &str) -> FmeaCell {
+    FmeaCell::missing(what, "no class of the study lists this fault")
+}

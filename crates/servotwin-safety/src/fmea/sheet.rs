@@ -1,0 +1,463 @@
+//! The sheet: generated cells, those that people filled in, and how both survive the next generation.
+//!
+//! Every row carries a *seal*: a short hash of every generated cell. A cell whose text no longer fits its hash was changed
+//! by a person. It keeps its text, and the column `filled_by_person` names it. A person's cell that is emptied is
+//! generated again. So a sheet needs no file beside it and may travel.
+//!
+//! The column `basis` holds the hashes of system, study and model for which a person's cells were written. When they
+//! change, the row's `status` becomes *stale* and stays so until a person writes `confirmed` into it. Generated cells
+//! are never stale, because they are generated again; those of flights flown with another model say so.
+
+use super::fields::{FIELDS, FmeaRow};
+use crate::error::SafetyError;
+use crate::results::EvidenceBasis;
+use servotwin::manifest::sha256_of_text;
+use servotwin::table::csv::texts::{TextRow, Texts};
+use servotwin::table::{Column, Table};
+use std::path::Path;
+
+/// The key of a row.
+pub const FAULT: &str = "fault";
+/// Whether a person's cells still fit the evidence.
+pub const STATUS: &str = "status";
+/// The fields that a person filled in.
+pub const PERSON: &str = "filled_by_person";
+/// What the row was made of.
+pub const BASIS: &str = "basis";
+/// Hashes of the generated cells.
+pub const SEAL: &str = "seal";
+/// The start of the columns with evidence.
+pub const EVIDENCE: &str = "evidence: ";
+
+/// The version of the seal: it changes with [`FIELDS`].
+const SEAL_VERSION: &str = "1";
+/// Digits of a hash in a seal.
+const SEAL_DIGITS: usize = 6;
+/// What a person writes into the status to accept a row for the present evidence.
+pub const CONFIRMED: &str = "confirmed";
+
+/// A row of the sheet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SheetRow {
+    /// The fault's full name.
+    pub fault: String,
+    /// The text of every field, in the order of [`FIELDS`].
+    pub texts: Vec<String>,
+    /// The evidence of every field.
+    pub evidence: Vec<String>,
+    /// Which fields a person filled in.
+    pub by_person: Vec<bool>,
+    /// Whether the person's cells still fit the evidence, in words.
+    pub status: String,
+    /// Whether they do not.
+    pub is_stale: bool,
+    basis: EvidenceBasis,
+    seal: String,
+    /// The cells of columns that a person added.
+    pub others: Vec<String>,
+}
+
+/// The sheet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FmeaSheet {
+    /// The rows as they were generated; at the end those of faults that the system no longer has.
+    pub rows: Vec<SheetRow>,
+    /// The names of columns that a person added.
+    pub other_columns: Vec<String>,
+}
+
+/// A sheet as it was read.
+struct EarlierSheet {
+    rows: Vec<EarlierRow>,
+    other_columns: Vec<String>,
+}
+
+struct EarlierRow {
+    fault: String,
+    texts: Vec<String>,
+    seal: Vec<String>,
+    status: String,
+    basis: Option<EvidenceBasis>,
+    others: Vec<String>,
+}
+
+/// The hash of a text. Programs for sheets may write a number in another form, change spaces, and replace letters that
+/// their encoding lacks; these are no changes.
+fn hash(text: &str) -> String {
+    sha256_of_text(&canonical(text))[..SEAL_DIGITS].to_owned()
+}
+
+fn canonical(text: &str) -> String {
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => format!("{number:e}"),
+        _ => text,
+    }
+}
+
+fn seal(row: &FmeaRow) -> String {
+    let hashes: Vec<String> = row.cells.iter().map(|cell| hash(&cell.text)).collect();
+    format!("{SEAL_VERSION}: {}", hashes.join(" "))
+}
+
+impl FmeaSheet {
+    /// The sheet of generated rows, with the cells that people filled into an earlier one.
+    ///
+    /// # Errors
+    /// The earlier sheet lacks a column or has a seal of another version.
+    pub fn new(
+        rows: &[FmeaRow],
+        basis: &EvidenceBasis,
+        earlier: Option<(&Path, &Texts)>,
+    ) -> Result<Self, SafetyError> {
+        let earlier = match earlier {
+            Some((path, texts)) => EarlierSheet::of(path, texts)?,
+            None => EarlierSheet { rows: vec![], other_columns: vec![] },
+        };
+        let others = earlier.other_columns.len();
+        let merged = |row: &FmeaRow| {
+            let known = earlier.rows.iter().find(|known| known.fault == row.fault);
+            SheetRow::merged(row, basis, known, others)
+        };
+        let mut sheet: Vec<SheetRow> = rows.iter().map(merged).collect();
+        let is_gone = |known: &&EarlierRow| rows.iter().all(|row| row.fault != known.fault);
+        sheet.extend(earlier.rows.iter().filter(is_gone).filter_map(EarlierRow::orphan));
+        Ok(FmeaSheet { rows: sheet, other_columns: earlier.other_columns })
+    }
+
+    /// The names of all columns, in their order.
+    pub fn columns(&self) -> Vec<String> {
+        let fields = FIELDS.iter().map(|field| field.name.to_owned());
+        let mut names: Vec<String> = std::iter::once(FAULT.to_owned()).chain(fields).collect();
+        names.extend(self.other_columns.iter().cloned());
+        names.extend([STATUS, PERSON].map(str::to_owned));
+        names.extend(FIELDS.iter().map(|field| format!("{EVIDENCE}{}", field.name)));
+        names.extend([BASIS, SEAL].map(str::to_owned));
+        names
+    }
+
+    /// The sheet as a table of texts.
+    ///
+    /// # Errors
+    /// Two columns have the same name.
+    pub fn table(&self) -> Result<Table, SafetyError> {
+        let rows: Vec<Vec<String>> = self.rows.iter().map(SheetRow::cells).collect();
+        let column = |(place, name): (usize, String)| {
+            let texts: Vec<String> = rows.iter().map(|row| row[place].clone()).collect();
+            Column::new(name, "", texts)
+        };
+        Ok(Table::from_columns(self.columns().into_iter().enumerate().map(column).collect())?)
+    }
+
+    /// The number of cells that a person filled in.
+    pub fn person_cells(&self) -> usize {
+        self.rows.iter().flat_map(|row| &row.by_person).filter(|by| **by).count()
+    }
+
+    /// The number of stale rows.
+    pub fn stale_rows(&self) -> usize {
+        self.rows.iter().filter(|row| row.is_stale).count()
+    }
+}
+
+impl SheetRow {
+    fn merged(
+        row: &FmeaRow,
+        basis: &EvidenceBasis,
+        earlier: Option<&EarlierRow>,
+        others: usize,
+    ) -> Self {
+        let by_person = match earlier {
+            Some(earlier) => earlier.by_person(),
+            None => vec![false; FIELDS.len()],
+        };
+        let of_person = |place: usize| earlier.filter(|_| by_person[place]);
+        let text = |(place, cell): (usize, &super::cell::FmeaCell)| match of_person(place) {
+            Some(earlier) => earlier.texts[place].clone(),
+            None => cell.text.clone(),
+        };
+        let evidence = |(place, cell): (usize, &super::cell::FmeaCell)| match of_person(place) {
+            Some(_) => "filled in by a person".to_owned(),
+            None => cell.evidence.clone(),
+        };
+        let (status, is_stale, kept) = status(earlier, &by_person, basis);
+        SheetRow {
+            fault: row.fault.clone(),
+            texts: row.cells.iter().enumerate().map(text).collect(),
+            evidence: row.cells.iter().enumerate().map(evidence).collect(),
+            status,
+            is_stale,
+            basis: kept,
+            seal: seal(row),
+            others: earlier.map_or_else(|| vec![String::new(); others], |e| e.others.clone()),
+            by_person,
+        }
+    }
+
+    /// The names of the fields that a person filled in.
+    pub fn person_fields(&self) -> String {
+        let named = FIELDS.iter().zip(&self.by_person).filter(|(_, by)| **by);
+        named.map(|(field, _)| field.name).collect::<Vec<_>>().join(" ")
+    }
+
+    /// All cells, in the order of [`FmeaSheet::columns`].
+    pub fn cells(&self) -> Vec<String> {
+        let mut cells = vec![self.fault.clone()];
+        cells.extend(self.texts.iter().cloned());
+        cells.extend(self.others.iter().cloned());
+        cells.extend([self.status.clone(), self.person_fields()]);
+        cells.extend(self.evidence.iter().cloned());
+        cells.extend([self.basis.in_words(), self.seal.clone()]);
+        cells
+    }
+}
+
+/// The status of a row, whether it is stale, and the basis of its person's cells.
+fn status(
+    earlier: Option<&EarlierRow>,
+    by_person: &[bool],
+    basis: &EvidenceBasis,
+) -> (String, bool, EvidenceBasis) {
+    let has_person = by_person.contains(&true) || earlier.is_some_and(EarlierRow::has_other_cells);
+    let Some(earlier) = earlier.filter(|_| has_person) else {
+        return ("generated".into(), false, basis.clone());
+    };
+    let changes = match &earlier.basis {
+        Some(known) => basis.changes_since(known),
+        None => Some("nothing says for which system, study and model they were written".into()),
+    };
+    match changes {
+        None => ("current".into(), false, basis.clone()),
+        Some(_) if earlier.status.trim().eq_ignore_ascii_case(CONFIRMED) => {
+            ("current".into(), false, basis.clone())
+        }
+        Some(changes) => {
+            let status = format!(
+                "stale: {changes} since a person filled cells in; look at them and write '{CONFIRMED}' here"
+            );
+            (status, true, earlier.basis.clone().unwrap_or_default())
+        }
+    }
+}
+
+impl EarlierSheet {
+    fn of(path: &Path, texts: &Texts) -> Result<Self, SafetyError> {
+        let place = |name: &str| {
+            texts.column(name).ok_or_else(|| SafetyError::NoColumn {
+                path: path.into(),
+                column: name.into(),
+                needed: [FAULT, STATUS, BASIS, SEAL].map(str::to_owned).to_vec(),
+            })
+        };
+        let (fault, status, basis, seal) =
+            (place(FAULT)?, place(STATUS)?, place(BASIS)?, place(SEAL)?);
+        let fields: Vec<Option<usize>> =
+            FIELDS.iter().map(|field| texts.column(field.name)).collect();
+        let is_own = |name: &str| {
+            [FAULT, STATUS, BASIS, SEAL, PERSON].contains(&name)
+                || name.starts_with(EVIDENCE)
+                || FIELDS.iter().any(|field| field.name == name)
+        };
+        let others: Vec<usize> =
+            (0..texts.columns.len()).filter(|&at| !is_own(&texts.columns[at])).collect();
+        let mut rows: Vec<EarlierRow> = vec![];
+        for row in texts.rows.iter().filter(|row| !row.cells[fault].trim().is_empty()) {
+            let name = row.cells[fault].trim().to_owned();
+            if rows.iter().any(|known| known.fault == name) {
+                let problem = format!("'{name}' has a row already");
+                return Err(SafetyError::Cell {
+                    path: path.into(),
+                    line: row.line,
+                    column: FAULT,
+                    problem,
+                });
+            }
+            // A field whose column a person removed is generated again.
+            let text =
+                |place: &Option<usize>| place.map_or_else(String::new, |at| row.cells[at].clone());
+            rows.push(EarlierRow {
+                fault: name,
+                texts: fields.iter().map(text).collect(),
+                seal: read_seal(path, row, &row.cells[seal])?,
+                status: row.cells[status].clone(),
+                basis: EvidenceBasis::parse(&row.cells[basis]),
+                others: others.iter().map(|&at| row.cells[at].clone()).collect(),
+            });
+        }
+        let other_columns = others.into_iter().map(|at| texts.columns[at].clone()).collect();
+        Ok(EarlierSheet { rows, other_columns })
+    }
+}
+
+/// The hashes of a seal.
+fn read_seal(path: &Path, row: &TextRow, text: &str) -> Result<Vec<String>, SafetyError> {
+    let hashes = text.trim().strip_prefix(SEAL_VERSION).and_then(|rest| rest.strip_prefix(':'));
+    let hashes: Vec<String> =
+        hashes.unwrap_or_default().split_whitespace().map(str::to_owned).collect();
+    match hashes.len() == FIELDS.len() {
+        true => Ok(hashes),
+        false => Err(SafetyError::Seal { path: path.into(), line: row.line }),
+    }
+}
+
+impl EarlierRow {
+    /// Which fields a person filled in: their text is there and not the generated one.
+    fn by_person(&self) -> Vec<bool> {
+        let changed = self.texts.iter().zip(&self.seal);
+        changed.map(|(text, seal)| !text.trim().is_empty() && hash(text) != *seal).collect()
+    }
+
+    /// Whether a person filled in cells of columns of their own.
+    fn has_other_cells(&self) -> bool {
+        self.others.iter().any(|text| !text.trim().is_empty())
+    }
+
+    /// The row of a fault that the system no longer has, if a person filled cells in.
+    fn orphan(&self) -> Option<SheetRow> {
+        let by_person = self.by_person();
+        if !by_person.contains(&true) && !self.has_other_cells() {
+            return None;
+        }
+        Some(SheetRow {
+            fault: self.fault.clone(),
+            texts: self.texts.clone(),
+            evidence: vec!["of an earlier system".into(); FIELDS.len()],
+            by_person,
+            status:
+                "stale: the system has no such fault any more; remove the row once nobody needs it"
+                    .into(),
+            is_stale: true,
+            basis: self.basis.clone().unwrap_or_default(),
+            seal: format!("{SEAL_VERSION}: {}", self.seal.join(" ")),
+            others: self.others.clone(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cell::FmeaCell;
+    use super::*;
+
+    fn generated(mark: &str) -> Vec<FmeaRow> {
+        let cells = |fault: &str| {
+            let cell = |n: usize| FmeaCell::new(format!("{fault} {n} {mark}"), "a file, row 1");
+            let mut cells: Vec<FmeaCell> = (0..FIELDS.len()).map(cell).collect();
+            cells[3] = FmeaCell::new("area 1 … 2 m² → λ", "a file, row 1");
+            cells[14] = FmeaCell::new("1e-7", "rates.csv line 2");
+            cells[FIELDS.len() - 1] = FmeaCell::default();
+            cells
+        };
+        ["a.x", "b.y"].map(|fault| FmeaRow { fault: fault.into(), cells: cells(fault) }).to_vec()
+    }
+
+    fn basis(model: &str) -> EvidenceBasis {
+        EvidenceBasis { system: "s".into(), study: "t".into(), model: model.into() }
+    }
+
+    /// The sheet as a program for sheets would give it back.
+    fn stored(sheet: &FmeaSheet) -> Texts {
+        let row = |(n, row): (usize, &SheetRow)| TextRow { line: n + 2, cells: row.cells() };
+        Texts { columns: sheet.columns(), rows: sheet.rows.iter().enumerate().map(row).collect() }
+    }
+
+    fn again(texts: &Texts, mark: &str, model: &str) -> FmeaSheet {
+        FmeaSheet::new(&generated(mark), &basis(model), Some((Path::new("f.csv"), texts))).unwrap()
+    }
+
+    fn set(texts: &mut Texts, row: usize, column: &str, text: &str) {
+        let at = texts.column(column).unwrap();
+        texts.rows[row].cells[at] = text.into();
+    }
+
+    fn field(sheet: &FmeaSheet, row: usize, name: &str) -> String {
+        let place = FIELDS.iter().position(|field| field.name == name).unwrap();
+        sheet.rows[row].texts[place].clone()
+    }
+
+    fn first() -> Texts {
+        stored(&FmeaSheet::new(&generated("one"), &basis("m"), None).unwrap())
+    }
+
+    #[test]
+    fn a_persons_cell_survives_and_the_others_are_generated_again() {
+        let mut texts = first();
+        set(&mut texts, 1, "severity", "S4, by the safety board");
+        set(&mut texts, 1, "remarks", "see hazard log 7");
+        let sheet = again(&texts, "two", "m");
+        assert_eq!(field(&sheet, 1, "severity"), "S4, by the safety board");
+        assert_eq!(field(&sheet, 1, "remarks"), "see hazard log 7");
+        assert_eq!(field(&sheet, 1, "isolation"), "b.y 10 two");
+        assert_eq!(sheet.rows[1].person_fields(), "severity remarks");
+        assert_eq!(sheet.rows[1].evidence[13], "filled in by a person");
+        assert_eq!((sheet.rows[1].status.as_str(), sheet.stale_rows()), ("current", 0));
+        assert_eq!((sheet.rows[0].status.as_str(), sheet.person_cells()), ("generated", 2));
+        // And once more, from what was just written.
+        let third = again(&stored(&sheet), "three", "m");
+        assert_eq!(field(&third, 1, "severity"), "S4, by the safety board");
+        assert_eq!(field(&third, 0, "severity"), "a.x 13 three");
+    }
+
+    #[test]
+    fn a_row_is_stale_until_a_person_confirms_it() {
+        let mut texts = first();
+        set(&mut texts, 0, "severity", "S1");
+        let changed = again(&texts, "two", "other");
+        assert!(
+            changed.rows[0].status.starts_with("stale: the model changed"),
+            "{}",
+            changed.rows[0].status
+        );
+        assert_eq!(changed.stale_rows(), 1);
+        // Generating again does not make it current; a person does.
+        let mut texts = stored(&again(&stored(&changed), "two", "other"));
+        assert!(texts.rows[0].cells[texts.column(STATUS).unwrap()].starts_with("stale"));
+        set(&mut texts, 0, STATUS, "Confirmed");
+        let confirmed = again(&texts, "two", "other");
+        assert_eq!((confirmed.rows[0].status.as_str(), confirmed.stale_rows()), ("current", 0));
+        assert_eq!(again(&stored(&confirmed), "two", "other").stale_rows(), 0);
+    }
+
+    #[test]
+    fn an_emptied_cell_is_generated_again_and_another_form_of_a_number_is_no_change() {
+        let mut texts = first();
+        set(&mut texts, 0, "severity", "");
+        set(&mut texts, 0, "failure_rate_per_h", "0.0000001");
+        set(&mut texts, 0, "isolation", " a.x  10 one ");
+        // Windows-1252 has no arrow and no Greek letters.
+        set(&mut texts, 0, "physical_range", "area 1 … 2 m² ? ?");
+        let sheet = again(&texts, "one", "m");
+        assert_eq!(sheet.person_cells(), 0, "{}", sheet.rows[0].person_fields());
+        assert_eq!(field(&sheet, 0, "severity"), "a.x 13 one");
+    }
+
+    #[test]
+    fn columns_of_a_person_and_rows_of_removed_faults_stay() {
+        let mut texts = first();
+        texts.columns.insert(3, "compensating provisions".into());
+        texts.rows.iter_mut().for_each(|row| row.cells.insert(3, "none".into()));
+        let mut gone = texts.rows[0].clone();
+        gone.cells[0] = "c.z".into();
+        texts.rows.push(gone);
+        let sheet = again(&texts, "two", "m");
+        assert_eq!(sheet.other_columns, ["compensating provisions"]);
+        assert_eq!(sheet.rows[2].fault, "c.z");
+        assert!(sheet.rows[2].is_stale && sheet.rows[2].others == ["none"]);
+        assert_eq!(sheet.rows[0].status, "current");
+    }
+
+    #[test]
+    fn a_sheet_without_its_seal_is_refused_with_its_place() {
+        let mut texts = first();
+        set(&mut texts, 1, SEAL, "1: abc");
+        let error =
+            FmeaSheet::new(&generated("x"), &basis("m"), Some((Path::new("f.csv"), &texts)));
+        assert!(error.unwrap_err().to_string().starts_with("f.csv: line 3: the seal"));
+        texts.columns[0] = "failure".into();
+        let error =
+            FmeaSheet::new(&generated("x"), &basis("m"), Some((Path::new("f.csv"), &texts)));
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("there is no column 'fault'; needed are: fault, status"), "{error}");
+    }
+}

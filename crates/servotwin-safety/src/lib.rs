@@ -1,0 +1,17 @@
+//! Artefacts for a safety case, filled from the results of a study.
+//!
+//! - [`fmea`]: an FMEA with one row per fault of the system, in which every cell names its evidence
+//! - [`faulttree`]: fault trees with counted probabilities, as Open-PSA documents and figures
+//!
+//! Nothing is invented: failure rates come from a table of the user ([`rates`]), everything else from simulations, and a
+//! cell without evidence says so.
+
+mod error;
+pub mod faulttree;
+pub mod fmea;
+pub mod interval;
+pub mod rates;
+pub mod results;
+pub mod tree;
+
+pub use error::{SafetyError, XLSX_LINE};

@@ -1,0 +1,217 @@
+//! The user's table of failure rates. No rate is ever invented: every one names its source.
+//!
+//! | column | content |
+//! |---|---|
+//! | `fault` | the full name of a fault, or its kind without the actuator for all actuators |
+//! | `rate` | a number of 0 or more |
+//! | `unit` | `1/h`, `1/(1e6 h)` or `FIT` (failures in 1e9 h) |
+//! | `source` | where the rate comes from |
+
+use crate::error::{SafetyError, unknown};
+use servotwin::table::csv::texts::{self, TextRow};
+use servotwin::table::{self, Column, Table};
+use std::path::{Path, PathBuf};
+
+/// The columns of the table.
+const COLUMNS: [&str; 4] = ["fault", "rate", "unit", "source"];
+
+/// The units of rates, with the hours that they count failures in. Whole hours divide without an error.
+const UNITS: [(&str, f64); 3] = [("1/h", 1.0), ("1/(1e6 h)", 1e6), ("FIT", 1e9)];
+
+/// The largest rate that is believed, 1/h: above it a component would fail in every flight.
+const MAX_PER_H: f64 = 1.0;
+
+/// A failure rate with its source.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FailureRate {
+    /// The full name of a fault, or its kind.
+    pub fault: String,
+    /// The rate, 1/h.
+    pub per_h: f64,
+    /// Where it comes from, in the user's words.
+    pub source: String,
+    /// The line of the table.
+    pub line: usize,
+}
+
+/// The user's failure rates.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FailureRates {
+    /// The table's file.
+    pub path: PathBuf,
+    /// One entry for each row.
+    pub list: Vec<FailureRate>,
+}
+
+/// A name that a rate may have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RatedFault {
+    /// The full name, e.g. `actuator_1.leakage_a.leakage`.
+    pub id: String,
+    /// The name without the actuator.
+    pub kind: String,
+}
+
+impl FailureRates {
+    /// Reads a table of rates for these faults.
+    ///
+    /// # Errors
+    /// The file cannot be read; a column is missing; a cell is not allowed.
+    pub fn read(path: &Path, faults: &[RatedFault]) -> Result<Self, SafetyError> {
+        let table = texts::read(path)?;
+        let place = |name: &str| {
+            table.column(name).ok_or_else(|| SafetyError::NoColumn {
+                path: path.into(),
+                column: name.into(),
+                needed: COLUMNS.map(str::to_owned).to_vec(),
+            })
+        };
+        let mut places = [0; 4];
+        for (own, name) in places.iter_mut().zip(COLUMNS) {
+            *own = place(name)?;
+        }
+        let mut known: Vec<String> =
+            faults.iter().flat_map(|f| [f.id.clone(), f.kind.clone()]).collect();
+        known.sort();
+        known.dedup();
+        let mut rates = FailureRates { path: path.into(), list: vec![] };
+        for row in &table.rows {
+            let rate = rates.row(row, places, &known)?;
+            rates.list.push(rate);
+        }
+        Ok(rates)
+    }
+
+    fn row(
+        &self,
+        row: &TextRow,
+        places: [usize; 4],
+        known: &[String],
+    ) -> Result<FailureRate, SafetyError> {
+        let wrong = |column: usize, problem: String| SafetyError::Cell {
+            path: self.path.clone(),
+            line: row.line,
+            column: COLUMNS[column],
+            problem,
+        };
+        let [fault, rate, unit, source] = places.map(|place| row.cells[place].trim());
+        if !known.iter().any(|name| name == fault) {
+            return Err(wrong(0, unknown("fault", fault, known)));
+        }
+        if let Some(first) = self.list.iter().find(|first| first.fault == fault) {
+            return Err(wrong(0, format!("'{fault}' has a rate in line {} already", first.line)));
+        }
+        let units = UNITS.map(|(name, _)| name).join(", ");
+        let (_, hours) = UNITS.into_iter().find(|(name, _)| *name == unit).ok_or_else(|| {
+            wrong(2, format!("'{unit}' is no unit of a failure rate; allowed are {units}"))
+        })?;
+        let range = || format!("allowed is 0 … {} {unit}", MAX_PER_H * hours);
+        let value: f64 =
+            rate.parse().map_err(|_| wrong(1, format!("'{rate}' is no number; {}", range())))?;
+        let value = value / hours;
+        if !(0.0..=MAX_PER_H).contains(&value) {
+            return Err(wrong(1, format!("{rate} is out of range: {}", range())));
+        }
+        if source.is_empty() {
+            return Err(wrong(
+                3,
+                "a rate needs its source: a handbook, field data, or who estimated it".into(),
+            ));
+        }
+        Ok(FailureRate { fault: fault.into(), per_h: value, source: source.into(), line: row.line })
+    }
+
+    /// The rate of a fault. One for its full name takes precedence over one for its kind.
+    pub fn of(&self, fault: &RatedFault) -> Option<&FailureRate> {
+        let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
+        find(&fault.id).or_else(|| find(&fault.kind))
+    }
+}
+
+/// Writes a table of rates to be filled in: every kind of fault once, without a rate.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_template(path: &Path, faults: &[RatedFault]) -> Result<(), SafetyError> {
+    let mut kinds: Vec<String> = vec![];
+    for fault in faults {
+        if !kinds.contains(&fault.kind) {
+            kinds.push(fault.kind.clone());
+        }
+    }
+    let column = |name: &str, text: &str| Column::new(name, "", vec![text.to_owned(); kinds.len()]);
+    let empty = [column(COLUMNS[1], ""), column(COLUMNS[2], UNITS[0].0), column(COLUMNS[3], "")];
+    let mut columns = vec![Column::new(COLUMNS[0], "", kinds.clone())];
+    columns.extend(empty);
+    Ok(table::write(path, &Table::from_columns(columns)?)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults() -> Vec<RatedFault> {
+        let fault = |unit: &str| RatedFault {
+            id: format!("{unit}.cylinder.internal_leakage"),
+            kind: "cylinder.internal_leakage".into(),
+        };
+        vec![fault("actuator_1"), fault("actuator_2")]
+    }
+
+    fn read(rows: &str) -> Result<FailureRates, SafetyError> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), format!("fault,rate,unit,source\n{rows}")).unwrap();
+        FailureRates::read(file.path(), &faults())
+    }
+
+    #[test]
+    fn a_rate_of_an_actuator_beats_that_of_its_kind() {
+        let rates = read(
+            "cylinder.internal_leakage,200,FIT,handbook\nactuator_2.cylinder.internal_leakage,0.5,1/(1e6 h),fleet\n",
+        )
+        .unwrap();
+        let per_h = faults().iter().map(|fault| rates.of(fault).unwrap().per_h).collect::<Vec<_>>();
+        assert!((per_h[0] - 2e-7).abs() < 1e-20 && (per_h[1] - 5e-7).abs() < 1e-20, "{per_h:?}");
+        assert_eq!(rates.of(&faults()[1]).unwrap().source, "fleet");
+    }
+
+    #[test]
+    fn a_wrong_cell_is_named_with_its_place_and_what_is_allowed() {
+        let good = "cylinder.internal_leakage,1e-7,1/h,handbook\n";
+        let cases = [
+            (
+                "cylinder.internal_leak,1,FIT,x\n",
+                "column 'fault': there is no fault 'cylinder.internal_leak'; did you mean 'cylinder.internal_leakage'?",
+            ),
+            (
+                "cylinder.internal_leakage,-1,FIT,x\n",
+                "line 2, column 'rate': -1 is out of range: allowed is 0 … 1000000000 FIT",
+            ),
+            ("cylinder.internal_leakage,2,1/h,x\n", "2 is out of range: allowed is 0 … 1 1/h"),
+            ("cylinder.internal_leakage,NaN,1/h,x\n", "out of range"),
+            ("cylinder.internal_leakage,often,1/h,x\n", "'often' is no number"),
+            (
+                "cylinder.internal_leakage,1,1/a,x\n",
+                "column 'unit': '1/a' is no unit of a failure rate; allowed are 1/h, 1/(1e6 h), FIT",
+            ),
+            ("cylinder.internal_leakage,1e-7,1/h,\n", "column 'source': a rate needs its source"),
+            (
+                &format!("{good}{good}"),
+                "line 3, column 'fault': 'cylinder.internal_leakage' has a rate in line 2 already",
+            ),
+        ];
+        for (rows, message) in cases {
+            let error = read(rows).unwrap_err().to_string();
+            assert!(error.contains(message), "{rows}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_template_is_a_table_of_rates_without_rates() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rates.csv");
+        write_template(&path, &faults()).unwrap();
+        let error = FailureRates::read(&path, &faults()).unwrap_err().to_string();
+        assert!(error.contains("line 2, column 'rate': '' is no number"), "{error}");
+    }
+}

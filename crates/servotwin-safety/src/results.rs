@@ -1,0 +1,206 @@
+//! The results of a study as evidence: what they were made of, and which scenario is quoted.
+
+use crate::error::SafetyError;
+use servotwin::flight::judge::FlightMetrics;
+use servotwin::job::flights::{self, FlightResults};
+use servotwin::job::manifest::Manifest;
+use servotwin::job::results::SubjectResult;
+use servotwin::job::{Folder, JobError, Results, Subject};
+use servotwin::manifest::{sha256, sha256_of_text};
+use servotwin::study::{Role, Setting, Study};
+use servotwin::table;
+use std::path::PathBuf;
+
+/// The folder for artefacts in an output folder.
+pub const FOLDER: &str = "safety";
+
+/// Digits of a hash in a basis; enough to tell versions of one study apart.
+const DIGITS: usize = 12;
+
+/// What results were made of, as hashes. Results of one basis are results of the same system, study and models.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct EvidenceBasis {
+    /// The system's text.
+    pub system: String,
+    /// The study's text.
+    pub study: String,
+    /// The trained models; `none` without any.
+    pub model: String,
+}
+
+impl EvidenceBasis {
+    /// The basis of a study without results.
+    pub fn of_study(study: &Study) -> Self {
+        let short = |text: &str| sha256_of_text(text)[..DIGITS].to_owned();
+        EvidenceBasis {
+            system: short(&study.system.text),
+            study: short(&study.text),
+            model: "none".into(),
+        }
+    }
+
+    /// One line, which [`EvidenceBasis::parse`] reads.
+    pub fn in_words(&self) -> String {
+        format!("system {} study {} model {}", self.system, self.study, self.model)
+    }
+
+    /// Reads a line; `None` if it is no basis.
+    pub fn parse(text: &str) -> Option<Self> {
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let ["system", system, "study", study, "model", model] = words[..] else { return None };
+        let [system, study, model] = [system, study, model].map(str::to_owned);
+        Some(EvidenceBasis { system, study, model })
+    }
+
+    /// What changed since another basis, in words; `None` if nothing did.
+    pub fn changes_since(&self, earlier: &EvidenceBasis) -> Option<String> {
+        let pairs = [
+            ("system", &self.system, &earlier.system),
+            ("study", &self.study, &earlier.study),
+            ("model", &self.model, &earlier.model),
+        ];
+        let changed: Vec<&str> =
+            pairs.into_iter().filter(|(_, now, then)| now != then).map(|(name, ..)| name).collect();
+        match changed[..] {
+            [] => None,
+            [one] => Some(format!("the {one} changed")),
+            [one, other] => Some(format!("the {one} and the {other} changed")),
+            _ => Some("the system, the study and the model changed".into()),
+        }
+    }
+}
+
+/// An output folder with results.
+pub struct StudyResultsFolder {
+    /// The folder.
+    pub folder: Folder,
+    /// Its study.
+    pub study: Study,
+    /// What its results were made of.
+    pub basis: EvidenceBasis,
+    /// The evaluation; `None` if the study was not evaluated yet.
+    pub evaluation: Option<Results>,
+    /// The flights; `None` if none were judged.
+    pub flights: Option<FlightResults>,
+    /// The scenario that is quoted.
+    pub setting: Setting,
+}
+
+impl StudyResultsFolder {
+    /// Opens a folder. Without a wanted scenario the most realistic one is quoted.
+    ///
+    /// # Errors
+    /// The folder has no manifest or no study; a file contradicts the manifest; there are no results of the scenario.
+    pub fn open(folder: Folder, wanted: Option<Setting>) -> Result<Self, SafetyError> {
+        let study = folder.read_study()?;
+        let manifest = Manifest::read(folder.path())?;
+        let manifest = manifest.ok_or(SafetyError::NoManifest { folder: folder.path().into() })?;
+        let basis = basis(&folder, &manifest)?;
+        let evaluation = match folder.results().exists() {
+            true => Some(Results::read(&folder)?),
+            false => None,
+        };
+        let flights = flights::results(&folder)?;
+        let setting = setting(&folder, wanted)?;
+        Ok(StudyResultsFolder { folder, study, basis, evaluation, flights, setting })
+    }
+
+    /// The path of an artefact.
+    pub fn artefact(&self, name: &str) -> PathBuf {
+        self.folder.path().join(FOLDER).join(name)
+    }
+
+    /// The evaluation of the quoted scenario.
+    pub fn evaluated(&self) -> Option<&SubjectResult> {
+        self.evaluation.as_ref()?.of(Subject::of(self.setting))
+    }
+
+    /// The judged flights of the quoted scenario, or else of the last one that was flown.
+    pub fn flown(&self) -> Option<&FlightMetrics> {
+        let merits = &self.flights.as_ref()?.merits;
+        let own = merits.iter().find(|merit| merit.setting == self.setting.name());
+        own.or(merits.last())
+    }
+
+    /// The judged flights, which the trees need.
+    ///
+    /// # Errors
+    /// No flights were judged.
+    pub fn flown_or_missing(&self) -> Result<&FlightMetrics, SafetyError> {
+        let path = self.folder.flights();
+        self.flown().ok_or_else(|| JobError::Missing { path, stage: "flights" }.into())
+    }
+
+    /// The scenario of the diagnoser that flies: the quoted one, or else the nearest with flights.
+    pub fn flown_setting(&self) -> Setting {
+        if self.setting.has_tolerances() { Setting::Realistic } else { Setting::Noise }
+    }
+
+    /// Whether a figure of the report is there; its name relative to the folder.
+    pub fn figure(&self, name: &str) -> Option<String> {
+        self.folder.figures().join(name).exists().then(|| format!("figures/{name}"))
+    }
+}
+
+/// The quoted scenario: the wanted one, or the most realistic one with results.
+fn setting(folder: &Folder, wanted: Option<Setting>) -> Result<Setting, SafetyError> {
+    let has_runs = |setting: &Setting| folder.data_set(*setting, Role::Judged).exists();
+    let has_any = |setting: &Setting| has_runs(setting) || folder.diagnoser(*setting).exists();
+    let known: Vec<Setting> = Setting::ALL.into_iter().filter(has_any).collect();
+    match wanted {
+        Some(setting) if !known.contains(&setting) => Err(SafetyError::NoScenario {
+            folder: folder.path().into(),
+            given: setting.name().into(),
+            known: known.iter().map(|known| known.name().to_owned()).collect(),
+        }),
+        Some(setting) => Ok(setting),
+        None => {
+            let subjects: Vec<Subject> = known.into_iter().map(Subject::of).collect();
+            Ok(Subject::default_among(&subjects).map_or(Setting::Noise, Subject::setting))
+        }
+    }
+}
+
+/// The hashes of a folder's study, system and models.
+fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyError> {
+    let input = |name: &str| {
+        let known = manifest.inputs.iter().find(|known| known.file == name);
+        known.map_or_else(|| "none".into(), |known| known.sha256[..DIGITS].to_owned())
+    };
+    let mut models = String::new();
+    for known in &manifest.outputs {
+        let is_model = ["hierarchy-", "panel-"].iter().any(|start| known.file.starts_with(start));
+        if is_model {
+            models += &known.sha256;
+        }
+    }
+    // A diagnoser may have been learned by a command that writes no manifest.
+    for setting in Setting::ALL {
+        let path = folder.diagnoser(setting);
+        if path.exists() {
+            models += &sha256(&path)?;
+        }
+    }
+    let model = match models.is_empty() {
+        true => "none".into(),
+        false => sha256_of_text(&models)[..DIGITS].to_owned(),
+    };
+    Ok(EvidenceBasis { system: input("system.toml"), study: input("study.toml"), model })
+}
+
+/// Reads the columns of a data set that describe faults and their largest residuals; `None` without the data set.
+///
+/// # Errors
+/// The file is damaged, or contradicts the manifest.
+pub fn read_residual_columns(
+    folder: &Folder,
+    setting: Setting,
+) -> Result<Option<table::Table>, SafetyError> {
+    let path = folder.data_set(setting, Role::Judged);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let own = ["variant", "case", "fault", "grade", "failure"];
+    let is_wanted = |name: &str| own.contains(&name) || name.starts_with("largest:");
+    Ok(Some(table::read_wanted(&path, &[], &is_wanted)?))
+}

@@ -1,0 +1,188 @@
+//! Fault trees: gates, basic events and what their probabilities depend on.
+//!
+//! All trees are *coherent*: AND and OR only, so a top event's probability grows with every basic event's.
+
+/// How an event enters a gate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TreeInput {
+    /// A gate, by its index.
+    Gate(usize),
+    /// A basic event, by its index.
+    Event(usize),
+}
+
+/// The kind of a gate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GateKind {
+    /// All inputs.
+    And,
+    /// At least one input.
+    Or,
+}
+
+/// A gate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeGate {
+    /// An identifier of letters, digits, `_` and `-`.
+    pub id: String,
+    /// The event in words.
+    pub title: String,
+    /// Its kind.
+    pub kind: GateKind,
+    /// Its inputs, at least one.
+    pub inputs: Vec<TreeInput>,
+    /// Whether figures show its inputs as a list in one box.
+    pub is_folded: bool,
+}
+
+/// How long a failure may have been there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exposure {
+    /// It begins in this flight.
+    Flight,
+    /// It is known and waits for its repair.
+    Repair,
+    /// It is hidden until the next check.
+    Check,
+}
+
+/// What the probability of a basic event is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EventLaw {
+    /// 1 − exp(−rate · exposure), with a rate by its index.
+    Exponential(usize, Exposure),
+    /// A probability by its index.
+    Constant(usize),
+}
+
+/// A basic event.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BasicEvent {
+    /// An identifier of letters, digits, `_` and `-`.
+    pub id: String,
+    /// The event in words.
+    pub title: String,
+    /// Its probability.
+    pub law: EventLaw,
+}
+
+/// A top event.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TopEvent {
+    /// The index of its gate.
+    pub gate: usize,
+}
+
+/// A fault tree with one or more top events.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FaultTree {
+    /// The basic events. Their order is that of the decision diagram, so related events should be neighbors.
+    pub events: Vec<BasicEvent>,
+    /// The gates; inputs precede their gates.
+    pub gates: Vec<TreeGate>,
+    /// The top events.
+    pub tops: Vec<TopEvent>,
+}
+
+impl FaultTree {
+    /// Adds a basic event.
+    pub fn event(&mut self, id: String, title: String, law: EventLaw) -> TreeInput {
+        self.events.push(BasicEvent { id, title, law });
+        TreeInput::Event(self.events.len() - 1)
+    }
+
+    /// Adds a gate. A gate of one input is that input; one of none never happens and is `None`.
+    pub fn gate(
+        &mut self,
+        kind: GateKind,
+        id: &str,
+        title: &str,
+        inputs: Vec<TreeInput>,
+    ) -> Option<TreeInput> {
+        match inputs[..] {
+            [] => None,
+            [only] => Some(only),
+            _ => Some(self.named_gate(kind, id, title, inputs)),
+        }
+    }
+
+    /// Adds a gate, however few inputs it has.
+    pub fn named_gate(
+        &mut self,
+        kind: GateKind,
+        id: &str,
+        title: &str,
+        inputs: Vec<TreeInput>,
+    ) -> TreeInput {
+        let gate = TreeGate { id: id.into(), title: title.into(), kind, inputs, is_folded: false };
+        self.gates.push(gate);
+        TreeInput::Gate(self.gates.len() - 1)
+    }
+
+    /// Whether an input happens for a set of events that happen.
+    pub fn happens(&self, input: TreeInput, events: &dyn Fn(usize) -> bool) -> bool {
+        match input {
+            TreeInput::Event(event) => events(event),
+            TreeInput::Gate(gate) => {
+                let gate = &self.gates[gate];
+                let mut inputs = gate.inputs.iter();
+                match gate.kind {
+                    GateKind::And => inputs.all(|&input| self.happens(input, events)),
+                    GateKind::Or => inputs.any(|&input| self.happens(input, events)),
+                }
+            }
+        }
+    }
+
+    /// The basic events below an input, ascending.
+    pub fn events_below(&self, input: TreeInput) -> Vec<usize> {
+        let (mut found, mut seen) = (vec![false; self.events.len()], vec![false; self.gates.len()]);
+        let mut open = vec![input];
+        while let Some(next) = open.pop() {
+            match next {
+                TreeInput::Event(event) => found[event] = true,
+                TreeInput::Gate(gate) if !seen[gate] => {
+                    seen[gate] = true;
+                    open.extend(&self.gates[gate].inputs);
+                }
+                TreeInput::Gate(_) => {}
+            }
+        }
+        (0..found.len()).filter(|&event| found[event]).collect()
+    }
+}
+
+/// Results of brute force, for small trees: every set of events is tried.
+#[cfg(test)]
+pub(super) mod brute_force {
+    use super::{FaultTree, TreeInput};
+
+    /// The probability of an input.
+    pub fn probability(tree: &FaultTree, input: TreeInput, of_events: &[f64]) -> f64 {
+        let count = tree.events.len();
+        let mut sum = 0.0;
+        for set in 0..1u32 << count {
+            let is_in = |event: usize| set >> event & 1 == 1;
+            if tree.happens(input, &is_in) {
+                let one =
+                    |event| if is_in(event) { of_events[event] } else { 1.0 - of_events[event] };
+                sum += (0..count).map(one).product::<f64>();
+            }
+        }
+        sum
+    }
+
+    /// The minimal cut sets of an input, as ascending lists of events, in ascending order.
+    pub fn cut_sets(tree: &FaultTree, input: TreeInput) -> Vec<Vec<usize>> {
+        let count = tree.events.len();
+        let happens = |set: u32| tree.happens(input, &|event| set >> event & 1 == 1);
+        let is_minimal = |set: &u32| {
+            happens(*set) && (0..count).all(|e| set >> e & 1 == 0 || !happens(set & !(1 << e)))
+        };
+        let events = |set: u32| (0..count).filter(|e| set >> e & 1 == 1).collect::<Vec<usize>>();
+        let mut found: Vec<Vec<usize>> =
+            (0..1u32 << count).filter(is_minimal).map(events).collect();
+        found.sort();
+        found
+    }
+}

@@ -1,0 +1,127 @@
+//! Measures of what a fault does to a flight: the error of the quantity that follows the command, the force fight of
+//! several actuators, and the first report of a fault.
+
+use super::closed_loop::Record;
+use crate::study::Study;
+use servotwin_diagnosis::diagnoser::Finding;
+use servotwin_model::program::Slot;
+use servotwin_model::spec::Unit;
+
+/// Quantities of the plant to record apart from its sensors, with names and units.
+#[derive(Debug, Clone)]
+pub struct TrackedQuantities {
+    /// The slots to record.
+    pub slots: Vec<Slot>,
+    /// Their names.
+    pub names: Vec<String>,
+    /// Their units.
+    pub units: Vec<Unit>,
+    /// The index of the quantity that follows the command.
+    pub following: Option<usize>,
+}
+
+impl TrackedQuantities {
+    /// Selects the quantity that follows the command (a surface angle or a piston position), the load on it, and the
+    /// forces in the rods.
+    pub fn of(study: &Study) -> Self {
+        let follows = match command_unit(study) {
+            Unit::Radian => ".angle_rad",
+            _ => ".position_m",
+        };
+        let is_wanted = |name: &str| {
+            let ends = [follows, ".rod.force_n", ".shaft.torque_nm"];
+            ends.iter().any(|end| name.ends_with(end))
+        };
+        let observables = study.system.program.observables().iter();
+        let found: Vec<_> = observables.filter(|o| is_wanted(&o.name)).collect();
+        TrackedQuantities {
+            slots: found.iter().map(|o| o.slot).collect(),
+            names: found.iter().map(|o| o.name.clone()).collect(),
+            units: found.iter().map(|o| o.unit).collect(),
+            following: found.iter().position(|o| o.name.ends_with(follows)),
+        }
+    }
+
+    /// The quantity that follows the command minus the command, SI.
+    pub fn tracking_error(&self, study: &Study, record: &Record) -> Option<Vec<f64>> {
+        let unit = command_unit(study);
+        let place = self.following.filter(|&place| self.units[place] == unit)?;
+        let command = &record.inputs[study.command_input];
+        Some(record.plant[place].iter().zip(command).map(|(is, wanted)| is - wanted).collect())
+    }
+
+    /// The slot of the quantity that follows the command.
+    pub fn following_slot(&self) -> Option<Slot> {
+        self.following.map(|place| self.slots[place])
+    }
+
+    /// The index of the rod force of an actuator; `None` if it has no rod.
+    fn rod(&self, unit: &str) -> Option<usize> {
+        let own = if unit.is_empty() { String::new() } else { format!("{unit}.") };
+        let is_rod = |name: &String| name.starts_with(&own) && name.contains("rod.force");
+        self.names.iter().position(is_rod)
+    }
+
+    /// The slots of the rod forces of all actuators; `None` if one has no rod.
+    pub fn rod_slots(&self, study: &Study) -> Option<Vec<Slot>> {
+        study.units.iter().map(|unit| self.rod(unit).map(|place| self.slots[place])).collect()
+    }
+
+    /// The rod force of an actuator, N; `None` if it has no rod.
+    pub fn rod_force<'r>(&self, unit: &str, record: &'r Record) -> Option<&'r Vec<f64>> {
+        self.rod(unit).map(|place| &record.plant[place])
+    }
+
+    /// The force fight, N, of [`force_fight_n`]. `None` for one actuator, or if one has no rod.
+    pub fn force_fight(&self, study: &Study, record: &Record) -> Option<Vec<f64>> {
+        let forces = study.units.iter().map(|unit| self.rod_force(unit, record));
+        let forces: Vec<&Vec<f64>> = forces.collect::<Option<_>>()?;
+        let at = |sample: usize| {
+            force_fight_n(&forces.iter().map(|rod| rod[sample]).collect::<Vec<f64>>())
+        };
+        (0..record.time_s.len()).map(at).collect()
+    }
+}
+
+/// The force fight, N. For two actuators it is half the difference of their rod forces, for more the largest deviation
+/// of a rod force from the mean; `None` for a single one.
+pub fn force_fight_n(rods_n: &[f64]) -> Option<f64> {
+    match *rods_n {
+        [] | [_] => None,
+        [first, second] => Some(0.5 * (first - second)),
+        _ => {
+            let mean = rods_n.iter().sum::<f64>() / rods_n.len() as f64;
+            let farther = |most: f64, one: f64| if one.abs() > most.abs() { one } else { most };
+            Some(rods_n.iter().map(|rod| rod - mean).fold(0.0, farther))
+        }
+    }
+}
+
+/// The unit of the command.
+pub fn command_unit(study: &Study) -> Unit {
+    study.system.network().inputs[study.command_input].unit
+}
+
+/// The first time from `since_s` on at which the diagnosis reported a fault, s.
+pub fn first_report_s(record: &Record, since_s: f64) -> Option<f64> {
+    let is_report = |finding: Finding| {
+        !matches!(
+            finding,
+            Finding::Unjudged | Finding::Healthy | Finding::EnvironmentInvalid { .. }
+        )
+    };
+    let mut later = record.changes.iter().filter(|change| change.time_s >= since_s);
+    later.find(|change| is_report(change.finding)).map(|change| change.time_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn actuators_fight_by_what_their_forces_differ() {
+        assert_eq!(force_fight_n(&[100.0]), None);
+        assert_eq!(force_fight_n(&[300.0, -100.0]), Some(200.0));
+        assert_eq!(force_fight_n(&[100.0, 100.0, -500.0]), Some(-400.0));
+    }
+}
