@@ -9,7 +9,7 @@ out=target/live_page
 mkdir -p "$out"
 if [ "$browser" = firefox ]; then package=firefox-esr; else package=chromium; fi
 command -v "$package" > /dev/null || apt-get install --yes --quiet "$package"
-npm install --silent --no-save --prefix "$out" playwright-core@1.65.1
+npm install --silent --no-save --prefix "$out" puppeteer-core@25.16.0
 cargo build --release --quiet --features serve
 target/release/servotwin serve --port 0 --out "$out/study" > "$out/link" 2> "$out/server.log" &
 server=$!
