@@ -147,7 +147,7 @@ function chart(title, signals, { band = null, limit = null, colors = ["--command
     legend: { show: true, live: false },
     cursor: { sync: { key: "flight" }, drag: { x: true, y: false } },
     scales: { x: { time: false }, y: { range: widest } },
-    axes: [{ ...axis, values: (u, splits) => splits.map((s) => `${s} s`) }, axis],
+    axes: [{ ...axis, values: (u, splits) => splits.map((s) => `${s} s`) }, { ...axis, space: 18 }],
     series: [{ label: "time / s" }, ...lines],
     hooks,
   };
