@@ -322,18 +322,14 @@ fn usual_constants() -> Vec<Constant> {
 fn constants_table() -> String {
     let row = |constant: Constant| {
         let Constant { name, value, unit, meaning, source, .. } = &constant;
-        let (_, number) = source.rsplit_once('/').expect("a page in a folder");
-        let of = if source.starts_with("lab/") { "lab note" } else { "decision" };
-        let shown = match number.split_once('-') {
-            Some((number, _)) if of == "decision" => format!("decision {number}"),
-            _ => of.to_owned(),
-        };
         let value = format!("{value} {unit}");
         let (value, label) = (value.trim_end(), constant.label());
-        format!("| `{name}` | {value} | {label} | {meaning} | [{shown}]({source}) |\n")
+        format!("| `{name}` | {value} | {label} | {meaning} | `{source}` |\n")
     };
     let rows: String = usual_constants().into_iter().map(row).collect();
-    format!("| constant | value | label | meaning | source |\n|---|---|---|---|---|\n{rows}")
+    format!(
+        "| constant | value | label | meaning | source in `docs/` of the repository |\n|---|---|---|---|---|\n{rows}"
+    )
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The constants of the diagnosis in operation, with where their values come from.
 
 use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
 use crate::words::number;
 use crate::{Material, Section};
 use servotwin::study::Setting;
@@ -19,13 +20,15 @@ impl Section for Constants {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
+        let words = &material.words();
         for (settings, constants) in grouped(material.constants) {
             let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
-            page.table(&grid(constants), &format!(
-                "The constants of the diagnoser, setting {}. Physical: from what actuators, sensors and computers \
+            page.table(&grid(constants, words), &format!(
+                "The constants of the diagnoser, setting {}. Physical: from what {}s, sensors and computers \
                  are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
                  in flights of a seed that no evaluation uses.",
-                names.join(" and ")
+                names.join(" and "),
+                words.unit()
             ));
         }
     }
@@ -43,7 +46,7 @@ fn grouped(all: &[(Setting, Vec<Constant>)]) -> Vec<(Vec<Setting>, &[Constant])>
     groups
 }
 
-fn grid(constants: &[Constant]) -> Grid {
+fn grid(constants: &[Constant], words: &Vocabulary) -> Grid {
     let mut grid = Grid::new([
         ("constant", Side::Left),
         ("value", Side::Right),
@@ -57,7 +60,7 @@ fn grid(constants: &[Constant]) -> Grid {
             constant.name.replace('_', " "),
             value.trim_end().into(),
             constant.label(),
-            constant.meaning.into(),
+            words.adapted(constant.meaning),
             constant.source.into(),
         ]);
     }

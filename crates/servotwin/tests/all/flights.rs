@@ -286,7 +286,10 @@ fn left_beside(is_fitted: bool) -> f64 {
     let head = include_str!("../tiny.toml").replace("[0.4, 0.6, 0.8, 1.0]", "[0.6, 1.0]");
     let flights = format!("{}\nonset_s", draw("[0.6, 1.6]"));
     let other = format!("[flights.other_plant]\n{}\n[reactions]", draw("[1.4, 1.4]"));
+    let tolerant = "[realistic]\ntolerances = [\
+                    { parameters = [\"cylinder.coulomb_friction_n\"], sigma = 0.05 }]";
     let rest = STUDY.replace("onset_s", &flights).replace("[reactions]", &other);
+    let rest = rest.replace("[realistic]", tolerant);
     let fitted = "[fitted]\ncommand = \"noise:rms=4deg,bandwidth=1Hz,seed=9\"\nduration_s = 12\n\
                   judge = 4\nlearn = 4\nin_each_case = 2\n";
     let study = Study::parse(&format!("{head}{rest}{fitted}"), "tiny.toml").unwrap();
