@@ -4,8 +4,8 @@
 //! - [`residuals`]: runs of the campaign, by fault
 //! - [`flights`]: closed-loop flights, with the diagnosis and without it
 //! - [`severity`]: the stated rule
-//! - [`sheet`]: what people filled in, and how it survives
-//! - [`format`]: CSV and XLSX
+//! - [`mod@sheet`]: what people filled in, and how it survives
+//! - [`mod@format`]: CSV and XLSX
 
 pub mod cell;
 mod declared;

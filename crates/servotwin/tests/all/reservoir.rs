@@ -1,6 +1,9 @@
 //! The reservoirs of the aileron: what a leak loses, what a shutdown keeps, and what happens when one is empty.
 
+use servotwin::flight::closed_loop::Record;
+use servotwin::flight::cost::Cost;
 use servotwin::signal::Signal;
+use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::system::reservoir::Level;
 use servotwin_model::program::FaultAt;
@@ -81,6 +84,31 @@ fn named(system: &System, (id, intensity): (&str, f64)) -> FaultAt {
 
 fn lost_m3(fluid: &[f64]) -> f64 {
     fluid[0] - fluid[fluid.len() - 1]
+}
+
+/// A record of 20 s without an action in which the first reservoir loses fluid from 5 s on, m³/s.
+fn leaking(loss_m3_s: f64) -> Record {
+    let time_s: Vec<f64> = (0..=2000).map(|k| f64::from(k) * PERIOD_S).collect();
+    let first = time_s.iter().map(|time| (12e-3 - loss_m3_s * (time - 5.0).max(0.0)).max(0.0));
+    let fluid_m3 = vec![first.collect(), vec![12e-3; time_s.len()]];
+    Record { time_s, fluid_m3, ..Record::default() }
+}
+
+#[test]
+fn the_cost_of_a_leak_is_its_fluid_and_the_time_that_is_left() {
+    let study = Study::default();
+    let cost = Cost::of(&study, &leaking(1e-5), 5.0);
+    let [leaking_one, other] = &cost.fluids[..] else { panic!("two reservoirs") };
+    assert!((leaking_one.lost_m3 - 15e-5).abs() < 1e-9);
+    assert!((leaking_one.empty_s.unwrap() - 1200.0).abs() < 1.0, "12 L at 0.6 L/min");
+    assert!(other.empty_s.is_none() && other.loss_m3_s < 1e-12);
+    assert_eq!((cost.in_fault_s, cost.authority), (15.0, 1.0));
+    // What would take longer than a day is no leak.
+    assert_eq!(Cost::of(&study, &leaking(1e-7), 5.0).fluids[0].empty_s, None);
+    // An empty reservoir takes its actuator the pressure, which is half of the authority.
+    let empty = Cost::of(&study, &leaking(2e-3), 5.0);
+    assert!((empty.fluids[0].empty_s.unwrap() - 6.0).abs() < 0.02);
+    assert_eq!(empty.authority, 0.5);
 }
 
 /// Chambers and lines breathe with their pressures, which is some cubic centimetres.
