@@ -1,6 +1,8 @@
 //! Exact intervals of counts.
 
-use servotwin_learning::metrics::{binomial_tail, find_share};
+use servotwin_learning::metrics::{
+    binomial_tail, clopper_pearson_upper, find_share, poisson_at_most,
+};
 
 /// A quantity that was counted: its estimate and the ends of its interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -27,10 +29,7 @@ pub fn clopper_pearson(count: u64, of: u64, confidence: f64) -> CountedValue {
         0 => 0.0,
         count => find_share(|share| binomial_tail(count, of, share), tail),
     };
-    let high = match count < of {
-        false => 1.0,
-        true => find_share(|share| binomial_tail(count + 1, of, share), 1.0 - tail),
-    };
+    let high = clopper_pearson_upper(count, of, 1.0 - tail);
     CountedValue { point: count as f64 / of as f64, low, high }
 }
 
@@ -52,17 +51,6 @@ pub fn poisson_rate_per_h(count: u64, hours: f64, confidence: f64) -> CountedVal
     let low = if count == 0 { 0.0 } else { mean(count - 1, 1.0 - tail) };
     let high = mean(count, tail);
     CountedValue { point: count as f64 / hours, low: low / hours, high: high / hours }
-}
-
-/// The probability of at most `count` events of a Poisson distribution.
-fn poisson_at_most(count: u64, mean: f64) -> f64 {
-    let mut term = (-mean).exp();
-    let mut sum = term;
-    for k in 1..=count {
-        term *= mean / k as f64;
-        sum += term;
-    }
-    sum
 }
 
 #[cfg(test)]

@@ -378,26 +378,27 @@ async fn view(socket: WebSocket, shared: &Shared) {
             request = from_viewer.next() => match request {
                 Some(Ok(ws::Message::Text(words))) => match take(&words, shared) {
                     Ok(()) => continue,
-                    Err(refused) => text(&json!({ "refused": refused.to_string() }).to_string()),
+                    Err(refused) => refusal(shared, &mut refused_here, &refused),
                 },
                 Some(Ok(ws::Message::Binary(_))) => {
                     let refused = Refused::NotUnderstood("requests are text".into());
-                    text(&json!({ "refused": refused.to_string() }).to_string())
+                    refusal(shared, &mut refused_here, &refused)
                 }
                 Some(Ok(ws::Message::Ping(_) | ws::Message::Pong(_))) => continue,
                 Some(Ok(ws::Message::Close(_)) | Err(_)) | None => return,
             },
         };
-        let is_refusal =
-            matches!(&message, ws::Message::Text(words) if words.starts_with("{\"refused\""));
-        if is_refusal {
-            shared.counts.refused_requests.fetch_add(1, Ordering::Relaxed);
-            refused_here += 1;
-        }
         if refused_here > MOST_REFUSED || to_viewer.send(message).await.is_err() {
             return;
         }
     }
+}
+
+/// The answer to a refused request, which is counted.
+fn refusal(shared: &Shared, refused_here: &mut u64, refused: &Refused) -> ws::Message {
+    shared.counts.refused_requests.fetch_add(1, Ordering::Relaxed);
+    *refused_here += 1;
+    text(&json!({ "refused": refused.to_string() }).to_string())
 }
 
 fn take(words: &str, shared: &Shared) -> Result<(), Refused> {

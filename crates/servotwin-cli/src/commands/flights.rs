@@ -181,35 +181,27 @@ fn other_plant(
             "the study has no [flights.other_plant]: docs/study-format.md says what stands there",
         )
     };
-    if options.fitted {
+    let (mut text, words) = (String::new(), Vocabulary::of(study));
+    let value = if options.fitted {
         let judged = with_crew(options.study.threads, global, |crew| {
             flights::fly_fitted_other_plant(&folder, study, sizes, is_full, crew)
         })?;
         let judged = judged.ok_or_else(missing)?;
-        manifest::write(&folder, study)?;
-        return Ok(match global {
-            Global { json: true, .. } => json(&json!(judged)),
-            Global { quiet: true, .. } => String::new(),
-            _ => {
-                let mut out = String::new();
-                of_fitted_plants(&mut out, &judged, &Vocabulary::of(study));
-                out
-            }
-        });
-    }
-    let merit = with_crew(options.study.threads, global, |crew| {
-        flights::fly_other_plant(&folder, study, sizes, is_full, crew)
-    })?;
-    let merit = merit.ok_or_else(missing)?;
+        of_fitted_plants(&mut text, &judged, &words);
+        json!(judged)
+    } else {
+        let merit = with_crew(options.study.threads, global, |crew| {
+            flights::fly_other_plant(&folder, study, sizes, is_full, crew)
+        })?;
+        let merit = merit.ok_or_else(missing)?;
+        of_other_plant(&mut text, &merit, &words);
+        json!(merit)
+    };
     manifest::write(&folder, study)?;
     Ok(match global {
-        Global { json: true, .. } => json(&json!(merit)),
+        Global { json: true, .. } => json(&value),
         Global { quiet: true, .. } => String::new(),
-        _ => {
-            let mut out = String::new();
-            of_other_plant(&mut out, &merit, &Vocabulary::of(study));
-            out
-        }
+        _ => text,
     })
 }
 

@@ -8,7 +8,7 @@ mod tail;
 pub use confusion::Confusion;
 pub use rate::{
     Rate, Trial, binomial_tail, clopper_pearson_upper, cluster_bootstrap, find_share,
-    wilson_interval,
+    poisson_at_most, wilson_interval,
 };
 pub use score::{Prediction, Score};
 pub use tail::{LEAST_EXCESSES, Tail};

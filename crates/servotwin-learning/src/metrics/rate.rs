@@ -114,6 +114,17 @@ pub fn clopper_pearson_upper(count: u64, of: u64, confidence: f64) -> f64 {
     find_share(|share| binomial_tail(count + 1, of, share), confidence)
 }
 
+/// The probability of at most `count` events of a Poisson distribution with this mean.
+pub fn poisson_at_most(count: u64, mean: f64) -> f64 {
+    let mut term = (-mean).exp();
+    let mut sum = term;
+    for k in 1..=count {
+        term *= mean / k as f64;
+        sum += term;
+    }
+    sum
+}
+
 /// Finds the share at which a probability reaches a value, by bisection. The probability must grow with the share.
 pub fn find_share(probability: impl Fn(f64) -> f64, value: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);

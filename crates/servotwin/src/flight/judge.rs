@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
-use servotwin_learning::metrics::{Rate, Trial, clopper_pearson_upper};
+use servotwin_learning::metrics::{Rate, Trial, clopper_pearson_upper, poisson_at_most};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -792,19 +792,10 @@ pub(super) fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Lat
 
 /// The mean of a Poisson distribution that gives at most `count` events with a probability of 5 %.
 fn most_of_poisson(count: u64) -> f64 {
-    let at_most = |mean: f64| {
-        let mut term = (-mean).exp();
-        let mut sum = term;
-        for k in 1..=count {
-            term *= mean / k as f64;
-            sum += term;
-        }
-        sum
-    };
     let (mut low, mut high) = (0.0, 10.0 + 4.0 * count as f64);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
-        if at_most(middle) > 0.05 { low = middle } else { high = middle }
+        if poisson_at_most(count, middle) > 0.05 { low = middle } else { high = middle }
     }
     high
 }

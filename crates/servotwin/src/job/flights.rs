@@ -398,7 +398,7 @@ pub fn fly_fitted_other_plant(
     let (flown, calibration) = flown.beside_fitted_twins(crew.workers)?;
     let asked = (OTHER_PLANT_FITTED, is_full);
     let merit = judge_other_plants(folder, &flown, &flights, asked, crew)?;
-    let mut all = write(folder, &flights, is_full, vec![], None)?;
+    let mut all = joined(folder, &flights, is_full, vec![], None)?;
     let judged = FittedPlants { merit, calibration };
     all.other_plant_fitted = Some(judged.clone());
     model_file::write(folder.flights(), &all)?;
@@ -492,11 +492,23 @@ pub fn write(
     measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
     other_plant: Option<FlightMetrics>,
 ) -> Result<FlightResults, JobError> {
+    let all = joined(folder, flights, is_full, measured, other_plant)?;
+    model_file::write(folder.flights(), &all)?;
+    Ok(all)
+}
+
+/// New results with those stored results of other settings that come from flights of the same sizes.
+fn joined(
+    folder: &Folder,
+    flights: &Flights,
+    is_full: bool,
+    measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
+    other_plant: Option<FlightMetrics>,
+) -> Result<FlightResults, JobError> {
     let mut all = FlightResults::new(flights, is_full, measured, other_plant);
     if let Some(before) = results(folder)? {
         all.join(before);
     }
-    model_file::write(folder.flights(), &all)?;
     Ok(all)
 }
 
