@@ -116,7 +116,7 @@ pub fn clopper_pearson_upper(count: u64, of: u64, confidence: f64) -> f64 {
 
 /// The probability of at most `count` events of a Poisson distribution with this mean.
 pub fn poisson_at_most(count: u64, mean: f64) -> f64 {
-    let mut term = (-mean).exp();
+    let mut term = libm::exp(-mean);
     let mut sum = term;
     for k in 1..=count {
         term *= mean / k as f64;
