@@ -392,6 +392,8 @@ fn of_safety(error: &SafetyError) -> u8 {
         SafetyError::Hours { .. }
         | SafetyError::SheetFormat { .. }
         | SafetyError::Feature { .. }
+        | SafetyError::NoSensor { .. }
+        | SafetyError::TooManySensors { .. }
         | SafetyError::NoScenario { .. } => 2,
         SafetyError::Flight { .. } => 1,
         SafetyError::File(error) => of_file(error),

@@ -1,5 +1,6 @@
 //! Reasons why an artefact cannot be made.
 
+use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
@@ -93,6 +94,35 @@ pub enum SafetyError {
         /// The faults.
         missing: Vec<String>,
     },
+    /// A sensor that is to be kept does not exist.
+    #[error("there is no sensor '{given}' to keep; there are: {}", .known.join(", "))]
+    NoSensor {
+        /// The unknown name.
+        given: String,
+        /// The sensors.
+        known: Vec<String>,
+    },
+    /// Too many sets of sensors to judge them all.
+    #[error(
+        "{free} sensors may be left out, which is too many to judge every set; allowed are {most}: keep some with --keep SENSOR"
+    )]
+    TooManySensors {
+        /// Number of sensors that may be left out.
+        free: usize,
+        /// The most that are allowed.
+        most: usize,
+    },
+    /// Sensors without a cost.
+    #[error("{path}: sensors without a cost: {}; each needs a row 'sensor,cost,source'", first(.missing))]
+    NoCosts {
+        /// The table of costs.
+        path: PathBuf,
+        /// The sensors.
+        missing: Vec<String>,
+    },
+    /// A classifier cannot be trained.
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
     /// The study has nothing to build a tree from.
     #[error("the study '{study}': {problem}")]
     Study {

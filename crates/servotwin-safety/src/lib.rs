@@ -12,6 +12,7 @@ pub mod fmea;
 pub mod interval;
 pub mod rates;
 pub mod results;
+pub mod sensors;
 pub mod tree;
 
 pub use error::{SafetyError, XLSX_LINE};

@@ -8,7 +8,7 @@
 //! | `source` | where the rate comes from |
 
 use crate::error::{SafetyError, unknown};
-use servotwin::table::csv::texts::{self, TextRow};
+use servotwin::table::csv::texts::{self, TextRow, Texts};
 use servotwin::table::{self, Column, Table};
 use std::path::{Path, PathBuf};
 
@@ -59,17 +59,7 @@ impl FailureRates {
     /// The file cannot be read; a column is missing; a cell is not allowed.
     pub fn read(path: &Path, faults: &[RatedFault]) -> Result<Self, SafetyError> {
         let table = texts::read(path)?;
-        let place = |name: &str| {
-            table.column(name).ok_or_else(|| SafetyError::NoColumn {
-                path: path.into(),
-                column: name.into(),
-                needed: COLUMNS.map(str::to_owned).to_vec(),
-            })
-        };
-        let mut places = [0; 4];
-        for (own, name) in places.iter_mut().zip(COLUMNS) {
-            *own = place(name)?;
-        }
+        let places = find_columns(path, &table, COLUMNS)?;
         let mut known: Vec<String> =
             faults.iter().flat_map(|f| [f.id.clone(), f.kind.clone()]).collect();
         known.sort();
@@ -126,6 +116,23 @@ impl FailureRates {
         let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
         find(&fault.id).or_else(|| find(&fault.kind))
     }
+}
+
+/// The indices of a table's columns.
+pub(crate) fn find_columns<const N: usize>(
+    path: &Path,
+    table: &Texts,
+    names: [&'static str; N],
+) -> Result<[usize; N], SafetyError> {
+    let mut places = [0; N];
+    for (place, name) in places.iter_mut().zip(names) {
+        *place = table.column(name).ok_or_else(|| SafetyError::NoColumn {
+            path: path.into(),
+            column: name.into(),
+            needed: names.map(str::to_owned).to_vec(),
+        })?;
+    }
+    Ok(places)
 }
 
 /// Writes a table of rates to be filled in: every kind of fault once, without a rate.

@@ -29,6 +29,7 @@ mod progress;
 pub mod report;
 pub mod results;
 pub mod schema;
+pub mod sensors;
 pub mod serve;
 pub mod simulate;
 pub mod study;

@@ -1,0 +1,163 @@
+//! `servotwin sensors`: what each sensor buys.
+
+use super::evaluate::workers;
+use super::{note, setting_of};
+use crate::failure::Failure;
+use crate::paths::Paths;
+use crate::render::json;
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::evaluation::metrics::Rate;
+use servotwin::job::{Among, Folder};
+use servotwin_report::words::percent;
+use servotwin_safety::results::StudyResultsFolder;
+use servotwin_safety::sensors::candidates::SensorMask;
+use servotwin_safety::sensors::{SensorSet, SensorTrade};
+use std::path::PathBuf;
+
+/// Judge every set of sensors that leaves control possible.
+///
+/// Control needs a sensor that a component of the system reads. All sets with these are judged on the commands that
+/// nothing was trained on: which faults they detect, to how many faults they isolate, and which shutdowns are wrong or
+/// missed. Trees are trained again for each set. The command also computes which faults no classifier could separate
+/// with a set, and writes safety/sensors.csv, safety/pairs.csv and the Pareto front as safety/pareto.svg.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The output folder of a study with data sets ('servotwin study').
+    #[arg(value_name = "FOLDER", default_value = "out")]
+    folder: PathBuf,
+    /// A table of costs: sensor, cost, source. Without one, each sensor costs 1.
+    #[arg(long, value_name = "FILE")]
+    costs: Option<PathBuf>,
+    /// Keep a sensor in every set; may be repeated.
+    #[arg(long, value_name = "SENSOR")]
+    keep: Vec<String>,
+    /// The scenario whose runs are used: ideal, noise, fitted or realistic [default: the most realistic one].
+    #[arg(long, value_name = "SCENARIO")]
+    setting: Option<String>,
+    /// Number of threads [default: all processors; results do not depend on it].
+    #[arg(long, value_parser = super::threads)]
+    threads: Option<usize>,
+}
+
+impl Options {
+    /// The files that the command reads.
+    pub fn paths(&self) -> Paths {
+        Paths::default().read("--costs", &self.costs)
+    }
+}
+
+/// Returns the text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    stop::heed();
+    let folder = Folder::new(&options.folder);
+    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    let costs = options.costs.as_deref();
+    let trade = SensorTrade::new(&results, &options.keep, costs, workers(options.threads))?;
+    let _hold = folder.hold(Among::Nobody)?;
+    let written = trade.write(&results)?;
+    for text in &trade.notes {
+        note(global, text);
+    }
+    let files: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
+    Ok(match global {
+        Global { json: true, .. } => json(&json!({
+            "scenario": trade.scenario,
+            "sets": trade.sets.len(),
+            "best_of_sizes": trade.best_of_sizes().iter().map(|set| values(&trade, set)).collect::<Vec<_>>(),
+            "files": files,
+        })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}{}\n", text_of(&trade), files.join("\n")),
+    })
+}
+
+fn values(trade: &SensorTrade, set: &SensorSet) -> serde_json::Value {
+    json!({
+        "sensors": trade.candidates.names(set.set),
+        "cost": set.cost,
+        "detected": set.rates.detected,
+        "isolated": set.rates.isolated,
+        "isolable": set.isolable,
+        "wrong_shutdown": set.rates.wrong_shutdown,
+        "missed_shutdown": set.rates.missed_shutdown,
+    })
+}
+
+fn text_of(trade: &SensorTrade) -> String {
+    let candidates = &trade.candidates;
+    let able = trade.sets.iter().filter(|set| set.keeps_control).count();
+    let needed = candidates.list.iter().filter_map(|sensor| {
+        sensor.read_by.as_ref().map(|reader| format!("{} ({reader})", sensor.id))
+    });
+    let mut text = format!(
+        "scenario {}: {} sets judged, {able} of them leave control possible\ncontrol needs {}\n",
+        trade.scenario,
+        trade.sets.len(),
+        needed.collect::<Vec<_>>().join(", ")
+    );
+    text += "\nfewest wrong and missed shutdowns for each number of sensors\n";
+    text += "  sensors    cost  detected  isolable  isolated   wrong  missed  left out\n";
+    for set in trade.best_of_sizes() {
+        text += &row_of(trade, set);
+    }
+    let Some(base) = trade.of(candidates.base()) else { return text };
+    text += "\nchange by one sensor, in points\n";
+    text += "                   detected  isolable  isolated   wrong  missed\n";
+    for (place, sensor) in candidates.list.iter().enumerate() {
+        let sign = if sensor.is_extra { "with" } else { "without" };
+        let Some(other) = trade.of(candidates.base() ^ (1 << place)) else { continue };
+        let control = if other.keeps_control { "" } else { "  control needs it" };
+        text += &format!("  {sign:<7} {:<9}{}{control}\n", sensor.id, changes(base, other));
+    }
+    text + &pairs_of(trade)
+}
+
+/// The rates of a set in the order of the columns.
+fn rates(set: &SensorSet) -> [Option<Rate>; 5] {
+    let own = &set.rates;
+    let isolable = set.isolable.map(|of| of[0]);
+    let [detected, isolated, wrong, missed] =
+        [own.detected, own.isolated[0], own.wrong_shutdown, own.missed_shutdown].map(Some);
+    [detected, isolable, isolated, wrong, missed]
+}
+
+fn row_of(trade: &SensorTrade, set: &SensorSet) -> String {
+    let left: SensorMask = trade.candidates.all() & !set.set;
+    let [detected, isolable, isolated, wrong, missed] =
+        rates(set).map(|rate| percent(rate.and_then(|rate| rate.share)));
+    format!(
+        "  {:>7} {:>7} {detected:>9} {isolable:>9} {isolated:>9} {wrong:>7} {missed:>7}  {}\n",
+        set.set.count_ones(),
+        set.cost,
+        trade.candidates.names(left)
+    )
+}
+
+/// How the rates of a set differ from those of the system's own sensors.
+fn changes(base: &SensorSet, other: &SensorSet) -> String {
+    let pairs = rates(base).into_iter().zip(rates(other));
+    let change = |(before, after): (Option<Rate>, Option<Rate>)| {
+        let points = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
+        points.map_or("–".into(), |(before, after)| format!("{:+.1}", 100.0 * (after - before)))
+    };
+    let texts: Vec<String> = pairs.map(change).collect();
+    let widths = [9, 9, 9, 7, 7];
+    texts.iter().zip(widths).map(|(text, width)| format!(" {text:>width$}")).collect()
+}
+
+/// How many confusions no classifier could avoid.
+fn pairs_of(trade: &SensorTrade) -> String {
+    let mut text = String::new();
+    for own in trade.pairs.iter().filter(|own| own.is_structural) {
+        let confused: u64 = own.pairs.values().map(|pair| pair.confused).sum();
+        let alike: u64 = own.pairs.values().map(|pair| pair.confused_alike).sum();
+        text += &format!(
+            "\nwith {} sensors: {confused} runs taken for another fault, {alike} of them impossible to separate with \
+             these sensors\n",
+            own.set.count_ones()
+        );
+    }
+    text
+}

@@ -1,0 +1,247 @@
+//! The artefact *sensors*: what each sensor buys.
+//!
+//! - [`candidates`]: which sets of sensors leave control possible, and what they cost
+//! - [`runs`]: the runs of a scenario, and the features that a set leaves
+//! - [`judged`]: detection, isolation and shutdowns of a set on commands that it was not trained on
+//! - [`structure`]: which faults no classifier could separate with a set
+//! - [`written`]: tables and figure
+//!
+//! Every set that leaves control possible is judged, so the best set of each size and the Pareto front are exact for
+//! these runs. The system's own sensors without each single one are judged too, also where control needs it: that is
+//! what its residual is worth to the diagnosis.
+
+pub mod candidates;
+pub mod judged;
+pub mod runs;
+pub mod structure;
+pub mod written;
+
+use crate::error::SafetyError;
+use crate::results::StudyResultsFolder;
+use candidates::{Candidates, SensorMask};
+use judged::{FaultAnswer, GROUPS, SensorRates};
+use runs::{FaultClass, SensorRuns};
+use servotwin::evaluation::protocol::trial;
+use servotwin::parallel::{self, Workers};
+use servotwin_learning::metrics::Rate;
+use std::collections::BTreeMap;
+use std::path::Path;
+use structure::Isolability;
+
+/// What was found of a set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorSet {
+    /// The sensors.
+    pub set: SensorMask,
+    /// Its cost.
+    pub cost: f64,
+    /// Whether it leaves control possible.
+    pub keeps_control: bool,
+    /// What its trees achieve.
+    pub rates: SensorRates,
+    /// Detected faults within the noise of no other one, of at most one, and of at most two; `None` without enough
+    /// healthy specimens.
+    pub isolable: Option<[Rate; GROUPS]>,
+    /// Whether no set that leaves control possible is better.
+    pub is_on_front: bool,
+}
+
+impl SensorSet {
+    /// Number of wrong and missed shutdowns.
+    pub fn errors(&self) -> u64 {
+        self.rates.wrong_shutdown.count + self.rates.missed_shutdown.count
+    }
+
+    /// Whether it is at least as good as another set in cost, shutdown errors and isolation, and better in one.
+    fn beats(&self, other: &SensorSet) -> bool {
+        let key = |set: &SensorSet| (set.cost, set.errors(), set.rates.isolated[0].count);
+        let ((cost, errors, isolated), than) = (key(self), key(other));
+        cost <= than.0 && errors <= than.1 && isolated >= than.2 && (cost, errors, isolated) != than
+    }
+}
+
+/// Runs of one fault that another one may be confused with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FaultPair {
+    /// Detected runs of the first fault.
+    pub detected: u64,
+    /// Of these: within the noise of the second fault.
+    pub alike: u64,
+    /// Of these: taken for the second fault.
+    pub confused: u64,
+    /// Of the confused runs: within the noise of the second fault.
+    pub confused_alike: u64,
+}
+
+impl FaultPair {
+    /// Why the first fault is taken for the second.
+    pub fn verdict(&self) -> &'static str {
+        match self.confused {
+            0 => "alike, not confused",
+            _ if 2 * self.confused_alike >= self.confused => "impossible with these sensors",
+            _ => "classifier weak",
+        }
+    }
+}
+
+/// The fault pairs of a set of sensors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetPairs {
+    /// The sensors.
+    pub set: SensorMask,
+    /// Whether it is known which faults look alike; without enough healthy specimens it is not.
+    pub is_structural: bool,
+    /// The pairs by the names of their faults.
+    pub pairs: BTreeMap<(String, String), FaultPair>,
+}
+
+/// What each sensor of a study buys.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorTrade {
+    /// The scenario.
+    pub scenario: &'static str,
+    /// The sensors.
+    pub candidates: Candidates,
+    /// Every judged set, in the order of [`Candidates::sets`].
+    pub sets: Vec<SensorSet>,
+    /// The fault pairs of the system's own sensors and, with an extra sensor, of all.
+    pub pairs: Vec<SetPairs>,
+    /// What readers must know.
+    pub notes: Vec<String>,
+}
+
+/// One judged set, with the answers that pairs are counted from.
+type Judged = (SensorSet, Vec<FaultAnswer>, Option<Isolability>);
+
+impl SensorTrade {
+    /// Judges every set of sensors of a study; `progress` gets the share that is done.
+    ///
+    /// # Errors
+    /// There is no data set; the costs are wrong; too many sensors may be left out; the caller stopped the work.
+    pub fn new(
+        results: &StudyResultsFolder,
+        keep: &[String],
+        costs: Option<&Path>,
+        workers: Workers,
+    ) -> Result<Self, SafetyError> {
+        let extra = SensorRuns::have_extra(results);
+        let candidates = Candidates::new(&results.study, extra, keep, costs)?;
+        let runs = SensorRuns::read(results, &candidates)?;
+        let sets = candidates.sets();
+        let judge = |&set: &SensorMask| judge(&runs, &candidates, set);
+        let judged = parallel::map(&sets, workers, judge).map_err(|_| SafetyError::Cancelled)?;
+        let judged: Vec<Judged> = judged.into_iter().collect::<Result<_, _>>()?;
+        let is_paired = |set: SensorMask| set == candidates.base() || set == candidates.all();
+        let pairs = judged.iter().filter(|(own, ..)| is_paired(own.set));
+        let pairs = pairs.map(|(own, answers, alike)| SetPairs {
+            set: own.set,
+            is_structural: alike.is_some(),
+            pairs: fault_pairs(&runs, answers, alike.as_ref()),
+        });
+        let pairs = pairs.collect();
+        let mut notes = vec![];
+        if judged.iter().any(|(own, ..)| own.isolable.is_none()) {
+            notes.push(format!(
+                "the scenario {} has too few healthy specimens for a covariance of all sensors, so structural \
+                 isolability is missing",
+                results.setting.name()
+            ));
+        }
+        if results.study.extra_sensor.is_some() && !extra {
+            notes.push("the extra sensor is judged in the scenario realistic only".into());
+        }
+        if runs.data.failed > 0 {
+            notes.push(format!(
+                "{} runs were not simulated to the end and are left out",
+                runs.data.failed
+            ));
+        }
+        let mut sets: Vec<SensorSet> = judged.into_iter().map(|(set, ..)| set).collect();
+        mark_front(&mut sets);
+        Ok(SensorTrade { scenario: results.setting.name(), candidates, sets, pairs, notes })
+    }
+
+    /// What was found of a set.
+    pub fn of(&self, set: SensorMask) -> Option<&SensorSet> {
+        self.sets.iter().find(|own| own.set == set)
+    }
+
+    /// For every number of sensors, the set with the fewest shutdown errors that leaves control possible. Among equals
+    /// it isolates the most faults, then detects the most, then costs the least.
+    pub fn best_of_sizes(&self) -> Vec<&SensorSet> {
+        let mut best: BTreeMap<u32, &SensorSet> = BTreeMap::new();
+        for set in self.sets.iter().filter(|set| set.keeps_control) {
+            let first = best.entry(set.set.count_ones()).or_insert(set);
+            let key = |s: &SensorSet| {
+                let Rate { count, .. } = s.rates.isolated[0];
+                (s.errors(), u64::MAX - count, u64::MAX - s.rates.detected.count)
+            };
+            if key(set) < key(first) || (key(set) == key(first) && set.cost < first.cost) {
+                *first = set;
+            }
+        }
+        best.into_values().collect()
+    }
+}
+
+fn judge(
+    runs: &SensorRuns,
+    candidates: &Candidates,
+    set: SensorMask,
+) -> Result<Judged, SafetyError> {
+    let answers = judged::answers(runs, candidates, set)?;
+    let alike = structure::isolability(runs, candidates, set);
+    let isolable = alike.as_ref().map(|alike| {
+        [1, 2, 3].map(|size| {
+            let holds = |(place, answer): (usize, &FaultAnswer)| {
+                let holds = answer.is_detected && alike.is_isolable(place, size);
+                trial(&runs.data, answer.row, holds)
+            };
+            Rate::clustered(&answers.iter().enumerate().map(holds).collect::<Vec<_>>())
+        })
+    });
+    let found = SensorSet {
+        set,
+        cost: candidates.cost(set),
+        keeps_control: candidates.keeps_control(set),
+        rates: judged::rates(runs, set, &answers),
+        isolable,
+        is_on_front: false,
+    };
+    Ok((found, answers, alike))
+}
+
+fn mark_front(sets: &mut [SensorSet]) {
+    let able: Vec<SensorSet> = sets.iter().filter(|set| set.keeps_control).cloned().collect();
+    for set in sets.iter_mut().filter(|set| set.keeps_control) {
+        set.is_on_front = !able.iter().any(|other| other.beats(set));
+    }
+}
+
+/// Counts, for every fault, the faults that its detected runs look like or are taken for.
+fn fault_pairs(
+    runs: &SensorRuns,
+    answers: &[FaultAnswer],
+    alike: Option<&Isolability>,
+) -> BTreeMap<(String, String), FaultPair> {
+    let mut pairs: BTreeMap<(FaultClass, FaultClass), FaultPair> = BTreeMap::new();
+    let mut detected: BTreeMap<FaultClass, u64> = BTreeMap::new();
+    for (place, answer) in answers.iter().enumerate().filter(|(_, answer)| answer.is_detected) {
+        let truth = runs.class(answer.row);
+        *detected.entry(truth).or_default() += 1;
+        let like = alike.map_or(&[][..], |alike| &alike.alike[place]);
+        for &other in like {
+            pairs.entry((truth, other)).or_default().alike += 1;
+        }
+        if let Some(other) = answer.fault.filter(|other| *other != truth) {
+            let pair = pairs.entry((truth, other)).or_default();
+            pair.confused += 1;
+            pair.confused_alike += u64::from(like.contains(&other));
+        }
+    }
+    let named = |((truth, other), pair): ((FaultClass, FaultClass), FaultPair)| {
+        let names = (runs.fault_name(truth), runs.fault_name(other));
+        (names, FaultPair { detected: detected[&truth], ..pair })
+    };
+    pairs.into_iter().map(named).collect()
+}

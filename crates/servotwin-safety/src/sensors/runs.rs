@@ -1,0 +1,175 @@
+//! The runs on which sets of sensors are judged, and the features that a set leaves.
+
+use super::candidates::{CandidateSensor, Candidates, SensorMask};
+use crate::error::SafetyError;
+use crate::results::StudyResultsFolder;
+use servotwin::campaign::data_features;
+use servotwin::evaluation::{DataSet, TrainingFilter, banded};
+use servotwin::job::{self, Subject};
+use servotwin::study::Role;
+use servotwin_diagnosis::features::{self, Feature, Sensor, Sensors};
+use servotwin_diagnosis::residual::BAND;
+use servotwin_learning::classifiers::Settings;
+
+/// A kind of fault in an actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FaultClass {
+    /// Index in the data set's kinds.
+    pub kind: u32,
+    /// The actuator.
+    pub actuator: u32,
+}
+
+/// The runs of a scenario, with a band for every candidate.
+pub struct SensorRuns {
+    /// All rows; [`servotwin::evaluation::data_set::Row::largest`] has one value for each candidate.
+    pub data: DataSet,
+    /// Half width of every candidate's band, in parts of scale.
+    pub bands: Vec<f64>,
+    /// The study's tree for the actuator.
+    pub tree: Settings,
+    /// The tree for the kind of fault.
+    pub kind_tree: Settings,
+    /// For every kind, the action that it needs; arbitrary for healthy.
+    pub actions: Vec<u32>,
+    /// The rows that trees learn from.
+    pub lessons: TrainingFilter,
+    /// For every action, whether it switches an actuator off.
+    pub switches_off: Vec<bool>,
+    /// The description of every column.
+    columns: Vec<Feature>,
+    sensors: Sensors,
+}
+
+impl SensorRuns {
+    /// Whether the scenario of the results has runs with the study's extra sensor.
+    pub fn have_extra(results: &StudyResultsFolder) -> bool {
+        results.study.extra_sensor.is_some() && subject(results, true).setting() == results.setting
+    }
+
+    /// Reads the runs of the quoted scenario.
+    ///
+    /// # Errors
+    /// The data set is missing or damaged.
+    pub fn read(
+        results: &StudyResultsFolder,
+        candidates: &Candidates,
+    ) -> Result<Self, SafetyError> {
+        let study = &results.study;
+        let has_extra = candidates.list.iter().any(|sensor| sensor.is_extra);
+        let subject = subject(results, has_extra);
+        let mut whole = job::data_set(&results.folder, study, subject)?;
+        let settings = subject.settings(study);
+        let mut pools = job::pools(study);
+        for sensor in candidates.list.iter().filter(|sensor| sensor.is_extra) {
+            add_extra(&mut whole, sensor);
+            pools.push(pools.len());
+        }
+        let (data, learned) = banded(&whole.taught()?, &settings, &pools);
+        let bands = match learned.filter(|_| settings.learned_bands) {
+            Some(bands) => bands.iter().map(|band| band.half_width).collect(),
+            None => vec![BAND; candidates.list.len()],
+        };
+        let all = data_features(study).into_iter().map(|own| own.feature);
+        let known = |feature: &Feature| data.features.iter().any(|own| own.name == feature.name);
+        let switches_off = data.examples.names().actions.iter();
+        Ok(SensorRuns {
+            bands,
+            kind_tree: kind_tree(&settings.training.actuator),
+            tree: settings.training.actuator,
+            actions: actions(&data),
+            lessons: settings.holding.lessons,
+            switches_off: switches_off.map(|action| study.reactions.switches_off(action)).collect(),
+            columns: all.filter(known).collect(),
+            sensors: study.sensors_in(results.setting),
+            data,
+        })
+    }
+
+    /// The judged rows with a fault.
+    pub fn faults(&self) -> Vec<usize> {
+        self.data.faults()
+    }
+
+    /// The judged rows without a fault.
+    pub fn healthy(&self) -> Vec<usize> {
+        self.data.rows_where(Role::Judged, |row| row.is_healthy)
+    }
+
+    /// The candidates whose residual leaves its band in a row.
+    pub fn beyond(&self, row: usize) -> SensorMask {
+        let sizes = self.data.rows[row].largest.iter().zip(&self.bands).enumerate();
+        sizes.fold(0, |mask, (place, (size, band))| mask | u64::from(size > band) << place)
+    }
+
+    /// The columns that can be computed with a set of sensors: the features that the same families describe with the
+    /// same words when the other sensors do not exist.
+    pub fn columns_of(&self, candidates: &Candidates, set: SensorMask) -> Vec<usize> {
+        let kept: Vec<usize> = candidates.within(set).collect();
+        let place = |sensor: usize| kept.iter().position(|&own| own == sensor);
+        let sensor = |&own: &usize| {
+            let whole = &self.sensors.0[own];
+            let law = whole.follows.iter().map(|&(other, change)| Some((place(other)?, change)));
+            // A law needs all of its sensors.
+            let follows = law.collect::<Option<Vec<_>>>().unwrap_or_default();
+            Sensor { follows, ..whole.clone() }
+        };
+        let sensors = Sensors(kept.iter().map(sensor).collect());
+        let left: Vec<Feature> =
+            features::ALL.iter().flat_map(|family| family.features(&sensors)).collect();
+        (0..self.columns.len()).filter(|&column| left.contains(&self.columns[column])).collect()
+    }
+
+    /// The name of a fault.
+    pub fn fault_name(&self, class: FaultClass) -> String {
+        let kind = &self.data.kinds[class.kind as usize];
+        match self.data.examples.names().actuators[class.actuator as usize].as_str() {
+            "" => kind.clone(),
+            actuator => format!("{actuator}.{kind}"),
+        }
+    }
+
+    /// The fault of a row.
+    pub fn class(&self, row: usize) -> FaultClass {
+        let actuator = self.data.examples.labels()[row].actuator;
+        FaultClass { kind: self.data.rows[row].kind, actuator }
+    }
+}
+
+/// The data set of the quoted scenario.
+fn subject(results: &StudyResultsFolder, extra: bool) -> Subject {
+    if extra { Subject::ExtraSensor } else { Subject::of(results.setting) }
+}
+
+/// Adds the largest residual of the extra sensor, which is a feature like others.
+fn add_extra(data: &mut DataSet, sensor: &CandidateSensor) {
+    let name = format!("largest_{}", sensor.label);
+    let Some(column) = data.features.iter().position(|own| own.name == name) else { return };
+    let mut values = vec![0.0; data.features.len()];
+    for (place, row) in data.rows.iter_mut().enumerate() {
+        data.examples.row_into(0, place, &mut values);
+        row.largest.push(values[column]);
+    }
+    data.sensors.push(sensor.label.clone());
+}
+
+/// The least number of training rows in a leaf of the tree for the kind.
+const LEAST_ROWS: usize = 5;
+
+/// The tree for the kind has many classes, so not its depth is limited but the size of its leaves: shares need rows.
+fn kind_tree(tree: &Settings) -> Settings {
+    let mut tree = tree.clone();
+    if let Settings::Cart(cart) = &mut tree {
+        cart.max_depth = None;
+        cart.min_samples_leaf = LEAST_ROWS;
+    }
+    tree
+}
+
+fn actions(data: &DataSet) -> Vec<u32> {
+    let mut actions = vec![0; data.kinds.len()];
+    for (row, label) in data.rows.iter().zip(data.examples.labels()) {
+        actions[row.kind as usize] = label.action;
+    }
+    actions
+}
