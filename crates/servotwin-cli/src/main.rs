@@ -24,8 +24,8 @@ mod stop;
 use clap::{Parser, Subcommand};
 use commands::{
     band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
-    faulttree, features, fit, flights, fly, fmea, history, init, man, merge, predict, report,
-    results, schema, sensors, serve, simulate, study, train, watch,
+    faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge,
+    predict, report, results, schema, sensors, serve, simulate, study, train, watch,
 };
 use failure::Failure;
 use paths::Paths;
@@ -117,6 +117,7 @@ enum Command {
     Report(report::Options),
     Fmea(fmea::Options),
     Faulttree(faulttree::Options),
+    FunctionRate(function_rate::Options),
     Sensors(sensors::Options),
     Results(results::Options),
     Explain(explain::Options),
@@ -146,6 +147,7 @@ impl Command {
             Command::Report(options) => options.paths(),
             Command::Fmea(options) => options.paths(),
             Command::Faulttree(options) => options.paths(),
+            Command::FunctionRate(options) => options.paths(),
             Command::Sensors(options) => options.paths(),
             Command::Describe(options) => options.paths(),
             _ => Paths::default(),
@@ -177,6 +179,7 @@ impl Command {
             Command::Report(options) => report::run(options, global),
             Command::Fmea(options) => fmea::run(options, global),
             Command::Faulttree(options) => faulttree::run(options, global),
+            Command::FunctionRate(options) => function_rate::run(options, global),
             Command::Sensors(options) => sensors::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),

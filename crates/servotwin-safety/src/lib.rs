@@ -1,14 +1,18 @@
 //! Artefacts for a safety case, filled from the results of a study.
 //!
 //! - [`fmea`]: an FMEA with one row per fault of the system, in which every cell names its evidence
+//! - [`sensors`]: what each sensor buys: every set that leaves control possible, judged
+//! - [`function_rate`]: the failure rate of the function per flight hour, with the hybrid twin and without
 //! - [`faulttree`]: fault trees with counted probabilities, as Open-PSA documents and figures
 //!
 //! Nothing is invented: failure rates come from a table of the user ([`rates`]), everything else from simulations, and a
 //! cell without evidence says so.
 
+mod counts;
 mod error;
 pub mod faulttree;
 pub mod fmea;
+pub mod function_rate;
 pub mod interval;
 pub mod rates;
 pub mod results;

@@ -19,6 +19,7 @@ pub mod fly;
 mod fly_cost;
 mod fly_truth;
 pub mod fmea;
+pub mod function_rate;
 pub mod history;
 pub mod init;
 mod log_folder;

@@ -1,6 +1,7 @@
 //! `servotwin sensors`: what each sensor buys.
 
 use super::evaluate::workers;
+use super::progress::Stages;
 use super::{note, setting_of};
 use crate::failure::Failure;
 use crate::paths::Paths;
@@ -54,7 +55,12 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let wanted = options.setting.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let costs = options.costs.as_deref();
-    let trade = SensorTrade::new(&results, &options.keep, costs, workers(options.threads))?;
+    let stages = Stages::new(global);
+    let progress = |share| stages.show("judging sets of sensors", share);
+    let workers = workers(options.threads);
+    let trade = SensorTrade::new(&results, &options.keep, costs, workers, &progress);
+    stages.end();
+    let trade = trade?;
     let _hold = folder.hold(Among::Nobody)?;
     let written = trade.write(&results)?;
     for text in &trade.notes {

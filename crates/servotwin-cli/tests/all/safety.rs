@@ -2,7 +2,12 @@
 
 use super::flights::learned;
 use super::{Folder, servotwin, stderr, stdout};
+use servotwin::parallel::Workers;
+use servotwin::table::Table;
 use servotwin::table::csv::texts::{self, Texts};
+use servotwin_safety::results::StudyResultsFolder;
+use servotwin_safety::sensors::runs::SensorRuns;
+use servotwin_safety::sensors::{SensorSet, SensorTrade};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -150,6 +155,82 @@ fn another_model_makes_a_persons_row_stale() {
         sheet.rows[0].cells[sheet.column("status").unwrap()]
             .starts_with("stale: the model changed")
     );
+}
+
+/// The press axis, with few short runs.
+fn small_press(folder: &Folder) -> String {
+    let study = include_str!("../../../../studies/press_axis.toml");
+    let small = [
+        ("duration_s = 10\n", "duration_s = 2\n"),
+        ("[0.25, 0.5, 0.75, 1.0]", "[0.5, 1.0]"),
+        ("healthy = 20\ntol", "healthy = 10\ntol"),
+        ("count = 6", "count = 2"),
+    ];
+    let text = small.iter().fold(study.to_owned(), |text, (from, to)| text.replace(from, to));
+    let [path, out] = ["press.toml", "out"].map(|name| folder.file(name));
+    fs::write(&path, text).unwrap();
+    succeeds(&["campaign", &path, "--out", &out]);
+    out
+}
+
+#[test]
+fn brute_force_confirms_the_search_over_sensors() {
+    let folder = Folder::new("sensors");
+    let out = small_press(&folder);
+    let printed = succeeds(&["sensors", &out]);
+    assert!(printed.contains("7 sets judged, 4 of them leave control possible\n"), "{printed}");
+    assert!(
+        printed.contains("control needs p_a (controller), p_b (controller), x_p (controller)\n")
+    );
+    assert!(printed.contains("control needs it"), "{printed}");
+    let read = |name: &str| fs::read(Path::new(&out).join("safety").join(name)).unwrap();
+    let first = ["sensors.csv", "pairs.csv", "pareto.svg"].map(read);
+    succeeds(&["sensors", &out, "--threads", "1"]);
+    assert!(["sensors.csv", "pairs.csv", "pareto.svg"].map(read) == first, "other bytes");
+
+    let results = StudyResultsFolder::open(servotwin::job::Folder::new(&out), None).unwrap();
+    let trade = SensorTrade::new(&results, &[], None, Workers::new(1), &|_| ()).unwrap();
+    let runs = SensorRuns::read(&results, &trade.candidates).unwrap();
+    let table = Table::read(Path::new(&out).join("dataset-realistic.parquet")).unwrap();
+    let largest = ["p_A", "p_B", "x_p", "x_v", "p_S"]
+        .map(|name| table.f64(&format!("largest:{name}")).unwrap().to_vec());
+    let (kinds, failures) = (table.text("kind").unwrap(), table.text("failure").unwrap());
+    let faults =
+        (0..table.row_count()).filter(|&r| kinds[r] != "healthy" && failures[r].is_empty());
+    let faults: Vec<usize> = faults.collect();
+    let needed = [true, true, true, false, false];
+    let mut able = vec![];
+    for set in 1_u64..32 {
+        let holds = |sensor: &usize| set >> sensor & 1 == 1;
+        let is_able = (0..5).all(|sensor| holds(&sensor) || !needed[sensor]);
+        let Some(judged) = trade.of(set) else {
+            assert!(!is_able, "a set that leaves control possible was not judged");
+            continue;
+        };
+        let is_beyond = |row: &&usize| {
+            (0..5).filter(holds).any(|sensor| largest[sensor][**row] > runs.bands[sensor])
+        };
+        let detected = faults.iter().filter(is_beyond).count() as u64;
+        assert_eq!((judged.rates.detected.count, judged.keeps_control), (detected, is_able));
+        assert!(judged.rates.isolated[0].count <= judged.rates.isolated[2].count);
+        assert!(judged.rates.isolated[2].count <= detected);
+        if is_able {
+            able.push(judged);
+        }
+    }
+    assert_eq!(able.len(), 4);
+    let key = |set: &SensorSet| (set.cost, set.errors(), -(set.rates.isolated[0].count as f64));
+    for set in &able {
+        let (cost, errors, lost) = key(set);
+        let beats =
+            |o: (f64, u64, f64)| o.0 <= cost && o.1 <= errors && o.2 <= lost && o != key(set);
+        let is_beaten = able.iter().any(|other| beats(key(other)));
+        assert_eq!(set.is_on_front, !is_beaten);
+    }
+    for best in trade.best_of_sizes() {
+        let alike = able.iter().filter(|set| set.set.count_ones() == best.set.count_ones());
+        assert!(alike.clone().all(|set| set.errors() >= best.errors()));
+    }
 }
 
 /// Writes a sheet as a program for sheets does: semicolons between cells.

@@ -185,3 +185,66 @@ fn read_costs(path: &Path, ids: &[String]) -> Result<Vec<f64>, SafetyError> {
         false => Err(SafetyError::NoCosts { path: path.into(), missing }),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidates(study: &Study, costs: &str) -> Result<Candidates, SafetyError> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), format!("sensor,cost,source\n{costs}")).unwrap();
+        let path = (!costs.is_empty()).then_some(file.path());
+        Candidates::new(study, study.extra_sensor.is_some(), &[], path)
+    }
+
+    #[test]
+    fn control_needs_what_a_component_reads() {
+        let aileron = candidates(&Study::default(), "").unwrap();
+        assert_eq!(aileron.names(aileron.needed), "p_a_1 p_b_1 x_p_1 p_a_2 p_b_2 x_p_2");
+        let read_by = |place: usize| aileron.list[place].read_by.as_deref();
+        assert_eq!(read_by(2), Some("actuator_1.position_selector"));
+        assert_eq!(read_by(3), None);
+        // 2^7 sets leave control possible, and six more lack one sensor that control needs.
+        let sets = aileron.sets();
+        assert_eq!(sets.iter().filter(|&&set| aileron.keeps_control(set)).count(), 128);
+        assert_eq!(sets.len(), 134);
+        assert_eq!(aileron.names(aileron.all() & !aileron.base()), "x_p_3");
+    }
+
+    #[test]
+    fn kept_sensors_are_in_every_set_and_many_free_ones_are_refused() {
+        let study = Study::default();
+        let keep = ["x_v_1".to_owned(), "p_s_2".to_owned()];
+        let kept = Candidates::new(&study, false, &keep, None).unwrap();
+        assert!(kept.keeps_control(kept.needed) && kept.needed.count_ones() == 8);
+        let error = Candidates::new(&study, false, &["x_w".into()], None).unwrap_err();
+        assert!(
+            error.to_string().starts_with("there is no sensor 'x_w' to keep; there are: p_a_1, ")
+        );
+        let error = SafetyError::TooManySensors { free: 9, most: MAX_FREE }.to_string();
+        assert!(error.contains("allowed are 8"), "{error}");
+    }
+
+    #[test]
+    fn costs_add_up_and_wrong_ones_are_named() {
+        let study = Study::parse(include_str!("../../../../studies/press_axis.toml"), "press.toml");
+        let study = study.unwrap();
+        let rows = "p_a,1,offer\np_b,1,offer\nx_p,5.5,offer\nx_v,2,offer\n";
+        let priced = candidates(&study, &format!("{rows}p_s,0.5,offer\n")).unwrap();
+        assert_eq!((priced.cost(priced.all()), priced.cost(priced.needed)), (10.0, 7.5));
+        let cases = [
+            (
+                format!("{rows}p_s,-1,offer\n"),
+                "line 6, column 'cost': '-1' is no cost of 0 or more",
+            ),
+            (format!("{rows}p_s,1,\n"), "column 'source': a cost needs its source"),
+            (format!("{rows}p_x,1,offer\n"), "there is no sensor 'p_x'; there are: p_a, p_b, x_p"),
+            (format!("{rows}p_a,1,offer\n"), "'p_a' has a cost already"),
+            (rows.to_owned(), "sensors without a cost: p_s"),
+        ];
+        for (costs, message) in cases {
+            let error = candidates(&study, &costs).unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        }
+    }
+}

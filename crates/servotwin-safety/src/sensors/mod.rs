@@ -26,6 +26,7 @@ use servotwin::parallel::{self, Workers};
 use servotwin_learning::metrics::Rate;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use structure::Isolability;
 
 /// What was found of a set.
@@ -123,12 +124,18 @@ impl SensorTrade {
         keep: &[String],
         costs: Option<&Path>,
         workers: Workers,
+        progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Self, SafetyError> {
         let extra = SensorRuns::have_extra(results);
         let candidates = Candidates::new(&results.study, extra, keep, costs)?;
         let runs = SensorRuns::read(results, &candidates)?;
         let sets = candidates.sets();
-        let judge = |&set: &SensorMask| judge(&runs, &candidates, set);
+        let done = AtomicUsize::new(0);
+        let judge = |&set: &SensorMask| {
+            let judged = judge(&runs, &candidates, set);
+            progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / sets.len() as f64);
+            judged
+        };
         let judged = parallel::map(&sets, workers, judge).map_err(|_| SafetyError::Cancelled)?;
         let judged: Vec<Judged> = judged.into_iter().collect::<Result<_, _>>()?;
         let is_paired = |set: SensorMask| set == candidates.base() || set == candidates.all();

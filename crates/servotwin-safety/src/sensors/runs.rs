@@ -102,21 +102,10 @@ impl SensorRuns {
         sizes.fold(0, |mask, (place, (size, band))| mask | u64::from(size > band) << place)
     }
 
-    /// The columns that can be computed with a set of sensors: the features that the same families describe with the
-    /// same words when the other sensors do not exist.
+    /// The columns that can be computed with a set of sensors.
     pub fn columns_of(&self, candidates: &Candidates, set: SensorMask) -> Vec<usize> {
         let kept: Vec<usize> = candidates.within(set).collect();
-        let place = |sensor: usize| kept.iter().position(|&own| own == sensor);
-        let sensor = |&own: &usize| {
-            let whole = &self.sensors.0[own];
-            let law = whole.follows.iter().map(|&(other, change)| Some((place(other)?, change)));
-            // A law needs all of its sensors.
-            let follows = law.collect::<Option<Vec<_>>>().unwrap_or_default();
-            Sensor { follows, ..whole.clone() }
-        };
-        let sensors = Sensors(kept.iter().map(sensor).collect());
-        let left: Vec<Feature> =
-            features::ALL.iter().flat_map(|family| family.features(&sensors)).collect();
+        let left = features_left(&self.sensors, &kept);
         (0..self.columns.len()).filter(|&column| left.contains(&self.columns[column])).collect()
     }
 
@@ -134,6 +123,26 @@ impl SensorRuns {
         let actuator = self.data.examples.labels()[row].actuator;
         FaultClass { kind: self.data.rows[row].kind, actuator }
     }
+}
+
+/// The sensors that are left.
+fn sensors_left(sensors: &Sensors, kept: &[usize]) -> Sensors {
+    let place = |sensor: usize| kept.iter().position(|&own| own == sensor);
+    let sensor = |&own: &usize| {
+        let whole = &sensors.0[own];
+        let law = whole.follows.iter().map(|&(other, change)| Some((place(other)?, change)));
+        // A law needs all of its sensors.
+        let follows = law.collect::<Option<Vec<_>>>().unwrap_or_default();
+        Sensor { follows, ..whole.clone() }
+    };
+    Sensors(kept.iter().map(sensor).collect())
+}
+
+/// The features that the families compute of the sensors that are left. A feature of all sensors is the same one if it
+/// is described by the same words: then it reads none of the others.
+fn features_left(sensors: &Sensors, kept: &[usize]) -> Vec<Feature> {
+    let sensors = sensors_left(sensors, kept);
+    features::ALL.iter().flat_map(|family| family.features(&sensors)).collect()
 }
 
 /// The data set of the quoted scenario.
@@ -172,4 +181,47 @@ fn actions(data: &DataSet) -> Vec<u32> {
         actions[row.kind as usize] = label.action;
     }
     actions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servotwin::study::Study;
+    use servotwin_diagnosis::random::Random;
+    use servotwin_diagnosis::residual::Window;
+
+    /// The values of all features by their descriptions.
+    fn values(sensors: &Sensors, samples: &[Vec<f64>], kept: &[usize]) -> Vec<(Feature, f64)> {
+        let mut window = Window::new(kept.len());
+        for sample in samples {
+            let measured: Vec<f64> = kept.iter().map(|&sensor| sample[sensor]).collect();
+            let twin = vec![0.3 * sample[0].sin(); kept.len()];
+            window.add(&measured, &twin, &vec![1.0; kept.len()]);
+        }
+        let sensors = sensors_left(sensors, kept);
+        let (mut known, mut values) = (vec![], vec![]);
+        for family in features::ALL {
+            known.extend(family.features(&sensors));
+            family.compute(&sensors, &window, &mut values);
+        }
+        known.into_iter().zip(values).collect()
+    }
+
+    #[test]
+    fn a_feature_that_is_left_reads_no_other_sensor() {
+        let sensors = &Study::default().sensors;
+        let all: Vec<usize> = (0..sensors.0.len()).collect();
+        let mut random = Random::new(4);
+        let sample = |_| all.iter().map(|_| random.between(-1.0, 1.0)).collect::<Vec<f64>>();
+        let samples: Vec<Vec<f64>> = (0..50).map(sample).collect();
+        let whole = values(sensors, &samples, &all);
+        for left_out in 0..all.len() {
+            let kept: Vec<usize> = all.iter().copied().filter(|own| *own != left_out).collect();
+            let left = values(sensors, &samples, &kept);
+            let same = left.iter().filter(|own| whole.contains(own)).count();
+            let renamed = left.iter().filter(|(f, _)| whole.iter().all(|(g, _)| f != g)).count();
+            assert_eq!(same + renamed, left.len(), "without {}", sensors.0[left_out].name);
+            assert!(left.len() < whole.len() && same > left.len() / 2);
+        }
+    }
 }

@@ -22,7 +22,7 @@
 //!
 //! Σ is estimated with n degrees of freedom in p dimensions; dividing by n − p − 1 instead of n makes its inverse
 //! unbiased (Anderson, An Introduction to Multivariate Statistical Analysis, 2003, section 7.7). χ² is that of Wilson
-//! and Hilferty (Proceedings of the National Academy of Sciences 17, 1931), within 0.3 % from 2 dimensions on.
+//! and Hilferty (Proceedings of the National Academy of Sciences 17, 1931), within 1 % from 2 dimensions on.
 //!
 //! A faulty plant scatters at least as much as a healthy one, so the test finds too few faults alike rather than too
 //! many. A record holds more than these numbers, and a classifier with other features may separate more.
@@ -216,7 +216,7 @@ fn basis<'p>(points: impl Iterator<Item = &'p Vec<f64>>) -> Vec<Vec<f64>> {
             rest.iter_mut().zip(direction).for_each(|(rest, part)| *rest -= along * part);
         }
         let length = dot(&rest, &rest).sqrt();
-        if length > 0.0 {
+        if length > LEAST_VARIANCE * dot(point, point).sqrt() {
             found.push(rest.into_iter().map(|part| part / length).collect());
         }
     }
@@ -240,4 +240,35 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_threshold_is_that_of_tables() {
+        for (dimensions, value) in [(2, 5.991), (10, 18.307), (60, 79.082)] {
+            let found = chi_squared(dimensions);
+            assert!((found / value - 1.0).abs() < 0.01, "{dimensions}: {found}");
+        }
+    }
+
+    #[test]
+    fn the_noise_of_both_points_scales_the_distance() {
+        // Beside the middle of a segment the variance is 1 + 1/4 + 1/4, beyond an end it is 2.
+        let (from, to) = ([0.0, 0.0], [10.0, 0.0]);
+        assert!((scaled_distance(&[5.0, 3.0], &from, &to) - 9.0 / 1.5).abs() < 1e-12);
+        assert!((scaled_distance(&[13.0, 4.0], &from, &to) - 25.0 / 2.0).abs() < 1e-12);
+        assert!((scaled_distance(&[3.0, 4.0], &from, &from) - 25.0 / 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_plane_keeps_distances_within_it() {
+        let points = [vec![3.0, 0.0, 4.0], vec![0.0, 2.0, 0.0]];
+        let plane = basis(points.iter());
+        let flat = within(&plane, &[3.0, 2.0, 4.0]);
+        assert!((dot(&flat, &flat) - 29.0).abs() < 1e-12 && plane.len() == 2);
+        assert_eq!(basis([&points[0], &points[0]].into_iter()).len(), 1);
+    }
 }

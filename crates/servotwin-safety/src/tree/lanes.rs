@@ -22,10 +22,11 @@
 //! weak ones included, and a fault that never becomes visible counts as missed.
 
 use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
+use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
 use crate::error::SafetyError;
-use crate::interval::{CountedValue, clopper_pearson, poisson_rate_per_h};
+use crate::interval::{CountedValue, clopper_pearson};
 use crate::rates::{FailureRates, RatedFault};
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics};
+use servotwin::flight::judge::FlightMetrics;
 use servotwin::study::Study;
 use servotwin::text::spoken;
 
@@ -54,29 +55,6 @@ pub struct LaneTrees {
     pub constants: Vec<TreeParameter>,
     /// Why a usual top event is missing.
     pub notes: Vec<String>,
-}
-
-/// What happened in the judged flights with faults of one action.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct ActionCounts {
-    flown: u64,
-    missed: u64,
-    other_action: u64,
-    wrong_shutdown: u64,
-}
-
-impl ActionCounts {
-    fn of(class: Option<&ClassMetrics>) -> Self {
-        match class {
-            None => ActionCounts { flown: 0, missed: 0, other_action: 0, wrong_shutdown: 0 },
-            Some(class) => ActionCounts {
-                flown: class.flown,
-                missed: class.flown - class.isolated.count,
-                other_action: class.other_command.count,
-                wrong_shutdown: class.wrong_shutdown,
-            },
-        }
-    }
 }
 
 /// The failure events of a fault.
@@ -141,11 +119,7 @@ pub fn lane_trees(
                        switches_off = true in [reactions]";
         return Err(SafetyError::Study { study: study.name.clone(), problem });
     }
-    let missing: Vec<String> =
-        rated_faults(study).into_iter().filter(|f| rates.of(f).is_none()).map(|f| f.id).collect();
-    if !missing.is_empty() {
-        return Err(SafetyError::NoRates { path: rates.path.clone(), missing });
-    }
+    check_rates(&rated_faults(study), rates)?;
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
     let mut growing = TreeGrower { study, metrics, rates, trees, confidence: 0.0 };
@@ -243,9 +217,7 @@ impl TreeGrower<'_> {
 
     /// The constants of an action's answers.
     fn constants_of(&mut self, name: &str) -> AnswerConstants {
-        // The first entry of an action has all intensities.
-        let class = self.metrics.classes.iter().find(|class| class.command == name);
-        let counts = ActionCounts::of(class);
+        let counts = ActionCounts::of(self.metrics, name, FaultIntensities::All);
         let (id, words) = (identifier(name), spoken(name));
         let needs_shutdown = self.study.reactions.switches_off(name);
         let what = format!("right action not raised first for faults that need '{words}'");
@@ -350,18 +322,7 @@ impl TreeGrower<'_> {
 
     /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.
     fn false_alarms(&mut self) -> Vec<[TreeInput; 2]> {
-        let healthy = &self.metrics.healthy;
-        // Every healthy hour was an hour of all lanes.
-        let hours = healthy.hours * self.lanes() as f64;
-        let value = match hours > 0.0 {
-            true => poisson_rate_per_h(healthy.shutdowns, hours, self.confidence),
-            // Without hours nothing is known; a rate of 1/h stands for that.
-            false => CountedValue { point: 1.0, low: 0.0, high: 1.0 },
-        };
-        let evidence = format!(
-            "shutdowns of healthy lanes: {} in {hours:.3} h of lanes, flights.json, scenario {}",
-            healthy.shutdowns, self.metrics.setting
-        );
+        let (value, evidence) = false_shutdowns_per_h(self.metrics, self.lanes(), self.confidence);
         self.trees.rates.push(TreeParameter { id: "rate-false_shutdown".into(), value, evidence });
         let rate = self.trees.rates.len() - 1;
         let names: Vec<_> = (0..self.lanes()).map(|lane| self.lane_name(lane)).collect();

@@ -1,0 +1,460 @@
+//! The artefact *function rate*: how often the function fails per flight hour, with the hybrid twin and without.
+//!
+//! Failure rates are the user's, and what the diagnosis answers was counted in judged flights. The function fails in a
+//! flight if a fault that needs a shutdown acts without one, or no lane is on ([`flight`]). Three kinds of monitoring
+//! are compared:
+//!
+//! | monitoring | a fault that needs a shutdown | another fault | healthy |
+//! |---|---|---|---|
+//! | hybrid twin | as counted | shutdowns as counted | false shutdowns as counted |
+//! | comparison of two lanes | noticed at once; every second time the wrong lane is shut down | shuts one of the lanes down | no false alarm |
+//! | none | acts until the next check | nothing | no false alarm |
+//!
+//! The comparison is taken to be perfect in everything but the lane, which it cannot know. Both baselines are favorable
+//! to a system without the twin in what they leave out.
+
+pub mod flight;
+
+use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
+use crate::error::SafetyError;
+use crate::interval::{CountedValue, clopper_pearson};
+use crate::rates::FailureRates;
+use crate::results::{FOLDER, StudyResultsFolder};
+use crate::tree::lanes::{CONFIDENCE, TreeParameter, rated_faults};
+use crate::tree::numbers::{BandEnd, ExposureHours};
+use flight::{FlightModel, FunctionFailure, LaneOnsets};
+use serde::Serialize;
+use servotwin::files::create_folder;
+use servotwin::flight::judge::FlightMetrics;
+use servotwin::study::Study;
+use servotwin::table::{self, Column, Table};
+use std::path::{Path, PathBuf};
+
+/// Factors on all failure rates, as wear raises them.
+const WEAR: [f64; 3] = [2.0, 5.0, 10.0];
+
+/// The step of an elasticity, as a factor.
+const STEP: f64 = 1.01;
+
+/// Who notices faults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Monitoring {
+    /// The hybrid twin.
+    Twin,
+    /// A comparison of two lanes.
+    Comparison,
+    /// Nobody.
+    Nobody,
+}
+
+/// The rates of a condition, 1/h.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ConditionRates {
+    /// Which flights are counted, or what is changed.
+    pub condition: String,
+    /// With the hybrid twin; the band covers the counts.
+    pub twin: CountedValue,
+    /// The part in which a fault that needs a shutdown acts without one.
+    pub twin_uncontained: CountedValue,
+    /// With a comparison of two lanes; `None` for one lane.
+    pub comparison: Option<FunctionFailure>,
+    /// Without monitoring.
+    pub nobody: FunctionFailure,
+}
+
+/// How the rate with the twin depends on an input.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InputSensitivity {
+    /// The input.
+    pub input: String,
+    /// Its value, and the ends of its interval.
+    pub value: CountedValue,
+    /// Where it comes from.
+    pub evidence: String,
+    /// Relative change of the rate per relative change of the input.
+    pub elasticity: f64,
+    /// The rate with half of the input, 1/h.
+    pub at_half: f64,
+    /// The rate with twice the input, 1/h.
+    pub at_double: f64,
+    /// The rate with the input at the lower end of its interval, 1/h.
+    pub at_low: f64,
+    /// The rate with the input at the upper end of its interval, 1/h.
+    pub at_high: f64,
+}
+
+/// The failure rate of the function of a study.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FunctionRate {
+    /// The scenario of the flights.
+    pub scenario: String,
+    /// The exposure.
+    pub exposure: ExposureHours,
+    /// One entry for each condition; the first has the flights as counted.
+    pub conditions: Vec<ConditionRates>,
+    /// One entry for each input, the largest elasticity first.
+    pub sensitivities: Vec<InputSensitivity>,
+    /// What readers must know.
+    pub notes: Vec<String>,
+}
+
+impl FunctionRate {
+    /// Computes the rates of a study.
+    ///
+    /// # Errors
+    /// The folder has no judged flights; a rate is missing or wrong; an interval is out of range; the study has more
+    /// than two actuators, or no action that switches one off.
+    pub fn new(
+        results: &StudyResultsFolder,
+        rates: &Path,
+        hours: ExposureHours,
+    ) -> Result<Self, SafetyError> {
+        let exposure = hours.checked()?;
+        let study = &results.study;
+        let wrong = |problem| Err(SafetyError::Study { study: study.name.clone(), problem });
+        if study.units.len() > 2 {
+            return wrong("a function of more than two actuators has no rate; see its fault trees");
+        }
+        if study.shutdowns().is_empty() {
+            return wrong("no action switches an actuator off; declare one in [reactions]");
+        }
+        let rates = FailureRates::read(rates, &rated_faults(study))?;
+        check_rates(&rated_faults(study), &rates)?;
+        let metrics = results.flown_or_missing()?;
+        let model = |metrics, intensities| FunctionModel::new(study, metrics, &rates, intensities);
+        let whole = model(metrics, FaultIntensities::All);
+        let mut conditions = vec![whole.condition("all intensities".into(), &exposure, 1.0)];
+        for (words, intensities) in [
+            ("strong faults, intensity 0.5 and more", FaultIntensities::Strong),
+            ("weak faults, intensity below 0.5", FaultIntensities::Weak),
+        ] {
+            let counts = |action: &String| ActionCounts::of(metrics, action, intensities);
+            if study.shutdowns().iter().all(|action| counts(action).flown > 0) {
+                let own = model(metrics, intensities);
+                conditions.push(own.condition(words.into(), &exposure, 1.0));
+            }
+        }
+        for other in results.flights.iter().flat_map(|flights| flights.of_other_plants()) {
+            let own = model(other, FaultIntensities::All);
+            let words = format!("plants that differ from their twin ({})", other.setting);
+            conditions.push(own.condition(words, &exposure, 1.0));
+        }
+        for factor in WEAR {
+            let words = format!("wear: all failure rates times {factor}");
+            conditions.push(whole.condition(words, &exposure, factor));
+        }
+        let sensitivities = whole.sensitivities(&exposure);
+        let mut notes = vec![];
+        if study.units.len() == 1 {
+            notes.push(
+                "one actuator: the twin cannot keep the function, it only keeps faults from acting unnoticed".into(),
+            );
+        }
+        Ok(FunctionRate {
+            scenario: metrics.setting.clone(),
+            exposure,
+            conditions,
+            sensitivities,
+            notes,
+        })
+    }
+
+    /// Writes all files and returns their paths.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
+        create_folder(results.folder.path().join(FOLDER))?;
+        let tables =
+            [("function-rate.csv", self.rates()?), ("function-rate-inputs.csv", self.inputs()?)];
+        let mut written = vec![];
+        for (name, table) in tables {
+            let path = results.artefact(name);
+            table::write(&path, &table)?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+
+    fn rates(&self) -> Result<Table, SafetyError> {
+        let column = |name: &str, of: &dyn Fn(&ConditionRates) -> f64| {
+            Column::new(name, "1/h", self.conditions.iter().map(of).collect::<Vec<f64>>())
+        };
+        let names =
+            self.conditions.iter().map(|own| own.condition.clone()).collect::<Vec<String>>();
+        let compared = |of: fn(&FunctionFailure) -> f64| {
+            move |own: &ConditionRates| own.comparison.as_ref().map_or(f64::NAN, of)
+        };
+        Ok(Table::from_columns(vec![
+            Column::new("condition", "", names),
+            column("twin_per_h", &|own| own.twin.point),
+            column("twin_low_per_h", &|own| own.twin.low),
+            column("twin_high_per_h", &|own| own.twin.high),
+            column("twin_uncontained_per_h", &|own| own.twin_uncontained.point),
+            column("twin_uncontained_low_per_h", &|own| own.twin_uncontained.low),
+            column("twin_uncontained_high_per_h", &|own| own.twin_uncontained.high),
+            column("comparison_per_h", &compared(|own| own.failure)),
+            column("comparison_uncontained_per_h", &compared(|own| own.uncontained)),
+            column("none_per_h", &|own| own.nobody.failure),
+            column("none_uncontained_per_h", &|own| own.nobody.uncontained),
+        ])?)
+    }
+
+    fn inputs(&self) -> Result<Table, SafetyError> {
+        let column = |name: &str, of: fn(&InputSensitivity) -> f64| {
+            Column::new(name, "", self.sensitivities.iter().map(of).collect::<Vec<f64>>())
+        };
+        let text = |name: &str, of: fn(&InputSensitivity) -> &String| {
+            let texts = self.sensitivities.iter().map(|own| of(own).clone());
+            Column::new(name, "", texts.collect::<Vec<String>>())
+        };
+        Ok(Table::from_columns(vec![
+            text("input", |own| &own.input),
+            column("value", |own| own.value.point),
+            column("low", |own| own.value.low),
+            column("high", |own| own.value.high),
+            column("elasticity", |own| own.elasticity),
+            column("rate_at_half", |own| own.at_half),
+            column("rate_at_double", |own| own.at_double),
+            column("rate_at_low", |own| own.at_low),
+            column("rate_at_high", |own| own.at_high),
+            text("evidence", |own| &own.evidence),
+        ])?)
+    }
+}
+
+/// The inputs of the answers to faults that need one action, as indices.
+#[derive(Debug, Clone, Copy)]
+struct AnswerInputs {
+    needs_shutdown: bool,
+    missed: usize,
+    hidden: usize,
+    other_action: usize,
+    wrong_shutdown: usize,
+}
+
+/// The inputs of a study, and how the rates of its lanes follow from them.
+struct FunctionModel {
+    inputs: Vec<TreeParameter>,
+    /// For every lane, each fault as its rate and its action.
+    faults: Vec<Vec<(usize, usize)>>,
+    /// One entry for each action.
+    answers: Vec<AnswerInputs>,
+    false_shutdown: usize,
+    keeps_last: bool,
+}
+
+impl FunctionModel {
+    fn new(
+        study: &Study,
+        metrics: &FlightMetrics,
+        rates: &FailureRates,
+        intensities: FaultIntensities,
+    ) -> Self {
+        let actions = study.commands();
+        // Bonferroni, as in the fault trees.
+        let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + 4 * actions.len()) as f64;
+        let mut inputs: Vec<TreeParameter> = vec![];
+        let mut answers = vec![];
+        for action in &actions {
+            let counts = ActionCounts::of(metrics, action, intensities);
+            let mut share = |what: &str, count: u64| {
+                let evidence = format!(
+                    "{count} of {} flights, flights.json, scenario {}",
+                    counts.flown, metrics.setting
+                );
+                let value = clopper_pearson(count, counts.flown, confidence);
+                inputs.push(TreeParameter { id: format!("{what}: {action}"), value, evidence });
+                inputs.len() - 1
+            };
+            answers.push(AnswerInputs {
+                needs_shutdown: study.reactions.switches_off(action),
+                missed: share("missed", counts.missed),
+                hidden: share("missed and nothing reported", counts.hidden),
+                other_action: share("another action", counts.other_action),
+                wrong_shutdown: share("wrong shutdown", counts.wrong_shutdown),
+            });
+        }
+        let (value, evidence) = false_shutdowns_per_h(metrics, study.units.len(), confidence);
+        inputs.push(TreeParameter { id: "false shutdown".into(), value, evidence });
+        let false_shutdown = inputs.len() - 1;
+        let mut faults = vec![vec![]; study.units.len()];
+        let mut last = None;
+        for fault in &study.faults {
+            let rated = crate::rates::RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
+            // A fault stands in the list once for each intensity.
+            let Some(rate) =
+                rates.of(&rated).filter(|_| last.replace(&fault.id) != Some(&fault.id))
+            else {
+                continue;
+            };
+            let id = format!("failure rate: {}", rate.fault);
+            let known = inputs.iter().position(|input| input.id == id);
+            let place = known.unwrap_or_else(|| {
+                let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
+                inputs.push(TreeParameter { id, value, evidence: rate.source.clone() });
+                inputs.len() - 1
+            });
+            let command = &study.classes[fault.class].command;
+            let action = actions.iter().position(|action| action == command);
+            faults[fault.unit].extend(action.map(|action| (place, action)));
+        }
+        let keeps_last = study.least_on() > 0;
+        FunctionModel { inputs, faults, answers, false_shutdown, keeps_last }
+    }
+
+    /// The values of all inputs: shares of missed faults at one end, and all that shuts down without need at another.
+    fn values(&self, missed: BandEnd, needless: BandEnd) -> Vec<f64> {
+        let is_needless = |place: usize| {
+            let own = |of: &AnswerInputs| [of.other_action, of.wrong_shutdown].contains(&place);
+            place == self.false_shutdown || self.answers.iter().any(own)
+        };
+        let ends = self.inputs.iter().enumerate();
+        ends.map(
+            |(place, input)| {
+                if is_needless(place) { needless.of(input.value) } else { missed.of(input.value) }
+            },
+        )
+        .collect()
+    }
+
+    /// What begins in every lane.
+    fn onsets(&self, monitoring: Monitoring, values: &[f64]) -> Vec<LaneOnsets> {
+        let mut lanes = vec![LaneOnsets::default(); self.faults.len()];
+        for (lane, faults) in self.faults.iter().enumerate() {
+            let other = lanes.len() - 1 - lane;
+            for &(rate, action) in faults {
+                let (rate, answers) = (values[rate], self.answers[action]);
+                let share = |place: usize| values[place].min(1.0);
+                let own = &mut lanes[lane];
+                match (monitoring, answers.needs_shutdown) {
+                    (Monitoring::Twin, true) => {
+                        let missed = share(answers.missed);
+                        let hidden = share(answers.hidden).min(missed);
+                        own.contained += rate * (1.0 - missed);
+                        own.reported += rate * (missed - hidden);
+                        own.hidden += rate * hidden;
+                    }
+                    (Monitoring::Twin, false) => {
+                        own.needless += rate * share(answers.other_action);
+                        // One lane has no other that could be shut down.
+                        if other != lane {
+                            lanes[other].needless += rate * share(answers.wrong_shutdown);
+                        }
+                    }
+                    (Monitoring::Comparison, true) => {
+                        own.contained += 0.5 * rate;
+                        own.reported += 0.5 * rate;
+                    }
+                    (Monitoring::Comparison, false) => {
+                        lanes.iter_mut().for_each(|lane| lane.needless += 0.5 * rate);
+                    }
+                    (Monitoring::Nobody, true) => own.hidden += rate,
+                    (Monitoring::Nobody, false) => {}
+                }
+            }
+            if monitoring == Monitoring::Twin {
+                lanes[lane].needless += values[self.false_shutdown];
+            }
+        }
+        lanes
+    }
+
+    fn rate(
+        &self,
+        monitoring: Monitoring,
+        values: &[f64],
+        hours: &ExposureHours,
+    ) -> FunctionFailure {
+        let ExposureHours { flight_h, repair_h, check_h } = *hours;
+        let (lanes, keeps_last) = (self.onsets(monitoring, values), self.keeps_last);
+        FlightModel { lanes, keeps_last, flight_h, repair_h, check_h }.per_hour()
+    }
+
+    /// The rates of all kinds of monitoring; `wear` multiplies the failure rates.
+    fn condition(&self, condition: String, hours: &ExposureHours, wear: f64) -> ConditionRates {
+        let at = |monitoring: Monitoring, [missed, needless]: [BandEnd; 2]| {
+            let mut values = self.values(missed, needless);
+            values[self.false_shutdown + 1..].iter_mut().for_each(|rate| *rate *= wear);
+            self.rate(monitoring, &values, hours)
+        };
+        let points = [BandEnd::Point; 2];
+        // Where most faults are missed, a needless shutdown may even help. So all corners bound the band.
+        let ends = [BandEnd::Low, BandEnd::High];
+        let corners = ends.iter().flat_map(|&missed| ends.map(|needless| [missed, needless]));
+        let corners: Vec<FunctionFailure> =
+            corners.map(|ends| at(Monitoring::Twin, ends)).collect();
+        let band = |of: fn(&FunctionFailure) -> f64| CountedValue {
+            point: of(&at(Monitoring::Twin, points)),
+            low: corners.iter().map(of).fold(f64::INFINITY, f64::min),
+            high: corners.iter().map(of).fold(0.0, f64::max),
+        };
+        ConditionRates {
+            condition,
+            twin: band(|own| own.failure),
+            twin_uncontained: band(|own| own.uncontained),
+            comparison: (self.faults.len() == 2).then(|| at(Monitoring::Comparison, points)),
+            nobody: at(Monitoring::Nobody, points),
+        }
+    }
+
+    /// How the rate with the twin depends on every input and on the hours.
+    fn sensitivities(&self, hours: &ExposureHours) -> Vec<InputSensitivity> {
+        let points = self.values(BandEnd::Point, BandEnd::Point);
+        let rate = |values: &[f64], hours: &ExposureHours| {
+            self.rate(Monitoring::Twin, values, hours).failure
+        };
+        let mut found: Vec<InputSensitivity> = vec![];
+        for (place, input) in self.inputs.iter().enumerate() {
+            let with = |value: f64| {
+                let mut values = points.clone();
+                values[place] = value;
+                rate(&values, hours)
+            };
+            found.push(sensitivity(&input.id, input.value, &input.evidence, &with));
+        }
+        type Change = fn(ExposureHours, f64) -> ExposureHours;
+        let exposures: [(&str, f64, Change); 3] = [
+            ("flight, h", hours.flight_h, |own, flight_h| ExposureHours { flight_h, ..own }),
+            ("repair interval, h", hours.repair_h, |own, repair_h| ExposureHours {
+                repair_h,
+                ..own
+            }),
+            ("check interval, h", hours.check_h, |own, check_h| ExposureHours { check_h, ..own }),
+        ];
+        for (name, value, change) in exposures {
+            let with = |value: f64| {
+                let own = change(*hours, value);
+                // A check comes at the end of a flight at the soonest.
+                let check_h = own.check_h.max(own.flight_h);
+                rate(&points, &ExposureHours { check_h, ..own })
+            };
+            let value = CountedValue { point: value, low: value, high: value };
+            found.push(sensitivity(name, value, "given", &with));
+        }
+        let size = |own: &InputSensitivity| own.elasticity.abs();
+        found.sort_by(|a, b| size(b).total_cmp(&size(a)).then_with(|| a.input.cmp(&b.input)));
+        found
+    }
+}
+
+fn sensitivity(
+    input: &str,
+    value: CountedValue,
+    evidence: &str,
+    rate: &dyn Fn(f64) -> f64,
+) -> InputSensitivity {
+    let [less, more] = [value.point / STEP, value.point * STEP].map(rate);
+    let elasticity = if less > 0.0 { (more / less).ln() / (2.0 * STEP.ln()) } else { 0.0 };
+    InputSensitivity {
+        input: input.into(),
+        value,
+        evidence: evidence.into(),
+        elasticity,
+        at_half: rate(0.5 * value.point),
+        at_double: rate(2.0 * value.point),
+        at_low: rate(value.low),
+        at_high: rate(value.high),
+    }
+}
