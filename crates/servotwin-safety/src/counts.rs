@@ -24,6 +24,8 @@ pub(crate) struct ActionCounts {
     pub missed: u64,
     /// Of the missed ones: nothing was raised, or nothing was visible.
     pub hidden: u64,
+    /// Nothing was visible.
+    pub invisible: u64,
     /// Another action was raised for the right actuator.
     pub other_action: u64,
     /// Another actuator was shut down.
@@ -45,6 +47,7 @@ impl ActionCounts {
                 flown: all.flown - strong.flown,
                 missed: all.missed - strong.missed,
                 hidden: all.hidden - strong.hidden,
+                invisible: all.invisible - strong.invisible,
                 other_action: all.other_action - strong.other_action,
                 wrong_shutdown: all.wrong_shutdown - strong.wrong_shutdown,
             },
@@ -56,6 +59,7 @@ impl ActionCounts {
             flown: class.flown,
             missed: class.flown - class.isolated.count,
             hidden: class.flown - class.visible.count + class.silent.count,
+            invisible: class.flown - class.visible.count,
             other_action: class.other_command.count,
             wrong_shutdown: class.wrong_shutdown,
         }

@@ -8,6 +8,7 @@ use crate::render::json;
 use serde_json::json;
 use servotwin::job::{Among, Folder};
 use servotwin_report::words::number;
+use servotwin_safety::function_rate::flight::FunctionFailure;
 use servotwin_safety::function_rate::{ConditionRates, FunctionRate};
 use servotwin_safety::interval::CountedValue;
 use servotwin_safety::results::StudyResultsFolder;
@@ -87,15 +88,21 @@ fn condition(own: &ConditionRates) -> String {
     let band = |value: CountedValue| {
         format!("{} ({} … {})", number(value.point), number(value.low), number(value.high))
     };
-    let ratio = |rate: f64| format!("{}, {} times", number(rate), number(rate / own.twin.point));
-    let comparison = own.comparison.map_or(String::new(), |rates| {
-        format!("    comparison of two actuators: {}\n", ratio(rates.failure))
-    });
+    let row = |name: &str, rates: FunctionFailure| {
+        format!(
+            "    {name}: {}, {} times that; begins {}\n",
+            number(rates.failure),
+            number(rates.failure / own.twin.point),
+            number(rates.begins)
+        )
+    };
+    let comparison = own.comparison.map(|rates| row("comparison of two actuators", rates));
     format!(
-        "  {}\n    hybrid twin: {}, without a shutdown {}\n{comparison}    no monitoring: {}\n",
+        "  {}\n    hybrid twin: {}; begins {}\n{}{}",
         own.condition,
         band(own.twin),
-        band(own.twin_uncontained),
-        ratio(own.nobody.failure)
+        band(own.twin_begins),
+        comparison.unwrap_or_default(),
+        row("no monitoring", own.nobody)
     )
 }

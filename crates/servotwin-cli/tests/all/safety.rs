@@ -74,6 +74,40 @@ fn fault_trees_are_written_and_the_same_twice() {
     );
 }
 
+#[test]
+fn the_rate_of_the_function_is_that_of_the_counts_and_the_same_twice() {
+    let (folder, out, rates) = flown("function-rate");
+    let arguments = [&["function-rate", &out, "--rates", &rates][..], &HOURS].concat();
+    let text = succeeds(&arguments);
+    assert!(
+        text.starts_with("failures of the function per flight hour\n  all intensities\n"),
+        "{text}"
+    );
+    assert!(
+        text.contains("\n    no monitoring: ") && text.contains("wear: all failure rates times 10")
+    );
+    let read = |name: &str| fs::read(Path::new(&out).join("safety").join(name)).unwrap();
+    let first = ["function-rate.csv", "function-rate-inputs.csv"].map(read);
+    let json = succeeds(&[&arguments[..], &["--json"]].concat());
+    assert!(["function-rate.csv", "function-rate-inputs.csv"].map(read) == first, "other bytes");
+    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let whole = &found["function_rate"]["conditions"][0];
+    let number = |of: &str, name: &str| whole[of][name].as_f64().unwrap();
+    // Two kinds of fault in each of two actuators need a shutdown, at 100 FIT each.
+    assert!((number("nobody", "begins") / 4e-7 - 1.0).abs() < 1e-3, "{whole}");
+    let hidden = |hours: f64| 4e-7 * (2.0 + hours / 2.0);
+    assert!((number("nobody", "failure") / (hidden(98.0) / 2.0) - 1.0).abs() < 1e-3, "{whole}");
+    let [low, point, high] = ["low", "point", "high"].map(|end| number("twin", end));
+    assert!(low <= point && point <= high && point <= number("nobody", "failure"), "{whole}");
+    let inputs = texts::read(&Path::new(&out).join("safety/function-rate-inputs.csv")).unwrap();
+    assert!(
+        inputs.rows.iter().any(|row| row.cells[0] == "failure rate: servo_valve.bias_positive")
+    );
+    assert!(inputs.rows.iter().any(|row| row.cells[0] == "check interval, h"));
+    assert!(fails(&["function-rate", &out], 2).contains("--rates"));
+    drop(folder);
+}
+
 /// SCRAM is another program; where it is not installed this says so and checks nothing.
 #[test]
 fn scram_computes_the_same_probabilities() {

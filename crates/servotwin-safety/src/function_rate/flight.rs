@@ -45,13 +45,22 @@ impl LaneOnsets {
     }
 }
 
-/// Probabilities of a flight, or rates per flight hour.
+/// Rates per flight hour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct FunctionFailure {
     /// The function fails: a fault that needs a shutdown acts without one, or no lane is on.
     pub failure: f64,
-    /// A fault that needs a shutdown acts without one.
+    /// The part in which a fault that needs a shutdown acts without one.
     pub uncontained: f64,
+    /// The part that begins in the flight; the rest has been hidden since before it.
+    pub begins: f64,
+}
+
+/// The probabilities of [`FunctionFailure`] in a flight that begins without a hidden fault.
+#[derive(Debug, Clone, Copy, Default)]
+struct FlightFailure {
+    failure: f64,
+    uncontained: f64,
 }
 
 /// One or two lanes.
@@ -76,11 +85,15 @@ impl FlightModel {
         let before = mean_share(hidden * (self.check_h - self.flight_h));
         let now = self.flight();
         let either = |now: f64| (before + (1.0 - before) * now) / self.flight_h;
-        FunctionFailure { failure: either(now.failure), uncontained: either(now.uncontained) }
+        FunctionFailure {
+            failure: either(now.failure),
+            uncontained: either(now.uncontained),
+            begins: (1.0 - before) * now.failure / self.flight_h,
+        }
     }
 
     /// The probabilities of a flight without a hidden fault. A lane may wait for its repair.
-    fn flight(&self) -> FunctionFailure {
+    fn flight(&self) -> FlightFailure {
         let last = |lane: usize| self.of_last(lane, self.flight_h);
         let &[first, second] = self.lanes.as_slice() else { return last(0) };
         // A lane that was shut down leaves the other one.
@@ -99,11 +112,11 @@ impl FlightModel {
     }
 
     /// Equation (1) for two lanes; `lost[j]` is b_j.
-    fn of_both(&self, lost: [f64; 2]) -> FunctionFailure {
+    fn of_both(&self, lost: [f64; 2]) -> FlightFailure {
         let all: f64 = self.lanes.iter().map(|lane| lane.faults() + lane.needless).sum();
         let uncontained: f64 = self.lanes.iter().map(LaneOnsets::uncontained).sum();
         let step = self.flight_h / PANELS as f64;
-        let mut sum = FunctionFailure::default();
+        let mut sum = FlightFailure::default();
         for node in 0..=PANELS {
             let weight = match node {
                 0 | PANELS => 1.0,
@@ -114,7 +127,7 @@ impl FlightModel {
             let weight = weight * step / 3.0 * (-all * begins).exp();
             let later = [0, 1].map(|lane| self.of_last(lane, self.flight_h - begins));
             let second =
-                |of: fn(&FunctionFailure) -> f64| lost[0] * of(&later[0]) + lost[1] * of(&later[1]);
+                |of: fn(&FlightFailure) -> f64| lost[0] * of(&later[0]) + lost[1] * of(&later[1]);
             sum.failure += weight * (uncontained + second(|own| own.failure));
             sum.uncontained += weight * (uncontained + second(|own| own.uncontained));
         }
@@ -122,7 +135,7 @@ impl FlightModel {
     }
 
     /// The last lane that is on, over some hours.
-    fn of_last(&self, lane: usize, hours: f64) -> FunctionFailure {
+    fn of_last(&self, lane: usize, hours: f64) -> FlightFailure {
         let lane = &self.lanes[lane];
         // Where the last lane stays on, its faults act.
         let (fails, acts) = match self.keeps_last {
@@ -131,7 +144,7 @@ impl FlightModel {
         };
         let failure = -(-fails * hours).exp_m1();
         let uncontained = if fails > 0.0 { failure * acts / fails } else { 0.0 };
-        FunctionFailure { failure, uncontained }
+        FlightFailure { failure, uncontained }
     }
 }
 
@@ -180,6 +193,9 @@ mod tests {
         let mean: f64 = (0..steps as usize).map(|k| -(-4e-3 * since(k)).exp_m1()).sum();
         assert_close(found.failure, mean / f64::from(steps) / 2.0, 1e-8);
         assert_eq!(found.failure, found.uncontained);
+        // What begins in a flight is the other part.
+        let before: f64 = (0..steps as usize).map(|k| -(-4e-3 * (since(k) - 2.0)).exp_m1()).sum();
+        assert_close(found.failure - found.begins, before / f64::from(steps) / 2.0, 1e-8);
         assert_close(model(&[lane]).per_hour().failure, found.failure / 2.0, 0.1);
     }
 
@@ -190,13 +206,13 @@ mod tests {
     }
 
     /// A flight as it happens, event by event. A fault or shutdown comes at its own moment.
-    fn fly(model: &FlightModel, random: &mut Random) -> FunctionFailure {
+    fn fly(model: &FlightModel, random: &mut Random) -> FlightFailure {
         let exponential = |random: &mut Random, rate: f64| -(1.0 - random.unit()).ln() / rate;
         let of = |holds: bool| f64::from(u8::from(holds));
         let since_check = (model.check_h - model.flight_h) * random.unit();
         let hidden = model.lanes.iter().map(|lane| exponential(random, lane.hidden));
         if hidden.collect::<Vec<_>>().into_iter().any(|moment| moment < since_check) {
-            return FunctionFailure { failure: 1.0, uncontained: 1.0 };
+            return FlightFailure { failure: 1.0, uncontained: 1.0 };
         }
         let mut events = vec![];
         for (lane, own) in model.lanes.iter().enumerate() {
@@ -214,11 +230,11 @@ mod tests {
                 continue;
             }
             if stays_on || is_last {
-                return FunctionFailure { failure: 1.0, uncontained: of(stays_on) };
+                return FlightFailure { failure: 1.0, uncontained: of(stays_on) };
             }
             on[lane] = false;
         }
-        FunctionFailure::default()
+        FlightFailure::default()
     }
 
     #[test]

@@ -7,11 +7,12 @@
 //! | monitoring | a fault that needs a shutdown | another fault | healthy |
 //! |---|---|---|---|
 //! | hybrid twin | as counted | shutdowns as counted | false shutdowns as counted |
-//! | comparison of two lanes | noticed at once; every second time the wrong lane is shut down | shuts one of the lanes down | no false alarm |
+//! | comparison of two lanes | noticed if visible; every second time the wrong lane is shut down | shuts one of the lanes down if visible | no false alarm |
 //! | none | acts until the next check | nothing | no false alarm |
 //!
-//! The comparison is taken to be perfect in everything but the lane, which it cannot know. Both baselines are favorable
-//! to a system without the twin in what they leave out.
+//! The comparison notices what is visible beside the twin, so it differs from the twin in isolation alone: it cannot know
+//! the lane. That favors it, because two lanes differ more from each other than each from its twin, and because it
+//! raises no false alarm.
 
 pub mod flight;
 
@@ -57,6 +58,8 @@ pub struct ConditionRates {
     pub twin: CountedValue,
     /// The part in which a fault that needs a shutdown acts without one.
     pub twin_uncontained: CountedValue,
+    /// The part that begins in the flight.
+    pub twin_begins: CountedValue,
     /// With a comparison of two lanes; `None` for one lane.
     pub comparison: Option<FunctionFailure>,
     /// Without monitoring.
@@ -194,10 +197,15 @@ impl FunctionRate {
             column("twin_uncontained_per_h", &|own| own.twin_uncontained.point),
             column("twin_uncontained_low_per_h", &|own| own.twin_uncontained.low),
             column("twin_uncontained_high_per_h", &|own| own.twin_uncontained.high),
+            column("twin_begins_per_h", &|own| own.twin_begins.point),
+            column("twin_begins_low_per_h", &|own| own.twin_begins.low),
+            column("twin_begins_high_per_h", &|own| own.twin_begins.high),
             column("comparison_per_h", &compared(|own| own.failure)),
             column("comparison_uncontained_per_h", &compared(|own| own.uncontained)),
+            column("comparison_begins_per_h", &compared(|own| own.begins)),
             column("none_per_h", &|own| own.nobody.failure),
             column("none_uncontained_per_h", &|own| own.nobody.uncontained),
+            column("none_begins_per_h", &|own| own.nobody.begins),
         ])?)
     }
 
@@ -230,6 +238,7 @@ struct AnswerInputs {
     needs_shutdown: bool,
     missed: usize,
     hidden: usize,
+    invisible: usize,
     other_action: usize,
     wrong_shutdown: usize,
 }
@@ -254,7 +263,7 @@ impl FunctionModel {
     ) -> Self {
         let actions = study.commands();
         // Bonferroni, as in the fault trees.
-        let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + 4 * actions.len()) as f64;
+        let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + 5 * actions.len()) as f64;
         let mut inputs: Vec<TreeParameter> = vec![];
         let mut answers = vec![];
         for action in &actions {
@@ -272,6 +281,7 @@ impl FunctionModel {
                 needs_shutdown: study.reactions.switches_off(action),
                 missed: share("missed", counts.missed),
                 hidden: share("missed and nothing reported", counts.hidden),
+                invisible: share("not visible", counts.invisible),
                 other_action: share("another action", counts.other_action),
                 wrong_shutdown: share("wrong shutdown", counts.wrong_shutdown),
             });
@@ -344,11 +354,14 @@ impl FunctionModel {
                         }
                     }
                     (Monitoring::Comparison, true) => {
-                        own.contained += 0.5 * rate;
-                        own.reported += 0.5 * rate;
+                        let hidden = share(answers.invisible);
+                        own.hidden += rate * hidden;
+                        own.contained += 0.5 * rate * (1.0 - hidden);
+                        own.reported += 0.5 * rate * (1.0 - hidden);
                     }
                     (Monitoring::Comparison, false) => {
-                        lanes.iter_mut().for_each(|lane| lane.needless += 0.5 * rate);
+                        let each = 0.5 * rate * (1.0 - share(answers.invisible));
+                        lanes.iter_mut().for_each(|lane| lane.needless += each);
                     }
                     (Monitoring::Nobody, true) => own.hidden += rate,
                     (Monitoring::Nobody, false) => {}
@@ -394,6 +407,7 @@ impl FunctionModel {
             condition,
             twin: band(|own| own.failure),
             twin_uncontained: band(|own| own.uncontained),
+            twin_begins: band(|own| own.begins),
             comparison: (self.faults.len() == 2).then(|| at(Monitoring::Comparison, points)),
             nobody: at(Monitoring::Nobody, points),
         }
@@ -433,6 +447,8 @@ impl FunctionModel {
             let value = CountedValue { point: value, low: value, high: value };
             found.push(sensitivity(name, value, "given", &with));
         }
+        // Some inputs belong to the comparison of two lanes alone.
+        found.retain(|own| [own.at_low, own.at_high].iter().any(|end| *end != own.at_double));
         let size = |own: &InputSensitivity| own.elasticity.abs();
         found.sort_by(|a, b| size(b).total_cmp(&size(a)).then_with(|| a.input.cmp(&b.input)));
         found
