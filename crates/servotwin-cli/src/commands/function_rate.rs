@@ -46,7 +46,7 @@ pub struct Options {
 impl Options {
     /// The files that the command reads.
     pub fn paths(&self) -> Paths {
-        Paths::default().read("--rates", &Some(self.rates.clone()))
+        Paths::default().read("--rates", Some(&self.rates))
     }
 }
 

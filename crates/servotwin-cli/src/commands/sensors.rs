@@ -161,8 +161,10 @@ fn pairs_of(trade: &SensorTrade) -> String {
         let alike: u64 = own.pairs.values().map(|pair| pair.confused_alike).sum();
         text += &format!(
             "\nwith {} sensors: {confused} runs taken for another fault, {alike} of them impossible to separate with \
-             these sensors\n",
-            own.set.count_ones()
+             these sensors\n  {} detected runs look like another fault; the trees name the right one in {} of them\n",
+            own.set.count_ones(),
+            own.alike_runs,
+            own.alike_right
         );
     }
     text

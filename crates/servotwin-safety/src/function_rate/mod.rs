@@ -420,7 +420,9 @@ impl FunctionModel {
             self.rate(Monitoring::Twin, values, hours).failure
         };
         let mut found: Vec<InputSensitivity> = vec![];
-        for (place, input) in self.inputs.iter().enumerate() {
+        // Only the comparison of two lanes reads what is not visible.
+        let is_read = |place: usize| self.answers.iter().all(|own| own.invisible != place);
+        for (place, input) in self.inputs.iter().enumerate().filter(|(place, _)| is_read(*place)) {
             let with = |value: f64| {
                 let mut values = points.clone();
                 values[place] = value;
@@ -447,8 +449,6 @@ impl FunctionModel {
             let value = CountedValue { point: value, low: value, high: value };
             found.push(sensitivity(name, value, "given", &with));
         }
-        // Some inputs belong to the comparison of two lanes alone.
-        found.retain(|own| [own.at_low, own.at_high].iter().any(|end| *end != own.at_double));
         let size = |own: &InputSensitivity| own.elasticity.abs();
         found.sort_by(|a, b| size(b).total_cmp(&size(a)).then_with(|| a.input.cmp(&b.input)));
         found

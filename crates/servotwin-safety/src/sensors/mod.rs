@@ -92,6 +92,10 @@ pub struct SetPairs {
     pub set: SensorMask,
     /// Whether it is known which faults look alike; without enough healthy specimens it is not.
     pub is_structural: bool,
+    /// Detected runs within the noise of another fault.
+    pub alike_runs: u64,
+    /// Of these: the trees name the right fault all the same. If runs are alike in truth, about half of them.
+    pub alike_right: u64,
     /// The pairs by the names of their faults.
     pub pairs: BTreeMap<(String, String), FaultPair>,
 }
@@ -139,13 +143,8 @@ impl SensorTrade {
         let judged = parallel::map(&sets, workers, judge).map_err(|_| SafetyError::Cancelled)?;
         let judged: Vec<Judged> = judged.into_iter().collect::<Result<_, _>>()?;
         let is_paired = |set: SensorMask| set == candidates.base() || set == candidates.all();
-        let pairs = judged.iter().filter(|(own, ..)| is_paired(own.set));
-        let pairs = pairs.map(|(own, answers, alike)| SetPairs {
-            set: own.set,
-            is_structural: alike.is_some(),
-            pairs: fault_pairs(&runs, answers, alike.as_ref()),
-        });
-        let pairs = pairs.collect();
+        let paired = judged.iter().filter(|(own, ..)| is_paired(own.set));
+        let pairs = paired.map(|judged| SetPairs::count(&runs, judged)).collect();
         let mut notes = vec![];
         if judged.iter().any(|(own, ..)| own.isolable.is_none()) {
             notes.push(format!(
@@ -225,30 +224,32 @@ fn mark_front(sets: &mut [SensorSet]) {
     }
 }
 
-/// Counts, for every fault, the faults that its detected runs look like or are taken for.
-fn fault_pairs(
-    runs: &SensorRuns,
-    answers: &[FaultAnswer],
-    alike: Option<&Isolability>,
-) -> BTreeMap<(String, String), FaultPair> {
-    let mut pairs: BTreeMap<(FaultClass, FaultClass), FaultPair> = BTreeMap::new();
-    let mut detected: BTreeMap<FaultClass, u64> = BTreeMap::new();
-    for (place, answer) in answers.iter().enumerate().filter(|(_, answer)| answer.is_detected) {
-        let truth = runs.class(answer.row);
-        *detected.entry(truth).or_default() += 1;
-        let like = alike.map_or(&[][..], |alike| &alike.alike[place]);
-        for &other in like {
-            pairs.entry((truth, other)).or_default().alike += 1;
+impl SetPairs {
+    /// Counts, for every fault, the faults that its detected runs look like or are taken for.
+    fn count(runs: &SensorRuns, (own, answers, alike): &Judged) -> Self {
+        let mut pairs: BTreeMap<(FaultClass, FaultClass), FaultPair> = BTreeMap::new();
+        let mut detected: BTreeMap<FaultClass, u64> = BTreeMap::new();
+        let (mut alike_runs, mut alike_right) = (0, 0);
+        for (place, answer) in answers.iter().enumerate().filter(|(_, answer)| answer.is_detected) {
+            let truth = runs.class(answer.row);
+            *detected.entry(truth).or_default() += 1;
+            let like = alike.as_ref().map_or(&[][..], |alike| &alike.alike[place]);
+            alike_runs += u64::from(!like.is_empty());
+            alike_right += u64::from(!like.is_empty() && answer.fault == Some(truth));
+            for &other in like {
+                pairs.entry((truth, other)).or_default().alike += 1;
+            }
+            if let Some(other) = answer.fault.filter(|other| *other != truth) {
+                let pair = pairs.entry((truth, other)).or_default();
+                pair.confused += 1;
+                pair.confused_alike += u64::from(like.contains(&other));
+            }
         }
-        if let Some(other) = answer.fault.filter(|other| *other != truth) {
-            let pair = pairs.entry((truth, other)).or_default();
-            pair.confused += 1;
-            pair.confused_alike += u64::from(like.contains(&other));
-        }
+        let named = |((truth, other), pair): ((FaultClass, FaultClass), FaultPair)| {
+            let names = (runs.fault_name(truth), runs.fault_name(other));
+            (names, FaultPair { detected: detected[&truth], ..pair })
+        };
+        let pairs = pairs.into_iter().map(named).collect();
+        SetPairs { set: own.set, is_structural: alike.is_some(), alike_runs, alike_right, pairs }
     }
-    let named = |((truth, other), pair): ((FaultClass, FaultClass), FaultPair)| {
-        let names = (runs.fault_name(truth), runs.fault_name(other));
-        (names, FaultPair { detected: detected[&truth], ..pair })
-    };
-    pairs.into_iter().map(named).collect()
 }
