@@ -19,7 +19,7 @@ pub mod flight;
 use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
 use crate::error::SafetyError;
 use crate::interval::{CountedValue, clopper_pearson};
-use crate::rates::FailureRates;
+use crate::rates::{FailureRates, RatedFault};
 use crate::results::{FOLDER, StudyResultsFolder};
 use crate::tree::lanes::{CONFIDENCE, TreeParameter, rated_faults};
 use crate::tree::numbers::{BandEnd, ExposureHours};
@@ -292,7 +292,7 @@ impl FunctionModel {
         let mut faults = vec![vec![]; study.units.len()];
         let mut last = None;
         for fault in &study.faults {
-            let rated = crate::rates::RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
+            let rated = RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
             // A fault stands in the list once for each intensity.
             let Some(rate) =
                 rates.of(&rated).filter(|_| last.replace(&fault.id) != Some(&fault.id))
@@ -387,7 +387,7 @@ impl FunctionModel {
 
     /// The rates of all kinds of monitoring; `wear` multiplies the failure rates.
     fn condition(&self, condition: String, hours: &ExposureHours, wear: f64) -> ConditionRates {
-        let at = |monitoring: Monitoring, [missed, needless]: [BandEnd; 2]| {
+        let rate_at = |monitoring: Monitoring, [missed, needless]: [BandEnd; 2]| {
             let mut values = self.values(missed, needless);
             values[self.false_shutdown + 1..].iter_mut().for_each(|rate| *rate *= wear);
             self.rate(monitoring, &values, hours)
@@ -397,9 +397,9 @@ impl FunctionModel {
         let ends = [BandEnd::Low, BandEnd::High];
         let corners = ends.iter().flat_map(|&missed| ends.map(|needless| [missed, needless]));
         let corners: Vec<FunctionFailure> =
-            corners.map(|ends| at(Monitoring::Twin, ends)).collect();
+            corners.map(|ends| rate_at(Monitoring::Twin, ends)).collect();
         let band = |of: fn(&FunctionFailure) -> f64| CountedValue {
-            point: of(&at(Monitoring::Twin, points)),
+            point: of(&rate_at(Monitoring::Twin, points)),
             low: corners.iter().map(of).fold(f64::INFINITY, f64::min),
             high: corners.iter().map(of).fold(0.0, f64::max),
         };
@@ -408,8 +408,8 @@ impl FunctionModel {
             twin: band(|own| own.failure),
             twin_uncontained: band(|own| own.uncontained),
             twin_begins: band(|own| own.begins),
-            comparison: (self.faults.len() == 2).then(|| at(Monitoring::Comparison, points)),
-            nobody: at(Monitoring::Nobody, points),
+            comparison: (self.faults.len() == 2).then(|| rate_at(Monitoring::Comparison, points)),
+            nobody: rate_at(Monitoring::Nobody, points),
         }
     }
 

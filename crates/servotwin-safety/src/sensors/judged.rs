@@ -1,9 +1,9 @@
-//! How well a set of sensors diagnoses: one tree, trained on the training commands, and judged on the others.
+//! How well a set of sensors diagnoses: trees, trained on the training commands, and judged on the others.
 //!
-//! The classes of the tree are the faults of each actuator, and *healthy*. It reads the features that the set leaves.
-//! It learns from the rows in which a residual of a kept sensor leaves its band, also as seen from the other actuators.
-//! Of a judged row the action with the most weight in its leaf is taken. A fault whose residuals all stay within their
-//! bands is not judged by the tree: it is neither isolated nor shut down. So all rates have the same denominators for
+//! A tree finds the actuator, or that there is no fault; one more for each actuator finds the kind of its fault. They
+//! read the features that the set leaves. They learn from the rows in which a residual of a kept sensor leaves its band,
+//! also as seen from the other actuators. Of a judged row the action with the most weight in its leaf is taken. A fault
+//! whose residuals all stay within their bands is not judged by a tree: it is neither isolated nor shut down. So all rates have the same denominators for
 //! all sets: every judged fault, or every judged fault that needs a shutdown.
 
 use super::candidates::{Candidates, SensorMask};
@@ -19,7 +19,7 @@ use servotwin_learning::metrics::Rate;
 /// The sizes of groups to which a fault is isolated.
 pub const GROUPS: usize = 3;
 
-/// The answer of the tree to a judged fault.
+/// The answer of the trees to a judged fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FaultAnswer {
     /// The row of the data set.
@@ -49,16 +49,19 @@ pub struct SensorRates {
     pub missed_shutdown: Rate,
 }
 
-/// Trains the trees of a set and judges them.
+/// Trains the trees of a set and judges them. Where no training row with a fault is detected, nothing is isolated.
 ///
 /// # Errors
-/// Nothing is left to learn from.
+/// Training fails.
 pub fn answers(
     runs: &SensorRuns,
     candidates: &Candidates,
     set: SensorMask,
 ) -> Result<Vec<FaultAnswer>, SafetyError> {
-    let trees = SetTrees::train(runs, candidates, set)?;
+    let trees = match SetTrees::train(runs, candidates, set) {
+        Err(EvaluationError::NothingDetectable { .. }) => None,
+        trained => Some(trained?),
+    };
     let values = vec![0.0; runs.data.features.len()];
     let mut judge = SetJudge { runs, set, trees, values };
     Ok(runs.faults().into_iter().map(|row| judge.answer(row)).collect())
@@ -68,7 +71,7 @@ pub fn answers(
 pub fn rates(runs: &SensorRuns, set: SensorMask, answers: &[FaultAnswer]) -> SensorRates {
     let data = &runs.data;
     let label = |answer: &FaultAnswer| data.examples.labels()[answer.row];
-    let of = |holds: &dyn Fn(&FaultAnswer) -> bool| {
+    let rate_of = |holds: &dyn Fn(&FaultAnswer) -> bool| {
         let trials: Vec<_> = answers.iter().map(|a| trial(data, a.row, holds(a))).collect();
         Rate::clustered(&trials)
     };
@@ -77,10 +80,10 @@ pub fn rates(runs: &SensorRuns, set: SensorMask, answers: &[FaultAnswer]) -> Sen
     let missed: Vec<_> = needs.map(|a| trial(data, a.row, is_missed(a))).collect();
     let is_within = |size: usize| move |a: &FaultAnswer| a.group.is_some_and(|own| own <= size);
     SensorRates {
-        detected: of(&|answer| answer.is_detected),
+        detected: rate_of(&|answer| answer.is_detected),
         alarms: Rate::of(&runs.healthy(), |&row| runs.beyond(row) & set != 0),
-        isolated: [1, 2, 3].map(|size| of(&is_within(size))),
-        wrong_shutdown: of(&|a| a.shut_down.is_some_and(|off| off != label(a).actuator)),
+        isolated: [1, 2, 3].map(|size| rate_of(&is_within(size))),
+        wrong_shutdown: rate_of(&|a| a.shut_down.is_some_and(|off| off != label(a).actuator)),
         missed_shutdown: Rate::clustered(&missed),
     }
 }
@@ -128,8 +131,8 @@ impl SetTree {
 struct SetTrees {
     /// Decides the actuator, or that there is no fault.
     actuator: SetTree,
-    /// For each actuator, decides the kind of its fault.
-    kinds: Vec<SetTree>,
+    /// For each actuator, decides the kind of its fault; `None` without a fault to learn from.
+    kinds: Vec<Option<SetTree>>,
 }
 
 impl SetTrees {
@@ -137,7 +140,7 @@ impl SetTrees {
         runs: &SensorRuns,
         candidates: &Candidates,
         set: SensorMask,
-    ) -> Result<Self, SafetyError> {
+    ) -> Result<Self, EvaluationError> {
         let bands = runs.bands.iter().enumerate();
         let bands: Vec<f64> = bands
             .map(|(sensor, &band)| if set >> sensor & 1 == 1 { band } else { f64::INFINITY })
@@ -153,18 +156,19 @@ impl SetTrees {
             }
         }
         let actuator = SetTree::train(runs, &runs.tree, columns.clone(), &seen)?;
-        let of_actuator = |own: usize| {
-            let mut samples: Vec<_> =
-                seen.iter().copied().filter(|&(.., actuator)| actuator == own as u32).collect();
+        let kind_tree = |unit: usize| {
+            let mut samples = seen.clone();
+            samples.retain(|&(.., actuator)| actuator == unit as u32);
             samples.iter_mut().for_each(|(row, _, class)| *class = runs.data.rows[*row].kind);
-            let is_own = |column: &&usize| runs.data.features[**column].units == [own];
-            let mut own: Vec<usize> = columns.iter().filter(is_own).copied().collect();
-            if own.is_empty() {
-                own.clone_from(&columns);
+            let is_own = |column: &usize| runs.data.features[*column].units == [unit];
+            let mut readable = columns.clone();
+            if names.actuators.len() > 1 && columns.iter().any(is_own) {
+                readable.retain(is_own);
             }
-            SetTree::train(runs, &runs.kind_tree, own, &samples)
+            let train = || SetTree::train(runs, &runs.kind_tree, readable, &samples);
+            (!samples.is_empty()).then(train).transpose()
         };
-        let kinds = (0..names.actuators.len()).map(of_actuator).collect::<Result<_, _>>()?;
+        let kinds = (0..names.actuators.len()).map(kind_tree).collect::<Result<_, _>>()?;
         Ok(SetTrees { actuator, kinds })
     }
 }
@@ -173,7 +177,7 @@ impl SetTrees {
 struct SetJudge<'r> {
     runs: &'r SensorRuns,
     set: SensorMask,
-    trees: SetTrees,
+    trees: Option<SetTrees>,
     values: Vec<f64>,
 }
 
@@ -185,8 +189,9 @@ impl SetJudge<'_> {
             return none;
         }
         self.runs.data.examples.row_into(0, row, &mut self.values);
-        let actuator = arg_max(&self.trees.actuator.shares(&self.values));
-        let Some(tree) = self.trees.kinds.get(actuator) else { return none };
+        let Some(trees) = &self.trees else { return none };
+        let actuator = arg_max(&trees.actuator.shares(&self.values));
+        let Some(Some(tree)) = trees.kinds.get(actuator) else { return none };
         let shares = tree.shares(&self.values);
         let mut order: Vec<usize> = (0..shares.len()).filter(|&kind| shares[kind] > 0.0).collect();
         order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));

@@ -2,10 +2,10 @@
 //!
 //! A run becomes a point: mean, deviation and gain of the residual of every kept sensor. Healthy specimens of a case
 //! scatter around their mean with covariance Σ, by sensor noise and tolerances. Points are whitened by Σ, so that one
-//! unit is one standard deviation of a specimen in every direction:
+//! unit is one standard deviation of a specimen in every direction. D holds the inverse deviations of the columns:
 //!
 //! ```text
-//! w = Λ^(-1/2) Vᵀ (z − mean of healthy runs of the case),   Σ = V Λ Vᵀ           (1)
+//! w = Λ^(-1/2) Vᵀ D (z − mean of healthy runs of the case),   D Σ D = V Λ Vᵀ       (1)
 //! ```
 //!
 //! The runs of a fault in a case, from the weakest to the strongest, form a polyline that begins at the healthy mean:
@@ -41,8 +41,11 @@ const NORMAL_QUANTILE: f64 = 1.644_853_627;
 /// The feature families of mean, deviation and gain.
 const FAMILIES: [&str; 3] = ["moments", "deviation", "gain"];
 
-/// Directions with less than this share of the largest variance are rounding.
+/// Directions in which standardized columns have less variance are rounding.
 const LEAST_VARIANCE: f64 = 1e-12;
+
+/// The least part of a vector that is not rounding.
+const LEAST_PART: f64 = 1e-12;
 
 /// For every judged fault, the faults within whose noise it is.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,15 +115,25 @@ impl Whitening {
             .iter()
             .flat_map(|(case, points)| points.iter().map(|point| difference(point, &means[case])))
             .collect();
-        let covariance = Symmetric::new(size, |row, column| {
+        let covariance = |row: usize, column: usize| {
             let sum: f64 = centered.iter().map(|point| point[row] * point[column]).sum();
             sum / freedoms as f64
+        };
+        // Columns have different units, so rounding is measured in their deviations. A constant column says nothing.
+        let inverse = |variance: f64| if variance > 0.0 { 1.0 / variance.sqrt() } else { 0.0 };
+        let scales: Vec<f64> =
+            (0..size).map(|column| inverse(covariance(column, column))).collect();
+        let correlation = Symmetric::new(size, |row, column| {
+            scales[row] * scales[column] * covariance(row, column)
         });
-        let found = covariance.eigen();
-        let largest = found.first()?.0;
-        let kept = found.into_iter().filter(|(variance, _)| *variance > LEAST_VARIANCE * largest);
+        let kept =
+            correlation.eigen().into_iter().filter(|(variance, _)| *variance > LEAST_VARIANCE);
         let scaled = |(variance, direction): (f64, Vec<f64>)| {
-            direction.into_iter().map(|part| part / variance.sqrt()).collect()
+            direction
+                .iter()
+                .zip(&scales)
+                .map(|(part, scale)| part * scale / variance.sqrt())
+                .collect()
         };
         Some(Whitening { means, directions: kept.map(scaled).collect() })
     }
@@ -216,7 +229,7 @@ fn basis<'p>(points: impl Iterator<Item = &'p Vec<f64>>) -> Vec<Vec<f64>> {
             rest.iter_mut().zip(direction).for_each(|(rest, part)| *rest -= along * part);
         }
         let length = dot(&rest, &rest).sqrt();
-        if length > LEAST_VARIANCE * dot(point, point).sqrt() {
+        if length > LEAST_PART * dot(point, point).sqrt() {
             found.push(rest.into_iter().map(|part| part / length).collect());
         }
     }
