@@ -96,13 +96,21 @@ fn condition(own: &ConditionRates) -> String {
             number(rates.begins)
         )
     };
+    // With one actuator, a shutdown ends the function too; then the twin changes this part alone.
+    let uncontained = || {
+        format!(
+            "    without a shutdown: {} with the twin, {} without\n",
+            band(own.twin_uncontained),
+            number(own.nobody.uncontained)
+        )
+    };
     let comparison = own.comparison.map(|rates| row("comparison of two actuators", rates));
     format!(
         "  {}\n    hybrid twin: {}; begins {}\n{}{}",
         own.condition,
         band(own.twin),
         band(own.twin_begins),
-        comparison.unwrap_or_default(),
-        row("no monitoring", own.nobody)
+        row("no monitoring", own.nobody),
+        comparison.unwrap_or_else(uncontained)
     )
 }
