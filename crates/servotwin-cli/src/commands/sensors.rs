@@ -114,7 +114,11 @@ fn text_of(trade: &SensorTrade) -> String {
     for (place, sensor) in candidates.list.iter().enumerate() {
         let sign = if sensor.is_extra { "with" } else { "without" };
         let Some(other) = trade.of(candidates.base() ^ (1 << place)) else { continue };
-        let control = if other.keeps_control { "" } else { "  control needs it" };
+        let control = match (other.keeps_control, &sensor.read_by) {
+            (true, _) => "",
+            (false, Some(_)) => "  control needs it",
+            (false, None) => "  kept",
+        };
         text += &format!("  {sign:<7} {:<9}{}{control}\n", sensor.id, changes(base, other));
     }
     text + &pairs_of(trade)

@@ -91,10 +91,9 @@ impl Candidates {
         mask(self.list.iter().map(|sensor| !sensor.is_extra))
     }
 
-    /// Whether a set leaves control possible.
+    /// Whether a set holds all sensors that control needs, and those that are kept.
     pub fn keeps_control(&self, set: SensorMask) -> bool {
-        let read = mask(self.list.iter().map(|sensor| sensor.read_by.is_some()));
-        set & read == read
+        set & self.needed == self.needed
     }
 
     /// The cost of a set.
@@ -217,6 +216,8 @@ mod tests {
         let keep = ["x_v_1".to_owned(), "p_s_2".to_owned()];
         let kept = Candidates::new(&study, false, &keep, None).unwrap();
         assert!(kept.keeps_control(kept.needed) && kept.needed.count_ones() == 8);
+        let without = kept.all() & !(1 << 3);
+        assert!(kept.sets().contains(&without) && !kept.keeps_control(without));
         let error = Candidates::new(&study, false, &["x_w".into()], None).unwrap_err();
         assert!(
             error.to_string().starts_with("there is no sensor 'x_w' to keep; there are: p_a_1, ")

@@ -36,7 +36,7 @@ pub struct SensorSet {
     pub set: SensorMask,
     /// Its cost.
     pub cost: f64,
-    /// Whether it leaves control possible.
+    /// Whether it holds all sensors that control needs, and those that are kept.
     pub keeps_control: bool,
     /// What its trees achieve.
     pub rates: SensorRates,
