@@ -11,6 +11,7 @@ use servotwin::files::FileError;
 use servotwin::fit::FitError;
 use servotwin::flight::band::BandError;
 use servotwin::flight::runtime::RuntimeError;
+use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
@@ -392,8 +393,9 @@ fn of_safety(error: &SafetyError) -> u8 {
         SafetyError::Hours { .. }
         | SafetyError::SheetFormat { .. }
         | SafetyError::Feature { .. }
+        | SafetyError::FindingLine { .. }
         | SafetyError::NoScenario { .. } => 2,
-        SafetyError::Flight { .. } => 1,
+        SafetyError::Flight { .. } | SafetyError::NotReproduced { .. } => 1,
         SafetyError::File(error) => of_file(error),
         SafetyError::Table(error) => of_table(error),
         _ => 3,
@@ -541,7 +543,10 @@ impl From<JobError> for Failure {
 impl From<SafetyError> for Failure {
     fn from(error: SafetyError) -> Self {
         match error {
-            SafetyError::Cancelled => Failure::Stopped,
+            SafetyError::Cancelled
+            | SafetyError::Search(SearchError::Campaign(CampaignError::Cancelled)) => {
+                Failure::Stopped
+            }
             SafetyError::Job(error) => error.into(),
             error => Failure::Safety(error),
         }

@@ -25,7 +25,7 @@ use clap::{Parser, Subcommand};
 use commands::{
     band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
     faulttree, features, fit, flights, fly, fmea, history, init, man, merge, predict, report,
-    results, schema, serve, simulate, study, train, watch,
+    results, schema, serve, simulate, study, train, watch, worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -117,6 +117,7 @@ enum Command {
     Report(report::Options),
     Fmea(fmea::Options),
     Faulttree(faulttree::Options),
+    WorstCase(worst_case::Options),
     Results(results::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -175,6 +176,7 @@ impl Command {
             Command::Report(options) => report::run(options, global),
             Command::Fmea(options) => fmea::run(options, global),
             Command::Faulttree(options) => faulttree::run(options, global),
+            Command::WorstCase(options) => worst_case::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

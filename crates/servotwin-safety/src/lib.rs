@@ -2,6 +2,7 @@
 //!
 //! - [`fmea`]: an FMEA with one row per fault of the system, in which every cell names its evidence
 //! - [`faulttree`]: fault trees with counted probabilities, as Open-PSA documents and figures
+//! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //!
 //! Nothing is invented: failure rates come from a table of the user ([`rates`]), everything else from simulations, and a
 //! cell without evidence says so.
@@ -13,5 +14,6 @@ pub mod interval;
 pub mod rates;
 pub mod results;
 pub mod tree;
+pub mod worst_case;
 
 pub use error::{SafetyError, XLSX_LINE};

@@ -17,7 +17,7 @@ use servotwin::flight::unseen_faults::{
 use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
 use servotwin::job::healthy::{self, HealthyRun};
 use servotwin::job::sealed::Record;
-use servotwin::job::{Folder, JobError, manifest};
+use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
@@ -264,11 +264,14 @@ pub fn no_flights(study: &Study) -> Result<Failure, Failure> {
 }
 
 /// Runs work with threads and its progress on a terminal. Ctrl-C stops it.
-pub fn with_crew<T>(
+pub fn with_crew<T, E>(
     threads: Option<usize>,
     global: Global,
-    work: impl FnOnce(&Crew) -> Result<T, JobError>,
-) -> Result<T, Failure> {
+    work: impl FnOnce(&Crew) -> Result<T, E>,
+) -> Result<T, Failure>
+where
+    Failure: From<E>,
+{
     let stages = Stages::new(global);
     let crew =
         Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };

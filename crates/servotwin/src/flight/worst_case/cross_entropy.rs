@@ -1,0 +1,116 @@
+//! A cross-entropy search: points are drawn from a distribution, which moves towards the worst of them.
+//!
+//! ```text
+//! q ← α q_elite + (1 − α) q                                     (1)
+//! ```
+//!
+//! for the probabilities of a choice, and for mean and standard deviation of every other number; q_elite are those of
+//! the worst points of a generation. The first generation has the distributions of the study. Values beyond the ends
+//! of a range fall on the ends, where the worst case often is. The standard deviation has a floor, so that a search
+//! goes on around what it found.
+//!
+//! Source: Rubinstein, Kroese, "The Cross-Entropy Method", Springer 2004, chapters 2 and 5 (smoothing α).
+
+use super::SearchOutcome;
+use super::space::{Distribution, SearchPoint, SearchSpace};
+use crate::signal::random::Random;
+
+/// Number of points of a generation.
+pub const GENERATION: usize = 32;
+/// Number of the worst points from which the next generation learns.
+const ELITE: usize = 8;
+/// α of equation (1).
+const SMOOTHING: f64 = 0.7;
+/// The smallest standard deviation, in parts of the distance between the ends.
+const MIN_DEVIATION: f64 = 0.05;
+
+/// From what a number of the next points is drawn.
+#[derive(Debug, Clone, PartialEq)]
+enum Law {
+    /// The distribution of the study.
+    OfStudy,
+    /// A normal distribution.
+    Normal { mean: f64, deviation: f64 },
+    /// The probability of each choice.
+    Choice(Vec<f64>),
+}
+
+/// A running search.
+pub struct CrossEntropy<'s> {
+    space: &'s SearchSpace,
+    laws: Vec<Law>,
+    random: Random,
+}
+
+impl<'s> CrossEntropy<'s> {
+    /// A search that begins with the distributions of the study.
+    pub fn new(space: &'s SearchSpace, random: Random) -> Self {
+        CrossEntropy { space, laws: vec![Law::OfStudy; space.dimensions.len()], random }
+    }
+
+    /// Draws a point.
+    pub fn draw(&mut self, number: usize) -> SearchPoint {
+        let mut values = vec![];
+        for (law, dimension) in self.laws.iter().zip(&self.space.dimensions) {
+            let distribution = dimension.distribution;
+            let value = match law {
+                Law::OfStudy => distribution.draw(&mut self.random),
+                Law::Normal { mean, deviation } => mean + deviation * self.random.normal(),
+                Law::Choice(shares) => chosen(shares, self.random.unit()) as f64,
+            };
+            values.push(distribution.rounded(value));
+        }
+        SearchPoint { number, values }
+    }
+
+    /// Learns from the worst points of a generation.
+    pub fn learn(&mut self, flown: &[(SearchPoint, SearchOutcome)]) {
+        let mut order: Vec<&(SearchPoint, SearchOutcome)> = flown.iter().collect();
+        order.sort_by(|(_, a), (_, b)| {
+            let (a, b) = (a.rank(), b.rank());
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        order.truncate(ELITE);
+        for (place, law) in self.laws.iter_mut().enumerate() {
+            let values: Vec<f64> = order.iter().map(|(point, _)| point.values[place]).collect();
+            *law = learned(law, self.space.dimensions[place].distribution, &values);
+        }
+    }
+}
+
+/// Equation (1) for one number.
+fn learned(law: &Law, distribution: Distribution, values: &[f64]) -> Law {
+    let blend = |elite: f64, before: f64| SMOOTHING * elite + (1.0 - SMOOTHING) * before;
+    if let Distribution::Choice(count) = distribution {
+        let even = vec![1.0 / count as f64; count];
+        let before = if let Law::Choice(before) = law { before } else { &even };
+        let share = |choice: usize| {
+            values.iter().filter(|&&value| value as usize == choice).count() as f64
+                / values.len() as f64
+        };
+        return Law::Choice(
+            (0..count).map(|choice| blend(share(choice), before[choice])).collect(),
+        );
+    }
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let variance =
+        values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len() as f64;
+    let [low, high] = distribution.ends();
+    let deviation = variance.sqrt().max(MIN_DEVIATION * (high - low));
+    match *law {
+        Law::Normal { mean: before, deviation: spread } => {
+            Law::Normal { mean: blend(mean, before), deviation: blend(deviation, spread) }
+        }
+        _ => Law::Normal { mean, deviation },
+    }
+}
+
+/// The choice at a place of the sum of all shares, from 0 to 1.
+fn chosen(shares: &[f64], place: f64) -> usize {
+    let mut sum = 0.0;
+    let found = shares.iter().position(|share| {
+        sum += share;
+        place < sum
+    });
+    found.unwrap_or(shares.len() - 1)
+}
