@@ -7,6 +7,8 @@ pub(super) struct EvidencePeak {
     /// Actuators with their actions.
     pub claims: Vec<(usize, usize)>,
     pub largest: f64,
+    /// The largest probability that the committee gave any of the claims.
+    pub probability: f64,
 }
 
 impl EvidencePeak {
@@ -17,7 +19,7 @@ impl EvidencePeak {
         let all = (0..names.actuators.len())
             .flat_map(|actuator| actions.clone().map(move |action| (actuator, action)));
         let claims = all.filter(|&(actuator, action)| is_chosen(actuator, action)).collect();
-        EvidencePeak { claims, largest: 0.0 }
+        EvidencePeak { claims, largest: 0.0, probability: 0.0 }
     }
 
     /// Takes the evidence of the windows that end at the session's last sample.
@@ -28,6 +30,8 @@ impl EvidencePeak {
             }
             for &(actuator, action) in &self.claims {
                 self.largest = self.largest.max(session.evidence(length, actuator, action));
+                let probability = session.probability(length, Some((actuator, action)));
+                self.probability = self.probability.max(probability);
             }
         }
     }

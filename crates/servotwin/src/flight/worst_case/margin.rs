@@ -3,9 +3,13 @@
 //! | objective | margin without the error | with it |
 //! |---|---|---|
 //! | missed shutdown | share of the time after the onset that is left when the shutdown is raised; 1 for a fault that was not visible | largest evidence for the shutdown in parts of its limit, minus 1 |
-//! | wrong shutdown | 1 minus the largest evidence for a shutdown of a healthy actuator | the same, at most 0 |
-//! | false alarm | 1 minus the largest evidence for any action | the same, at most 0 |
+//! | wrong shutdown | 1 minus the largest evidence e for a shutdown of a healthy actuator | the same, at most 0 |
+//! | false alarm | 1 minus the largest evidence e for any action | the same, at most 0 |
 //! | transient | minus the largest departure before the first action against the faulty actuator, SI | there is no limit, hence no error |
+//!
+//! Evidence stays at 0 while every window speaks for health, and a search could not follow it. There the margin is
+//! 1 + ln p / ln p₀, with the largest probability p that the committee gave a counted action and p₀ = 1e-12, within 1
+//! and 2.
 
 use super::{SearchObjective, SearchOutcome};
 use crate::flight::campaign::Observer;
@@ -14,6 +18,10 @@ use crate::flight::judge::{RaisedLog, Visibility};
 use crate::flight::plan::Flight;
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Raised, Session};
+use servotwin_model::math::ln;
+
+/// p₀: less probable actions are all alike.
+const MIN_PROBABILITY: f64 = 1e-12;
 
 /// What a flight is watched for.
 pub(super) struct Target {
@@ -104,6 +112,7 @@ impl MarginWatch {
             (SearchObjective::MissedShutdown, None) if !is_visible => (1.0, false),
             (SearchObjective::MissedShutdown, None) => ((evidence - 1.0).min(0.0), true),
             (SearchObjective::Transient, _) => (-self.departure, false),
+            (_, None) if evidence == 0.0 => (1.0 + improbability(self.peak.probability), false),
             // Trees and committee must agree, too, so enough evidence alone is no error.
             (_, None) => ((1.0 - evidence).max(0.0), false),
             (_, Some(_)) => ((1.0 - evidence).min(0.0), true),
@@ -124,6 +133,11 @@ impl MarginWatch {
         let wrong_shutdown = wrong.map(|raised| names.actuators[raised.actuator as usize].clone());
         SearchOutcome { margin, is_error, is_visible, action, action_s, wrong_shutdown }
     }
+}
+
+/// ln p / ln p₀, from 0 for a certain action to 1.
+fn improbability(probability: f64) -> f64 {
+    ln(probability.clamp(MIN_PROBABILITY, 1.0)) / ln(MIN_PROBABILITY)
 }
 
 impl Observer for MarginWatch {
