@@ -5,11 +5,15 @@
 //! ```
 //!
 //! for the probabilities of a choice, and for mean and standard deviation of every other number; q_elite are those of
-//! the worst points of a generation. The first generation has the distributions of the study. Values beyond the ends
-//! of a range fall on the ends, where the worst case often is. The standard deviation has a floor, so that a search
-//! goes on around what it found.
+//! the worst points so far. The first generation has the distributions of the study. Values beyond the ends of a range
+//! fall on the ends, where the worst case often is. The standard deviation has a floor, so that a search goes on around
+//! what it found.
 //!
-//! Source: Rubinstein, Kroese, "The Cross-Entropy Method", Springer 2004, chapters 2 and 5 (smoothing α).
+//! Much of a margin is chance: noise, and the random part of a command. It follows from the number of a point, so half
+//! of the points are *offspring*: they keep the number of one of the worst points, and most of its values.
+//!
+//! Sources: Rubinstein, Kroese, "The Cross-Entropy Method", Springer 2004, chapters 2 and 5 (smoothing α); uniform
+//! crossover with a share of new values: Syswerda, Proc. 3rd Int. Conf. Genetic Algorithms, 1989.
 
 use super::SearchOutcome;
 use super::space::{Distribution, SearchPoint, SearchSpace};
@@ -21,6 +25,10 @@ pub const GENERATION: usize = 32;
 const ELITE: usize = 8;
 /// α of equation (1).
 const SMOOTHING: f64 = 0.7;
+/// Share of the points that are offspring, after the first generation.
+const OFFSPRING: f64 = 0.5;
+/// Share of the values of offspring that are drawn anew.
+const NEW_VALUES: f64 = 0.3;
 /// The smallest standard deviation, in parts of the distance between the ends.
 const MIN_DEVIATION: f64 = 0.05;
 
@@ -39,19 +47,30 @@ enum Law {
 pub struct CrossEntropy<'s> {
     space: &'s SearchSpace,
     laws: Vec<Law>,
+    /// The worst points so far, the worst first.
+    elite: Vec<(SearchPoint, SearchOutcome)>,
     random: Random,
 }
 
 impl<'s> CrossEntropy<'s> {
     /// A search that begins with the distributions of the study.
     pub fn new(space: &'s SearchSpace, random: Random) -> Self {
-        CrossEntropy { space, laws: vec![Law::OfStudy; space.dimensions.len()], random }
+        let laws = vec![Law::OfStudy; space.dimensions.len()];
+        CrossEntropy { space, laws, elite: vec![], random }
     }
 
-    /// Draws a point.
+    /// Draws a point. Offspring keep the number of their parent, others get this one.
     pub fn draw(&mut self, number: usize) -> SearchPoint {
+        let place = (self.random.unit() * self.elite.len() as f64 / OFFSPRING) as usize;
+        let parent = self.elite.get(place).map(|(point, _)| point);
         let mut values = vec![];
-        for (law, dimension) in self.laws.iter().zip(&self.space.dimensions) {
+        for (place, (law, dimension)) in self.laws.iter().zip(&self.space.dimensions).enumerate() {
+            if let Some(parent) = parent
+                && self.random.unit() >= NEW_VALUES
+            {
+                values.push(parent.values[place]);
+                continue;
+            }
             let distribution = dimension.distribution;
             let value = match law {
                 Law::OfStudy => distribution.draw(&mut self.random),
@@ -60,19 +79,20 @@ impl<'s> CrossEntropy<'s> {
             };
             values.push(distribution.rounded(value));
         }
-        SearchPoint { number, values }
+        SearchPoint { number: parent.map_or(number, |parent| parent.number), values }
     }
 
-    /// Learns from the worst points of a generation.
+    /// Learns from a generation.
     pub fn learn(&mut self, flown: &[(SearchPoint, SearchOutcome)]) {
-        let mut order: Vec<&(SearchPoint, SearchOutcome)> = flown.iter().collect();
-        order.sort_by(|(_, a), (_, b)| {
+        self.elite.extend_from_slice(flown);
+        self.elite.sort_by(|(_, a), (_, b)| {
             let (a, b) = (a.rank(), b.rank());
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
         });
-        order.truncate(ELITE);
+        self.elite.truncate(ELITE);
         for (place, law) in self.laws.iter_mut().enumerate() {
-            let values: Vec<f64> = order.iter().map(|(point, _)| point.values[place]).collect();
+            let values: Vec<f64> =
+                self.elite.iter().map(|(point, _)| point.values[place]).collect();
             *law = learned(law, self.space.dimensions[place].distribution, &values);
         }
     }
