@@ -20,9 +20,9 @@ use super::space::{Distribution, SearchPoint, SearchSpace};
 use crate::signal::random::Random;
 
 /// Number of points of a generation.
-pub const GENERATION: usize = 32;
+pub const GENERATION: usize = 16;
 /// Number of the worst points from which the next generation learns.
-const ELITE: usize = 8;
+const ELITE: usize = 6;
 /// α of equation (1).
 const SMOOTHING: f64 = 0.7;
 /// Share of the points that are offspring, after the first generation.
