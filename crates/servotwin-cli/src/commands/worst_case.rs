@@ -68,7 +68,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         .collect();
     let _hold = folder.hold(Among::Nobody)?;
     let (summaries, written) = with_crew(options.threads, global, |crew| {
-        WorstCaseSearch::new(&results, options.seed, &objectives, crew)?.run(options.runs as usize)
+        WorstCaseSearch::new(&results, options.seed, crew)?.run(&objectives, options.runs as usize)
     })?;
     let files: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
     Ok(match global {

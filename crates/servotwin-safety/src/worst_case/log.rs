@@ -6,7 +6,7 @@
 use super::finding_line::FindingLine;
 use crate::error::SafetyError;
 use servotwin::flight::worst_case::space::{SearchPoint, SearchSpace};
-use servotwin::flight::worst_case::{SearchObjective, SearchOutcome};
+use servotwin::flight::worst_case::{SearchError, SearchObjective, SearchOutcome};
 use servotwin::study::Setting;
 use servotwin::table::csv::texts;
 use servotwin::table::{self, Column, Table};
@@ -142,7 +142,7 @@ impl SearchLog {
     pub fn write<'p>(
         &self,
         path: &Path,
-        space: impl Fn(SearchObjective) -> &'p SearchSpace,
+        space: impl Fn(SearchObjective) -> Result<&'p SearchSpace, SearchError>,
     ) -> Result<(), SafetyError> {
         let text =
             |value: fn(&SearchRow) -> String| self.rows.iter().map(value).collect::<Vec<_>>();
@@ -164,15 +164,15 @@ impl SearchLog {
                 text(|row| row.outcome.wrong_shutdown.clone().unwrap_or_default()),
             ),
         ];
+        let spaces: Vec<&SearchSpace> =
+            self.rows.iter().map(|row| space(row.line.objective)).collect::<Result<_, _>>()?;
         // Spaces of different objectives differ in their faults only.
-        let dimensions =
-            self.rows.first().map_or(&[][..], |row| &space(row.line.objective).dimensions);
+        let dimensions = spaces.first().map_or(&[][..], |space| &space.dimensions);
         for (place, dimension) in dimensions.iter().enumerate() {
-            let in_words = |row: &SearchRow| {
-                let own = &space(row.line.objective).dimensions[place];
-                own.in_words(row.line.point.values[place])
-            };
-            let words: Vec<String> = self.rows.iter().map(in_words).collect();
+            let rows = spaces.iter().zip(&self.rows);
+            let words: Vec<String> = rows
+                .map(|(space, row)| space.dimensions[place].in_words(row.line.point.values[place]))
+                .collect();
             columns.push(Column::new(dimension.name.clone(), "", words));
         }
         columns.push(Column::new("line", "", text(|row| row.line.to_string())));

@@ -17,7 +17,9 @@ use log::{Method, SearchBasis, SearchLog, SearchRow};
 use servotwin::files::create_folder;
 use servotwin::flight::worst_case::cross_entropy::{CrossEntropy, GENERATION};
 use servotwin::flight::worst_case::space::{SearchPoint, SearchSpace};
-use servotwin::flight::worst_case::{MAX_POINTS, PointFlyer, SearchObjective, SearchOutcome};
+use servotwin::flight::worst_case::{
+    MAX_POINTS, PointFlyer, SearchError, SearchObjective, SearchOutcome,
+};
 use servotwin::job::JobError;
 use servotwin::job::flights::{Crew, diagnoser};
 use servotwin::signal::random::Random;
@@ -39,34 +41,35 @@ const STREAMS: u64 = 0x776f_7273_7400_0000;
 pub struct WorstCaseSearch<'s> {
     results: &'s StudyResultsFolder,
     flyer: PointFlyer<'s>,
-    /// One space for each objective, in the order of [`SearchObjective::ALL`].
+    /// One space for each objective that the study allows: stored flights of objectives that are not searched stay.
     spaces: Vec<SearchSpace>,
     log: SearchLog,
     progress: &'s (dyn Fn(&str, f64) + Sync),
 }
 
 impl<'s> WorstCaseSearch<'s> {
-    /// A search for these objectives, with what the folder already has of it.
+    /// A search with what the folder already has of it.
     ///
     /// # Errors
-    /// There is no diagnoser; the study has no flights or no fault for an objective; the stored flights are damaged.
+    /// There is no diagnoser; the study has no flights; the stored flights are damaged.
     pub fn new(
         results: &'s StudyResultsFolder,
         seed: u64,
-        objectives: &[SearchObjective],
         crew: &Crew<'s>,
     ) -> Result<Self, SafetyError> {
         let (study, setting) = (&results.study, results.flown_setting());
         let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
         let session =
             Session::new(diagnoser).map_err(|error| JobError::Evaluation(error.into()))?;
-        let spaces =
-            objectives.iter().map(|&objective| SearchSpace::new(study, setting, objective));
-        let spaces = spaces.collect::<Result<Vec<_>, _>>()?;
+        let mut spaces = vec![];
+        for objective in SearchObjective::ALL {
+            match SearchSpace::new(study, setting, objective) {
+                Err(SearchError::NoFault(_)) => {}
+                space => spaces.push(space?),
+            }
+        }
         let basis = SearchBasis { evidence: results.basis.in_words(), setting, seed };
-        let mut log = SearchLog::read(&results.artefact(FILE), basis)?;
-        // Flights of other objectives would need their spaces; they are flown again when asked for.
-        log.rows.retain(|row| objectives.contains(&row.line.objective));
+        let log = SearchLog::read(&results.artefact(FILE), basis)?;
         let (workers, progress) = (crew.workers, crew.progress);
         let flyer = PointFlyer { study, setting, seed, session, workers };
         Ok(WorstCaseSearch { results, flyer, spaces, log, progress })
@@ -76,22 +79,21 @@ impl<'s> WorstCaseSearch<'s> {
     /// Every generation is stored. Returns the summaries and the written files.
     ///
     /// # Errors
-    /// A twin cannot be simulated, a file cannot be written, or the run was cancelled.
+    /// The study has no fault for an objective, a twin cannot be simulated, a file cannot be written, or the run was
+    /// cancelled.
     pub fn run(
         &mut self,
+        objectives: &[SearchObjective],
         runs: usize,
     ) -> Result<(Vec<ObjectiveSummary>, Vec<PathBuf>), SafetyError> {
         create_folder(self.results.folder.path().join(FOLDER))?;
-        for place in 0..self.spaces.len() {
-            let space = self.spaces[place].clone();
+        let mut summaries = vec![];
+        for &objective in objectives {
+            let space = self.space(objective)?.clone();
             self.search(&space, runs)?;
             self.draw(&space, runs)?;
+            summaries.push(ObjectiveSummary::new(&self.results.study, &space, &self.log, runs));
         }
-        let summaries: Vec<ObjectiveSummary> = self
-            .spaces
-            .iter()
-            .map(|space| ObjectiveSummary::new(&self.results.study, space, &self.log, runs))
-            .collect();
         let mut written = vec![self.results.artefact(FILE)];
         written.push(summary::write_cells(self.results, &summaries)?);
         for summary in &summaries {
@@ -167,12 +169,13 @@ impl<'s> WorstCaseSearch<'s> {
         FindingLine { objective, setting, seed, point: point.clone(), margin }
     }
 
+    fn space(&self, objective: SearchObjective) -> Result<&SearchSpace, SearchError> {
+        let own = self.spaces.iter().find(|space| space.objective == objective);
+        own.ok_or(SearchError::NoFault(objective.name()))
+    }
+
     fn store(&self) -> Result<(), SafetyError> {
-        let space = |objective: SearchObjective| {
-            let own = self.spaces.iter().find(|space| space.objective == objective);
-            own.expect("the log holds flights of these objectives alone")
-        };
-        self.log.write(&self.results.artefact(FILE), space)
+        self.log.write(&self.results.artefact(FILE), |objective| self.space(objective))
     }
 }
 
@@ -185,8 +188,8 @@ pub fn replay(
     line: &FindingLine,
     crew: &Crew,
 ) -> Result<SearchOutcome, SafetyError> {
-    let search = WorstCaseSearch::new(results, line.seed, &[line.objective], crew)?;
-    let [space] = &search.spaces[..] else { unreachable!("one objective has one space") };
+    let search = WorstCaseSearch::new(results, line.seed, crew)?;
+    let space = search.space(line.objective)?;
     if !space.contains(&line.point) {
         let count = space.dimensions.len();
         return Err(mistake(format!(
