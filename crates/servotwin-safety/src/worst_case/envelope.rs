@@ -109,3 +109,27 @@ fn part_name(dimension: &Dimension, part: usize) -> String {
     let ends = [low, cuts[0], cuts[1], high];
     format!("{} … {}", dimension.in_words(ends[part]), dimension.in_words(ends[part + 1]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_cover_a_range_and_have_the_ends_of_its_unit() {
+        let dimension = |distribution, range| Dimension {
+            name: "air_speed".into(),
+            distribution,
+            range,
+            choices: vec![],
+        };
+        let speed = dimension(Distribution::Share, Some([110.0, 170.0]));
+        assert_eq!(
+            [0.0, 0.33, 0.34, 0.67, 1.0].map(|value| part_of(&speed, value)),
+            [0, 0, 1, 2, 2]
+        );
+        assert_eq!(part_name(&speed, 0), "110 … 130");
+        let tolerance = dimension(Distribution::Deviation, None);
+        assert_eq!([-3.0, 0.0, 0.5].map(|value| part_of(&tolerance, value)), [0, 1, 2]);
+        assert_eq!(part_name(&tolerance, 2), "0.430727 … 3");
+    }
+}

@@ -198,7 +198,7 @@ fn faults_never_trained_on_are_counted_once_each() {
     }
     // A challenge set flies the same alone as among all.
     for set in &merit.sets {
-        assert_eq!(judge(&[&set.name]).sets, [set.clone()]);
+        assert_eq!(judge(&[&set.name]).sets, std::slice::from_ref(set));
         let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.name);
         let titles: Vec<&str> = titles.map(|fault| fault.title).collect();
         let own = || merit.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));

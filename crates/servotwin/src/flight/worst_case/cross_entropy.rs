@@ -134,3 +134,34 @@ fn chosen(shares: &[f64], place: f64) -> usize {
     });
     found.unwrap_or(shares.len() - 1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn laws_move_towards_the_elite_and_keep_a_spread() {
+        let choice = Distribution::Choice(4);
+        let once = learned(&Law::OfStudy, choice, &[2.0, 2.0]);
+        let Law::Choice(shares) = once else { panic!("a choice has shares") };
+        for (share, expected) in shares.into_iter().zip([0.075, 0.075, 0.775, 0.075]) {
+            assert!((share - expected).abs() < 1e-12, "{share}");
+        }
+        let first = learned(&Law::OfStudy, Distribution::Share, &[0.5, 0.5]);
+        assert_eq!(first, Law::Normal { mean: 0.5, deviation: MIN_DEVIATION });
+        let Law::Normal { mean, deviation } = learned(&first, Distribution::Share, &[0.9, 1.0])
+        else {
+            panic!("a share is no choice")
+        };
+        assert!((mean - 0.815).abs() < 1e-12 && (deviation - MIN_DEVIATION).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_choice_is_drawn_by_its_share() {
+        let shares = [0.25, 0.5, 0.25];
+        assert_eq!(
+            [0.0, 0.2, 0.25, 0.74, 0.76, 1.0].map(|place| chosen(&shares, place)),
+            [0, 0, 1, 1, 2, 2]
+        );
+    }
+}
