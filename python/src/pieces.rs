@@ -237,7 +237,8 @@ pub fn fly_foreign(
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
         diagnoser.check().map_err(Failure::value)?;
-        let said = unseen_faults::judge(study, &flights, setting, &diagnoser, workers)?;
+        let sets = unseen_faults::set_names();
+        let said = unseen_faults::judge(study, &flights, setting, &diagnoser, &sets, workers)?;
         check(watch)?;
         Ok(to_text(&said))
     })?;

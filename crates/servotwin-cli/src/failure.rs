@@ -11,6 +11,7 @@ use servotwin::files::FileError;
 use servotwin::fit::FitError;
 use servotwin::flight::band::BandError;
 use servotwin::flight::runtime::RuntimeError;
+use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
@@ -394,8 +395,9 @@ fn of_safety(error: &SafetyError) -> u8 {
         | SafetyError::Feature { .. }
         | SafetyError::NoSensor { .. }
         | SafetyError::TooManySensors { .. }
+        | SafetyError::FindingLine { .. }
         | SafetyError::NoScenario { .. } => 2,
-        SafetyError::Flight { .. } => 1,
+        SafetyError::Flight { .. } | SafetyError::NotReproduced { .. } => 1,
         SafetyError::File(error) => of_file(error),
         SafetyError::Table(error) => of_table(error),
         _ => 3,
@@ -543,7 +545,10 @@ impl From<JobError> for Failure {
 impl From<SafetyError> for Failure {
     fn from(error: SafetyError) -> Self {
         match error {
-            SafetyError::Cancelled => Failure::Stopped,
+            SafetyError::Cancelled
+            | SafetyError::Search(SearchError::Campaign(CampaignError::Cancelled)) => {
+                Failure::Stopped
+            }
             SafetyError::Job(error) => error.into(),
             error => Failure::Safety(error),
         }

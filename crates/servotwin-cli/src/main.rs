@@ -25,7 +25,7 @@ use clap::{Parser, Subcommand};
 use commands::{
     band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
     faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge,
-    predict, report, results, schema, sensors, serve, simulate, study, train, watch,
+    predict, report, results, schema, sensors, serve, simulate, study, train, watch, worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -119,6 +119,7 @@ enum Command {
     Faulttree(faulttree::Options),
     FunctionRate(function_rate::Options),
     Sensors(sensors::Options),
+    WorstCase(worst_case::Options),
     Results(results::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -181,6 +182,7 @@ impl Command {
             Command::Faulttree(options) => faulttree::run(options, global),
             Command::FunctionRate(options) => function_rate::run(options, global),
             Command::Sensors(options) => sensors::run(options, global),
+            Command::WorstCase(options) => worst_case::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

@@ -3,6 +3,7 @@
 use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
 use servotwin::flight::runtime::RuntimeError;
+use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
 use servotwin::table::TableError;
@@ -162,6 +163,27 @@ pub enum SafetyError {
         path: PathBuf,
         /// The library's message.
         problem: String,
+    },
+    /// A point of a worst-case search cannot be flown.
+    #[error(transparent)]
+    Search(#[from] SearchError),
+    /// The line of a finding cannot be read.
+    #[error(
+        "the line of a finding: {problem}; servotwin worst-case prints such lines, and worst-case.csv has them"
+    )]
+    FindingLine {
+        /// What is wrong, and what is allowed.
+        problem: String,
+    },
+    /// A finding was not reproduced.
+    #[error(
+        "the flight has margin {flown:?}, the line states {stated:?}: the line comes from another study, diagnoser or version"
+    )]
+    NotReproduced {
+        /// The margin of the flight.
+        flown: f64,
+        /// The margin of the line.
+        stated: f64,
     },
     /// The caller stopped the work.
     #[error("stopped")]

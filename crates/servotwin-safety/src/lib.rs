@@ -4,6 +4,7 @@
 //! - [`sensors`]: what each sensor buys: every set that leaves control possible, judged
 //! - [`function_rate`]: the failure rate of the function per flight hour, with the hybrid twin and without
 //! - [`faulttree`]: fault trees with counted probabilities, as Open-PSA documents and figures
+//! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //!
 //! Nothing is invented: failure rates come from a table of the user ([`rates`]), everything else from simulations, and a
 //! cell without evidence says so.
@@ -18,5 +19,6 @@ pub mod rates;
 pub mod results;
 pub mod sensors;
 pub mod tree;
+pub mod worst_case;
 
 pub use error::{SafetyError, XLSX_LINE};

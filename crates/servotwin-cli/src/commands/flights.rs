@@ -11,11 +11,13 @@ use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::judge::{
     ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics, STRONG,
 };
-use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
+use servotwin::flight::unseen_faults::{
+    ChallengeSetMetrics, UnseenFaultMetrics, UnseenFaultOutcome, set_names,
+};
 use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
 use servotwin::job::healthy::{self, HealthyRun};
 use servotwin::job::sealed::Record;
-use servotwin::job::{Folder, JobError, manifest};
+use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
 use servotwin_report::vocabulary::Vocabulary;
@@ -42,6 +44,11 @@ pub struct Options {
     /// output folder, before the first flight. Writes `flights-sealed.json`.
     #[arg(long, conflicts_with = "missing_sensors")]
     sealed: bool,
+    /// Only fly these challenge sets with the diagnosers in the folder: faults that training does not contain, separated
+    /// by commas, or `all`. Writes `challenge_sets.json`.
+    #[arg(long, value_name = "SETS", value_delimiter = ',', conflicts_with_all = ["missing_sensors", "sealed", "healthy"],
+          value_parser = challenge_names())]
+    challenge: Vec<String>,
     /// Only fly this many healthy flights with the diagnosers in the folder, each in an environment of its own, and bound
     /// the rate of false alarms by environment. An interrupted run goes on where it was last stored. Writes
     /// `flights-healthy-<scenario>.json`.
@@ -53,12 +60,20 @@ pub struct Options {
           value_parser = clap::value_parser!(u64).range(0..=999))]
     seed: u64,
     /// Only judge the diagnoser of the scenario `realistic` in the folder, in the plants of `[flights.other_plant]`.
-    #[arg(long, conflicts_with_all = ["missing_sensors", "setting", "sealed"])]
+    #[arg(long, conflicts_with_all = ["missing_sensors", "setting", "sealed", "challenge"])]
     other_plant: bool,
     /// With --other-plant, fit the twin of every plant to its calibration flight first.
     #[arg(long, requires = "other_plant")]
     fitted: bool,
 }
+
+/// The values of `--challenge`.
+fn challenge_names() -> Vec<&'static str> {
+    [set_names(), vec![ALL_SETS]].concat()
+}
+
+/// Stands for all challenge sets.
+const ALL_SETS: &str = "all";
 
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
@@ -87,6 +102,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             _ => merits.iter().map(|merit| of_missing(merit, &words)).collect(),
         });
     }
+    if !options.challenge.is_empty() {
+        return challenge(options, (&study, &sizes), &settings, global);
+    }
     if options.sealed {
         return sealed(options, &study, &settings, global);
     }
@@ -104,6 +122,38 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
         _ => text(&results, &words),
+    })
+}
+
+/// Flies challenge sets with the stored diagnosers.
+fn challenge(
+    options: &Options,
+    (study, sizes): (&Study, &Flights),
+    settings: &[Setting],
+    global: Global,
+) -> Result<String, Failure> {
+    let folder = Folder::new(&options.study.out);
+    let is_chosen =
+        |set: &&str| options.challenge.iter().any(|name| name == set || name == ALL_SETS);
+    let sets: Vec<&str> = set_names().into_iter().filter(is_chosen).collect();
+    let metrics = with_crew(options.study.threads, global, |crew| {
+        flights::fly_challenge_sets(&folder, study, sizes, settings, &sets, crew)
+    })?;
+    manifest::write(&folder, study)?;
+    if metrics.iter().all(|metrics| metrics.sets.is_empty()) {
+        return Err(Failure::Options(
+            "no fault of these sets fits the study, or its [flights] judge none (foreign = 0)",
+        ));
+    }
+    let (mut text, words) = (String::new(), Vocabulary::of(study));
+    for metrics in &metrics {
+        let _ = writeln!(text, "{}", metrics.setting);
+        foreign(&mut text, metrics, &words);
+    }
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(metrics)),
+        Global { quiet: true, .. } => String::new(),
+        _ => text,
     })
 }
 
@@ -214,11 +264,14 @@ pub fn no_flights(study: &Study) -> Result<Failure, Failure> {
 }
 
 /// Runs work with threads and its progress on a terminal. Ctrl-C stops it.
-pub fn with_crew<T>(
+pub fn with_crew<T, E>(
     threads: Option<usize>,
     global: Global,
-    work: impl FnOnce(&Crew) -> Result<T, JobError>,
-) -> Result<T, Failure> {
+    work: impl FnOnce(&Crew) -> Result<T, E>,
+) -> Result<T, Failure>
+where
+    Failure: From<E>,
+{
     let stages = Stages::new(global);
     let crew =
         Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
@@ -300,6 +353,9 @@ fn foreign(out: &mut String, merit: &UnseenFaultMetrics, vocabulary: &Vocabulary
     if merit.outcomes.is_empty() {
         return;
     }
+    for set in &merit.sets {
+        let _ = writeln!(out, "  {}", challenge_line(set, vocabulary));
+    }
     let _ = writeln!(out, "  faults never trained on:");
     for outcome in &merit.outcomes {
         let UnseenFaultOutcome { title, strengths, flights, words, .. } = outcome;
@@ -330,6 +386,26 @@ fn foreign(out: &mut String, merit: &UnseenFaultMetrics, vocabulary: &Vocabulary
             let _ = writeln!(out, "      healthy one to be shut down: {wrong}");
         }
     }
+}
+
+/// Describes the flights of a challenge set in a line.
+fn challenge_line(set: &ChallengeSetMetrics, words: &Vocabulary) -> String {
+    let ChallengeSetMetrics { name, flights, right_action, other_action, .. } = set;
+    let [need, missed] = set.missed_shutdowns;
+    let wrong = match words.has_several() {
+        true => format!(", shutdowns of a healthy {} {}", words.unit(), set.wrong_shutdowns),
+        false => String::new(),
+    };
+    let latency = set.latency.as_ref().map_or(String::new(), |latency| {
+        format!("; right action after median {:.2} s, p95 {:.2} s", latency.median_s, latency.p95_s)
+    });
+    format!(
+        "challenge {name}: of {flights} flights ({} failed) {right_action} right action first, {other_action} other action \
+         first, {} no action; missed shutdowns {missed} of {need}{wrong}, false alarms before the onset {}{latency}",
+        set.failed,
+        set.without_action(),
+        set.false_alarms,
+    )
 }
 
 fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {

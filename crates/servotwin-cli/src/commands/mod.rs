@@ -37,6 +37,7 @@ pub mod study;
 mod summary;
 pub mod train;
 pub mod watch;
+pub mod worst_case;
 
 use crate::Global;
 use crate::failure::Failure;

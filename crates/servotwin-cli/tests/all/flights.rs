@@ -152,6 +152,14 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
     assert!(
         merits.as_array().unwrap().iter().all(|m| m["flights"] == 6 && m["wrong_shutdowns"] == 0)
     );
+    assert_eq!(fly(&apart, &["--challenge", "drifting,double", "--setting", "noise"]), of_both);
+    let text = std::fs::read_to_string(Path::new(&apart).join("challenge_sets.json")).unwrap();
+    let chosen: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let all: serde_json::Value = serde_json::from_str(&of_both).unwrap();
+    let sets = all["foreign"][0]["sets"].as_array().unwrap().iter();
+    let named = sets.filter(|set| ["drifting", "double"].contains(&set["name"].as_str().unwrap()));
+    let named: Vec<_> = named.cloned().collect();
+    assert!(!named.is_empty() && chosen[0]["sets"].as_array().unwrap() == &named, "{text}");
     let nothing = folder.file("nothing");
     let output = servotwin(&["flights", &study, "--out", &nothing, "--missing-sensors"]);
     assert!(!output.status.success() && stderr(&output).contains("flights"), "{}", stderr(&output));

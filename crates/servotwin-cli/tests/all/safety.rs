@@ -409,3 +409,94 @@ fn libreoffice_opens_a_workbook_and_changes_no_cell() {
     assert_eq!(again.rows[0].cells[severity], "S4, see 1.5");
     assert_eq!(again.rows.len(), sheet.rows.len());
 }
+
+/// A folder whose diagnoser has a weakness: evidence must reach a much higher limit before an action is raised.
+fn weakened(name: &str) -> (Folder, String) {
+    let (folder, out, _) = flown(name);
+    let path = Path::new(&out).join("diagnoser-noise.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let mut diagnoser: serde_json::Value = serde_json::from_str(&text).unwrap();
+    diagnoser["decision"]["least_limit_nats"] = 40.0.into();
+    diagnoser["decision"]["evidence_cap"] = 3.0.into();
+    fs::write(&path, diagnoser.to_string()).unwrap();
+    let path = Path::new(&out).join("manifest.json");
+    let mut manifest: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let is_kept = |output: &serde_json::Value| output["file"] != "diagnoser-noise.json";
+    manifest["outputs"].as_array_mut().unwrap().retain(is_kept);
+    fs::write(&path, manifest.to_string()).unwrap();
+    (folder, out)
+}
+
+/// Searches a folder, and returns the results and all flights.
+fn searched(out: &str, more: &[&str]) -> (serde_json::Value, String) {
+    let found = super::json(&[&["worst-case", out, "--setting", "noise", "--json"], more].concat());
+    (found, fs::read_to_string(Path::new(out).join("safety/worst-case.csv")).unwrap())
+}
+
+#[test]
+fn a_search_goes_on_and_gives_the_same_on_any_number_of_threads_and_its_findings_are_replayed() {
+    let (_folder, out, _) = flown("worst-case");
+    let (found, all) = searched(&out, &["--runs", "24", "--threads", "1"]);
+    let objectives = found["objectives"].as_array().unwrap();
+    assert_eq!(objectives.len(), 4);
+    // The header, and 24 flights of each method for each objective.
+    assert_eq!(all.lines().count(), 1 + 4 * 2 * 24);
+    for file in found["files"].as_array().unwrap() {
+        assert!(Path::new(file.as_str().unwrap()).exists(), "{file}");
+    }
+    for objective in objectives {
+        let finding = &objective["findings"][0];
+        let again = super::json(&[
+            "worst-case",
+            &out,
+            "--json",
+            "--threads",
+            "3",
+            "--replay",
+            finding["line"].as_str().unwrap(),
+        ]);
+        assert_eq!(again["margin"], finding["margin"], "{finding}");
+        assert_eq!(again["objective"], objective["objective"]);
+    }
+    // Begun with fewer flights and on other threads, and then continued.
+    let safety = Path::new(&out).join("safety");
+    fs::remove_dir_all(&safety).unwrap();
+    searched(&out, &["--runs", "10", "--threads", "3"]);
+    let by_run = |text: &str| {
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        lines.sort();
+        lines
+    };
+    let (again, continued) = searched(&out, &["--runs", "24", "--threads", "2"]);
+    assert_eq!((again, by_run(&continued)), (found, by_run(&all)));
+    // A mark in a stored flight shows that it is not flown again.
+    let marked = continued.replacen(" number=0 margin=", " number=0 margin=77", 1);
+    fs::write(safety.join("worst-case.csv"), &marked).unwrap();
+    assert!(searched(&out, &["--runs", "24"]).1.contains(" margin=77"));
+    let line = continued.lines().nth(1).unwrap();
+    let line = line.split('"').find(|cell| cell.contains(" seed=0 ")).unwrap();
+    let other = line.replace("margin=", "margin=9");
+    let text = fails(&["worst-case", &out, "--replay", &other], 1);
+    assert!(text.contains("the line comes from another study"), "{text}");
+    let text = fails(&["worst-case", &out, "--replay", "nothing"], 2);
+    assert!(text.contains("1 words instead of 6"), "{text}");
+}
+
+#[test]
+fn a_seeded_weakness_is_found_much_more_often_by_search_than_by_random_flights() {
+    let (_folder, out) = weakened("weakness");
+    let mut errors = [0, 0];
+    for seed in ["1", "2"] {
+        let arguments = ["--objective", "missed-shutdown", "--runs", "192", "--seed", seed];
+        let (found, _) = searched(&out, &arguments);
+        let objective = &found["objectives"][0];
+        for (sum, method) in errors.iter_mut().zip(["search", "random"]) {
+            *sum += objective[method]["errors"].as_u64().unwrap();
+        }
+        assert!(objective["search"]["first_error"].as_u64().is_some(), "{objective}");
+        assert_eq!(objective["findings"][0]["is_error"], true);
+    }
+    let [search, random] = errors;
+    assert!(search >= 10 * random.max(1), "{search} errors by search, {random} by chance");
+}

@@ -5,7 +5,9 @@ use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
 use crate::{Material, Section};
-use servotwin::flight::unseen_faults::{Sensible, UnseenFaultMetrics, UnseenFaultOutcome, Words};
+use servotwin::flight::unseen_faults::{
+    ChallengeSetMetrics, Sensible, UnseenFaultMetrics, UnseenFaultOutcome, Words,
+};
 
 /// The section. The module describes it.
 pub struct Foreign;
@@ -36,6 +38,18 @@ impl Section for Foreign {
             words.unit()
         ));
         for merit in merits {
+            if !merit.sets.is_empty() {
+                page.table(
+                    &challenges(&merit.sets, words),
+                    &format!(
+                        "Setting {}: challenge sets. The first action counts as right or other; where no action is right, \
+                         {run}s without any count as right. A missed shutdown is one of the {run}s that need it. The \
+                         latency runs from the onset to the first right action: the median, and below it the 95 % \
+                         quantile.",
+                        merit.setting
+                    ),
+                );
+            }
             let (wrong, of) = merit.shutdowns_healthy();
             page.table(&table(merit, words), &format!(
                 "Setting {}: {run}s by the most that was said in them (each counts once), in several \
@@ -86,6 +100,41 @@ fn behind_wrong_sensor(merit: &UnseenFaultMetrics, words: &Vocabulary) -> String
             words.run()
         ),
     }
+}
+
+/// One row for each challenge set.
+fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> Grid {
+    let columns = [
+        format!("{}s", words.run()),
+        "failed".into(),
+        "right action first".into(),
+        "other action first".into(),
+        "no action".into(),
+        format!("missed {}", words.off()),
+        format!("{} of a healthy {}", words.off(), words.unit()),
+        "false alarm before the onset".into(),
+        "latency".into(),
+    ];
+    let columns = columns.map(|name| (name, Side::Right));
+    let mut grid = Grid::new([("challenge set".to_owned(), Side::Left)].into_iter().chain(columns));
+    for set in sets {
+        let [need, missed] = set.missed_shutdowns;
+        let latency = set.latency.as_ref();
+        let row = vec![
+            set.name.clone(),
+            set.flights.to_string(),
+            set.failed.to_string(),
+            set.right_action.to_string(),
+            set.other_action.to_string(),
+            set.without_action().to_string(),
+            if need == 0 { NONE.into() } else { format!("{missed} of {need}") },
+            set.wrong_shutdowns.to_string(),
+            set.false_alarms.to_string(),
+            latency.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.p95_s)),
+        ];
+        if set.wrong_shutdowns > 0 { grid.push_strong(row) } else { grid.push(row) }
+    }
+    grid
 }
 
 fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Grid {

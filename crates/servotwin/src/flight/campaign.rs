@@ -28,6 +28,18 @@ const DRAWS: u64 = 0x6472_6177_0000_0000;
 pub trait Observer: Send {
     /// Takes a sample: the sensor values, the twin's expected values and the inputs; SI.
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
+
+    /// Takes the tracked variables of the plant and of its twin at the same sample, before [`Observer::sample`].
+    fn track(&mut self, _index: usize, _plant: &[f64], _twin: &[f64]) {}
+}
+
+/// Specimens and variables of a campaign whose flights were chosen rather than drawn.
+#[derive(Clone, Debug, Default)]
+pub struct ChosenSpecimens {
+    /// For each environment, the deviation of its specimen in each tolerance, in standard deviations.
+    pub deviations: Vec<Vec<f64>>,
+    /// Variables of plant and twin that observers track.
+    pub tracked: Vec<Slot>,
 }
 
 /// A calibrated actuator: the deviating parameters of the plant and of its twin.
@@ -57,6 +69,8 @@ pub struct FlightCampaign<'s> {
     moving_twins: BTreeSet<usize>,
     pub(super) sensors: usize,
     pub(super) imperfections: Imperfections,
+    /// The deviations of the specimen of each environment; `None` where specimens are drawn.
+    deviations: Option<Vec<Vec<f64>>>,
     /// The actuator of each environment; empty where twins are not fitted.
     calibrated: Vec<Actuator>,
 }
@@ -109,7 +123,7 @@ impl<'s> FlightCampaign<'s> {
         let flown = |&place: &usize| is_chosen(plan[place].environment);
         let which = (0..plan.len()).filter(flown).collect();
         let lot = (purpose, flights.seed);
-        FlightCampaign::of(study, environments, (plan, which), lot, setting, workers)
+        FlightCampaign::of(study, environments, (plan, which), lot, setting, None, workers)
     }
 
     /// The same for given flights and environments, with a purpose and a seed.
@@ -125,7 +139,24 @@ impl<'s> FlightCampaign<'s> {
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
         let all = (0..plan.len()).collect();
-        FlightCampaign::of(study, environments, (plan, all), lot, setting, workers)
+        FlightCampaign::of(study, environments, (plan, all), lot, setting, None, workers)
+    }
+
+    /// The same with chosen specimens.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub fn chosen(
+        study: &'s Study,
+        environments: Vec<Environment>,
+        plan: Vec<Flight>,
+        lot: (Purpose, u64),
+        setting: Setting,
+        specimens: ChosenSpecimens,
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
+        let (all, environments) = ((0..plan.len()).collect(), Cow::Owned(environments));
+        FlightCampaign::of(study, environments, (plan, all), lot, setting, Some(specimens), workers)
     }
 
     fn of(
@@ -134,12 +165,16 @@ impl<'s> FlightCampaign<'s> {
         (plan, which): (Vec<Flight>, Vec<usize>),
         (purpose, seed): (Purpose, u64),
         setting: Setting,
+        specimens: Option<ChosenSpecimens>,
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
         let (threads, cancel) = (workers.threads(), workers.cancel());
         let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
         let sensors = study.base_sensors();
         ensemble.record.truncate(sensors);
+        let (deviations, tracked) =
+            specimens.map(|chosen| (chosen.deviations, chosen.tracked)).unzip();
+        ensemble.record.extend(tracked.into_iter().flatten());
         let mut flown = FlightCampaign {
             study,
             environments,
@@ -154,6 +189,7 @@ impl<'s> FlightCampaign<'s> {
             moving_twins: BTreeSet::new(),
             sensors,
             imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
+            deviations,
             calibrated: vec![],
         };
         if setting.plants() == Plants::Pool {
@@ -333,9 +369,12 @@ impl<'s> FlightCampaign<'s> {
         let environment = &self.environments[flight.environment];
         let lot = self.purpose.lot();
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_tolerances());
-        let specimen = match self.calibrated.get(flight.environment) {
-            Some(actuator) => Some(actuator.parameters.clone()),
-            None => realism.map(|r| r.specimen(self.study, lot, self.specimen(flight))),
+        let specimen = match (self.calibrated.get(flight.environment), &self.deviations) {
+            (Some(actuator), _) => Some(actuator.parameters.clone()),
+            (_, Some(all)) => {
+                realism.map(|r| r.specimen_with(self.study, &all[flight.environment]))
+            }
+            _ => realism.map(|r| r.specimen(self.study, lot, self.specimen(flight))),
         };
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
@@ -419,8 +458,11 @@ impl Latencies {
 impl<O: Observer> Sink for Watch<'_, O> {
     fn sample(&mut self, index: usize, values: &[f64]) {
         let sensors = self.flown.sensors;
-        let width = sensors + self.flown.study.system.program.externals().len();
-        let (twin, inputs) = self.twin[index * width..][..width].split_at(sensors);
+        let width = values.len() + self.flown.study.system.program.externals().len();
+        let (twin, inputs) = self.twin[index * width..][..width].split_at(values.len());
+        let (twin, tracked_twin) = twin.split_at(sensors);
+        let (values, tracked) = values.split_at(sensors);
+        self.observer.track(index, tracked, tracked_twin);
         self.measured.copy_from_slice(values);
         if let Some(latencies) = &mut self.latencies {
             latencies.apply(&mut self.measured);

@@ -6,6 +6,7 @@
 //! are block maxima, and their tail gives a rate of false alarms where counting gives only a bound.
 
 use super::campaign::{FlightCampaign, Observer};
+use super::evidence::EvidencePeak;
 use super::judge::{EnvironmentMetrics, RaisedLog};
 use super::plan::{Flight, Onset, Purpose};
 use crate::campaign::CampaignError;
@@ -130,19 +131,20 @@ struct EvidenceWatch {
     log: RaisedLog,
     /// For each action, whether it switches off.
     switches_off: Vec<bool>,
-    evidence: f64,
-    shutdown_evidence: f64,
+    of_any: EvidencePeak,
+    of_shutdown: EvidencePeak,
 }
 
 impl EvidenceWatch {
     fn new(session: Session) -> Self {
         let diagnoser = session.diagnoser();
+        let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
         EvidenceWatch {
-            switches_off: diagnoser.tuning.switches_off(diagnoser.names()),
+            of_any: EvidencePeak::new(diagnoser, |_, _| true),
+            of_shutdown: EvidencePeak::new(diagnoser, |_, action| switches_off[action]),
+            switches_off,
             session,
             log: RaisedLog::default(),
-            evidence: 0.0,
-            shutdown_evidence: 0.0,
         }
     }
 
@@ -152,21 +154,8 @@ impl EvidenceWatch {
             environment: environment as u64,
             alarms: self.log.raised.len() as u64,
             shutdowns: self.log.raised.iter().filter(is_off).count() as u64,
-            evidence: self.evidence,
-            shutdown_evidence: self.shutdown_evidence,
-        }
-    }
-
-    /// Takes the evidence of a length's new window.
-    fn take(&mut self, length: usize) {
-        for actuator in 0..self.session.diagnoser().names().actuators.len() {
-            for (action, switches_off) in self.switches_off.iter().enumerate() {
-                let evidence = self.session.evidence(length, actuator, action);
-                self.evidence = self.evidence.max(evidence);
-                if *switches_off {
-                    self.shutdown_evidence = self.shutdown_evidence.max(evidence);
-                }
-            }
+            evidence: self.of_any.largest,
+            shutdown_evidence: self.of_shutdown.largest,
         }
     }
 }
@@ -174,10 +163,7 @@ impl EvidenceWatch {
 impl Observer for EvidenceWatch {
     fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
         self.log.take(self.session.push(inputs, measured, twin));
-        for length in 0..self.session.diagnoser().lengths.len() {
-            if self.session.has_new_window(length) {
-                self.take(length);
-            }
-        }
+        self.of_any.take(&self.session);
+        self.of_shutdown.take(&self.session);
     }
 }

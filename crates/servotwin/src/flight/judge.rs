@@ -292,10 +292,16 @@ struct Watching {
     missing: Option<usize>,
     /// The sensor values without the missing sensor.
     measured: Vec<f64>,
+    visibility: Visibility,
+}
+
+/// Whether the fault of a flight is visible: from the first of consecutive windows that left a band.
+pub(super) struct Visibility {
     onset: u64,
     /// One counter for each window length.
     out_of_band: Vec<OutOfBand>,
-    seen: Option<u64>,
+    /// The sample from which it is visible.
+    pub seen: Option<u64>,
     /// How often a fault was called visible before the onset.
     by_chance: u64,
 }
@@ -325,10 +331,15 @@ impl OutOfBand {
     }
 }
 
-impl Watching {
-    /// Updates the visibility: a fault is visible from the first of consecutive windows that left a band.
-    fn look(&mut self, index: u64) {
-        let Some((session, _)) = self.sessions.first() else { return };
+impl Visibility {
+    /// For a diagnoser with a number of window lengths, and a fault that begins at the sample `onset`.
+    pub fn new(lengths: usize, onset: u64) -> Self {
+        let out_of_band = vec![OutOfBand::default(); lengths];
+        Visibility { onset, out_of_band, seen: None, by_chance: 0 }
+    }
+
+    /// Takes the windows that end at a sample.
+    pub fn look(&mut self, index: u64, session: &Session) {
         let diagnoser = session.diagnoser();
         if index == self.onset {
             self.out_of_band.fill(OutOfBand::default());
@@ -371,7 +382,7 @@ impl Observer for Watching {
         for (session, story) in &mut self.sessions {
             story.take(session.push(inputs, measured, twin));
         }
-        self.look(index as u64);
+        self.visibility.look(index as u64, &self.sessions[0].0);
     }
 }
 
@@ -458,15 +469,13 @@ fn watched(
             sessions: sessions.iter().map(|s| (s.clone(), RaisedLog::default())).collect(),
             missing,
             measured: vec![],
-            onset: (flight.onset_s / period_s).ceil() as u64,
-            out_of_band: vec![OutOfBand::default(); lengths],
-            seen: None,
-            by_chance: 0,
+            visibility: Visibility::new(lengths, (flight.onset_s / period_s).ceil() as u64),
         },
         |flight, watching, outcome| {
             match outcome {
                 Ok(_) => {
-                    let Watching { seen, by_chance, sessions, .. } = watching;
+                    let Watching { visibility, sessions, .. } = watching;
+                    let Visibility { seen, by_chance, .. } = visibility;
                     let stories = sessions.into_iter().map(|(_, story)| story).collect();
                     let number = flight.number;
                     watched.ended.push(Remembered { number, seen, by_chance, stories });

@@ -16,6 +16,7 @@
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
 //! - [`judge`]: latency, certainty and errors of the diagnosis
 //! - [`healthy`]: healthy flights in an environment of their own, and how near they come to an alarm
+//! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
 
@@ -24,6 +25,7 @@ pub mod boundaries;
 pub mod campaign;
 pub mod closed_loop;
 pub mod cost;
+mod evidence;
 pub mod fitted_twins;
 pub mod hard_negatives;
 pub mod healthy;
@@ -38,3 +40,4 @@ pub mod training_windows;
 pub mod unseen_faults;
 pub mod watcher;
 pub mod windows;
+pub mod worst_case;

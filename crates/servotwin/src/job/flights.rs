@@ -14,7 +14,7 @@ use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
-use crate::flight::unseen_faults::{self, UnseenFaultMetrics};
+use crate::flight::unseen_faults::{self, UnseenFaultMetrics, set_names};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::parallel::Workers;
 use crate::study::flights::{Limits, Redraw, Size};
@@ -255,7 +255,8 @@ fn judge_in(
     })?;
     let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
     (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.8));
-    let said = unseen_faults::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
+    let (sets, diagnoser) = (set_names(), Arc::new(diagnoser));
+    let said = unseen_faults::judge(study, flights, setting, &diagnoser, &sets, crew.workers);
     crew.check()?;
     Ok((merit, said?))
 }
@@ -470,6 +471,31 @@ pub fn without_sensors(
     }
     model_file::write(folder.missing_sensors(), &merits)?;
     Ok(merits)
+}
+
+/// Flies challenge sets in some settings with the stored diagnosers, and writes the results. Nothing is learned.
+///
+/// # Errors
+/// A diagnoser is missing; a twin cannot be simulated; the file cannot be written.
+pub fn fly_challenge_sets(
+    folder: &Folder,
+    study: &Study,
+    flights: &Flights,
+    settings: &[Setting],
+    sets: &[&str],
+    crew: &Crew,
+) -> Result<Vec<UnseenFaultMetrics>, JobError> {
+    let mut metrics = vec![];
+    for (place, &setting) in settings.iter().enumerate() {
+        let diagnoser = Arc::new(diagnoser(folder, setting)?);
+        let share = place as f64 / settings.len() as f64;
+        (crew.progress)(&format!("{}: challenge sets", setting.name()), share);
+        let judged = unseen_faults::judge(study, flights, setting, &diagnoser, sets, crew.workers);
+        crew.check()?;
+        metrics.push(judged?);
+    }
+    model_file::write(folder.challenge_sets(), &metrics)?;
+    Ok(metrics)
 }
 
 /// The latency limit for shutdown faults in a setting, s.

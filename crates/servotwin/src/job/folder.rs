@@ -110,6 +110,11 @@ impl Folder {
         self.0.join("missing_sensors.json")
     }
 
+    /// The file with the flights of chosen challenge sets.
+    pub fn challenge_sets(&self) -> PathBuf {
+        self.0.join("challenge_sets.json")
+    }
+
     /// The file with the evaluation of all subjects.
     pub fn results(&self) -> PathBuf {
         self.0.join("evaluation.json")
@@ -143,7 +148,7 @@ impl Folder {
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Setting::ALL.map(|setting| self.healthy_flights(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
-        files.extend([self.data_card(), self.sealed_flights()]);
+        files.extend([self.data_card(), self.sealed_flights(), self.challenge_sets()]);
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
         files.extend(self.figure_files()?);
         files.retain(|file| file.exists());

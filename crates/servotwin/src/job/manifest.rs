@@ -372,7 +372,7 @@ mod tests {
         let folder = Folder::new("out");
         let mut files = vec![folder.study(), folder.system()];
         files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
-        files.extend([folder.missing_sensors(), folder.results()]);
+        files.extend([folder.missing_sensors(), folder.challenge_sets(), folder.results()]);
         for setting in Setting::ALL {
             files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
             files.extend([folder.diagnoser(setting), folder.band(setting)]);

@@ -25,7 +25,7 @@ use super::faults::full_name;
 use super::keys::{FLIGHT_S, FLIGHTS, MAX_ENVIRONMENTS, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
-use super::training::{check_pattern, filled};
+use super::training::{check_pattern, count_ranges, filled, filled_at};
 use crate::document::Place;
 use crate::format::{Value, section};
 use crate::signal::bus::as_sent;
@@ -187,6 +187,35 @@ pub struct HealthyDraw {
     pub is_full: bool,
 }
 
+/// The seed of commands after which those of a [`ChosenEnvironment`] begin: beyond those of every [`HealthyDraw`].
+const CHOSEN_COMMANDS: usize = 2_000_000_000;
+
+/// What varies between environments: the commands, and ranges of inputs and parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnvironmentRanges {
+    /// The patterns of the commands, each with the number of its ranges.
+    pub commands: Vec<(String, usize)>,
+    /// Inputs and parameters of the system with their ranges, SI.
+    pub ranges: Vec<(String, [f64; 2])>,
+    /// The range of a fault's onset, s.
+    pub onset_s: [f64; 2],
+    /// Length of a flight, s.
+    pub duration_s: f64,
+}
+
+/// An environment by its place in [`EnvironmentRanges`]. Neither training nor any evaluation has its command.
+#[derive(Clone, Copy, Debug)]
+pub struct ChosenEnvironment<'c> {
+    /// The seed, 0 to 999, and a number, with which the random part of the command is drawn.
+    pub draw: (usize, usize),
+    /// The index of the pattern of the command.
+    pub pattern: usize,
+    /// The place in each range of the pattern, from 0 to 1.
+    pub command: &'c [f64],
+    /// The place in each range of inputs and parameters, from 0 to 1.
+    pub shares: &'c [f64],
+}
+
 /// Other draws of evaluation flights than those of the study file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Redraw {
@@ -344,6 +373,43 @@ impl Text {
         if all.len() == count { Ok(all) } else { Err(Noted) }
     }
 
+    /// What varies between environments.
+    pub(super) fn environment_ranges(&self, units: &[String]) -> EnvironmentRanges {
+        let of_units = |ranges: &Ranges| -> Vec<(String, [f64; 2])> {
+            let names = ranges.iter().flat_map(|(name, range)| {
+                units.iter().map(move |unit| (full_name(unit, name), *range))
+            });
+            names.collect()
+        };
+        let shared = self.inputs.iter().map(|(name, range)| (name.clone(), *range)).collect();
+        EnvironmentRanges {
+            commands: self.commands.iter().map(|c| (c.clone(), count_ranges(c))).collect(),
+            ranges: [shared, of_units(&self.unit_inputs), of_units(&self.unit_parameters)].concat(),
+            onset_s: self.onset_s,
+            duration_s: self.duration_s,
+        }
+    }
+
+    /// Environments by their places in [`EnvironmentRanges`].
+    pub(super) fn chosen(
+        &self,
+        reader: &Reader,
+        chosen: &[ChosenEnvironment],
+    ) -> Result<Vec<Environment>, Noted> {
+        let all = reader.sound(chosen.iter().map(|chosen| {
+            let (seed, number) = chosen.draw;
+            let draw = CHOSEN_COMMANDS + COMMANDS_OF_A_SEED * seed + number;
+            let command =
+                filled_at(&self.commands[chosen.pattern], draw, |place| chosen.command[place]);
+            let name = format!("W{seed}.{number:03}");
+            let mut shares = chosen.shares.iter().copied();
+            let mut share = || shares.next().expect("one share for each range");
+            let flown = (name, chosen.pattern, command, self.duration_s);
+            self.with_shares(reader, flown, &mut share)
+        }));
+        if all.len() == chosen.len() { Ok(all) } else { Err(Noted) }
+    }
+
     fn environments(
         &self,
         reader: &Reader,
@@ -370,6 +436,21 @@ impl Text {
         let command = filled(pattern, first + number / self.commands.len());
         let durations_s = [size.healthy_duration_s, size.further_duration_s];
         let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);
+        let mut random =
+            Random::new(u64::from(u32::from(letter)) << 32 | number as u64 ^ self.seed << 40);
+        let flown = (name, position, command, longest_s);
+        self.with_shares(reader, flown, &mut || random.unit())
+    }
+
+    /// An environment from its name, the position of its pattern, its command and the length of its signal. `share` gives
+    /// the place in each range, from 0 to 1, in the order of [`EnvironmentRanges::ranges`].
+    fn with_shares(
+        &self,
+        reader: &Reader,
+        (name, position, command, longest_s): (String, usize, String, f64),
+        share: &mut dyn FnMut() -> f64,
+    ) -> Result<Environment, Noted> {
+        let pattern = &self.commands[position];
         let mut inputs = reader.default_inputs();
         let driven = reader.command_input()?;
         // The twin reads the command as sent over the bus; no other part has more information.
@@ -377,10 +458,8 @@ impl Text {
         let built = reader.signal(&command_at(position), pattern, signal, driven, longest_s)?;
         let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);
         inputs[driven] = sent.expect("a signal is finite");
-        let mut random =
-            Random::new(u64::from(u32::from(letter)) << 32 | number as u64 ^ self.seed << 40);
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
-        let mut draw = |[low, high]: [f64; 2]| low + (high - low) * random.unit();
+        let mut draw = |[low, high]: [f64; 2]| low + (high - low) * share();
         for (input, range) in &self.inputs {
             let at = Place::of(&["flights", "inputs", input]).name();
             inputs[reader.input(&at, input)?] = constant(draw(*range));

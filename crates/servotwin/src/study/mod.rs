@@ -24,10 +24,10 @@ mod warning;
 pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
-pub use flights::{Flights, HealthyDraw};
+pub use flights::{ChosenEnvironment, EnvironmentRanges, Flights, HealthyDraw};
 pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
-pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
+pub use realism::{Lot, MAX_DEVIATION, Plants, Realism, Role, Section, Setting, Tolerance};
 pub use training::Training;
 pub use warning::Warning;
 
@@ -394,6 +394,25 @@ impl Study {
         let reader = self.reader();
         let drawn = sizes.map(|sizes| sizes.healthy(&reader, numbers)).transpose();
         reader.finish(drawn)
+    }
+
+    /// What varies between environments; `None` if the study declares no flights.
+    pub fn environment_ranges(&self) -> Option<EnvironmentRanges> {
+        self.parsed.flights.as_ref().map(|flights| flights.environment_ranges(&self.units))
+    }
+
+    /// Environments by their places in [`Study::environment_ranges`]; `None` if the study declares no flights.
+    ///
+    /// # Errors
+    /// As [`Study::flights`].
+    pub fn chosen_environments(
+        &self,
+        chosen: &[ChosenEnvironment],
+    ) -> Result<Option<Vec<Environment>>, StudyError> {
+        let reader = self.reader();
+        let flights = self.parsed.flights.as_ref();
+        let environments = flights.map(|flights| flights.chosen(&reader, chosen)).transpose();
+        reader.finish(environments)
     }
 
     fn sizes(&self, is_full: bool) -> Option<flights::Text> {

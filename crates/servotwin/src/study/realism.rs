@@ -248,11 +248,17 @@ impl Realism {
     /// ranges.
     pub fn specimen(&self, study: &Study, lot: Lot, variant: usize) -> Vec<(usize, usize, f64)> {
         let mut random = Random::new(mix(self.seed, variant, 1 + 2 * lot as u64));
+        let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
+        self.specimen_with(study, &deviations)
+    }
+
+    /// The parameters of a specimen with these deviations, one for each tolerance, in standard deviations.
+    pub fn specimen_with(&self, study: &Study, deviations: &[f64]) -> Vec<(usize, usize, f64)> {
         let components = &study.system.network().components;
         let mut values = Vec::new();
-        for tolerance in &self.tolerances {
+        for (tolerance, deviation) in self.tolerances.iter().zip(deviations) {
             // A specimen beyond three standard deviations would not be delivered.
-            let deviation = random.normal().clamp(-3.0, 3.0) * tolerance.sigma;
+            let deviation = deviation.clamp(-MAX_DEVIATION, MAX_DEVIATION) * tolerance.sigma;
             for &(component, parameter) in &tolerance.parameters {
                 let instance = &components[component];
                 let (min, max) = instance.range(parameter);
@@ -288,6 +294,9 @@ impl Realism {
         format!("{self:?}")
     }
 }
+
+/// The largest deviation of a specimen, in standard deviations.
+pub const MAX_DEVIATION: f64 = 3.0;
 
 /// The purpose number of [`Realism::dealt`]. Smaller numbers belong to the lots.
 const DEALING: u64 = 15;

@@ -28,6 +28,7 @@ use crate::document::Place;
 use crate::format::{Value, section};
 use crate::signal::{Signal, SignalError};
 use servotwin_model::math::{exp, ln};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 
 section! {
@@ -238,6 +239,16 @@ pub(super) fn filled_at(pattern: &str, draw: usize, at: impl Fn(usize) -> f64) -
         rest = behind;
     }
     text + rest
+}
+
+/// The number of ranges in a pattern.
+pub(super) fn count_ranges(pattern: &str) -> usize {
+    let count = Cell::new(0);
+    filled_at(pattern, 0, |place| {
+        count.set(place + 1);
+        0.0
+    });
+    count.get()
 }
 
 fn range(text: &str) -> Option<(f64, f64)> {

@@ -7,7 +7,7 @@ use servotwin::flight::judge::{self, FlightMetrics, Rates, WatchedFlights};
 use servotwin::flight::other_plant::OtherPlants;
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
-use servotwin::flight::unseen_faults;
+use servotwin::flight::unseen_faults::{self, Sensible};
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, fly_all, learn, learn_from};
 use servotwin::parallel::Workers;
@@ -96,8 +96,9 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
     assert_eq!(one, two);
     let foreign = |threads| {
         let flights = &study().flights().unwrap().unwrap();
-        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(threads))
-            .unwrap()
+        let sets = unseen_faults::set_names();
+        let workers = Workers::new(threads);
+        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), &sets, workers).unwrap()
     };
     assert_eq!(text(&foreign(1)), text(&foreign(2)));
 }
@@ -168,9 +169,11 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
 #[test]
 fn faults_never_trained_on_are_counted_once_each() {
     let flights = &study().flights().unwrap().unwrap();
-    let merit =
-        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(2))
-            .unwrap();
+    let judge = |sets: &[&str]| {
+        let workers = Workers::new(2);
+        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), sets, workers).unwrap()
+    };
+    let merit = judge(&unseen_faults::set_names());
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
     assert!(merit.outcomes.len() < unseen_faults::ALL.len() && !merit.outcomes.is_empty());
     // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
@@ -186,12 +189,33 @@ fn faults_never_trained_on_are_counted_once_each() {
     for outcome in stored["outcomes"].as_array_mut().unwrap() {
         outcome.as_object_mut().unwrap().remove("shutdowns_behind_wrong_sensor");
     }
+    stored.as_object_mut().unwrap().remove("sets");
     let old: unseen_faults::UnseenFaultMetrics = serde_json::from_value(stored).unwrap();
     assert_eq!(old.shutdowns_behind_wrong_sensor(), (0, 0));
     for outcome in &merit.outcomes {
         let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();
         assert_eq!(said, outcome.flights, "{}", outcome.title);
     }
+    // A challenge set flies the same alone as among all.
+    for set in &merit.sets {
+        assert_eq!(judge(&[&set.name]).sets, std::slice::from_ref(set));
+        let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.name);
+        let titles: Vec<&str> = titles.map(|fault| fault.title).collect();
+        let own = || merit.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));
+        assert_eq!(set.flights, own().map(|o| o.flights).sum::<u64>(), "{}", set.name);
+        let [need, missed] = set.missed_shutdowns;
+        assert_eq!(
+            need - missed,
+            own()
+                .filter(|o| o.sensible == Sensible::Shutdown)
+                .map(|o| o.shutdowns_at_fault)
+                .sum::<u64>(),
+            "{}",
+            set.name
+        );
+    }
+    let intermittent = merit.sets.iter().find(|set| set.name == "intermittent").unwrap();
+    assert!(intermittent.right_action > 0 && intermittent.latency.is_some(), "{intermittent:?}");
     let of = |title: &str| merit.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
     let missing = of("no reading of a pressure sensor");
     assert_eq!(missing.words.no_data, missing.flights);

@@ -18,6 +18,10 @@ use std::f64::consts::TAU;
 pub enum Effect {
     /// A fault of the catalogue at an intensity.
     Fault(&'static str, f64),
+    /// The same, present and absent for [`PULSE_S`] in turn: shorter than in training.
+    Pulses(&'static str, f64),
+    /// The same, growing from nothing within [`GROWTH_S`]: slower than in training.
+    Grows(&'static str, f64),
     /// Sets a parameter to a value.
     Value(&'static str, f64),
     /// Multiplies a parameter by a factor.
@@ -48,6 +52,10 @@ pub enum Effect {
 
 /// Frequency of oscillations, Hz.
 const SWING_HZ: f64 = 1.5;
+/// How long a pulsing fault is present, and absent, s.
+const PULSE_S: f64 = 0.25;
+/// How long a growing fault takes to reach its intensity, s.
+const GROWTH_S: f64 = 8.0;
 /// Interval at which continuous changes are updated, s.
 const STEP_S: f64 = 0.05;
 /// How long an input takes to change, s.
@@ -98,7 +106,8 @@ pub enum Touch {
 /// An effect on a specific system, with names resolved.
 #[derive(Clone, Debug)]
 enum Change {
-    Fault(FaultAt),
+    /// A fault at its largest intensity, with the effect that says how it develops.
+    Fault(FaultAt, Effect),
     /// A parameter, changed depending on its value and the time since the onset.
     Parameter(usize, usize, Effect),
     Touch(Touch),
@@ -196,14 +205,20 @@ impl Changes {
         flight: &Flight,
         overrides: &[(usize, usize, f64)],
     ) -> Vec<Later> {
-        let is_held = |change: &Change| !matches!(change, Change::Parameter(_, _, e) if e.moves());
-        let is_plant = |c: &&Change| matches!(c, Change::Fault(_) | Change::Parameter(..));
+        let is_held = |change: &Change| match change {
+            Change::Fault(_, effect) | Change::Parameter(_, _, effect) => !effect.moves(),
+            _ => true,
+        };
+        let is_plant = |c: &&Change| matches!(c, Change::Fault(..) | Change::Parameter(..));
         let own: Vec<&Change> = self.list.iter().filter(is_plant).collect();
         let at = |time_s: f64| {
             let mut later = Later { time_s, ..Later::default() };
             for change in &own {
                 match change {
-                    Change::Fault(fault) => later.faults.push(*fault),
+                    Change::Fault(fault, effect) => {
+                        let intensity = fault.intensity * effect.share(time_s - flight.onset_s);
+                        later.faults.push(FaultAt { intensity, ..*fault });
+                    }
                     Change::Parameter(component, parameter, effect) => {
                         let place = (*component, *parameter);
                         let value =
@@ -226,7 +241,21 @@ impl Changes {
 
 impl Effect {
     fn moves(self) -> bool {
-        matches!(self, Effect::Drift(..) | Effect::Swing(..))
+        use Effect::{Drift, Grows, Pulses, Swing};
+        matches!(self, Drift(..) | Swing(..) | Pulses(..) | Grows(..))
+    }
+
+    /// The share of its intensity that a fault has at an age, s.
+    fn share(self, age_s: f64) -> f64 {
+        match self {
+            // The age is a multiple of the step, up to rounding.
+            Effect::Pulses(..) => {
+                let pulse = ((age_s + 0.5 * STEP_S) / PULSE_S) as u64;
+                f64::from(u8::from(pulse.is_multiple_of(2)))
+            }
+            Effect::Grows(..) => (age_s / GROWTH_S).min(1.0),
+            _ => 1.0,
+        }
     }
 
     /// The input that only the twin reads wrong, while the plant is unchanged.
@@ -271,9 +300,11 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
         Some((input, Change::Input { input, effect, in_plant: false, in_twin: true }))
     };
     Some(match effect {
-        Effect::Fault(rest, intensity) => {
+        Effect::Fault(rest, intensity)
+        | Effect::Pulses(rest, intensity)
+        | Effect::Grows(rest, intensity) => {
             let (component, fault) = study.system.program.find_fault(&name(rest))?;
-            vec![Change::Fault(FaultAt { component, fault, intensity })]
+            vec![Change::Fault(FaultAt { component, fault, intensity }, effect)]
         }
         Effect::Value(rest, _)
         | Effect::Times(rest, _)
@@ -386,5 +417,20 @@ impl Touched {
                 Touch::Input(input, value) => self.inputs[input] = value,
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pulses_alternate_and_growth_ends_at_the_intensity() {
+        let pulses = Effect::Pulses("leak", 1.0);
+        let shares: Vec<f64> = (0..15).map(|k| pulses.share(STEP_S * f64::from(k))).collect();
+        assert_eq!(shares, [[1.0; 5], [0.0; 5], [1.0; 5]].concat());
+        let grows = Effect::Grows("leak", 1.0);
+        assert_eq!([0.0, 2.0, 8.0, 9.0].map(|age_s| grows.share(age_s)), [0.0, 0.25, 1.0, 1.0]);
+        assert_eq!(Effect::Fault("leak", 1.0).share(3.0), 1.0);
     }
 }

@@ -1,8 +1,8 @@
 //! The unseen faults, which no training data contain, one line each.
 
 use super::effect::Effect::{
-    Drift, Fault, InputTimes, Missing, Noise, Swing, Times, ToldFrozen, ToldLate, ToldMissing,
-    ToldOff, ToldTooLarge, Value, Weather,
+    Drift, Fault, Grows, InputTimes, Missing, Noise, Pulses, Swing, Times, ToldFrozen, ToldLate,
+    ToldMissing, ToldOff, ToldTooLarge, Value, Weather,
 };
 use super::effect::{On, other, own, whole};
 use serde::{Deserialize, Serialize};
@@ -24,6 +24,8 @@ pub enum Sensible {
 
 /// A fault without training data.
 pub struct Foreign {
+    /// The challenge set that it belongs to, as options name it.
+    pub set: &'static str,
     /// The display title.
     pub title: &'static str,
     /// The strengths that are flown.
@@ -37,12 +39,13 @@ pub struct Foreign {
 }
 
 const fn foreign(
+    set: &'static str,
     title: &'static str,
     (strengths, strengths_in_words): (&'static [f64], &'static str),
     sensible: Sensible,
     effects: fn(f64) -> Vec<On>,
 ) -> Foreign {
-    Foreign { title, strengths, strengths_in_words, sensible, effects }
+    Foreign { set, title, strengths, strengths_in_words, sensible, effects }
 }
 
 use Sensible::{Any, NoShutdown, Nothing, Shutdown};
@@ -53,83 +56,116 @@ const STUCK_HZ: f64 = 1e-3;
 const LATE_S: f64 = 0.2;
 const ONCE: (&[f64], &str) = (&[1.0], "");
 
-/// All unseen faults.
+const FULL: (&[f64], &str) = (&[1.0], "100 %, 0.25 s on and 0.25 s off");
+const GROWN: (&[f64], &str) = (&[1.0], "to 100 % within 8 s");
+
+// The challenge sets. A fault with another name begins another set.
+const INTERMITTENT: &str = "intermittent";
+const DRIFTING: &str = "drifting";
+const OSCILLATORY: &str = "oscillatory";
+const DOUBLE: &str = "double";
+const ENVIRONMENT_SENSORS: &str = "environment-sensors";
+const ENVIRONMENT: &str = "environment";
+const SENSORS: &str = "sensors";
+const MECHANICS: &str = "mechanics";
+
+/// All unseen faults. Flights are numbered in this order, so new ones stand at the end.
 pub static ALL: &[Foreign] = &[
-    foreign("stuck stroke sensor", ONCE, Any, |_| {
+    foreign(SENSORS, "stuck stroke sensor", ONCE, Any, |_| {
         vec![own(Value("sensor_ram.bandwidth_hz", STUCK_HZ))]
     }),
-    foreign("stuck spool sensor", ONCE, NoShutdown, |_| {
+    foreign(SENSORS, "stuck spool sensor", ONCE, NoShutdown, |_| {
         vec![own(Value("sensor_spool.bandwidth_hz", STUCK_HZ))]
     }),
-    foreign("stuck chamber pressure sensor", ONCE, NoShutdown, |_| {
+    foreign(SENSORS, "stuck chamber pressure sensor", ONCE, NoShutdown, |_| {
         vec![own(Value("sensor_pressure_a.bandwidth_hz", STUCK_HZ))]
     }),
     foreign(
+        DRIFTING,
         "drifting stroke sensor",
         (&[0.01, 0.03], "1 and 3 % of range per s"),
         NoShutdown,
         |s| vec![own(Drift("sensor_ram.bias_electrical", s))],
     ),
     foreign(
+        DRIFTING,
         "drifting chamber pressure sensor",
         (&[0.02, 0.05], "2 and 5 % of range per s"),
         NoShutdown,
         |s| vec![own(Drift("sensor_pressure_a.bias_electrical", s))],
     ),
-    foreign("no reading of the stroke sensor", ONCE, NoShutdown, |_| vec![own(Missing(Ram))]),
-    foreign("no reading of a pressure sensor", ONCE, NoShutdown, |_| vec![own(Missing(PressureA))]),
+    foreign(SENSORS, "no reading of the stroke sensor", ONCE, NoShutdown, |_| {
+        vec![own(Missing(Ram))]
+    }),
+    foreign(SENSORS, "no reading of a pressure sensor", ONCE, NoShutdown, |_| {
+        vec![own(Missing(PressureA))]
+    }),
     foreign(
+        SENSORS,
         "noise of the stroke sensor",
         (&[3.0, 5.0, 10.0], "3, 5 and 10 times"),
         NoShutdown,
         |s| vec![own(Noise(Ram, s))],
     ),
     foreign(
+        SENSORS,
         "noise of a pressure sensor",
         (&[3.0, 5.0, 10.0], "3, 5 and 10 times"),
         NoShutdown,
         |s| vec![own(Noise(PressureA, s))],
     ),
-    foreign("noise of the supply pressure sensor", (&[5.0], "5 times"), NoShutdown, |s| {
+    foreign(SENSORS, "noise of the supply pressure sensor", (&[5.0], "5 times"), NoShutdown, |s| {
         vec![own(Noise(Supply, s))]
     }),
-    foreign("spool jams where it is", ONCE, Shutdown, |_| {
+    foreign(MECHANICS, "spool jams where it is", ONCE, Shutdown, |_| {
         vec![own(Value("servo_valve.breakaway", 1.0))]
     }),
-    foreign("spool drags", (&[0.03, 0.1], "slew rate 3 and 10 %"), Shutdown, |s| {
+    foreign(MECHANICS, "spool drags", (&[0.03, 0.1], "slew rate 3 and 10 %"), Shutdown, |s| {
         vec![own(Times("servo_valve.slew_rate_m_s", s))]
     }),
     foreign(
+        OSCILLATORY,
         "oscillation of the servo current",
         (&[0.05, 0.2], "5 and 20 % of rated current, 1.5 Hz"),
         Shutdown,
         |s| vec![own(Swing("servo_valve.null_bias", s))],
     ),
     foreign(
+        OSCILLATORY,
         "oscillation of the stroke reading",
         (&[0.03, 0.1], "3 and 10 % of range, 1.5 Hz"),
         NoShutdown,
         |s| vec![own(Swing("sensor_ram.bias_electrical", s))],
     ),
-    foreign("backlash of the attachment", (&[1e-4, 3e-4], "±0.1 and ±0.3 mm"), Any, |s| {
-        vec![own(Value("attachment.backlash_m", s))]
-    }),
-    foreign("stiffness of the attachment", (&[0.1, 0.3], "10 and 30 % are left"), Any, |s| {
-        vec![own(Times("attachment.stiffness_n_m", s))]
-    }),
-    foreign("seal friction", (&[2.0, 4.0, 8.0], "2, 4 and 8 times"), Any, |s| {
+    foreign(
+        MECHANICS,
+        "backlash of the attachment",
+        (&[1e-4, 3e-4], "±0.1 and ±0.3 mm"),
+        Any,
+        |s| vec![own(Value("attachment.backlash_m", s))],
+    ),
+    foreign(
+        MECHANICS,
+        "stiffness of the attachment",
+        (&[0.1, 0.3], "10 and 30 % are left"),
+        Any,
+        |s| vec![own(Times("attachment.stiffness_n_m", s))],
+    ),
+    foreign(MECHANICS, "seal friction", (&[2.0, 4.0, 8.0], "2, 4 and 8 times"), Any, |s| {
         vec![own(Times("cylinder.coulomb_friction_n", s))]
     }),
-    foreign("guides drag", (&[3.0, 6.0], "3 and 6 times"), Any, |s| {
+    foreign(MECHANICS, "guides drag", (&[3.0, 6.0], "3 and 6 times"), Any, |s| {
         vec![own(Times("cylinder.viscous_friction_n_s_m", s))]
     }),
     foreign(
+        DOUBLE,
         "leak and stroke sensor bias in one actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
         Any,
         |s| vec![own(Fault("leakage_a.leakage", s)), own(Fault("sensor_ram.bias_positive", s))],
     ),
     foreign(
+        DOUBLE,
         "two sensors biased in one actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
         NoShutdown,
@@ -141,6 +177,7 @@ pub static ALL: &[Foreign] = &[
         },
     ),
     foreign(
+        DOUBLE,
         "valve bias, and a sensor of another actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
         Any,
@@ -151,10 +188,15 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign("a leak in each of two actuators", (&[0.5, 1.0], "both 50 and 100 %"), Shutdown, |s| {
-        vec![own(Fault("leakage_supply.leakage", s)), other(Fault("leakage_a.leakage", s))]
-    }),
     foreign(
+        DOUBLE,
+        "a leak in each of two actuators",
+        (&[0.5, 1.0], "both 50 and 100 %"),
+        Shutdown,
+        |s| vec![own(Fault("leakage_supply.leakage", s)), other(Fault("leakage_a.leakage", s))],
+    ),
+    foreign(
+        DOUBLE,
         "worn seal, and a supply sensor of another actuator",
         (&[1.0], "both 100 %"),
         Any,
@@ -165,10 +207,15 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign("supply pressure falls, measured", (&[0.5, 0.85], "to 50 and 85 %"), Any, |s| {
-        vec![own(InputTimes("supply_pressure", s))]
-    }),
     foreign(
+        ENVIRONMENT,
+        "supply pressure falls, measured",
+        (&[0.5, 0.85], "to 50 and 85 %"),
+        Any,
+        |s| vec![own(InputTimes("supply_pressure", s))],
+    ),
+    foreign(
+        ENVIRONMENT,
         "hot day beyond training, measured",
         (&[358.0, 368.0], "85 and 95 °C"),
         Nothing,
@@ -176,41 +223,52 @@ pub static ALL: &[Foreign] = &[
             vec![whole(Weather("supply.temperature_k", s)), whole(Weather("tank.temperature_k", s))]
         },
     ),
-    foreign("the twin is told a frozen command", ONCE, Nothing, |_| {
+    foreign(ENVIRONMENT_SENSORS, "the twin is told a frozen command", ONCE, Nothing, |_| {
         vec![whole(ToldFrozen("command"))]
     }),
-    foreign("the twin is told no command", ONCE, Nothing, |_| vec![whole(ToldMissing("command"))]),
-    foreign("the twin is told an impossible command", ONCE, Nothing, |_| {
+    foreign(ENVIRONMENT_SENSORS, "the twin is told no command", ONCE, Nothing, |_| {
+        vec![whole(ToldMissing("command"))]
+    }),
+    foreign(ENVIRONMENT_SENSORS, "the twin is told an impossible command", ONCE, Nothing, |_| {
         vec![whole(ToldTooLarge("command"))]
     }),
-    foreign("the supply pressure that the twin is told is missing", ONCE, Any, |_| {
-        vec![own(ToldMissing("supply_pressure"))]
-    }),
     foreign(
+        ENVIRONMENT_SENSORS,
+        "the supply pressure that the twin is told is missing",
+        ONCE,
+        Any,
+        |_| vec![own(ToldMissing("supply_pressure"))],
+    ),
+    foreign(
+        ENVIRONMENT_SENSORS,
         "the supply pressure that the twin is told is wrong, inside of its range",
         (&[-0.04, 0.04], "−4 and +4 %"),
         NoShutdown,
         |s| vec![own(ToldOff("supply_pressure", s))],
     ),
     foreign(
+        ENVIRONMENT_SENSORS,
         "supply pressure falls, and the twin is told the old one",
         (&[0.9, 0.7], "to 90 and 70 %"),
         Any,
         |s| vec![own(InputTimes("supply_pressure", s)), own(ToldFrozen("supply_pressure"))],
     ),
     foreign(
+        ENVIRONMENT_SENSORS,
         "the return pressure that the twin is told is wrong, inside of its range",
         (&[-0.1, 0.1], "−10 and +10 %"),
         NoShutdown,
         |s| vec![own(ToldOff("return_pressure", s))],
     ),
     foreign(
+        ENVIRONMENT,
         "the supply pressure changes, measured",
         (&[0.9, 1.03], "to 90 and 103 %"),
         Nothing,
         |s| vec![whole(InputTimes("supply_pressure", s))],
     ),
     foreign(
+        ENVIRONMENT_SENSORS,
         "the supply pressure changes, and the twin is told late",
         (&[0.9, 1.03], "to 90 and 103 %, 0.2 s late"),
         Nothing,
@@ -222,6 +280,7 @@ pub static ALL: &[Foreign] = &[
         },
     ),
     foreign(
+        ENVIRONMENT_SENSORS,
         "the return pressure changes, and the twin is told late",
         (&[0.8, 1.5], "to 80 and 150 %, 0.2 s late"),
         Nothing,
@@ -232,4 +291,33 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
+    foreign(INTERMITTENT, "a supply leak comes and goes", FULL, Shutdown, |s| {
+        vec![own(Pulses("leakage_supply.leakage", s))]
+    }),
+    foreign(INTERMITTENT, "the valve bias comes and goes", FULL, Shutdown, |s| {
+        vec![own(Pulses("servo_valve.bias_positive", s))]
+    }),
+    foreign(INTERMITTENT, "the bias of the stroke sensor comes and goes", FULL, NoShutdown, |s| {
+        vec![own(Pulses("sensor_ram.bias_positive", s))]
+    }),
+    foreign(INTERMITTENT, "the bias of a pressure sensor comes and goes", FULL, NoShutdown, |s| {
+        vec![own(Pulses("sensor_pressure_a.bias_positive", s))]
+    }),
+    foreign(DRIFTING, "a supply leak grows slowly", GROWN, Shutdown, |s| {
+        vec![own(Grows("leakage_supply.leakage", s))]
+    }),
+    foreign(DRIFTING, "the valve bias grows slowly", GROWN, Shutdown, |s| {
+        vec![own(Grows("servo_valve.bias_positive", s))]
+    }),
 ];
+
+/// The names of all challenge sets, in the order of [`ALL`].
+pub fn set_names() -> Vec<&'static str> {
+    let mut names: Vec<&str> = vec![];
+    for fault in ALL {
+        if !names.contains(&fault.set) {
+            names.push(fault.set);
+        }
+    }
+    names
+}

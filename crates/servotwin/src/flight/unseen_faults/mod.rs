@@ -3,10 +3,12 @@
 //! The right name cannot be expected for an unknown fault. The requirement is that the healthy actuator stays on, and
 //! that the output is sensible: the right actuator, an unknown fault, or a wrong input of the twin.
 
+mod challenge_set;
 mod effect;
 mod list;
 
-pub use list::{ALL, Foreign, Sensible};
+pub use challenge_set::ChallengeSetMetrics;
+pub use list::{ALL, Foreign, Sensible, set_names};
 
 use super::campaign::{FlightCampaign, Observer};
 use super::judge::{Latency, latency};
@@ -102,6 +104,9 @@ pub struct UnseenFaultMetrics {
     pub setting: String,
     /// One for each fault that applies to the study's system.
     pub outcomes: Vec<UnseenFaultOutcome>,
+    /// One for each challenge set with a flight; empty in results from before these were counted.
+    #[serde(default)]
+    pub sets: Vec<ChallengeSetMetrics>,
 }
 
 impl UnseenFaultMetrics {
@@ -205,6 +210,7 @@ impl Plan {
 /// The outputs collected in a flight.
 struct Listening {
     session: Session,
+    sensible: Sensible,
     touched: Touched,
     onset: u64,
     at_fault: Vec<usize>,
@@ -214,6 +220,10 @@ struct Listening {
     first: Option<(usize, u32)>,
     heard: FindingFlags,
     first_word: Option<u64>,
+    /// The sample of the first sensible action against a faulty actuator.
+    right_action: Option<u64>,
+    /// Whether an action was raised before the onset.
+    false_alarm: bool,
     off_at_fault: bool,
     off_misinformed: bool,
     off_healthy: bool,
@@ -254,7 +264,7 @@ impl FindingFlags {
 impl Observer for Listening {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
         self.touched.take(index, measured, inputs);
-        let outcome = self.session.push(&self.touched.inputs, &self.touched.measured, twin);
+        let outcome = *self.session.push(&self.touched.inputs, &self.touched.measured, twin);
         let is_late = index as u64 >= self.onset;
         if let Some(raised) = outcome.raised {
             let unit = raised.actuator as usize;
@@ -263,12 +273,16 @@ impl Observer for Listening {
             let is_off = self.is_off[raised.action as usize];
             // A command raised before the onset accuses a healthy unit and may persist.
             let is_new_off = is_off && raised.sample == outcome.sample;
+            self.false_alarm |= !is_late;
+            if is_late && self.is_sensible(unit, raised.action) {
+                self.right_action = self.right_action.or(Some(index as u64));
+            }
             self.off_at_fault |= is_off && is_guilty;
             self.off_misinformed |= is_new_off && is_misinformed;
             self.off_healthy |= is_new_off && !is_guilty && !is_misinformed;
         }
         if is_late {
-            let is_word = self.heard.listen(outcome, |unit| {
+            let is_word = self.heard.listen(&outcome, |unit| {
                 self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
             });
             self.first_word = self.first_word.or(is_word.then_some(index as u64));
@@ -289,6 +303,7 @@ impl Listening {
         let onset = (flight.onset_s / period_s).ceil() as usize;
         Listening {
             session: session.clone(),
+            sensible: ALL[case.foreign].sensible,
             touched: Touched::new(case.changes.touches(), onset, flight.number as u64),
             onset: onset as u64,
             at_fault: case.changes.at_fault.clone(),
@@ -297,6 +312,8 @@ impl Listening {
             first: None,
             heard: FindingFlags::default(),
             first_word: None,
+            right_action: None,
+            false_alarm: false,
             off_at_fault: false,
             off_misinformed: false,
             off_healthy: false,
@@ -308,20 +325,24 @@ impl Listening {
         self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
     }
 
-    fn count(&self, sensible: Sensible, words: &mut Words) {
+    /// Whether an action against a unit is sensible.
+    fn is_sensible(&self, unit: usize, action: u32) -> bool {
+        let is_off = self.is_off[action as usize];
+        self.is_concerned(unit)
+            && match self.sensible {
+                Sensible::Shutdown => is_off,
+                Sensible::NoShutdown => !is_off,
+                Sensible::Any => true,
+                Sensible::Nothing => false,
+            }
+    }
+
+    fn count(&self, words: &mut Words) {
         let heard = &self.heard;
         let word = match self.first {
-            Some((unit, _)) if !self.is_concerned(unit) => &mut words.wrong_actuator,
-            Some((_, command)) => {
-                let is_off = self.is_off[command as usize];
-                let is_sensible = match sensible {
-                    Sensible::Shutdown => is_off,
-                    Sensible::NoShutdown => !is_off,
-                    Sensible::Any => true,
-                    Sensible::Nothing => false,
-                };
-                if is_sensible { &mut words.sensible } else { &mut words.other_command }
-            }
+            Some((unit, action)) if self.is_sensible(unit, action) => &mut words.sensible,
+            Some((unit, _)) if self.is_concerned(unit) => &mut words.other_command,
+            Some(_) => &mut words.wrong_actuator,
             None if heard.actuator => &mut words.actuator,
             None if heard.unknown => &mut words.unknown,
             None if heard.environment_invalid => &mut words.environment_invalid,
@@ -333,7 +354,7 @@ impl Listening {
     }
 }
 
-/// Flies every unseen fault in some of the test environments, and evaluates the outputs.
+/// Flies the unseen faults of some challenge sets in some of the test environments, and evaluates the outputs.
 ///
 /// # Errors
 /// A twin cannot be simulated, or [`Diagnoser::check`] fails for a study that does not fit.
@@ -342,19 +363,21 @@ pub fn judge(
     flights: &Flights,
     setting: Setting,
     diagnoser: &Arc<Diagnoser>,
+    sets: &[&str],
     workers: Workers,
 ) -> Result<UnseenFaultMetrics, CampaignError> {
-    let Plan { cases, flights: plan, told } = Plan::new(study, flights);
+    let Plan { cases, flights: mut plan, told } = Plan::new(study, flights);
+    let case = |flight: &Flight| &cases[flight.number - FIRST];
+    // Numbers, and so specimens and noise, do not depend on the chosen sets.
+    plan.retain(|flight| sets.contains(&ALL[case(flight).foreign].set));
     let lot = (Purpose::Judge, flights.seed);
     let told = Cow::Owned(told);
     let flown = FlightCampaign::planned(study, told, plan, lot, setting, workers)?;
     let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
     let is_off = diagnoser.tuning.switches_off(diagnoser.names());
-    let case = |flight: &Flight| &cases[flight.number - FIRST];
     let mut ended = vec![];
-    let all: Vec<usize> = (0..cases.len()).collect();
     flown.fly_altered(
-        &all,
+        &flown.which,
         |flight, variant| {
             let case = case(flight);
             if let Some(real) = &case.real {
@@ -374,7 +397,9 @@ pub fn judge(
         outcome(&ALL[foreign], &own, study, flights, flown.period_s())
     };
     let outcomes = (0..ALL.len()).map(outcome_of).filter(|o| o.flights + o.failed > 0).collect();
-    Ok(UnseenFaultMetrics { setting: setting.name().into(), outcomes })
+    let sets = set_names().into_iter().filter(|set| sets.contains(set));
+    let sets = sets.filter_map(|set| challenge_set::count(set, &ended, flown.period_s())).collect();
+    Ok(UnseenFaultMetrics { setting: setting.name().into(), outcomes, sets })
 }
 
 /// A judged flight with an unseen fault; `is_ok` is false if the simulation failed.
@@ -383,6 +408,13 @@ struct Ended<'c> {
     case: &'c Case,
     heard: Listening,
     is_ok: bool,
+}
+
+impl Ended<'_> {
+    /// The time from the onset to a sample, s.
+    fn since_onset_s(&self, sample: u64, period_s: f64) -> f64 {
+        (sample as f64 * period_s - self.flight.onset_s).max(0.0)
+    }
 }
 
 /// The outcome of all flights with one of the faults.
@@ -395,11 +427,11 @@ fn outcome(
 ) -> UnseenFaultOutcome {
     let finished: Vec<&Ended> = own.iter().copied().filter(|ended| ended.is_ok).collect();
     let mut words = Words::default();
-    finished.iter().for_each(|ended| ended.heard.count(fault.sensible, &mut words));
+    finished.iter().for_each(|ended| ended.heard.count(&mut words));
     let of = finished.len() as u64;
-    let times = finished
+    let times_s = finished
         .iter()
-        .filter_map(|ended| Some(ended.heard.first_word? as f64 * period_s - ended.flight.onset_s));
+        .filter_map(|ended| Some(ended.since_onset_s(ended.heard.first_word?, period_s)));
     let count = |holds: fn(&Listening) -> bool| {
         finished.iter().filter(|ended| holds(&ended.heard)).count() as u64
     };
@@ -417,7 +449,7 @@ fn outcome(
             .iter()
             .any(|ended| !ended.case.changes.misinformed.is_empty())
             .then(|| count(|heard| heard.off_misinformed)),
-        first_word: latency(times.map(|time_s: f64| time_s.max(0.0)), of),
+        first_word: latency(times_s, of),
         wrong: finished
             .iter()
             .filter(is_wrong)

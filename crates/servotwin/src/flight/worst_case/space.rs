@@ -1,0 +1,229 @@
+//! The space of a search: everything that varies between flights, as a list of numbers.
+
+use super::{SearchError, SearchObjective};
+use crate::signal::random::Random;
+use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Setting, Study};
+
+/// Numbers of a point are rounded to this many steps per unit, so that a line of text holds them exactly.
+const STEPS_PER_UNIT: f64 = 1000.0;
+
+/// How a number is distributed in the flights of a study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Distribution {
+    /// One of so many choices, all alike; the number is the index.
+    Choice(usize),
+    /// A place in a range, even from 0 to 1.
+    Share,
+    /// A tolerance in standard deviations, normal and within [`MAX_DEVIATION`].
+    Deviation,
+}
+
+impl Distribution {
+    /// The ends of its values.
+    pub fn ends(self) -> [f64; 2] {
+        match self {
+            Distribution::Choice(count) => [0.0, count as f64 - 1.0],
+            Distribution::Share => [0.0, 1.0],
+            Distribution::Deviation => [-MAX_DEVIATION, MAX_DEVIATION],
+        }
+    }
+
+    /// Draws a value.
+    pub fn draw(self, random: &mut Random) -> f64 {
+        match self {
+            Distribution::Choice(count) => {
+                ((random.unit() * count as f64) as usize).min(count - 1) as f64
+            }
+            Distribution::Share => random.unit(),
+            Distribution::Deviation => random.normal(),
+        }
+    }
+
+    /// A value within the ends, rounded so that text holds it exactly.
+    pub fn rounded(self, value: f64) -> f64 {
+        let [low, high] = self.ends();
+        (value.clamp(low, high) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT
+    }
+}
+
+/// A number of every point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dimension {
+    /// Its name; of an input or parameter the system's.
+    pub name: String,
+    /// Its distribution.
+    pub distribution: Distribution,
+    /// What 0 and 1 stand for, SI; `None` for a choice, a tolerance, or a number of a command.
+    pub range: Option<[f64; 2]>,
+    /// What the choices stand for.
+    pub choices: Vec<String>,
+}
+
+impl Dimension {
+    fn new(name: impl Into<String>, distribution: Distribution) -> Self {
+        Dimension { name: name.into(), distribution, range: None, choices: vec![] }
+    }
+
+    fn choice(name: &str, choices: Vec<String>) -> Self {
+        Dimension {
+            choices: choices.clone(),
+            ..Dimension::new(name, Distribution::Choice(choices.len()))
+        }
+    }
+
+    /// A value in words: the choice, or the number in SI units.
+    pub fn in_words(&self, value: f64) -> String {
+        match (self.choices.get(value as usize), self.range) {
+            (Some(choice), _) => choice.clone(),
+            (None, Some([low, high])) => format!("{}", low + (high - low) * value),
+            (None, None) => format!("{value}"),
+        }
+    }
+}
+
+/// A point of a space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchPoint {
+    /// Its number, from which noise, draws and the random part of the command follow.
+    pub number: usize,
+    /// One value for each dimension.
+    pub values: Vec<f64>,
+}
+
+/// The space of a search.
+#[derive(Debug, Clone)]
+pub struct SearchSpace {
+    /// What the search looks for.
+    pub objective: SearchObjective,
+    /// Every number of a point.
+    pub dimensions: Vec<Dimension>,
+    /// What varies between environments.
+    pub ranges: EnvironmentRanges,
+    /// For each choice of the dimension `fault`, the fault's index in the study.
+    faults: Vec<usize>,
+    /// Where the numbers of commands, of ranges and of tolerances begin.
+    begins: [usize; 3],
+}
+
+/// The places of the first dimensions.
+const FAULT: usize = 0;
+const ONSET: usize = 1;
+const COMMAND: usize = 2;
+
+impl SearchSpace {
+    /// The space of a study in a scenario. Flights without a fault have the choice `none`, and an onset without effect.
+    ///
+    /// # Errors
+    /// The study has no flights, or no fault for the objective.
+    pub fn new(
+        study: &Study,
+        setting: Setting,
+        objective: SearchObjective,
+    ) -> Result<Self, SearchError> {
+        let ranges = study.environment_ranges().ok_or(SearchError::NoFlights)?;
+        let faults = faults(study, objective);
+        if faults.is_empty() && objective.has_fault(study) {
+            return Err(SearchError::NoFault(objective.name()));
+        }
+        let names = match faults[..] {
+            [] => vec!["none".into()],
+            _ => faults.iter().map(|&fault| study.faults[fault].id.clone()).collect(),
+        };
+        let patterns = ranges.commands.iter().map(|(pattern, _)| pattern.clone()).collect();
+        let mut dimensions = vec![
+            Dimension::choice("fault", names),
+            Dimension {
+                range: Some(ranges.onset_s),
+                ..Dimension::new("onset_s", Distribution::Share)
+            },
+            Dimension::choice("command", patterns),
+        ];
+        let commands = dimensions.len();
+        let most = ranges.commands.iter().map(|(_, count)| *count).max().unwrap_or(0);
+        let numbers =
+            (1..=most).map(|n| Dimension::new(format!("command.{n}"), Distribution::Share));
+        dimensions.extend(numbers);
+        let environment = dimensions.len();
+        dimensions.extend(ranges.ranges.iter().map(|(name, range)| Dimension {
+            range: Some(*range),
+            ..Dimension::new(name, Distribution::Share)
+        }));
+        let tolerances = dimensions.len();
+        let realism = study.realism.as_ref().filter(|_| setting.has_tolerances());
+        let parts = &study.system.network().components;
+        for tolerance in realism.map_or(&[][..], |realism| realism.tolerances()) {
+            let name = tolerance.parameters.first().map_or("none".into(), |&(part, parameter)| {
+                let own = &parts[part].component.spec().parameters[parameter];
+                format!("{}.{}", parts[part].id, own.name)
+            });
+            dimensions.push(Dimension::new(name, Distribution::Deviation));
+        }
+        let begins = [commands, environment, tolerances];
+        Ok(SearchSpace { objective, dimensions, ranges, faults, begins })
+    }
+
+    /// A point from the distributions of the study.
+    pub fn draw(&self, number: usize, random: &mut Random) -> SearchPoint {
+        let draw = |dimension: &Dimension| {
+            let distribution = dimension.distribution;
+            distribution.rounded(distribution.draw(random))
+        };
+        SearchPoint { number, values: self.dimensions.iter().map(draw).collect() }
+    }
+
+    /// Whether a point lies in the space.
+    pub fn contains(&self, point: &SearchPoint) -> bool {
+        let is_inside = |(dimension, &value): (&Dimension, &f64)| {
+            let [low, high] = dimension.distribution.ends();
+            let is_index =
+                !matches!(dimension.distribution, Distribution::Choice(_)) || value.fract() == 0.0;
+            (low..=high).contains(&value) && is_index
+        };
+        point.values.len() == self.dimensions.len()
+            && self.dimensions.iter().zip(&point.values).all(is_inside)
+            && point.number < super::MAX_POINTS
+    }
+
+    /// The dimensions of the environment with their places: inputs and parameters.
+    pub fn environment(&self) -> impl Iterator<Item = (usize, &Dimension)> {
+        let [_, from, to] = self.begins;
+        self.dimensions.iter().enumerate().skip(from).take(to - from)
+    }
+
+    pub(super) fn chosen<'p>(&self, seed: u64, point: &'p SearchPoint) -> ChosenEnvironment<'p> {
+        let [commands, environment, tolerances] = self.begins;
+        ChosenEnvironment {
+            draw: (seed as usize, point.number),
+            pattern: point.values[COMMAND] as usize,
+            command: &point.values[commands..environment],
+            shares: &point.values[environment..tolerances],
+        }
+    }
+
+    pub(super) fn deviations<'p>(&self, point: &'p SearchPoint) -> &'p [f64] {
+        &point.values[self.begins[2]..]
+    }
+
+    /// The index of the point's fault in the study; `None` for a flight without one.
+    pub(super) fn fault(&self, point: &SearchPoint) -> Option<usize> {
+        self.faults.get(point.values[FAULT] as usize).copied()
+    }
+
+    pub(super) fn onset_s(&self, point: &SearchPoint) -> f64 {
+        let [from, to] = self.ranges.onset_s;
+        from + (to - from) * point.values[ONSET]
+    }
+}
+
+/// The faults that an objective flies, one of each kind and actuator: indices in the study.
+fn faults(study: &Study, objective: SearchObjective) -> Vec<usize> {
+    let shutdowns = study.shutdowns();
+    let is_searched = |place: &usize| {
+        let fault = &study.faults[*place];
+        let is_first = study.faults.iter().position(|other| other.id == fault.id) == Some(*place);
+        let needs_shutdown = shutdowns.contains(&study.classes[fault.class].command);
+        is_first && (needs_shutdown || objective != SearchObjective::MissedShutdown)
+    };
+    let all = if objective.has_fault(study) { 0..study.faults.len() } else { 0..0 };
+    all.filter(is_searched).collect()
+}
