@@ -18,9 +18,10 @@
 //! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
 
 use super::{
-    Combination, Family, Feature, Noise, Sensor, Sensors, Teaches, correlation, log_deviation,
+    Combination, Feature, Formulas, Noise, Sensor, Sensors, Teaches, correlation, log_deviation,
 };
-use crate::residual::Window;
+use crate::number::{Number, sum};
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -46,15 +47,15 @@ impl Relation {
     }
 
     /// Mean, variance, and covariance with a twin signal.
-    fn of(&self, window: &Window, twin: usize) -> [f64; 3] {
-        let terms = self.terms();
-        let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
-            terms.iter().map(|&(sensor, weight)| weight * of(sensor)).sum()
+    fn of<W: Statistics>(&self, window: &W, twin: usize) -> [W::Number; 3] {
+        let weighted = |of: &dyn Fn(usize) -> W::Number| {
+            let terms = self.terms().iter();
+            sum(terms.map(|&(sensor, weight)| W::Number::constant(weight) * of(sensor)))
         };
         [
-            sum(&|sensor| window.mean(sensor)),
-            sum(&|a| sum(&|b| window.covariance(a, b))),
-            sum(&|sensor| window.cross_covariance(sensor, twin)),
+            weighted(&|sensor| window.mean(sensor)),
+            weighted(&|a| weighted(&|b| window.covariance(a, b))),
+            weighted(&|sensor| window.cross_covariance(sensor, twin)),
         ]
     }
 }
@@ -73,7 +74,7 @@ fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ 
     })
 }
 
-impl Family for Parity {
+impl Formulas for Parity {
     fn name(&self) -> &'static str {
         "parity"
     }
@@ -109,20 +110,21 @@ impl Family for Parity {
         relations(sensors).flat_map(of).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for (place, relation) in relations(sensors) {
             let noise = sensors.noise(relation.terms());
             // A stand-in value does not follow the law, so the relation counts as fulfilled.
             let is_known = relation.terms().iter().all(|&(sensor, _)| !sensors.0[sensor].stands_in);
             let [mean, variance, with_twin] = match is_known {
                 true => relation.of(window, place),
-                false => [0.0, noise.carried, 0.0],
+                false => [0.0, noise.carried, 0.0].map(W::Number::constant),
             };
             let of_twin = window.twin_covariance(place, place);
             let log_dev = log_deviation(variance, noise);
             values.push(mean);
             values.push(log_dev);
-            values.push(with_twin / (of_twin + LEAST_DEVIATION * LEAST_DEVIATION));
+            let least_variance = W::Number::constant(LEAST_DEVIATION * LEAST_DEVIATION);
+            values.push(with_twin / (of_twin + least_variance));
             values.push(correlation(with_twin, [variance, of_twin], [noise, Noise::default()]));
             values.extend(relation.terms().iter().map(|&(other, _)| {
                 let own = window.covariance(other, other);
@@ -137,6 +139,7 @@ mod tests {
     use super::*;
     use crate::features::Quantity;
     use crate::random::Random;
+    use crate::residual::Window;
 
     const NOISE: f64 = 0.002;
 
@@ -171,7 +174,7 @@ mod tests {
             window.add(&[ram, spool + own], &[0.0, spool], &[1.0, 1.0]);
         }
         let mut values = Vec::new();
-        Parity.compute(sensors, &window, &mut values);
+        Parity.append(sensors, &window, &mut values);
         values
     }
 
