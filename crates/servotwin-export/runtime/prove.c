@@ -6,7 +6,7 @@
 
 static const servotwin_hierarchy *hierarchy_of(int32_t is_committee, int32_t length)
 {
-    return (is_committee != 0) ? &servotwin_committees[length] : &servotwin_trees[length];
+    return (is_committee != 0) ? servotwin_lengths[length].committee : servotwin_lengths[length].trees;
 }
 
 int32_t prove_leaf(int32_t is_committee, int32_t length, int32_t stage, int32_t tree, const double *row);
@@ -24,7 +24,7 @@ servotwin_answer prove_decide(int32_t is_committee, int32_t length, int32_t stag
 void prove_shares(int32_t length, int32_t stage, const double *row, double *shares);
 void prove_shares(int32_t length, int32_t stage, const double *row, double *shares)
 {
-    servotwin_shares(&servotwin_committees[length].stages[stage], row, shares);
+    servotwin_shares(&servotwin_lengths[length].committee->stages[stage], row, shares);
 }
 
 servotwin_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const double *const *views);
@@ -36,5 +36,5 @@ servotwin_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const d
 void prove_probabilities(int32_t length, const double *const *views, double *into);
 void prove_probabilities(int32_t length, const double *const *views, double *into)
 {
-    servotwin_probabilities(&servotwin_committees[length], views, into);
+    servotwin_probabilities(servotwin_lengths[length].committee, views, into);
 }

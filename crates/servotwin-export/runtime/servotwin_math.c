@@ -15,7 +15,7 @@ typedef union {
     uint64_t bits;
 } number_and_bits;
 
-static uint64_t bits_of(double number)
+uint64_t servotwin_bits_of(double number)
 {
     number_and_bits both;
     both.number = number;
@@ -61,7 +61,7 @@ double servotwin_exp(double x)
         -2.77777777770155933842e-03, 1.66666666666666019037e-01
     };
     const double size = (x < 0.0) ? -x : x;
-    const uint32_t high_word = (uint32_t)(bits_of(size) >> 32);
+    const uint32_t high_word = (uint32_t)(servotwin_bits_of(size) >> 32);
     int32_t power = 0;
     double high = x;
     double low = 0.0;
@@ -115,7 +115,7 @@ static reduced_number reduced(double x)
     static const double odd[4] = {
         1.479819860511658591e-01, 1.818357216161805012e-01, 2.857142874366239149e-01, 6.666666666666735130e-01
     };
-    const uint64_t bits = bits_of(x);
+    const uint64_t bits = servotwin_bits_of(x);
     const uint32_t shifted = (uint32_t)(bits >> 32) + (0x3ff00000U - 0x3fe6a09eU);
     const uint32_t high_word = (shifted & 0x000fffffU) + 0x3fe6a09eU;
     const double significand = number_of(((uint64_t)high_word << 32) | (bits & 0xffffffffU));
@@ -160,7 +160,7 @@ double servotwin_log10(double x)
     const reduced_number of = reduced(x);
     /* ln(1 + f) = high + low, with few bits in high, so that its product with the high part of 1/ln 10 is exact. */
     const double whole = of.fraction - of.half_square;
-    const double high = number_of(bits_of(whole) & 0xffffffff00000000U);
+    const double high = number_of(servotwin_bits_of(whole) & 0xffffffff00000000U);
     const double left = of.fraction - high;
     const double halved = left - of.half_square;
     const double low = halved + of.series;

@@ -21,6 +21,9 @@
 /* 1 if a product and a sum round twice, as they must; 0 if the compiler fuses them. Call it once, at start. */
 int servotwin_rounds_twice(void);
 
+/* The bits of a number. */
+uint64_t servotwin_bits_of(double number);
+
 /* e^x for x of at most 709. 0 below -708. */
 double servotwin_exp(double x);
 

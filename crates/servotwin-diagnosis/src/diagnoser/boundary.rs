@@ -60,7 +60,7 @@ impl Boundary {
     }
 
     /// The effect on the sensor next to the boundary.
-    fn effect(&self) -> Option<f64> {
+    pub fn effect(&self) -> Option<f64> {
         self.effects.iter().find(|(sensor, _)| *sensor == self.sensor).map(|(_, effect)| *effect)
     }
 

@@ -140,12 +140,16 @@ impl Session {
         };
         Ok(Session {
             scales: diagnoser.scales(),
-            rules: Rules::new(&diagnoser.tuning, names, diagnoser.period_s),
+            rules: Rules::new(
+                &diagnoser.tuning,
+                names,
+                diagnoser.samples(diagnoser.tuning.recover_s),
+            ),
             patience: patience(&diagnoser),
             hypotheses,
             classifiers,
-            tunings: diagnoser.lengths.iter().map(|length| tuning_of(&diagnoser, length)).collect(),
-            limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
+            tunings: diagnoser.lengths.iter().map(|length| diagnoser.tuning_of(length)).collect(),
+            limits: diagnoser.lengths.iter().map(|length| diagnoser.limits_of(length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             streams: Streams::new(&diagnoser)?,
             here: diagnoser.conditional_band.as_ref().map(Here::new),
@@ -422,7 +426,7 @@ impl Session {
 
     /// Number of samples that are not judged after a restart.
     fn settling_samples(&self) -> u64 {
-        libm::ceil(self.diagnoser.tuning.settle_s / self.diagnoser.period_s) as u64
+        self.diagnoser.samples(self.diagnoser.tuning.settle_s)
     }
 
     fn check_unit(&self, index: usize) -> Result<(), Error> {
@@ -457,8 +461,7 @@ impl Session {
         if self.memory.outcome.finding != finding || self.memory.has_judged {
             self.restart();
         }
-        let settle_s = self.diagnoser.tuning.settle_s;
-        self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
+        self.memory.settling = self.settling_samples();
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
 
@@ -875,25 +878,9 @@ impl Session {
 }
 
 fn patience(diagnoser: &Diagnoser) -> Patience {
-    let samples = |time_s: f64| libm::ceil(time_s / diagnoser.period_s).max(1.0) as u64;
+    let samples = |time_s: f64| diagnoser.samples(time_s).max(1);
     let tuning = &diagnoser.tuning;
     Patience { until_lost: samples(tuning.no_data_after_s), until_back: samples(tuning.settle_s) }
-}
-
-/// The constants for a length: baseline-corrected windows have allowances of their own.
-fn tuning_of(diagnoser: &Diagnoser, length: &Length) -> Tuning {
-    match &length.baseline_corrected {
-        Some(allowances) => diagnoser.tuning.allowing(allowances),
-        None => diagnoser.tuning.clone(),
-    }
-}
-
-fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
-    let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
-    let names = diagnoser.names();
-    let is_off = diagnoser.tuning.switches_off(names);
-    let window_s = samples as f64 * diagnoser.period_s;
-    Limits::new(&tuning_of(diagnoser, length), Hypotheses::of(names), &is_off, window_s)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve uniform ones.

@@ -72,7 +72,7 @@ impl Judgement {
 impl WindowClassifier {
     pub fn new(diagnoser: &Diagnoser, length: &Length) -> Result<Self, Error> {
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
-        let views = trees.views().max(committee.views()).max(diagnoser.views_of_novelty(length));
+        let views = diagnoser.views_of(length);
         let hypotheses = Hypotheses::of(&trees.names);
         let odds = libm::exp(-diagnoser.tuning.in_band_nats);
         Ok(WindowClassifier {

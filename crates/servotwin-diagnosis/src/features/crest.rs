@@ -70,7 +70,6 @@ mod tests {
             noise: NOISE,
             is_noisy: true,
             follows: alloc::vec![],
-            stands_in: false,
         }]);
         let mut random = Random::new(7);
         let mut window = Window::new(1);

@@ -81,11 +81,9 @@ pub struct Sensor {
     pub is_noisy: bool,
     /// The sensors that it follows by a law: their indices, and its change for each, in parts of scale.
     pub follows: Vec<(usize, f64)>,
-    /// Whether a stand-in value that looks healthy replaces its value.
-    pub stands_in: bool,
 }
 
-/// Fingerprints of stored campaigns contain this text, so the field `unit` keeps its old name.
+/// Fingerprints of stored campaigns contain this text, so it keeps the names of older fields.
 impl fmt::Debug for Sensor {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("Sensor")
@@ -95,7 +93,7 @@ impl fmt::Debug for Sensor {
             .field("noise", &self.noise)
             .field("is_noisy", &self.is_noisy)
             .field("follows", &self.follows)
-            .field("stands_in", &self.stands_in)
+            .field("stands_in", &false)
             .finish()
     }
 }

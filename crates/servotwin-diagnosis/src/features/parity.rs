@@ -114,11 +114,12 @@ impl Formulas for Parity {
         for (place, relation) in relations(sensors) {
             let noise = sensors.noise(relation.terms());
             // A stand-in value does not follow the law, so the relation counts as fulfilled.
-            let is_known = relation.terms().iter().all(|&(sensor, _)| !sensors.0[sensor].stands_in);
-            let [mean, variance, with_twin] = match is_known {
-                true => relation.of(window, place),
-                false => [0.0, noise.carried, 0.0].map(W::Number::constant),
-            };
+            let stand_ins = sum(relation.terms().iter().map(|term| window.stands_in(term.0)));
+            let (known, fulfilled) = (relation.of(window, place), [0.0, noise.carried, 0.0]);
+            let [mean, variance, with_twin] = [0, 1, 2].map(|i| {
+                let fulfilled = W::Number::constant(fulfilled[i]);
+                W::Number::constant(0.0).if_less(stand_ins, fulfilled, known[i])
+            });
             let of_twin = window.twin_covariance(place, place);
             let log_dev = log_deviation(variance, noise);
             values.push(mean);
@@ -137,9 +138,10 @@ impl Formulas for Parity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::Quantity;
+    use crate::features::{Quantity, Views};
     use crate::random::Random;
     use crate::residual::Window;
+    use alloc::string::String;
 
     const NOISE: f64 = 0.002;
 
@@ -152,7 +154,6 @@ mod tests {
             noise: NOISE,
             is_noisy: true,
             follows: follows.to_vec(),
-            stands_in: false,
         };
         let ram = sensor("x_p1", Quantity::Ram, &[]);
         Sensors(alloc::vec![ram, sensor("x_v1", Quantity::Spool, &[(0, -6.0)])])
@@ -161,10 +162,11 @@ mod tests {
     /// The features of half a second with a twin spool amplitude of 0.3. `residuals` gives those of ram and spool for
     /// the spool's position.
     fn computed(residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
-        computed_by(&sensors(), residuals)
+        computed_beside(&[false; 2], residuals)
     }
 
-    fn computed_by(sensors: &Sensors, residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
+    /// The same, with stand-ins for some sensors.
+    fn computed_beside(stands_in: &[bool], residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
         let mut random = Random::new(11);
         let mut normal = || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
         let mut window = Window::new(2);
@@ -173,9 +175,11 @@ mod tests {
             let [ram, own] = residuals(spool).map(|r| r + NOISE * normal());
             window.add(&[ram, spool + own], &[0.0, spool], &[1.0, 1.0]);
         }
-        let mut values = Vec::new();
-        Parity.append(sensors, &window, &mut values);
-        values
+        let features = Parity.features(&sensors()).into_iter();
+        let names: Vec<String> = features.map(|feature| feature.name).collect();
+        let mut views = Views::new(sensors(), &names, 1).unwrap();
+        views.stand_in(stands_in);
+        views.compute(&window).unwrap()[0].clone()
     }
 
     #[test]
@@ -205,11 +209,9 @@ mod tests {
 
     #[test]
     fn where_something_stands_in_for_a_sensor_the_law_counts_as_kept() {
-        let mut sensors = sensors();
         let is_wrong = |spool: f64| [0.0, 0.2 * spool];
-        let known = computed_by(&sensors, is_wrong);
-        sensors.0[0].stands_in = true;
-        let unknown = computed_by(&sensors, is_wrong);
+        let known = computed(is_wrong);
+        let unknown = computed_beside(&[true, false], is_wrong);
         let noise = NOISE * libm::sqrt(1.0 + 36.0);
         assert_eq!([unknown[0], unknown[2], unknown[3]], [0.0; 3]);
         assert!((unknown[1] - libm::log10(noise)).abs() < 1e-3, "{}", unknown[1]);

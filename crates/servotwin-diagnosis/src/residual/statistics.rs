@@ -23,6 +23,11 @@ pub trait Statistics {
     /// The largest |r'| of a residual.
     fn largest(&self, sensor: usize) -> Self::Number;
 
+    /// 1 if a stand-in value that looks healthy replaces a sensor's value, else 0.
+    fn stands_in(&self, _sensor: usize) -> Self::Number {
+        Self::Number::constant(0.0)
+    }
+
     /// Number of sensors.
     fn sensors(&self) -> usize;
 

@@ -1,25 +1,10 @@
-//! Numbers and arrays as C99 text.
+//! Arrays as C99 text.
 
+use servotwin_model::c_source::hexadecimal;
 use std::fmt::{Display, Write};
 
 /// Longest line of an array, in characters.
 const LINE: usize = 110;
-
-/// A number as a hexadecimal literal, which C reads back to the same bits.
-///
-/// # Panics
-/// If the number is not finite; models have finite numbers only.
-pub(crate) fn hexadecimal(number: f64) -> String {
-    assert!(number.is_finite(), "{number} has no literal");
-    let bits = number.to_bits();
-    let sign = if number.is_sign_negative() { "-" } else { "" };
-    let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, bits & ((1 << 52) - 1));
-    match (exponent, fraction) {
-        (0, 0) => format!("{sign}0x0p+0"),
-        (0, _) => format!("{sign}0x0.{fraction:013x}p-1022"),
-        _ => format!("{sign}0x1.{fraction:013x}p{:+}", exponent - 1023),
-    }
-}
 
 /// Adds `static const KIND NAME[] = { … };`. An empty array gets one zero, because C has no empty arrays.
 pub(crate) fn array<T: Display>(
@@ -52,15 +37,6 @@ pub(crate) fn numbers(c: &mut String, name: &str, items: impl IntoIterator<Item 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_literal_has_the_bits_of_its_number() {
-        assert_eq!(hexadecimal(1.0), "0x1.0000000000000p+0");
-        assert_eq!(hexadecimal(-0.1), "-0x1.999999999999ap-4");
-        assert_eq!(hexadecimal(0.0), "0x0p+0");
-        assert_eq!(hexadecimal(f64::from_bits(1)), "0x0.0000000000001p-1022");
-        assert_eq!(hexadecimal(f64::MAX), "0x1.fffffffffffffp+1023");
-    }
 
     #[test]
     fn an_array_is_broken_into_lines() {

@@ -732,7 +732,6 @@ impl Reader<'_> {
                 noise,
                 is_noisy: true,
                 follows: vec![],
-                stands_in: false,
             };
             self.named_apart(&at, &sensor, &seen);
             measured.push(position);
@@ -776,7 +775,6 @@ impl Reader<'_> {
             noise,
             is_noisy: true,
             follows: vec![],
-            stands_in: false,
         })
     }
 

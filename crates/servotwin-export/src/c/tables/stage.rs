@@ -1,11 +1,13 @@
 //! The tables of one stage: flat arrays without leaves among the nodes, as `servotwin_models.h` reads them.
 
-use super::literal::{array, numbers};
+use super::super::MOST_CLASSES;
+use super::super::literal::{array, numbers};
 use crate::error::ExportError;
 use servotwin_diagnosis::calibration;
 use servotwin_diagnosis::classifiers::{Classifier, Model, boosted_trees, cart};
 use servotwin_diagnosis::hierarchy::{Question, Stage};
 use servotwin_diagnosis::tree::Branches;
+use servotwin_model::c_source::hexadecimal;
 use std::fmt::Write;
 
 /// Most nodes of a stage: children are 16-bit numbers with a sign.
@@ -131,7 +133,7 @@ fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
         false => Err(ExportError::TooMany { stage: stage.id.clone(), what, count, most }),
     };
     fits("nodes", nodes.features.len().max(nodes.leaves.len()), MOST_NODES)?;
-    fits("classes", stage.classes.len(), super::MOST_CLASSES)?;
+    fits("classes", stage.classes.len(), MOST_CLASSES)?;
     let largest = stage.columns.iter().copied().max().unwrap_or(0);
     fits("features", largest as usize + 1, MOST_FEATURES)
 }
@@ -176,6 +178,6 @@ fn write_boosted(
         "static const servotwin_boosted {prefix}_boosted = {{ {}, {prefix}_output_classes, {prefix}_start, \
          {prefix}_values, {} }};",
         outputs.len(),
-        super::literal::hexadecimal(1.0 / temperature),
+        hexadecimal(1.0 / temperature),
     );
 }
