@@ -325,6 +325,11 @@ impl Session {
         self.memory.evidence[length].of_change(&self.limits[length])
     }
 
+    /// The evidence of a length for an unknown change, in parts of its limit.
+    pub fn evidence_of_unknown(&self, length: usize) -> f64 {
+        self.memory.evidence[length].of_unknown(&self.limits[length])
+    }
+
     /// The stages that a length's trees passed through for the last window outside its bands, each with its nodes from
     /// root to leaf. Allocates.
     ///

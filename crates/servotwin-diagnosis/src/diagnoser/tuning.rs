@@ -280,6 +280,11 @@ impl Tuning {
         libm::pow(share, self.overlap_exponent)
     }
 
+    /// The probability of health of a window with every residual in its band.
+    pub fn in_band_share(&self) -> f64 {
+        1.0 / (1.0 + libm::exp(-self.in_band_nats))
+    }
+
     /// The allowance for any change against health, beside that for any hypothesis, nats.
     pub fn change_allowance_nats(&self) -> f64 {
         self.health_allowance_nats + self.off_allowance_nats

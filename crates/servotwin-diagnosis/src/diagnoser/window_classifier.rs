@@ -74,7 +74,6 @@ impl WindowClassifier {
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
         let views = diagnoser.views_of(length);
         let hypotheses = Hypotheses::of(&trees.names);
-        let odds = libm::exp(-diagnoser.tuning.in_band_nats);
         Ok(WindowClassifier {
             hypotheses,
             views: Views::new(diagnoser.sensors_seen(), &trees.names.features, views)?,
@@ -84,7 +83,7 @@ impl WindowClassifier {
             common_mode: CommonMode::new(&diagnoser.sensors_seen(), diagnoser.watched()),
             max_common_mode: diagnoser.tuning.max_common_mode,
             share_of_known: 1.0 - length.novelty.quantile,
-            in_band_share: 1.0 / (1.0 + odds),
+            in_band_share: diagnoser.tuning.in_band_share(),
         })
     }
 

@@ -1,8 +1,10 @@
 //! An export, compiled and loaded.
 
+use super::chain::Said;
+use super::samples::Sample;
 use crate::c::CFile;
 use crate::error::ExportError;
-use libloading::Library;
+use libloading::{Library, Symbol};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -100,7 +102,7 @@ impl Compiled {
         let mut command = Command::new(&build.compiler);
         command.current_dir(folder.path()).args(FLAGS).arg(build.level);
         command.args(["-shared", "-fPIC", "-o", "export.so"]);
-        command.args(sources.filter(|name| name.ends_with(".c") && *name != "main.c"));
+        command.args(sources.filter(|name| name.ends_with(".c") && *name != "main.c")).arg("-lm");
         let output = command.output().map_err(|cause| {
             let compiler = build.compiler.clone();
             ExportError::NoCompiler { compiler, cause }
@@ -175,6 +177,74 @@ impl Compiled {
         let views: Vec<*const f64> = views.iter().map(|view| view.as_ptr()).collect();
         unsafe { function(length as i32, views.as_ptr(), into.as_mut_ptr()) };
         Ok(())
+    }
+}
+
+/// A session of a compiled export.
+pub(super) struct RunningSession<'c> {
+    /// Whole words, so that any member is aligned.
+    memory: Vec<u64>,
+    push: Symbol<
+        'c,
+        unsafe extern "C" fn(*mut u64, *const f64, *const f64, *const f64, *mut i64, *mut f64),
+    >,
+    command: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, i32)>,
+    row: Symbol<'c, unsafe extern "C" fn(*const u64, i32) -> *const f64>,
+}
+
+impl Compiled {
+    /// A new session.
+    pub fn session(&self) -> Result<RunningSession<'_>, ExportError> {
+        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        unsafe {
+            let size: Symbol<unsafe extern "C" fn() -> u64> =
+                self.library.get(b"prove_session_size")?;
+            let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
+                self.library.get(b"prove_start")?;
+            let mut memory = vec![0; size().div_ceil(8) as usize];
+            start(memory.as_mut_ptr());
+            Ok(RunningSession {
+                memory,
+                push: self.library.get(b"prove_push")?,
+                command: self.library.get(b"prove_command")?,
+                row: self.library.get(b"prove_row")?,
+            })
+        }
+    }
+}
+
+impl RunningSession<'_> {
+    /// Pushes a sample; `said` gets lists as long as those of `like`.
+    pub fn push(&mut self, sample: &Sample, like: &Said, said: &mut Said) {
+        said.integers.resize(like.integers.len(), 0);
+        said.numbers.resize(like.numbers.len(), 0.0);
+        let (integers, numbers) = (said.integers.as_mut_ptr(), said.numbers.as_mut_ptr());
+        let Sample { inputs, measured, twin } = sample;
+        // SAFETY: the lists are as long as those of the diagnoser that was exported.
+        unsafe {
+            (self.push)(
+                self.memory.as_mut_ptr(),
+                inputs.as_ptr(),
+                measured.as_ptr(),
+                twin.as_ptr(),
+                integers,
+                numbers,
+            )
+        }
+    }
+
+    /// Passes a command of the flight control computer on.
+    pub fn command(&mut self, command: i32, place: i32) {
+        // SAFETY: the place exists in the diagnoser.
+        unsafe { (self.command)(self.memory.as_mut_ptr(), command, place) }
+    }
+
+    /// The features of the last window outside its bands in a view.
+    pub fn row(&self, view: usize, features: usize) -> &[f64] {
+        // SAFETY: the row lies in the memory of the session and has this many numbers.
+        unsafe {
+            std::slice::from_raw_parts((self.row)(self.memory.as_ptr(), view as i32), features)
+        }
     }
 }
 

@@ -1,8 +1,10 @@
 //! Proof that an export decides as its diagnoser does: it is compiled, loaded and compared bit by bit.
 
+mod chain;
 mod library;
 mod models;
 mod rows;
+mod samples;
 
 pub use library::Build;
 
@@ -12,6 +14,8 @@ use library::{Compiled, Place};
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Stage;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Differences that are kept; the others are counted only in their number of rows.
 const MOST_DIFFERENCES: usize = 20;
@@ -46,6 +50,10 @@ pub struct Evidence {
     pub rows: u64,
     /// Random rows through whole hierarchies.
     pub random_rows: u64,
+    /// Samples through the whole chain.
+    pub samples: u64,
+    /// Actions that were raised on the way, with their number.
+    pub raised: BTreeMap<String, u64>,
     /// The first differences.
     pub differences: Vec<Difference>,
 }
@@ -69,23 +77,32 @@ fn name_of(at: Place) -> String {
     format!("{kind} of window length {}", at.length + 1)
 }
 
-/// Compiles an export and compares it with its diagnoser.
+/// Compiles an export in every build and compares it with its diagnoser: all trees, then this many samples through the
+/// whole chain. `tell` hears the number of samples so far.
 ///
 /// # Errors
 /// [`ExportError::NoCompiler`], [`ExportError::Refused`], [`ExportError::Load`], [`ExportError::File`]. A difference is
 /// no error; [`Evidence::holds`] is then false.
 pub fn prove(
-    diagnoser: &Diagnoser,
+    diagnoser: &Arc<Diagnoser>,
     files: &[CFile],
-    build: &Build,
-) -> Result<Evidence, ExportError> {
-    let compiled = Compiled::new(files, build)?;
-    let mut evidence = Evidence {
-        command: build.command(),
-        version: build.version(),
-        rounds_twice: compiled.rounds_twice()?,
-        ..Evidence::default()
-    };
-    models::compare(diagnoser, &compiled, &mut evidence)?;
-    Ok(evidence)
+    builds: &[Build],
+    samples: u64,
+    tell: &mut dyn FnMut(u64),
+) -> Result<Vec<Evidence>, ExportError> {
+    let compiled = builds.iter().map(|build| Compiled::new(files, build));
+    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
+    let mut all = Vec::new();
+    for (build, compiled) in builds.iter().zip(&compiled) {
+        let mut evidence = Evidence {
+            command: build.command(),
+            version: build.version(),
+            rounds_twice: compiled.rounds_twice()?,
+            ..Evidence::default()
+        };
+        models::compare(diagnoser, compiled, &mut evidence)?;
+        all.push(evidence);
+    }
+    chain::compare(diagnoser, &compiled, samples, &mut all, tell)?;
+    Ok(all)
 }

@@ -203,6 +203,6 @@ fn value(thresholds: &[f64], random: &mut Random) -> f64 {
 }
 
 /// Equality of bits; NaN equals itself, and zeros differ by sign.
-fn same_bits(a: &[f64], b: &[f64]) -> bool {
+pub(super) fn same_bits(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }

@@ -138,7 +138,6 @@ fn constants(c: &mut String, diagnoser: &Diagnoser) {
     let off: Vec<String> = switches_off.iter().map(|&off| format!("{}U", u8::from(off))).collect();
     public(c, "uint8_t", "servotwin_switches_off", &off, "0U");
     let deviation = tuning.line_slope_deviation;
-    let in_band_share = 1.0 / (1.0 + (-tuning.in_band_nats).exp());
     let samples = |time_s: f64| diagnoser.samples(time_s);
     let number = hexadecimal;
     let entries = [
@@ -147,7 +146,7 @@ fn constants(c: &mut String, diagnoser: &Diagnoser) {
         number(tuning.clip_nats),
         number(tuning.evidence_cap),
         number(tuning.in_band_nats),
-        number(in_band_share),
+        number(tuning.in_band_share()),
         number(tuning.pending_share),
         number(tuning.least_detail_confidence),
         number(tuning.max_common_mode),
