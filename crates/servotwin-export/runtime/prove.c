@@ -39,10 +39,23 @@ void prove_probabilities(int32_t length, const double *const *views, double *int
     servotwin_probabilities(servotwin_lengths[length].committee, views, into);
 }
 
+double prove_value(int32_t length, int32_t stage, int32_t leaf, int32_t output);
+double prove_value(int32_t length, int32_t stage, int32_t leaf, int32_t output)
+{
+    const servotwin_boosted *boosted = servotwin_lengths[length].committee->stages[stage].boosted;
+    return boosted->values[(leaf * boosted->outputs) + output];
+}
+
+double prove_novelty(int32_t length, int32_t known, const double *row);
+double prove_novelty(int32_t length, int32_t known, const double *row)
+{
+    return servotwin_novelty(length, known, row);
+}
+
 /* The numbers that prove_push writes: of the outcome, and of each length. */
 #define OUTCOME_INTEGERS 18
 #define OUTCOME_NUMBERS 3
-#define LENGTH_NUMBERS (1 + (2 * SERVOTWIN_HYPOTHESES))
+#define LENGTH_NUMBERS (1 + (2 * SERVOTWIN_HYPOTHESES) + (2 * SERVOTWIN_ACTUATORS) + (2 * SERVOTWIN_BOUNDARIES))
 
 uint64_t prove_session_size(void);
 uint64_t prove_session_size(void)
@@ -89,6 +102,19 @@ void prove_push(servotwin_session *session, const double *inputs, const double *
         }
         for (int32_t i = 1; i < SERVOTWIN_HYPOTHESES; i++) {
             next[1 + SERVOTWIN_HYPOTHESES + i] = servotwin_margin(evidence, length, i);
+        }
+        double *rest = &next[1 + (2 * SERVOTWIN_HYPOTHESES)];
+        for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+            const servotwin_ring *ring = &session->rings[length];
+            const bool is_full = servotwin_is_full(ring, length);
+            rest[0] = servotwin_margin_of_actuator(evidence, length, actuator);
+            rest[1] = is_full ? servotwin_common_mode(actuator, &ring->window, length) : 0.0;
+            rest = &rest[2];
+        }
+        for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
+            const servotwin_doubt *doubt = &session->doubts[length][boundary];
+            rest[2 * boundary] = servotwin_boundary_evidence(doubt, boundary);
+            rest[(2 * boundary) + 1] = (doubt->explained > 0U) ? 1.0 : 0.0;
         }
         next = &next[LENGTH_NUMBERS];
     }

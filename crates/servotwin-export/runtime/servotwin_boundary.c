@@ -180,9 +180,9 @@ static slope_of_sums find_slope(const servotwin_sums *sums, double noise)
     return of;
 }
 
-/* Evidence for a fault, nats. */
-static double evidence_nats(const servotwin_doubt *doubt, double noise)
+double servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary)
 {
+    const double noise = servotwin_sensors[servotwin_boundaries[boundary].sensor].noise;
     const slope_of_sums now = find_slope(&doubt->since, noise);
     const slope_of_sums healthy = find_slope(&doubt->healthy, noise);
     double own = 0.0;
@@ -208,6 +208,6 @@ static double evidence_nats(const servotwin_doubt *doubt, double noise)
 
 bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary)
 {
-    const double noise = servotwin_sensors[servotwin_boundaries[boundary].sensor].noise;
-    return (doubt->explained > 0U) && (evidence_nats(doubt, noise) < servotwin_tuning.fault_needed_nats);
+    return (doubt->explained > 0U)
+        && (servotwin_boundary_evidence(doubt, boundary) < servotwin_tuning.fault_needed_nats);
 }

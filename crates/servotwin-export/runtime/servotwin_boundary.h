@@ -30,6 +30,9 @@ void servotwin_doubt_clear(servotwin_doubt *doubt);
 /* Takes a new window of a length. */
 void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t length, const servotwin_window *window);
 
+/* Evidence that the deviation is a fault and no wrong reading, nats. */
+double servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary);
+
 /* Whether a wrong reading explains the present windows, and is still possible. */
 bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary);
 

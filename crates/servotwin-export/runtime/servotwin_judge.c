@@ -113,14 +113,13 @@ static double common_share(const servotwin_common_pair *pair, const servotwin_wi
     return (whole > 0.0) ? (sum / whole) : 0.0;
 }
 
-/* The largest common share of an actuator with any other. */
-static double common_mode(int32_t actuator, const servotwin_window *window, const double *bands)
+double servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length)
 {
     double largest = 0.0;
     for (int32_t i = 0; i < SERVOTWIN_COMMON_PAIRS; i++) {
         const servotwin_common_pair *pair = &servotwin_common_pairs[i];
         if ((pair->first == actuator) || (pair->second == actuator)) {
-            const double share = common_share(pair, window, bands);
+            const double share = common_share(pair, window, servotwin_lengths[length].bands);
             if (share > largest) {
                 largest = share;
             }
@@ -129,20 +128,20 @@ static double common_mode(int32_t actuator, const servotwin_window *window, cons
     return largest;
 }
 
-/* Distance of a row from the training data of a class, in parts of what counts as known. */
-static double distance_from(const servotwin_known *known, const double *row)
+double servotwin_novelty(int32_t length, int32_t known, const double *row)
 {
+    const servotwin_known *of_class = &servotwin_lengths[length].known[known];
     double sum = 0.0;
-    for (int32_t i = 0; i < known->features; i++) {
+    for (int32_t i = 0; i < of_class->features; i++) {
         const double x = row[i];
-        const bool is_inside = (x >= known->lows[i]) && (x <= known->highs[i]);
-        const double excess = (x > known->highs[i]) ? (x - known->highs[i]) : (known->lows[i] - x);
-        const double part = excess / known->widths[i];
+        const bool is_inside = (x >= of_class->lows[i]) && (x <= of_class->highs[i]);
+        const double excess = (x > of_class->highs[i]) ? (x - of_class->highs[i]) : (of_class->lows[i] - x);
+        const double part = excess / of_class->widths[i];
         /* A missing value counts as one. */
         const double outside = (part < 1.0) ? part : 1.0;
         sum = sum + (is_inside ? 0.0 : outside);
     }
-    return sum / known->limit;
+    return sum / of_class->limit;
 }
 
 /* The features in every view. */
@@ -159,9 +158,10 @@ static void compute_rows(
     }
 }
 
-static void judge_outside_band(servotwin_judgement *judgement, const servotwin_scratch *scratch,
-    const servotwin_length *of_length, const servotwin_window *window, const bool *is_masked)
+static void judge_outside_band(servotwin_judgement *judgement, const servotwin_scratch *scratch, int32_t length,
+    const servotwin_window *window, const bool *is_masked)
 {
+    const servotwin_length *of_length = &servotwin_lengths[length];
     const double *views[SERVOTWIN_VIEWS];
     for (int32_t view = 0; view < SERVOTWIN_VIEWS; view++) {
         views[view] = scratch->rows[view];
@@ -184,11 +184,11 @@ static void judge_outside_band(servotwin_judgement *judgement, const servotwin_s
         judgement->detail_probability = detail.probability;
         view = (actuator < of_length->views) ? actuator : (of_length->views - 1);
         known = action + 1;
-        common = common_mode(actuator, window, of_length->bands);
+        common = servotwin_common_mode(actuator, window, length);
     }
     judgement->is_novel = (common > servotwin_tuning.max_common_mode);
     if (of_length->known_classes > 0) {
-        judgement->is_novel = judgement->is_novel || (distance_from(&of_length->known[known], scratch->rows[view]) > 1.0);
+        judgement->is_novel = judgement->is_novel || (servotwin_novelty(length, known, scratch->rows[view]) > 1.0);
     }
 }
 
@@ -204,7 +204,7 @@ void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch,
         judgement->probabilities[SERVOTWIN_HEALTHY] = servotwin_tuning.in_band_share;
     } else {
         compute_rows(scratch, window, of_length->views, stands_in);
-        judge_outside_band(judgement, scratch, of_length, window, is_masked);
+        judge_outside_band(judgement, scratch, length, window, is_masked);
     }
 }
 

@@ -43,6 +43,12 @@ void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch,
 /* Whether trees and boosted trees agree on a hypothesis, and the window is not novel. */
 bool servotwin_agrees_on(const servotwin_judgement *judgement, int32_t length, int32_t hypothesis);
 
+/* The largest share of a deviation that an actuator has in common with another one. */
+double servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length);
+
+/* Distance of a row from the training data of healthy (0) or an action (1 ...), in parts of what counts as known. */
+double servotwin_novelty(int32_t length, int32_t known, const double *row);
+
 /* The detail on which trees and boosted trees agree; SERVOTWIN_NONE otherwise. */
 int32_t servotwin_agreed_detail(const servotwin_judgement *judgement);
 

@@ -330,6 +330,30 @@ impl Session {
         self.memory.evidence[length].of_unknown(&self.limits[length])
     }
 
+    /// The smallest evidence of a length for a fault of an actuator, whatever the action, in parts of the limit.
+    pub fn evidence_of_actuator(&self, length: usize, actuator: usize) -> f64 {
+        self.memory.evidence[length].margin_of_actuator(actuator, &self.limits[length])
+    }
+
+    /// The evidence of a length that a deviation is a fault and no wrong reading of a boundary, nats.
+    pub fn boundary_evidence_nats(&self, length: usize, boundary: usize) -> f64 {
+        let boundaries = &self.diagnoser.boundaries;
+        let sensor = &self.diagnoser.sensors[boundaries[boundary].sensor as usize];
+        let doubt = &self.memory.doubts[length * boundaries.len() + boundary];
+        doubt.evidence_nats(sensor.noise, self.diagnoser.tuning.line_slope_deviation)
+    }
+
+    /// Whether a wrong reading of a boundary explains the present windows of a length.
+    pub fn is_boundary_explained(&self, length: usize, boundary: usize) -> bool {
+        self.memory.doubts[length * self.diagnoser.boundaries.len() + boundary].is_explained()
+    }
+
+    /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.
+    pub fn common_mode(&self, length: usize, actuator: usize) -> f64 {
+        let bands = &self.diagnoser.lengths[length].panel.bands;
+        self.classifiers[length].common_mode(actuator, self.streams.window(length), bands)
+    }
+
     /// The stages that a length's trees passed through for the last window outside its bands, each with its nodes from
     /// root to leaf. Allocates.
     ///

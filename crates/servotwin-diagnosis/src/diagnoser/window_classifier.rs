@@ -108,6 +108,10 @@ impl WindowClassifier {
         self.views.rows()
     }
 
+    pub fn common_mode(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
+        self.common_mode.share(actuator, window, bands)
+    }
+
     pub fn probability(&self, hypothesis: usize) -> f64 {
         self.memory.probabilities[hypothesis]
     }

@@ -1,8 +1,8 @@
 //! The whole chain, sample by sample: what a session says, its evidence, its probabilities and its features.
 
+use super::Evidence;
 use super::library::{Compiled, RunningSession};
 use super::samples::{Sample, Samples};
-use super::{Difference, Evidence};
 use crate::error::ExportError;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session, Why};
 use servotwin_diagnosis::random::Random;
@@ -47,7 +47,7 @@ pub(super) fn compare(
             let rows_differ = newest_length(&session)
                 .is_some_and(|length| !has_same_rows(&session, length, other));
             if !is_same(&right, &said) || rows_differ {
-                evidence.differences.push(difference(k, &right, &said, rows_differ));
+                evidence.differ(format!("whole chain, sample {k}"), difference(&right, &said));
                 return Ok(());
             }
             evidence.samples += 1;
@@ -100,6 +100,17 @@ fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
         said.numbers.push(session.probability(length, None));
         said.numbers.extend(hypotheses().map(|h| session.probability(length, Some(h))));
         said.numbers.extend(hypotheses().map(|(u, a)| session.evidence(length, u, a)));
+        for actuator in 0..actuators {
+            let is_full = session.is_full(length);
+            said.numbers.push(session.evidence_of_actuator(length, actuator));
+            said.numbers.push(if is_full { session.common_mode(length, actuator) } else { 0.0 });
+        }
+        let boundaries = 0..session.diagnoser().boundaries.len();
+        for boundary in boundaries {
+            let is_explained = session.is_boundary_explained(length, boundary);
+            said.numbers.push(session.boundary_evidence_nats(length, boundary));
+            said.numbers.push(if is_explained { 1.0 } else { 0.0 });
+        }
     }
 }
 
@@ -205,18 +216,14 @@ fn is_same(a: &Said, b: &Said) -> bool {
     a.integers == b.integers && super::models::same_bits(&a.numbers, &b.numbers)
 }
 
-fn difference(sample: u64, right: &Said, said: &Said, rows_differ: bool) -> Difference {
+/// The first difference in words.
+fn difference(right: &Said, said: &Said) -> String {
     let integer = right.integers.iter().zip(&said.integers).position(|(a, b)| a != b);
-    let number =
-        right.numbers.iter().zip(&said.numbers).position(|(a, b)| a.to_bits() != b.to_bits());
-    let what = match (integer, number) {
-        (Some(i), _) => {
-            format!("integer {i}: {} instead of {}", said.integers[i], right.integers[i])
-        }
-        (None, Some(i)) => {
-            format!("number {i}: {} instead of {}", said.numbers[i], right.numbers[i])
-        }
-        (None, None) => format!("features differ: {rows_differ}"),
-    };
-    Difference { place: format!("whole chain, sample {sample}"), what }
+    let mut numbers = right.numbers.iter().zip(&said.numbers);
+    let number = numbers.position(|(a, b)| a.to_bits() != b.to_bits());
+    match (integer, number) {
+        (Some(i), _) => format!("integer {i} is {}, not {}", said.integers[i], right.integers[i]),
+        (None, Some(i)) => format!("number {i} is {}, not {}", said.numbers[i], right.numbers[i]),
+        (None, None) => "the features differ".into(),
+    }
 }

@@ -5,9 +5,11 @@ use super::samples::Sample;
 use crate::c::CFile;
 use crate::error::ExportError;
 use libloading::{Library, Symbol};
+use std::fmt;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use tempfile::TempDir;
 
 /// Flags of every build. Warnings are errors: the text must be clean in all compilers.
 const FLAGS: &[&str] =
@@ -78,9 +80,80 @@ pub(super) struct Place {
     pub length: usize,
 }
 
+impl fmt::Display for Place {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = if self.is_committee { "boosted trees" } else { "trees" };
+        write!(out, "{kind} of window length {}", self.length + 1)
+    }
+}
+
 impl Place {
     fn numbers(self) -> (i32, i32) {
         (i32::from(self.is_committee), self.length as i32)
+    }
+}
+
+/// The object files of an export.
+pub(super) struct Objects<'b> {
+    folder: TempDir,
+    build: &'b Build,
+    names: Vec<&'static str>,
+}
+
+impl<'b> Objects<'b> {
+    /// Compiles all files into a temporary folder.
+    pub fn new(files: &[CFile], build: &'b Build) -> Result<Self, ExportError> {
+        let folder = tempfile::tempdir().map_err(|cause| problem(&std::env::temp_dir(), cause))?;
+        let prove = CFile { name: "prove.c", text: PROVE.into() };
+        let sources = files.iter().chain([&prove]);
+        let is_compiled = |name: &&str| name.ends_with(".c") && *name != "main.c";
+        let names = sources.clone().map(|file| file.name).filter(is_compiled).collect();
+        let objects = Objects { folder, build, names };
+        sources.clone().try_for_each(|file| objects.write(file.name, &file.text))?;
+        objects.names.iter().try_for_each(|name| objects.compile(name))?;
+        Ok(objects)
+    }
+
+    /// Compiles another text for one of the files.
+    pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        self.write(name, text)?;
+        self.compile(name)
+    }
+
+    /// Links and loads the objects. Every library needs a name of its own, because a loaded one is found again by name.
+    pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
+        let objects = self.names.iter().map(|name| format!("{name}.o"));
+        let (fixed, name) = (["-shared", "-o", library], objects.collect::<Vec<_>>());
+        self.run(fixed.into_iter().chain(name.iter().map(String::as_str)).chain(["-lm"]))?;
+        // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
+        Ok(Compiled { library: unsafe { Library::new(self.folder.path().join(library)) }? })
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        let path = self.folder.path().join(name);
+        fs::write(&path, text).map_err(|cause| problem(&path, cause))
+    }
+
+    fn compile(&self, name: &str) -> Result<(), ExportError> {
+        let object = format!("{name}.o");
+        let flags =
+            FLAGS.iter().copied().chain([self.build.level, "-fPIC", "-c", "-o", &object, name]);
+        self.run(flags)
+    }
+
+    fn run<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Result<(), ExportError> {
+        let mut command = Command::new(&self.build.compiler);
+        command.current_dir(self.folder.path()).args(arguments);
+        let output = command.output().map_err(|cause| {
+            let compiler = self.build.compiler.clone();
+            ExportError::NoCompiler { compiler, cause }
+        })?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let all = String::from_utf8_lossy(&output.stderr);
+        let messages = all.lines().take(10).collect::<Vec<_>>().join("\n");
+        Err(ExportError::Refused { compiler: self.build.command(), messages })
     }
 }
 
@@ -90,30 +163,9 @@ pub(super) struct Compiled {
 }
 
 impl Compiled {
-    /// Compiles the files into a temporary folder and loads them.
+    /// Compiles the files and loads them.
     pub fn new(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
-        let folder = tempfile::tempdir().map_err(|cause| problem(&std::env::temp_dir(), cause))?;
-        let path = |name: &str| folder.path().join(name);
-        let prove = [("prove.c", PROVE)];
-        for (name, text) in files.iter().map(|file| (file.name, &*file.text)).chain(prove) {
-            fs::write(path(name), text).map_err(|cause| problem(&path(name), cause))?;
-        }
-        let sources = files.iter().map(|file| file.name).chain(["prove.c"]);
-        let mut command = Command::new(&build.compiler);
-        command.current_dir(folder.path()).args(FLAGS).arg(build.level);
-        command.args(["-shared", "-fPIC", "-o", "export.so"]);
-        command.args(sources.filter(|name| name.ends_with(".c") && *name != "main.c")).arg("-lm");
-        let output = command.output().map_err(|cause| {
-            let compiler = build.compiler.clone();
-            ExportError::NoCompiler { compiler, cause }
-        })?;
-        if !output.status.success() {
-            let all = String::from_utf8_lossy(&output.stderr);
-            let messages = all.lines().take(10).collect::<Vec<_>>().join("\n");
-            return Err(ExportError::Refused { compiler: build.command(), messages });
-        }
-        // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
-        Ok(Compiled { library: unsafe { Library::new(path("export.so")) }? })
+        Objects::new(files, build)?.load("export.so")
     }
 
     pub fn rounds_twice(&self) -> Result<bool, ExportError> {
@@ -155,6 +207,25 @@ impl Compiled {
         let function = unsafe { self.library.get::<Function>(b"prove_shares") }?;
         unsafe { function(length as i32, stage as i32, row.as_ptr(), shares.as_mut_ptr()) };
         Ok(())
+    }
+
+    /// What a leaf of a committee's stage adds to an output.
+    pub fn value(
+        &self,
+        length: usize,
+        stage: usize,
+        (leaf, output): (i32, usize),
+    ) -> Result<f64, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, i32, i32) -> f64;
+        let function = unsafe { self.library.get::<Function>(b"prove_value") }?;
+        Ok(unsafe { function(length as i32, stage as i32, leaf, output as i32) })
+    }
+
+    /// The novelty of a row for healthy (0) or an action (1 …).
+    pub fn novelty(&self, length: usize, known: usize, row: &[f64]) -> Result<f64, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, *const f64) -> f64;
+        let function = unsafe { self.library.get::<Function>(b"prove_novelty") }?;
+        Ok(unsafe { function(length as i32, known as i32, row.as_ptr()) })
     }
 
     pub fn diagnose(&self, at: Place, views: &[Vec<f64>]) -> Result<Diagnosis, ExportError> {

@@ -3,21 +3,22 @@
 mod chain;
 mod library;
 mod models;
+mod mutants;
 mod rows;
 mod samples;
 
 pub use library::Build;
+pub use mutants::{Mutant, mutants};
 
 use crate::c::CFile;
 use crate::error::ExportError;
-use library::{Compiled, Place};
+use library::Compiled;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::hierarchy::Stage;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Differences that are kept; the others are counted only in their number of rows.
+/// The number of differences after which nothing more is compared.
 const MOST_DIFFERENCES: usize = 20;
 
 /// A row for which the export answers otherwise.
@@ -54,6 +55,9 @@ pub struct Evidence {
     pub samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
+    /// The number of differences after which nothing more is compared.
+    #[serde(skip)]
+    most_differences: usize,
     /// The first differences.
     pub differences: Vec<Difference>,
 }
@@ -64,17 +68,21 @@ impl Evidence {
         self.rounds_twice && self.leaves_not_reached == 0 && self.differences.is_empty()
     }
 
-    fn differ(&mut self, stage: &Stage, at: Place, what: String) {
-        if self.differences.len() < MOST_DIFFERENCES {
-            self.differences
-                .push(Difference { place: format!("{}, stage {}", name_of(at), stage.id), what });
+    /// No evidence yet.
+    fn until(most_differences: usize) -> Self {
+        Evidence { most_differences, ..Evidence::default() }
+    }
+
+    /// Whether there are as many differences as anybody will read.
+    fn has_enough(&self) -> bool {
+        self.differences.len() >= self.most_differences
+    }
+
+    fn differ(&mut self, place: String, what: String) {
+        if !self.has_enough() {
+            self.differences.push(Difference { place, what });
         }
     }
-}
-
-fn name_of(at: Place) -> String {
-    let kind = if at.is_committee { "boosted trees" } else { "trees" };
-    format!("{kind} of window length {}", at.length + 1)
 }
 
 /// Compiles an export in every build and compares it with its diagnoser: all trees, then this many samples through the
@@ -97,12 +105,21 @@ pub fn prove(
         let mut evidence = Evidence {
             command: build.command(),
             version: build.version(),
-            rounds_twice: compiled.rounds_twice()?,
-            ..Evidence::default()
+            ..Evidence::until(MOST_DIFFERENCES)
         };
-        models::compare(diagnoser, compiled, &mut evidence)?;
+        compare_parts(diagnoser, compiled, &mut evidence)?;
         all.push(evidence);
     }
     chain::compare(diagnoser, &compiled, samples, &mut all, tell)?;
     Ok(all)
+}
+
+/// Compares arithmetic and trees.
+fn compare_parts(
+    diagnoser: &Diagnoser,
+    compiled: &Compiled,
+    evidence: &mut Evidence,
+) -> Result<(), ExportError> {
+    evidence.rounds_twice = compiled.rounds_twice()?;
+    models::compare(diagnoser, compiled, evidence)
 }

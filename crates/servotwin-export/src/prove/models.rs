@@ -1,19 +1,19 @@
 //! Trees and boosted trees: every leaf, both sides of every threshold, and missing values at every test.
 
-use super::library::{Compiled, Place};
-use super::rows::Rows;
-use super::{Difference, Evidence};
+use super::Evidence;
+use super::library::{Compiled, Diagnosis, Place};
+use super::rows::{Row, Rows};
 use crate::error::ExportError;
 use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Scratch, Stage};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Length};
+use servotwin_diagnosis::hierarchy::{self, Hierarchy, Scratch, Stage};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::tree::Branches;
 
 /// Rows of random values for the whole hierarchy of each window length.
 const RANDOM_ROWS: usize = 20_000;
 
-/// Compares all stages of all window lengths.
+/// Compares all stages of all window lengths, until there are enough differences.
 pub(super) fn compare(
     diagnoser: &Diagnoser,
     compiled: &Compiled,
@@ -26,7 +26,7 @@ pub(super) fn compare(
             for place in 0..hierarchy.stages.len() {
                 compare_stage(hierarchy, (at, place), compiled, evidence)?;
             }
-            compare_hierarchy(hierarchy, at, compiled, evidence)?;
+            compare_hierarchy(of_length, at, compiled, evidence)?;
         }
     }
     Ok(())
@@ -67,19 +67,20 @@ fn compare_stage(
         let mut reached = vec![false; branches.len()];
         let Rows { rows, unreachable } = Rows::of(branches);
         for row in &rows {
-            compared.row.fill(0.0);
-            for (&feature, &value) in &row.values {
-                compared.row[stage.columns[feature] as usize] = value;
+            if evidence.has_enough() {
+                return Ok(());
             }
+            compared.set_row(row);
             let leaf = compared.leaf(branches);
             reached[leaf] = true;
             let number = own.binary_search(&leaf).map_or(-1, |k| (leaves_before + k) as i32);
             let said = compiled.leaf(at, place, tree, &compared.row)?;
             if said != number {
-                let what =
-                    format!("tree {tree}, node {}: leaf {said} instead of {number}", row.node);
-                evidence.differ(stage, at, what);
+                let node = row.node;
+                let what = format!("tree {tree}, node {node}: leaf {said} instead of {number}");
+                evidence.differ(compared.name(), what);
             }
+            compared.values((tree, leaf), number, evidence)?;
             compared.answers(evidence)?;
         }
         // A tree that is a single leaf has no test.
@@ -105,74 +106,128 @@ struct ComparedStage<'a> {
 }
 
 impl ComparedStage<'_> {
+    fn name(&self) -> String {
+        format!("{}, stage {}", self.at, self.stage.id)
+    }
+
+    /// A row with the values of the stage's features, and zeros elsewhere.
+    fn set_row(&mut self, row: &Row) {
+        self.row.fill(0.0);
+        for (&feature, &value) in &row.values {
+            self.row[self.stage.columns[feature] as usize] = value;
+        }
+    }
+
     fn leaf(&self, branches: &Branches) -> usize {
         let own: Vec<f64> = self.stage.columns.iter().map(|&c| self.row[c as usize]).collect();
         branches.leaf_of(&own)
+    }
+
+    /// Compares what a leaf adds to each output of boosted trees.
+    fn values(
+        &self,
+        (tree, leaf): (usize, usize),
+        number: i32,
+        evidence: &mut Evidence,
+    ) -> Result<(), ExportError> {
+        let Model::BoostedTrees(model) = &self.stage.model else { return Ok(()) };
+        let outputs = model.outputs().len();
+        for output in 0..outputs {
+            let right = model.trees[tree].values[leaf * outputs + output];
+            let said = self.compiled.value(self.at.length, self.place, (number, output))?;
+            if said.to_bits() != right.to_bits() {
+                let what = format!("tree {tree}, leaf {number} adds {said} instead of {right}");
+                evidence.differ(self.name(), what);
+            }
+        }
+        Ok(())
     }
 
     /// Compares decision and probabilities.
     fn answers(&mut self, evidence: &mut Evidence) -> Result<(), ExportError> {
         let said = self.compiled.decide(self.at, self.place, &self.row)?;
         let right = self.stage.answer(&self.row, &mut self.scratch);
-        let same = said.decided == right.class as i32
+        let is_same = said.decided == right.class as i32
             && said.probability.to_bits() == right.probability.to_bits();
-        if !same {
-            evidence.differ(self.stage, self.at, format!("{said:?} instead of {right:?}"));
+        if !is_same {
+            evidence.differ(self.name(), format!("{said:?} instead of {right:?}"));
         }
         if self.at.is_committee {
             let mut shares = vec![0.0; self.stage.classes.len()];
             self.compiled.shares(self.at.length, self.place, &self.row, &mut shares)?;
             let right = self.stage.probabilities(&self.row, &mut self.scratch);
             if !same_bits(&shares, right) {
-                evidence.differ(self.stage, self.at, format!("shares {shares:?}, not {right:?}"));
+                let what = format!("shares {shares:?} instead of {right:?}");
+                evidence.differ(self.name(), what);
             }
         }
         Ok(())
     }
 }
 
-/// Random rows, whose values lie at or beside thresholds, through the whole hierarchy.
+/// Random rows, whose values lie at or beside thresholds, through a whole hierarchy; of committees also the novelty.
 fn compare_hierarchy(
-    hierarchy: &Hierarchy,
+    of_length: &Length,
     at: Place,
     compiled: &Compiled,
     evidence: &mut Evidence,
 ) -> Result<(), ExportError> {
+    let panel = &of_length.panel;
+    let hierarchy = if at.is_committee { &panel.committee } else { &panel.trees };
     let thresholds = thresholds(hierarchy);
     let mut random = Random::new(at.length as u64);
     let mut scratch = hierarchy.scratch();
-    let count = 1 + hierarchy.names.actuators.len() * hierarchy.names.actions.len();
-    let (mut said, mut right) = (vec![0.0; count], vec![0.0; count]);
     for _ in 0..RANDOM_ROWS {
+        if evidence.has_enough() {
+            return Ok(());
+        }
         let views: Vec<Vec<f64>> = (0..hierarchy.views())
             .map(|_| thresholds.iter().map(|known| value(known, &mut random)).collect())
             .collect();
-        let diagnosis = compiled.diagnose(at, &views)?;
-        let expected = hierarchy.diagnose(&views, &mut scratch)?;
-        let place = |index: Option<u32>| index.map_or(-1, |index| index as i32);
-        let same = [diagnosis.actuator, diagnosis.action, diagnosis.detail]
-            == [expected.actuator, expected.action, expected.detail].map(place)
-            && same_bits(
-                &[diagnosis.confidence, diagnosis.detail_confidence],
-                &[expected.confidence, expected.detail_confidence],
-            );
-        if !same {
-            evidence.differences.push(Difference {
-                place: super::name_of(at),
-                what: format!("{diagnosis:?} instead of {expected:?}"),
-            });
+        let said = compiled.diagnose(at, &views)?;
+        let right = hierarchy.diagnose(&views, &mut scratch)?;
+        if !is_same(&said, &right) {
+            evidence.differ(at.to_string(), format!("{said:?} instead of {right:?}"));
         }
         if at.is_committee {
-            compiled.probabilities(at.length, &views, &mut said)?;
-            hierarchy.probabilities_into(&views, &mut scratch, &mut right)?;
-            if !same_bits(&said, &right) {
-                evidence.differences.push(Difference {
-                    place: super::name_of(at),
-                    what: format!("probabilities {said:?} instead of {right:?}"),
-                });
-            }
+            compare_probabilities(of_length, at, (compiled, &views), &mut scratch, evidence)?;
         }
         evidence.random_rows += 1;
+    }
+    Ok(())
+}
+
+fn is_same(said: &Diagnosis, right: &hierarchy::Diagnosis) -> bool {
+    let place = |index: Option<u32>| index.map_or(-1, |index| index as i32);
+    let indices = [right.actuator, right.action, right.detail].map(place);
+    let confidences = [right.confidence, right.detail_confidence];
+    [said.actuator, said.action, said.detail] == indices
+        && same_bits(&[said.confidence, said.detail_confidence], &confidences)
+}
+
+/// Compares the probabilities of all hypotheses, and the novelty of the first view for every class.
+fn compare_probabilities(
+    of_length: &Length,
+    at: Place,
+    (compiled, views): (&Compiled, &[Vec<f64>]),
+    scratch: &mut Scratch,
+    evidence: &mut Evidence,
+) -> Result<(), ExportError> {
+    let committee = &of_length.panel.committee;
+    let count = 1 + committee.names.actuators.len() * committee.names.actions.len();
+    let (mut said, mut right) = (vec![0.0; count], vec![0.0; count]);
+    compiled.probabilities(at.length, views, &mut said)?;
+    committee.probabilities_into(views, scratch, &mut right)?;
+    if !same_bits(&said, &right) {
+        evidence.differ(at.to_string(), format!("probabilities {said:?} instead of {right:?}"));
+    }
+    for known in 0..of_length.novelty.classes.len() {
+        let action = known.checked_sub(1).map(|action| action as u32);
+        let said = compiled.novelty(at.length, known, &views[0])?;
+        let right = of_length.novelty.score(action, &views[0]);
+        if said.to_bits() != right.to_bits() {
+            evidence.differ(at.to_string(), format!("novelty {said} instead of {right}"));
+        }
     }
     Ok(())
 }

@@ -39,6 +39,8 @@ enum Broken {
     MissingInput(usize),
     WildInput(usize),
     FrozenInput(usize),
+    /// At an end of its range, where it may contradict another one.
+    ExtremeInput(usize, bool),
 }
 
 /// A sequence of samples.
@@ -153,13 +155,15 @@ impl<'d> Samples<'d> {
         if self.broken.is_none() && self.random.unit() < BROKEN_SHARE {
             let sensor = self.random.index(self.diagnoser.sensors.len());
             let input = self.random.index(self.center.len());
-            let what = match self.random.index(5) {
+            let is_least = self.random.unit() < 0.5;
+            let what = match self.random.index(6) {
                 0 => Broken::MissingSensor(sensor),
                 1 => Broken::WildSensor(sensor),
                 _ if self.center.is_empty() => Broken::MissingSensor(sensor),
                 2 => Broken::MissingInput(input),
                 3 => Broken::WildInput(input),
-                _ => Broken::FrozenInput(input),
+                4 => Broken::FrozenInput(input),
+                _ => Broken::ExtremeInput(input, is_least),
             };
             self.broken = Some((what, 1 + self.random.index(200)));
         }
@@ -170,6 +174,10 @@ impl<'d> Samples<'d> {
             Broken::MissingInput(input) => self.sample.inputs[input] = f64::NAN,
             Broken::WildInput(input) => self.sample.inputs[input] = f64::INFINITY,
             Broken::FrozenInput(input) => self.sample.inputs[input] = self.center[input],
+            Broken::ExtremeInput(input, is_least) => {
+                let known = &self.diagnoser.environment.inputs[input];
+                self.sample.inputs[input] = if is_least { known.least } else { known.largest };
+            }
         }
         self.broken = (left > 1).then_some((what, left - 1));
     }
