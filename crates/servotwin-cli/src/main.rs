@@ -23,9 +23,9 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
-    faulttree, features, fit, flights, fly, fmea, history, init, man, merge, predict, report,
-    results, schema, serve, simulate, study, train, watch,
+    band, cache, campaign, check, completions, components, describe, evaluate, explain, export,
+    faults, faulttree, features, fit, flights, fly, fmea, history, init, man, merge, predict,
+    prove, report, results, schema, serve, simulate, study, train, watch,
 };
 use failure::Failure;
 use paths::Paths;
@@ -117,6 +117,8 @@ enum Command {
     Report(report::Options),
     Fmea(fmea::Options),
     Faulttree(faulttree::Options),
+    Export(export::Options),
+    Prove(prove::Options),
     Results(results::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -175,6 +177,8 @@ impl Command {
             Command::Report(options) => report::run(options, global),
             Command::Fmea(options) => fmea::run(options, global),
             Command::Faulttree(options) => faulttree::run(options, global),
+            Command::Export(options) => export::run(options, global),
+            Command::Prove(options) => prove::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
@@ -202,6 +206,7 @@ fn main() -> ExitCode {
             if let Failure::NoUpdate { output, .. }
             | Failure::Alarm { output, .. }
             | Failure::SinksLost { output, .. }
+            | Failure::NotProven { output, .. }
             | Failure::Unjudged { output, .. } = &failure
             {
                 let _ = print(output);

@@ -1,5 +1,6 @@
 //! What can go wrong while a diagnoser is exported or an export is proven.
 
+use servotwin_io::files::FileError;
 use std::path::PathBuf;
 
 /// A diagnoser that cannot be exported, or an export that cannot be proven.
@@ -33,13 +34,29 @@ pub enum ExportError {
     #[error(transparent)]
     Diagnosis(#[from] servotwin_diagnosis::Error),
     /// A file cannot be read or written.
-    #[error("{}: {cause}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        cause: std::io::Error,
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The folder holds something else than an export.
+    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export", .0.display())]
+    FolderInUse(PathBuf),
+    /// The folder holds no export.
+    #[error("{}: there is no export here; 'servotwin export c --out {}' writes one", .0.display(), .0.display())]
+    NoExport(PathBuf),
+    /// The diagnoser is not the one that was exported.
+    #[error(
+        "{}: this diagnoser is not the one that was exported to {}: export it again, or name the other with --model",
+        diagnoser.display(),
+        folder.display()
+    )]
+    OtherDiagnoser {
+        /// The diagnoser.
+        diagnoser: PathBuf,
+        /// The export.
+        folder: PathBuf,
     },
+    /// There is no C compiler to prove anything with.
+    #[error("neither gcc nor clang starts: install one of them")]
+    NoBuild,
     /// The C compiler does not start.
     #[error("the C compiler '{compiler}' does not start: {cause}")]
     NoCompiler {

@@ -11,6 +11,9 @@ use std::sync::Arc;
 /// The share of samples after which the flight control computer says something.
 const COMMAND_SHARE: f64 = 1e-4;
 
+/// The same while an action is raised, which would stay for good if it switches off.
+const ANSWER_SHARE: f64 = 5e-3;
+
 /// What a session says, as flat lists: `prove_push` of the C text.
 #[derive(Default, PartialEq)]
 pub(super) struct Said {
@@ -32,16 +35,14 @@ pub(super) fn compare(
     let mut random = Random::new(2);
     let (mut right, mut said) = (Said::default(), Said::default());
     for k in 0..samples {
-        if random.unit() < COMMAND_SHARE {
-            command(&mut session, &mut others, &mut random)?;
+        let actuator = accused(&session).map(|(actuator, _)| actuator as usize);
+        if random.unit() < if actuator.is_some() { ANSWER_SHARE } else { COMMAND_SHARE } {
+            command(&mut session, &mut others, actuator, &mut random)?;
         }
         let sample = generated.next();
-        let was_raised = session.outcome().raised.map(|raised| (raised.actuator, raised.action));
+        let before = accused(&session);
         push(&mut session, sample, &mut right);
-        let raised = session
-            .outcome()
-            .raised
-            .filter(|raised| Some((raised.actuator, raised.action)) != was_raised);
+        let raised = accused(&session).filter(|now| Some(*now) != before);
         for (other, evidence) in others.iter_mut().zip(evidence.iter_mut()) {
             other.push(sample, &right, &mut said);
             let rows_differ = newest_length(&session)
@@ -51,8 +52,8 @@ pub(super) fn compare(
                 return Ok(());
             }
             evidence.samples += 1;
-            if let Some(raised) = raised {
-                let name = &diagnoser.names().actions[raised.action as usize];
+            if let Some((_, action)) = raised {
+                let name = &diagnoser.names().actions[action as usize];
                 *evidence.raised.entry(name.clone()).or_default() += 1;
             }
         }
@@ -63,16 +64,27 @@ pub(super) fn compare(
     Ok(())
 }
 
-/// A random command of the flight control computer.
+/// Actuator and action of the raised alarm.
+fn accused(session: &Session) -> Option<(u32, u32)> {
+    session.outcome().raised.map(|raised| (raised.actuator, raised.action))
+}
+
+/// A random command of the flight control computer; about an accused actuator, mostly its release.
 fn command(
     session: &mut Session,
     others: &mut [RunningSession],
+    accused: Option<usize>,
     random: &mut Random,
 ) -> Result<(), ExportError> {
     let (actuators, sensors) =
         (session.diagnoser().names().actuators.len(), session.diagnoser().sensors.len());
-    let number = random.index(6);
-    let place = random.index(if number < 4 { actuators } else { sensors });
+    let (number, place) = match accused {
+        Some(actuator) => (usize::from(random.unit() < 0.8), actuator),
+        None => {
+            let number = random.index(6);
+            (number, random.index(if number < 4 { actuators } else { sensors }))
+        }
+    };
     match number {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,

@@ -5,6 +5,7 @@ use super::samples::Sample;
 use crate::c::CFile;
 use crate::error::ExportError;
 use libloading::{Library, Symbol};
+use servotwin_io::files::FileError;
 use std::fmt;
 use std::fs;
 use std::path::Path;
@@ -320,5 +321,5 @@ impl RunningSession<'_> {
 }
 
 fn problem(path: &Path, cause: std::io::Error) -> ExportError {
-    ExportError::File { path: path.into(), cause }
+    FileError::from_io(path, cause).into()
 }
