@@ -48,7 +48,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let files = folder.files(&diagnoser, &file)?;
     let builds = Build::available();
     let Some(first) = builds.first() else { return Err(ExportError::NoBuild.into()) };
-    let samples = (options.hours * 3600.0 / diagnoser.period_s) as u64;
+    let samples = (options.hours * 3600.0 / diagnoser.period_s).round() as u64;
     let stages = Stages::new(global);
     let show = |what: &str, done: u64, all: u64| stages.show(what, done as f64 / all.max(1) as f64);
     show("comparing trees", 0, 1);
