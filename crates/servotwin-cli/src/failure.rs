@@ -20,6 +20,7 @@ use servotwin::simulate::SimulationError;
 use servotwin::study::StudyError;
 use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
+use servotwin_export::ExportError;
 use servotwin_safety::SafetyError;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
@@ -239,6 +240,17 @@ pub enum Failure {
         log: String,
         reason: String,
     },
+    /// An export cannot be written or proven.
+    #[error("error: {0}")]
+    Export(#[from] ExportError),
+    /// An export decides otherwise than its diagnoser.
+    #[error("error: the export in {} decides otherwise than its diagnoser", .folder.display())]
+    NotProven {
+        /// The folder of the export.
+        folder: PathBuf,
+        /// The evidence, for standard output.
+        output: String,
+    },
     /// A live watch continued after some files could not be written.
     #[error("error: not complete: {}", .files.join("; "))]
     SinksLost {
@@ -369,6 +381,8 @@ impl Failure {
             | Failure::Alarm { .. }
             | Failure::Print(_) => 1,
             Failure::Safety(error) => of_safety(error),
+            Failure::Export(error) => of_export(error),
+            Failure::NotProven { .. } => 1,
             Failure::PartsMissing(_) => 4,
             Failure::Stopped | Failure::StoppedOnTheWay => 130,
         }
@@ -388,6 +402,19 @@ fn of_campaign(error: &CampaignError) -> u8 {
 }
 
 /// The exit code for an artefact of the safety case.
+fn of_export(error: &ExportError) -> u8 {
+    match error {
+        ExportError::FolderInUse(_) => 2,
+        ExportError::File(error) => of_file(error),
+        ExportError::NoExport(_)
+        | ExportError::OtherDiagnoser { .. }
+        | ExportError::Classifier { .. }
+        | ExportError::TooMany { .. }
+        | ExportError::Unsupported(_) => 3,
+        _ => 1,
+    }
+}
+
 fn of_safety(error: &SafetyError) -> u8 {
     match error {
         SafetyError::Hours { .. }

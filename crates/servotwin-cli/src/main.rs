@@ -23,9 +23,10 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    band, cache, campaign, check, completions, components, describe, evaluate, explain, faults,
-    faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge,
-    predict, report, results, schema, sensors, serve, simulate, study, train, watch, worst_case,
+    band, cache, campaign, check, completions, components, describe, evaluate, explain, export,
+    faults, faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge,
+    predict, prove, report, results, schema, sensors, serve, simulate, study, train, watch,
+    worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -120,6 +121,8 @@ enum Command {
     FunctionRate(function_rate::Options),
     Sensors(sensors::Options),
     WorstCase(worst_case::Options),
+    Export(export::Options),
+    Prove(prove::Options),
     Results(results::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -183,6 +186,8 @@ impl Command {
             Command::FunctionRate(options) => function_rate::run(options, global),
             Command::Sensors(options) => sensors::run(options, global),
             Command::WorstCase(options) => worst_case::run(options, global),
+            Command::Export(options) => export::run(options, global),
+            Command::Prove(options) => prove::run(options, global),
             Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
@@ -210,6 +215,7 @@ fn main() -> ExitCode {
             if let Failure::NoUpdate { output, .. }
             | Failure::Alarm { output, .. }
             | Failure::SinksLost { output, .. }
+            | Failure::NotProven { output, .. }
             | Failure::Unjudged { output, .. } = &failure
             {
                 let _ = print(output);

@@ -1,6 +1,6 @@
 //! Temperature scaling of probabilities.
 //!
-//! `p → p^(1/T) / Σ p^(1/T)`. The order of the classes stays, so no answer changes. A temperature above 1 lowers the
+//! `p → p^(1/T) / Σ p^(1/T)`, with the power as e^(ln p / T). The order of the classes stays, so no answer changes. A temperature above 1 lowers the
 //! confidence, one below 1 raises it. `servotwin-learning` fits the temperature.
 //!
 //! Source: Guo, Pleiss, Sun, Weinberger, "On Calibration of Modern Neural Networks", ICML 2017.
@@ -15,7 +15,7 @@ pub fn scale(shares: &mut [f64], temperature: f64) {
     let largest = shares.iter().copied().fold(MIN_PROBABILITY, f64::max);
     let mut sum = 0.0;
     for share in shares.iter_mut() {
-        *share = libm::pow(share.max(MIN_PROBABILITY) / largest, inverse);
+        *share = libm::exp(libm::log(share.max(MIN_PROBABILITY) / largest) * inverse);
         sum += *share;
     }
     shares.iter_mut().for_each(|share| *share /= sum);

@@ -19,6 +19,7 @@ pub mod error;
 pub mod explained;
 pub mod features;
 pub mod hierarchy;
+pub mod number;
 pub mod numeric;
 pub mod panel;
 pub mod random;

@@ -414,7 +414,7 @@ fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
 }
 
 /// The path of the default diagnoser.
-fn usual_diagnoser() -> PathBuf {
+pub fn usual_diagnoser() -> PathBuf {
     Folder::new("out").diagnoser(Setting::Realistic)
 }
 

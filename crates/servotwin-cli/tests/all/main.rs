@@ -3,6 +3,7 @@
 mod book;
 mod cache;
 mod documents;
+mod export;
 mod first_hour;
 mod fit;
 mod flights;

@@ -34,12 +34,12 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub fn new(tuning: &Tuning, names: &Names, period_s: f64) -> Self {
+    pub fn new(tuning: &Tuning, names: &Names, recover_samples: u64) -> Self {
         Rules {
             hypotheses: Hypotheses::of(names),
             switches_off: tuning.switches_off(names),
             least_on: tuning.least_on as usize,
-            recover_samples: libm::ceil(tuning.recover_s / period_s) as u64,
+            recover_samples,
         }
     }
 
@@ -190,7 +190,7 @@ mod tests {
         };
         let usual = Tuning::usual(&names, &["0"]);
         let least_on = least_on.map_or(usual.least_on, |least| least as u32);
-        Rules::new(&Tuning { least_on, ..usual }, &names, 0.01)
+        Rules::new(&Tuning { least_on, ..usual }, &names, 500)
     }
 
     fn raised(actuator: usize, action: usize, sample: u64) -> Raised {

@@ -60,7 +60,7 @@ impl Boundary {
     }
 
     /// The effect on the sensor next to the boundary.
-    fn effect(&self) -> Option<f64> {
+    pub fn effect(&self) -> Option<f64> {
         self.effects.iter().find(|(sensor, _)| *sensor == self.sensor).map(|(_, effect)| *effect)
     }
 
@@ -241,7 +241,7 @@ impl Doubt {
     }
 
     /// Equation (2), in nats; `deviation` is the standard deviation of the slopes of healthy lines.
-    fn evidence_nats(&self, noise: f64, deviation: f64) -> f64 {
+    pub fn evidence_nats(&self, noise: f64, deviation: f64) -> f64 {
         let Some(now) = self.since.slope(noise) else { return 0.0 };
         let of_lines = 1.0 / (deviation * deviation);
         let (own, variance) = match self.healthy.slope(noise) {

@@ -15,28 +15,33 @@ use crate::features::Sensors;
 use crate::panel::SensorBand;
 use crate::residual::Window;
 
+/// Two actuators, and their corresponding sensors.
+pub type CorrespondingSensors = ([usize; 2], Vec<[usize; 2]>);
+
+/// The corresponding sensors of each pair of actuators, among the first `watched` ones.
+pub fn corresponding(sensors: &Sensors, watched: usize) -> Vec<CorrespondingSensors> {
+    let mut pairs = Vec::new();
+    for first in 0..sensors.actuators() {
+        for second in first + 1..sensors.actuators() {
+            let Some(order) = sensors.exchanged(first, second) else { continue };
+            let own = |&sensor: &usize| sensors.0[sensor].actuator == Some(first);
+            let watched = (0..watched).filter(own).filter(|&sensor| order[sensor] < watched);
+            pairs.push(([first, second], watched.map(|sensor| [sensor, order[sensor]]).collect()));
+        }
+    }
+    pairs
+}
+
 /// The corresponding sensors of each pair of actuators.
 #[derive(Debug, Clone)]
 pub(super) struct CommonMode {
-    pairs: Vec<([usize; 2], Vec<[usize; 2]>)>,
+    pairs: Vec<CorrespondingSensors>,
 }
 
 impl CommonMode {
     /// Considers the first `watched` sensors.
     pub fn new(sensors: &Sensors, watched: usize) -> Self {
-        let mut pairs = Vec::new();
-        for first in 0..sensors.actuators() {
-            for second in first + 1..sensors.actuators() {
-                let Some(order) = sensors.exchanged(first, second) else { continue };
-                let own = |&sensor: &usize| sensors.0[sensor].actuator == Some(first);
-                let watched = (0..watched).filter(own).filter(|&sensor| order[sensor] < watched);
-                pairs.push((
-                    [first, second],
-                    watched.map(|sensor| [sensor, order[sensor]]).collect(),
-                ));
-            }
-        }
-        CommonMode { pairs }
+        CommonMode { pairs: corresponding(sensors, watched) }
     }
 
     /// The largest common-mode share of an actuator with any other; 0 without a corresponding actuator.
@@ -76,7 +81,6 @@ mod tests {
             noise: 0.0,
             is_noisy: false,
             follows: alloc::vec![],
-            stands_in: false,
         };
         let sensors = Sensors((0..N).map(sensor).collect());
         let mut window = Window::new(N);

@@ -151,20 +151,26 @@ impl Hypotheses {
     }
 }
 
-/// The limits of one window length: `b_hg`, row by row.
+/// The limits and allowances of one window length.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Limits {
+pub struct Limits {
     hypotheses: Hypotheses,
+    /// `b_hg`, row by row.
     of_pairs: Vec<f64>,
     /// The allowance of each hypothesis against each other, `a_hg`, row by row.
     allowances_nats: Vec<f64>,
-    /// The limit against health for an error of cost 1.
+    /// The limit against health for an error of cost 1, nats.
     pub of_change: f64,
 }
 
 impl Limits {
     /// `is_off` marks the actions that switch off.
-    pub fn new(tuning: &Tuning, hypotheses: Hypotheses, is_off: &[bool], window_s: f64) -> Self {
+    pub(super) fn new(
+        tuning: &Tuning,
+        hypotheses: Hypotheses,
+        is_off: &[bool],
+        window_s: f64,
+    ) -> Self {
         let of_change = libm::log(3600.0 / (tuning.false_alarms_per_h * window_s));
         let of_isolation = -libm::log(tuning.wrong_isolation);
         let count = hypotheses.count();
@@ -186,6 +192,16 @@ impl Limits {
                 .collect(),
             of_change,
         }
+    }
+
+    /// The limits `b_hg` of all pairs of hypotheses, row by row, nats.
+    pub fn of_pairs(&self) -> &[f64] {
+        &self.of_pairs
+    }
+
+    /// The allowances `a_hg` of all pairs of hypotheses, row by row, nats.
+    pub fn allowances_nats(&self) -> &[f64] {
+        &self.allowances_nats
     }
 
     fn row(&self, claim: usize) -> &[f64] {
@@ -241,7 +257,8 @@ pub(super) enum Said<'p> {
 
 /// Whether a row is unlike all training data, and how rare that is.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct IsNovel {
+pub struct IsNovel {
+    /// Whether it is.
     pub novel: bool,
     /// The share of known rows that count as novel.
     pub share_of_known: f64,
@@ -276,7 +293,7 @@ impl Evidence {
 
     /// Adds the evidence of a window, of which `share` is new.
     pub fn take(&mut self, said: Said, share: f64, tuning: &Tuning, limits: &Limits) {
-        let weight = libm::pow(share, tuning.overlap_exponent);
+        let weight = tuning.weight(share);
         let (clip, cap) = (tuning.clip_nats, tuning.evidence_cap);
         let count = limits.hypotheses.count();
         let log = |hypothesis: usize| match said {
@@ -304,8 +321,7 @@ impl Evidence {
         let (change, unknown) = match said {
             Said::InBand => (-tuning.in_band_nats, -tuning.in_band_nats),
             Said::Probabilities(p, novelty) => {
-                let allowed = tuning.health_allowance_nats + tuning.off_allowance_nats;
-                (log_odds(1.0 - p[0]) - allowed, novelty.nats())
+                (log_odds(1.0 - p[0]) - tuning.change_allowance_nats(), novelty.nats())
             }
         };
         let weigh = |nats: f64| weigh(nats - tuning.allowance_nats);
@@ -354,8 +370,8 @@ fn log_odds(probability: f64) -> f64 {
 }
 
 impl IsNovel {
-    /// An unknown row is novel every second time, a known one rarely.
-    fn nats(self) -> f64 {
+    /// Evidence for an unknown change, nats: an unknown row is novel every second time, a known one rarely.
+    pub fn nats(self) -> f64 {
         let known = if self.novel { self.share_of_known } else { 1.0 - self.share_of_known };
         libm::log(0.5 / known.max(LEAST_PROBABILITY))
     }

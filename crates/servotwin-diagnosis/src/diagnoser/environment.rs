@@ -78,6 +78,13 @@ pub struct Invalid {
     pub why: Why,
 }
 
+impl Input {
+    /// The number of equal samples from which it counts as frozen; `None` for no limit.
+    pub fn frozen_after_samples(&self, period_s: f64) -> Option<u64> {
+        self.frozen_after_s.map(|s| (libm::round(s / period_s) as u64).max(1))
+    }
+}
+
 impl Environment {
     /// Checks that ranges and names make sense.
     ///
@@ -138,8 +145,7 @@ pub(super) struct Guard {
 
 impl Guard {
     pub fn new(environment: &Environment, period_s: f64) -> Self {
-        let samples = |s: f64| (libm::round(s / period_s) as u64).max(1);
-        let frozen_after = |input: &Input| input.frozen_after_s.map(samples);
+        let frozen_after = |input: &Input| input.frozen_after_samples(period_s);
         let pair = |d: &Difference| Some((environment.place(&d.of)?, environment.place(&d.minus)?));
         let count = environment.inputs.len();
         Guard {

@@ -23,7 +23,7 @@ use crate::sliding::Span;
 
 mod alarm;
 mod boundary;
-mod common_mode;
+pub mod common_mode;
 pub mod decision;
 pub mod environment;
 pub mod novelty;
@@ -135,7 +135,6 @@ impl Diagnoser {
             noise: s.noise,
             is_noisy: s.is_noisy,
             follows: s.follows.iter().map(|&(other, weight)| (other as usize, weight)).collect(),
-            stands_in: false,
         };
         Sensors(self.sensors.iter().map(seen).collect())
     }
@@ -148,6 +147,33 @@ impl Diagnoser {
     /// Number of watched sensors: the first ones, whose bands decide whether there is a deviation.
     pub fn watched(&self) -> usize {
         self.lengths.first().map_or(0, |length| length.panel.bands.len())
+    }
+
+    /// The number of samples in a time, rounded up.
+    pub fn samples(&self, time_s: f64) -> u64 {
+        libm::ceil(time_s / self.period_s) as u64
+    }
+
+    /// The constants for a length: baseline-corrected windows have allowances of their own.
+    pub fn tuning_of(&self, length: &Length) -> Tuning {
+        match &length.baseline_corrected {
+            Some(allowances) => self.tuning.allowing(allowances),
+            None => self.tuning.clone(),
+        }
+    }
+
+    /// The limits of the evidence for a length.
+    pub fn limits_of(&self, length: &Length) -> decision::Limits {
+        let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
+        let is_off = self.tuning.switches_off(self.names());
+        let (tuning, window_s) = (self.tuning_of(length), samples as f64 * self.period_s);
+        decision::Limits::new(&tuning, decision::Hypotheses::of(self.names()), &is_off, window_s)
+    }
+
+    /// Number of views of a row that a length's trees, committee and novelty score need.
+    pub fn views_of(&self, length: &Length) -> usize {
+        let of_models = length.panel.trees.views().max(length.panel.committee.views());
+        of_models.max(self.views_of_novelty(length))
     }
 
     /// Number of views that a length's novelty score needs.

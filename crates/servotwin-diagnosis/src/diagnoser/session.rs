@@ -140,12 +140,16 @@ impl Session {
         };
         Ok(Session {
             scales: diagnoser.scales(),
-            rules: Rules::new(&diagnoser.tuning, names, diagnoser.period_s),
+            rules: Rules::new(
+                &diagnoser.tuning,
+                names,
+                diagnoser.samples(diagnoser.tuning.recover_s),
+            ),
             patience: patience(&diagnoser),
             hypotheses,
             classifiers,
-            tunings: diagnoser.lengths.iter().map(|length| tuning_of(&diagnoser, length)).collect(),
-            limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
+            tunings: diagnoser.lengths.iter().map(|length| diagnoser.tuning_of(length)).collect(),
+            limits: diagnoser.lengths.iter().map(|length| diagnoser.limits_of(length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             streams: Streams::new(&diagnoser)?,
             here: diagnoser.conditional_band.as_ref().map(Here::new),
@@ -321,6 +325,35 @@ impl Session {
         self.memory.evidence[length].of_change(&self.limits[length])
     }
 
+    /// The evidence of a length for an unknown change, in parts of its limit.
+    pub fn evidence_of_unknown(&self, length: usize) -> f64 {
+        self.memory.evidence[length].of_unknown(&self.limits[length])
+    }
+
+    /// The smallest evidence of a length for a fault of an actuator, whatever the action, in parts of the limit.
+    pub fn evidence_of_actuator(&self, length: usize, actuator: usize) -> f64 {
+        self.memory.evidence[length].margin_of_actuator(actuator, &self.limits[length])
+    }
+
+    /// The evidence of a length that a deviation is a fault and no wrong reading of a boundary, nats.
+    pub fn boundary_evidence_nats(&self, length: usize, boundary: usize) -> f64 {
+        let boundaries = &self.diagnoser.boundaries;
+        let sensor = &self.diagnoser.sensors[boundaries[boundary].sensor as usize];
+        let doubt = &self.memory.doubts[length * boundaries.len() + boundary];
+        doubt.evidence_nats(sensor.noise, self.diagnoser.tuning.line_slope_deviation)
+    }
+
+    /// Whether a wrong reading of a boundary explains the present windows of a length.
+    pub fn is_boundary_explained(&self, length: usize, boundary: usize) -> bool {
+        self.memory.doubts[length * self.diagnoser.boundaries.len() + boundary].is_explained()
+    }
+
+    /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.
+    pub fn common_mode(&self, length: usize, actuator: usize) -> f64 {
+        let bands = &self.diagnoser.lengths[length].panel.bands;
+        self.classifiers[length].common_mode(actuator, self.streams.window(length), bands)
+    }
+
     /// The stages that a length's trees passed through for the last window outside its bands, each with its nodes from
     /// root to leaf. Allocates.
     ///
@@ -422,7 +455,7 @@ impl Session {
 
     /// Number of samples that are not judged after a restart.
     fn settling_samples(&self) -> u64 {
-        libm::ceil(self.diagnoser.tuning.settle_s / self.diagnoser.period_s) as u64
+        self.diagnoser.samples(self.diagnoser.tuning.settle_s)
     }
 
     fn check_unit(&self, index: usize) -> Result<(), Error> {
@@ -457,8 +490,7 @@ impl Session {
         if self.memory.outcome.finding != finding || self.memory.has_judged {
             self.restart();
         }
-        let settle_s = self.diagnoser.tuning.settle_s;
-        self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
+        self.memory.settling = self.settling_samples();
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
 
@@ -875,25 +907,9 @@ impl Session {
 }
 
 fn patience(diagnoser: &Diagnoser) -> Patience {
-    let samples = |time_s: f64| libm::ceil(time_s / diagnoser.period_s).max(1.0) as u64;
+    let samples = |time_s: f64| diagnoser.samples(time_s).max(1);
     let tuning = &diagnoser.tuning;
     Patience { until_lost: samples(tuning.no_data_after_s), until_back: samples(tuning.settle_s) }
-}
-
-/// The constants for a length: baseline-corrected windows have allowances of their own.
-fn tuning_of(diagnoser: &Diagnoser, length: &Length) -> Tuning {
-    match &length.baseline_corrected {
-        Some(allowances) => diagnoser.tuning.allowing(allowances),
-        None => diagnoser.tuning.clone(),
-    }
-}
-
-fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
-    let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
-    let names = diagnoser.names();
-    let is_off = diagnoser.tuning.switches_off(names);
-    let window_s = samples as f64 * diagnoser.period_s;
-    Limits::new(&tuning_of(diagnoser, length), Hypotheses::of(names), &is_off, window_s)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve uniform ones.

@@ -275,6 +275,21 @@ impl Tuning {
         }
     }
 
+    /// The weight of the evidence of a window, of which `share` is new.
+    pub fn weight(&self, share: f64) -> f64 {
+        libm::pow(share, self.overlap_exponent)
+    }
+
+    /// The probability of health of a window with every residual in its band.
+    pub fn in_band_share(&self) -> f64 {
+        1.0 / (1.0 + libm::exp(-self.in_band_nats))
+    }
+
+    /// The allowance for any change against health, beside that for any hypothesis, nats.
+    pub fn change_allowance_nats(&self) -> f64 {
+        self.health_allowance_nats + self.off_allowance_nats
+    }
+
     /// Whether each action of these names switches an actuator off.
     pub fn switches_off(&self, names: &Names) -> Vec<bool> {
         names.actions.iter().map(|action| self.off_actions.contains(action)).collect()

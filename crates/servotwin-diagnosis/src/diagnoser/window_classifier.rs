@@ -72,9 +72,8 @@ impl Judgement {
 impl WindowClassifier {
     pub fn new(diagnoser: &Diagnoser, length: &Length) -> Result<Self, Error> {
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
-        let views = trees.views().max(committee.views()).max(diagnoser.views_of_novelty(length));
+        let views = diagnoser.views_of(length);
         let hypotheses = Hypotheses::of(&trees.names);
-        let odds = libm::exp(-diagnoser.tuning.in_band_nats);
         Ok(WindowClassifier {
             hypotheses,
             views: Views::new(diagnoser.sensors_seen(), &trees.names.features, views)?,
@@ -84,7 +83,7 @@ impl WindowClassifier {
             common_mode: CommonMode::new(&diagnoser.sensors_seen(), diagnoser.watched()),
             max_common_mode: diagnoser.tuning.max_common_mode,
             share_of_known: 1.0 - length.novelty.quantile,
-            in_band_share: 1.0 / (1.0 + odds),
+            in_band_share: diagnoser.tuning.in_band_share(),
         })
     }
 
@@ -107,6 +106,10 @@ impl WindowClassifier {
     /// The feature rows of the last window outside its bands, one for each view.
     pub fn rows(&self) -> &[Vec<f64>] {
         self.views.rows()
+    }
+
+    pub fn common_mode(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
+        self.common_mode.share(actuator, window, bands)
     }
 
     pub fn probability(&self, hypothesis: usize) -> f64 {

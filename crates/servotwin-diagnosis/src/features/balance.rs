@@ -16,10 +16,11 @@
 //! With more than two actuators, the sum covers all. Each has its own fight and gap against the mean of the others.
 
 use super::{
-    Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, compared, correlation,
-    log_deviation, name_of, ratio,
+    Combination, Feature, Formulas, MAX_ACTUATORS, Quantity, Sensors, Teaches, compared,
+    correlation, log_deviation, name_of, ratio,
 };
-use crate::residual::Window;
+use crate::number::{Number, sum};
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -61,13 +62,13 @@ fn combinations(actuators: &[[usize; 3]], own: usize) -> [Weighted; 3] {
     [Weighted::of(sum), Weighted::of(fight), Weighted::of(gap)]
 }
 
-fn mean(window: &Window, combination: &[(usize, f64)]) -> f64 {
-    combination.iter().map(|&(i, w)| w * window.mean(i)).sum()
+fn mean<W: Statistics>(window: &W, combination: Combination) -> W::Number {
+    sum(combination.iter().map(|&(i, w)| W::Number::constant(w) * window.mean(i)))
 }
 
-fn covariance(window: &Window, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
+fn covariance<W: Statistics>(window: &W, a: Combination, b: Combination) -> W::Number {
     let products = a.iter().flat_map(|&(i, u)| b.iter().map(move |&(j, v)| (i, j, u * v)));
-    products.map(|(i, j, weight)| weight * window.covariance(i, j)).sum()
+    sum(products.map(|(i, j, weight)| W::Number::constant(weight) * window.covariance(i, j)))
 }
 
 /// Formulas of sum, fight and gap for the features' descriptions.
@@ -81,7 +82,7 @@ fn words(actuators: &[usize], own: usize) -> [String; 3] {
     ["the sum of all d".into(), less("d"), less("x")]
 }
 
-impl Family for Balance {
+impl Formulas for Balance {
     fn name(&self) -> &'static str {
         "balance"
     }
@@ -132,7 +133,7 @@ impl Family for Balance {
         features
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         let (mut known, mut count) = ([[0; 3]; MAX_ACTUATORS], 0);
         for actuator in sensors.with(&NEEDED).take(MAX_ACTUATORS) {
             known[count] = NEEDED.map(|quantity| sensors.find(quantity, actuator).unwrap_or(0));
@@ -140,20 +141,20 @@ impl Family for Balance {
         }
         for own in 0..compared(count) {
             let all = combinations(&known[..count], own);
-            let [sum, fight, gap] = [0, 1, 2].map(|i| all[i].terms());
+            let [load, fight, gap] = [0, 1, 2].map(|i| all[i].terms());
             // All actuators share one sum, written with the first.
             let told = usize::from(own > 0);
-            let means = [sum, fight, gap].map(|c| mean(window, c));
-            let variances = [sum, fight, gap].map(|c| covariance(window, c, c));
+            let means = [load, fight, gap].map(|c| mean(window, c));
+            let variances = [load, fight, gap].map(|c| covariance(window, c, c));
             values.extend(&means[told..]);
-            let noise = [sum, fight, gap].map(|c| sensors.noise(c));
-            let errors = [sum, fight, gap].map(|c| sensors.error_of_mean(window, c));
+            let noise = [load, fight, gap].map(|c| sensors.noise(c));
+            let errors = [load, fight, gap].map(|c| sensors.error_of_mean(window, c));
             let deviations = [0, 1, 2].map(|i| log_deviation(variances[i], noise[i]));
             values.extend(&deviations[told..]);
             values.push(ratio(means[0], means[2], errors[2]));
             values.push(ratio(means[0], means[1], errors[1]));
             values.push(ratio(means[2], means[1], errors[1]));
-            let pairs = [(sum, fight, 0, 1), (sum, gap, 0, 2), (fight, gap, 1, 2)];
+            let pairs = [(load, fight, 0, 1), (load, gap, 0, 2), (fight, gap, 1, 2)];
             for (a, b, i, j) in pairs {
                 let both = covariance(window, a, b);
                 values.push(correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]));

@@ -5,10 +5,11 @@
 //! of the others.
 
 use super::{
-    Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
+    Feature, Formulas, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
     largest_other, log_deviation, name_of,
 };
-use crate::residual::Window;
+use crate::number::Number;
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec::Vec;
 
@@ -21,7 +22,7 @@ fn quantities() -> impl Iterator<Item = (Quantity, &'static str)> {
     known.filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
 }
 
-impl Family for Comparison {
+impl Formulas for Comparison {
     fn name(&self) -> &'static str {
         "comparison"
     }
@@ -56,11 +57,12 @@ impl Family for Comparison {
         features
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for (quantity, _) in quantities() {
             let like_sensors = sensors.like_sensors(quantity);
             let like_sensors = like_sensors.sensors();
-            let (mut means, mut deviations) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
+            let zeros = [W::Number::constant(0.0); MAX_ACTUATORS];
+            let (mut means, mut deviations) = (zeros, zeros);
             for (place, &sensor) in
                 like_sensors.iter().enumerate().filter(|_| like_sensors.len() > 1)
             {
@@ -71,11 +73,16 @@ impl Family for Comparison {
             let (means, deviations) =
                 (&means[..like_sensors.len()], &deviations[..like_sensors.len()]);
             for own in 0..compared(like_sensors.len()) {
-                let other = largest_other(means, own);
-                let is_other = |place: &usize| *place != own && means[*place] == other;
-                let place = (0..like_sensors.len()).find(is_other).unwrap_or(own);
-                let pair = [(like_sensors[own], 1.0), (like_sensors[place], 1.0)];
-                let error = sensors.error_of_mean(window, &pair);
+                let error_beside = |place: usize| {
+                    let pair = [(like_sensors[own], 1.0), (like_sensors[place], 1.0)];
+                    sensors.error_of_mean(window, &pair)
+                };
+                let others = (0..like_sensors.len()).filter(|place| *place != own);
+                let mut others = others.map(|place| (means[place], error_beside(place)));
+                let Some(first) = others.next() else { continue };
+                let (other, error) = others.fold(first, |(mean, error), (next, its_error)| {
+                    (mean.if_less(next, next, mean), mean.if_less(next, its_error, error))
+                });
                 values.push(means[own] - other);
                 values.push(contrast(means[own], other, error));
                 values.push(deviations[own] - largest_other(deviations, own));

@@ -31,7 +31,6 @@ fn sensors_of(actuators: usize) -> Sensors {
                 noise: 0.002,
                 is_noisy: true,
                 follows,
-                stands_in: false,
             });
         }
     }
@@ -46,7 +45,6 @@ fn and_surface(mut sensors: Sensors) -> Sensors {
         noise: 0.002,
         is_noisy: true,
         follows: alloc::vec![],
-        stands_in: false,
     });
     sensors
 }
@@ -142,7 +140,6 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
         noise: 0.002,
         is_noisy: true,
         follows: alloc::vec![],
-        stands_in: false,
     }]);
     let window = some_window(&sensors);
     for family in ALL {

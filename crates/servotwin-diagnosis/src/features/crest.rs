@@ -8,15 +8,16 @@
 //! after a quick command. It then has more than 1, though its moments look healthy. The peak is at least four standard
 //! deviations of a sample, so that the number of noise samples has no influence.
 
-use super::{Family, Feature, Sensors, Teaches, log_deviation};
-use crate::residual::{LARGEST_OF_NOISE, Window};
+use super::{Feature, Formulas, Sensors, Teaches, log_deviation};
+use crate::number::Number;
+use crate::residual::{LARGEST_OF_NOISE, Statistics};
 use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
 pub struct Crest;
 
-impl Family for Crest {
+impl Formulas for Crest {
     fn name(&self) -> &'static str {
         "crest"
     }
@@ -39,13 +40,14 @@ impl Family for Crest {
         sensors.0.iter().map(of_sensor).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for i in 0..sensors.0.len() {
             let noise = sensors.noise(&[(i, 1.0)]);
-            let peak = window.largest(i).max(LARGEST_OF_NOISE * noise.least_deviation());
+            let largest_noise = W::Number::constant(LARGEST_OF_NOISE * noise.least_deviation());
+            let peak = window.largest(i).larger(largest_noise);
             let mean = window.mean(i);
             let mean_square = mean * mean + window.covariance(i, i);
-            values.push(libm::log10(peak) - log_deviation(mean_square, noise));
+            values.push(peak.log10() - log_deviation(mean_square, noise));
         }
     }
 }
@@ -55,6 +57,7 @@ mod tests {
     use super::*;
     use crate::features::{Quantity, Sensor};
     use crate::random::Random;
+    use crate::residual::Window;
 
     const NOISE: f64 = 0.002;
 
@@ -67,7 +70,6 @@ mod tests {
             noise: NOISE,
             is_noisy: true,
             follows: alloc::vec![],
-            stands_in: false,
         }]);
         let mut random = Random::new(7);
         let mut window = Window::new(1);
@@ -76,7 +78,7 @@ mod tests {
             window.add(&[residual(f64::from(sample) * 0.01) + NOISE * normal], &[0.0], &[1.0]);
         }
         let mut values = Vec::new();
-        Crest.compute(&sensors, &window, &mut values);
+        Crest.append(&sensors, &window, &mut values);
         values[0]
     }
 

@@ -1,15 +1,15 @@
 //! The size of each residual: standard deviation on a logarithmic scale, and largest excursion. A tree splits a
 //! logarithm more evenly than the variance, whose interesting part lies close to zero.
 
-use super::{Family, Feature, Sensors, Teaches, log_deviation};
-use crate::residual::Window;
+use super::{Feature, Formulas, Sensors, Teaches, log_deviation};
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
 pub struct Deviation;
 
-impl Family for Deviation {
+impl Formulas for Deviation {
     fn name(&self) -> &'static str {
         "deviation"
     }
@@ -43,7 +43,7 @@ impl Family for Deviation {
         sensors.0.iter().flat_map(of_sensor).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for i in 0..sensors.0.len() {
             let noise = sensors.noise(&[(i, 1.0)]);
             values.push(log_deviation(window.covariance(i, i), noise));

@@ -3,8 +3,9 @@
 //! A sensor's calibration error has a gain and a correlation near ±1. A bias has an offset and no correlation. A
 //! hydraulic fault has neither clearly.
 
-use super::{Family, Feature, Noise, Sensors, Teaches, correlation};
-use crate::residual::Window;
+use super::{Feature, Formulas, Noise, Sensors, Teaches, correlation};
+use crate::number::Number;
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec::Vec;
 
@@ -14,7 +15,7 @@ pub struct Gain;
 /// Below this deviation, in parts of scale, a twin signal gives no slope.
 const LEAST_DEVIATION: f64 = 1e-3;
 
-impl Family for Gain {
+impl Formulas for Gain {
     fn name(&self) -> &'static str {
         "gain"
     }
@@ -41,11 +42,12 @@ impl Family for Gain {
         sensors.0.iter().flat_map(of_sensor).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for i in 0..sensors.0.len() {
             let covariance = window.cross_covariance(i, i);
             let variance = window.twin_covariance(i, i);
-            let gain = covariance / (variance + LEAST_DEVIATION * LEAST_DEVIATION);
+            let least_variance = W::Number::constant(LEAST_DEVIATION * LEAST_DEVIATION);
+            let gain = covariance / (variance + least_variance);
             values.push(gain);
             values.push(window.mean(i) - gain * window.twin_mean(i));
             let noise = [sensors.noise(&[(i, 1.0)]), Noise::default()];

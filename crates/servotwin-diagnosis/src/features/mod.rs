@@ -1,6 +1,6 @@
 //! Features: quantities that an engineer would look at in a window of residuals.
 //!
-//! A family of features is one file and one line in [`ALL`]. Every feature has a name, a unit and a sentence that
+//! A family of features is one file and one word in the list below. Every feature has a name, a unit and a sentence that
 //! explains it. All are functions of a [`Window`], so they cost nothing per sample.
 //!
 //! [`Sensors`] gives each sensor's quantity and actuator to the families. A family returns no features if the sensors
@@ -19,7 +19,8 @@ mod proportion;
 mod views;
 mod vote;
 
-use crate::residual::Window;
+use crate::number::Number;
+use crate::residual::{Statistics, Window};
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -80,11 +81,9 @@ pub struct Sensor {
     pub is_noisy: bool,
     /// The sensors that it follows by a law: their indices, and its change for each, in parts of scale.
     pub follows: Vec<(usize, f64)>,
-    /// Whether a stand-in value that looks healthy replaces its value.
-    pub stands_in: bool,
 }
 
-/// Fingerprints of stored campaigns contain this text, so the field `unit` keeps its old name.
+/// Fingerprints of stored campaigns contain this text, so it keeps the names of older fields.
 impl fmt::Debug for Sensor {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("Sensor")
@@ -94,7 +93,7 @@ impl fmt::Debug for Sensor {
             .field("noise", &self.noise)
             .field("is_noisy", &self.is_noisy)
             .field("follows", &self.follows)
-            .field("stands_in", &self.stands_in)
+            .field("stands_in", &false)
             .finish()
     }
 }
@@ -217,10 +216,10 @@ fn against(actuators: &[usize], own: usize) -> String {
     }
 }
 
-/// The largest value of all others.
-fn largest_other(values: &[f64], own: usize) -> f64 {
+/// The largest value of all others; 0 without others.
+fn largest_other<N: Number>(values: &[N], own: usize) -> N {
     let others = values.iter().enumerate().filter(|(place, _)| *place != own);
-    others.map(|(_, value)| *value).reduce(f64::max).unwrap_or(0.0)
+    others.map(|(_, value)| *value).reduce(N::larger).unwrap_or(N::constant(0.0))
 }
 
 /// The description of a feature.
@@ -266,7 +265,19 @@ impl Teaches {
     }
 }
 
-/// A family of features.
+/// The definition of a family of features.
+trait Formulas: Sync {
+    /// Its name in a study file.
+    fn name(&self) -> &'static str;
+    /// One sentence that explains it.
+    fn summary(&self) -> &'static str;
+    /// The features for these sensors.
+    fn features(&self, sensors: &Sensors) -> Vec<Feature>;
+    /// Appends their values to `values`, in the same order. Does not allocate if the capacity suffices.
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>);
+}
+
+/// A family of features, for use.
 pub trait Family: Sync {
     /// Its name in a study file.
     fn name(&self) -> &'static str;
@@ -278,19 +289,55 @@ pub trait Family: Sync {
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>);
 }
 
-/// Every family, in the order of the documentation.
-pub static ALL: &[&dyn Family] = &[
-    &moments::Moments,
-    &deviation::Deviation,
-    &gain::Gain,
-    &pressure::Pressure,
-    &proportion::Proportion,
-    &comparison::Comparison,
-    &balance::Balance,
-    &vote::Vote,
-    &crest::Crest,
-    &parity::Parity,
-];
+impl<F: Formulas> Family for F {
+    fn name(&self) -> &'static str {
+        Formulas::name(self)
+    }
+
+    fn summary(&self) -> &'static str {
+        Formulas::summary(self)
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        Formulas::features(self, sensors)
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        self.append(sensors, window, values);
+    }
+}
+
+macro_rules! families {
+    ($($file:ident $family:ident,)*) => {
+        /// Every family, in the order of the documentation.
+        pub static ALL: &[&dyn Family] = &[$(&$file::$family,)*];
+
+        /// Replaces the content of `values` by all features of a window, in the order of [`ALL`]. Does not allocate if
+        /// the capacity suffices.
+        pub fn values_into<W: Statistics>(
+            sensors: &Sensors,
+            window: &W,
+            values: &mut Vec<W::Number>,
+        ) {
+            values.clear();
+            $($file::$family.append(sensors, window, values);)*
+        }
+    };
+}
+
+// The one list: source file and family.
+families! {
+    moments Moments,
+    deviation Deviation,
+    gain Gain,
+    pressure Pressure,
+    proportion Proportion,
+    comparison Comparison,
+    balance Balance,
+    vote Vote,
+    crest Crest,
+    parity Parity,
+}
 
 /// The family with a name.
 pub fn find(name: &str) -> Option<&'static dyn Family> {
@@ -302,14 +349,6 @@ pub fn values(sensors: &Sensors, window: &Window) -> Vec<f64> {
     let mut values = Vec::new();
     values_into(sensors, window, &mut values);
     values
-}
-
-/// As [`values`], but replaces the content of `values`. Does not allocate if the capacity suffices.
-pub fn values_into(sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-    values.clear();
-    for family in ALL {
-        family.compute(sensors, window, values);
-    }
 }
 
 /// All features of the sensors, in the order of [`values`].
@@ -340,14 +379,14 @@ impl Sensors {
     }
 
     /// The standard error of a combination's mean over a window: averaged noise, plus the constant error of the solver.
-    fn error_of_mean(&self, window: &Window, combination: Combination) -> f64 {
-        let count = (window.count() as f64).max(1.0);
+    fn error_of_mean<W: Statistics>(&self, window: &W, combination: Combination) -> W::Number {
+        let number = W::Number::constant;
         let solver: f64 = combination.iter().map(|&(_, weight)| square(weight * FLOOR)).sum();
-        libm::sqrt(self.noise_variance(combination) / count + solver)
+        (number(self.noise_variance(combination)) / window.samples() + number(solver)).sqrt()
     }
 }
 
-fn square(value: f64) -> f64 {
+fn square<N: Number>(value: N) -> N {
     value * value
 }
 
@@ -363,8 +402,9 @@ struct Noise {
 impl Noise {
     /// The variance that a real sensor would show: noise that the samples lack is added. So deviations far below the
     /// noise become indistinguishable, and perfect and real sensors give the same value.
-    fn shown(self, variance: f64) -> f64 {
-        variance.max(0.0) + (self.resolved - self.carried) + square(FLOOR)
+    fn shown<N: Number>(self, variance: N) -> N {
+        let lacking = self.resolved - self.carried;
+        variance.larger(N::constant(0.0)) + N::constant(lacking) + N::constant(square(FLOOR))
     }
 
     /// The standard deviation of a real sensor without any deviation.
@@ -374,24 +414,24 @@ impl Noise {
 }
 
 /// The logarithm of a standard deviation (base ten).
-fn log_deviation(variance: f64, noise: Noise) -> f64 {
-    0.5 * libm::log10(noise.shown(variance))
+fn log_deviation<N: Number>(variance: N, noise: Noise) -> N {
+    N::constant(0.5) * noise.shown(variance).log10()
 }
 
 /// `(a − b)/(a + b)` of two magnitudes: −1 … 1, near zero if both are within their error.
-fn contrast(a: f64, b: f64, error: f64) -> f64 {
-    (a - b) / (a + b + SURE * error)
+fn contrast<N: Number>(a: N, b: N, error: N) -> N {
+    (a - b) / (a + b + N::constant(SURE) * error)
 }
 
 /// `a / b`, and near zero if `b` is within its error, because its sign would be random.
-fn ratio(a: f64, b: f64, error_of_b: f64) -> f64 {
-    a * b / (b * b + square(SURE * error_of_b))
+fn ratio<N: Number>(a: N, b: N, error_of_b: N) -> N {
+    a * b / (b * b + square(N::constant(SURE) * error_of_b))
 }
 
 /// Correlation from covariances, near zero if a deviation is within its error.
-fn correlation(covariance: f64, variances: [f64; 2], noise: [Noise; 2]) -> f64 {
+fn correlation<N: Number>(covariance: N, variances: [N; 2], noise: [Noise; 2]) -> N {
     let [a, b] = [0, 1].map(|i| noise[i].shown(variances[i]));
-    covariance / libm::sqrt(a * b)
+    covariance / (a * b).sqrt()
 }
 
 #[cfg(test)]

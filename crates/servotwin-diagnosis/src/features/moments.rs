@@ -1,14 +1,14 @@
 //! The paper's features: mean (5), variance (6) and indicator (7) of each scaled residual.
 
-use super::{Family, Feature, Sensors, Teaches};
-use crate::residual::Window;
+use super::{Feature, Formulas, Sensors, Teaches};
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
 pub struct Moments;
 
-impl Family for Moments {
+impl Formulas for Moments {
     fn name(&self) -> &'static str {
         "moments"
     }
@@ -50,10 +50,9 @@ impl Family for Moments {
         sensors.0.iter().flat_map(of_sensor).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for i in 0..sensors.0.len() {
-            let indicator = if window.no_deviation(i) { 1.0 } else { 0.0 };
-            values.extend([window.mean(i), window.covariance(i, i), indicator]);
+            values.extend([window.mean(i), window.covariance(i, i), window.indicator(i)]);
         }
     }
 }

@@ -18,9 +18,10 @@
 //! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
 
 use super::{
-    Combination, Family, Feature, Noise, Sensor, Sensors, Teaches, correlation, log_deviation,
+    Combination, Feature, Formulas, Noise, Sensor, Sensors, Teaches, correlation, log_deviation,
 };
-use crate::residual::Window;
+use crate::number::{Number, sum};
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -46,15 +47,15 @@ impl Relation {
     }
 
     /// Mean, variance, and covariance with a twin signal.
-    fn of(&self, window: &Window, twin: usize) -> [f64; 3] {
-        let terms = self.terms();
-        let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
-            terms.iter().map(|&(sensor, weight)| weight * of(sensor)).sum()
+    fn of<W: Statistics>(&self, window: &W, twin: usize) -> [W::Number; 3] {
+        let weighted = |of: &dyn Fn(usize) -> W::Number| {
+            let terms = self.terms().iter();
+            sum(terms.map(|&(sensor, weight)| W::Number::constant(weight) * of(sensor)))
         };
         [
-            sum(&|sensor| window.mean(sensor)),
-            sum(&|a| sum(&|b| window.covariance(a, b))),
-            sum(&|sensor| window.cross_covariance(sensor, twin)),
+            weighted(&|sensor| window.mean(sensor)),
+            weighted(&|a| weighted(&|b| window.covariance(a, b))),
+            weighted(&|sensor| window.cross_covariance(sensor, twin)),
         ]
     }
 }
@@ -73,7 +74,7 @@ fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ 
     })
 }
 
-impl Family for Parity {
+impl Formulas for Parity {
     fn name(&self) -> &'static str {
         "parity"
     }
@@ -109,20 +110,22 @@ impl Family for Parity {
         relations(sensors).flat_map(of).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for (place, relation) in relations(sensors) {
             let noise = sensors.noise(relation.terms());
             // A stand-in value does not follow the law, so the relation counts as fulfilled.
-            let is_known = relation.terms().iter().all(|&(sensor, _)| !sensors.0[sensor].stands_in);
-            let [mean, variance, with_twin] = match is_known {
-                true => relation.of(window, place),
-                false => [0.0, noise.carried, 0.0],
-            };
+            let stand_ins = sum(relation.terms().iter().map(|term| window.stands_in(term.0)));
+            let (known, fulfilled) = (relation.of(window, place), [0.0, noise.carried, 0.0]);
+            let [mean, variance, with_twin] = [0, 1, 2].map(|i| {
+                let fulfilled = W::Number::constant(fulfilled[i]);
+                W::Number::constant(0.0).if_less(stand_ins, fulfilled, known[i])
+            });
             let of_twin = window.twin_covariance(place, place);
             let log_dev = log_deviation(variance, noise);
             values.push(mean);
             values.push(log_dev);
-            values.push(with_twin / (of_twin + LEAST_DEVIATION * LEAST_DEVIATION));
+            let least_variance = W::Number::constant(LEAST_DEVIATION * LEAST_DEVIATION);
+            values.push(with_twin / (of_twin + least_variance));
             values.push(correlation(with_twin, [variance, of_twin], [noise, Noise::default()]));
             values.extend(relation.terms().iter().map(|&(other, _)| {
                 let own = window.covariance(other, other);
@@ -135,8 +138,10 @@ impl Family for Parity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::Quantity;
+    use crate::features::{Quantity, Views};
     use crate::random::Random;
+    use crate::residual::Window;
+    use alloc::string::String;
 
     const NOISE: f64 = 0.002;
 
@@ -149,7 +154,6 @@ mod tests {
             noise: NOISE,
             is_noisy: true,
             follows: follows.to_vec(),
-            stands_in: false,
         };
         let ram = sensor("x_p1", Quantity::Ram, &[]);
         Sensors(alloc::vec![ram, sensor("x_v1", Quantity::Spool, &[(0, -6.0)])])
@@ -158,10 +162,11 @@ mod tests {
     /// The features of half a second with a twin spool amplitude of 0.3. `residuals` gives those of ram and spool for
     /// the spool's position.
     fn computed(residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
-        computed_by(&sensors(), residuals)
+        computed_beside(&[false; 2], residuals)
     }
 
-    fn computed_by(sensors: &Sensors, residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
+    /// The same, with stand-ins for some sensors.
+    fn computed_beside(stands_in: &[bool], residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
         let mut random = Random::new(11);
         let mut normal = || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
         let mut window = Window::new(2);
@@ -170,9 +175,11 @@ mod tests {
             let [ram, own] = residuals(spool).map(|r| r + NOISE * normal());
             window.add(&[ram, spool + own], &[0.0, spool], &[1.0, 1.0]);
         }
-        let mut values = Vec::new();
-        Parity.compute(sensors, &window, &mut values);
-        values
+        let features = Parity.features(&sensors()).into_iter();
+        let names: Vec<String> = features.map(|feature| feature.name).collect();
+        let mut views = Views::new(sensors(), &names, 1).unwrap();
+        views.stand_in(stands_in);
+        views.compute(&window).unwrap()[0].clone()
     }
 
     #[test]
@@ -202,11 +209,9 @@ mod tests {
 
     #[test]
     fn where_something_stands_in_for_a_sensor_the_law_counts_as_kept() {
-        let mut sensors = sensors();
         let is_wrong = |spool: f64| [0.0, 0.2 * spool];
-        let known = computed_by(&sensors, is_wrong);
-        sensors.0[0].stands_in = true;
-        let unknown = computed_by(&sensors, is_wrong);
+        let known = computed(is_wrong);
+        let unknown = computed_beside(&[true, false], is_wrong);
         let noise = NOISE * libm::sqrt(1.0 + 36.0);
         assert_eq!([unknown[0], unknown[2], unknown[3]], [0.0; 3]);
         assert!((unknown[1] - libm::log10(noise)).abs() < 1e-3, "{}", unknown[1]);

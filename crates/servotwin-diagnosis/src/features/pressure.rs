@@ -5,9 +5,10 @@
 //! The ratios separate these cases at any intensity.
 
 use super::{
-    Family, Feature, Noise, Quantity, Sensors, Teaches, correlation, log_deviation, ratio,
+    Feature, Formulas, Noise, Quantity, Sensors, Teaches, correlation, log_deviation, ratio,
 };
-use crate::residual::Window;
+use crate::number::Number;
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -17,7 +18,7 @@ pub struct Pressure;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Spool];
 
-impl Family for Pressure {
+impl Formulas for Pressure {
     fn name(&self) -> &'static str {
         "pressure"
     }
@@ -56,16 +57,17 @@ impl Family for Pressure {
         features
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         for actuator in sensors.with(&NEEDED) {
             let [a, b, spool] =
                 NEEDED.map(|q| sensors.find(q, actuator).expect("an actuator with all"));
             let (var_a, var_b) = (window.covariance(a, a), window.covariance(b, b));
             let both = window.covariance(a, b);
-            let var_common = 0.25 * (var_a + var_b + 2.0 * both);
-            let var_differential = var_a + var_b - 2.0 * both;
+            let [quarter, half, two] = [0.25, 0.5, 2.0].map(W::Number::constant);
+            let var_common = quarter * (var_a + var_b + two * both);
+            let var_differential = var_a + var_b - two * both;
             let (mean_a, mean_b) = (window.mean(a), window.mean(b));
-            let common = 0.5 * (mean_a + mean_b);
+            let common = half * (mean_a + mean_b);
             let (with_a, with_b) =
                 (window.cross_covariance(a, spool), window.cross_covariance(b, spool));
             let var_spool = window.twin_covariance(spool, spool);
@@ -89,7 +91,7 @@ impl Family for Pressure {
                 correlation(both, [var_a, var_b], chambers),
                 deviation_common - deviation_differential,
                 with_spool(with_a - with_b, var_differential, noise_differential),
-                with_spool(0.5 * (with_a + with_b), var_common, noise_common),
+                with_spool(half * (with_a + with_b), var_common, noise_common),
                 ratio(window.mean(spool), common, error(&of_common)),
             ]);
         }

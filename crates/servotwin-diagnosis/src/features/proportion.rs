@@ -8,8 +8,8 @@
 //! spool. A clogged edge disturbs the spool and the chambers far more than the supply. This holds at any intensity: the
 //! logarithm of the ratio is the fault's direction without its size.
 
-use super::{Family, Feature, Quantity, Sensors, Teaches, log_deviation};
-use crate::residual::Window;
+use super::{Feature, Formulas, Quantity, Sensors, Teaches, log_deviation};
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec::Vec;
 
@@ -33,7 +33,7 @@ fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {
     (0..sensors.actuators()).flat_map(of_actuator)
 }
 
-impl Family for Proportion {
+impl Formulas for Proportion {
     fn name(&self) -> &'static str {
         "proportion"
     }
@@ -56,7 +56,7 @@ impl Family for Proportion {
         pairs(sensors).map(feature).collect()
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         let log_rms = |sensor: usize| {
             let mean = window.mean(sensor);
             let mean_square = mean * mean + window.covariance(sensor, sensor);

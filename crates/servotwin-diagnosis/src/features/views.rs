@@ -5,9 +5,50 @@
 
 use super::{Sensors, features, values_into};
 use crate::error::{Error, same_length};
-use crate::residual::Window;
+use crate::residual::{Statistics, Window};
 use alloc::vec;
 use alloc::vec::Vec;
+
+/// A window in a view, some of whose sensors have stand-in values.
+struct Seen<'w> {
+    window: &'w Window,
+    stands_in: &'w [bool],
+    /// The order of the sensors in the view; `None` for the own one.
+    order: Option<&'w [usize]>,
+}
+
+impl Statistics for Seen<'_> {
+    type Number = f64;
+
+    fn samples(&self) -> f64 {
+        self.window.samples()
+    }
+
+    fn mean(&self, sensor: usize) -> f64 {
+        self.window.mean(sensor)
+    }
+
+    fn twin_mean(&self, sensor: usize) -> f64 {
+        self.window.twin_mean(sensor)
+    }
+
+    fn covariance_of(&self, a: usize, b: usize) -> f64 {
+        self.window.covariance_of(a, b)
+    }
+
+    fn largest(&self, sensor: usize) -> f64 {
+        self.window.largest(sensor)
+    }
+
+    fn stands_in(&self, sensor: usize) -> f64 {
+        let place = self.order.map_or(sensor, |order| order[sensor]);
+        if self.stands_in[place] { 1.0 } else { 0.0 }
+    }
+
+    fn sensors(&self) -> usize {
+        self.window.sensors()
+    }
+}
 
 /// Computes feature rows from windows in preallocated memory.
 #[derive(Debug, Clone)]
@@ -69,12 +110,10 @@ impl Views {
             if let Some(order) = view.checked_sub(1).map(|place| &self.orders[place]) {
                 window.reorder_into(order, &mut self.moved);
             }
-            let seen = if view == 0 { window } else { &self.moved };
-            for (place, sensor) in self.sensors.0.iter_mut().enumerate() {
-                let here = if view == 0 { place } else { self.orders[view - 1][place] };
-                sensor.stands_in = self.stands_in[here];
-            }
-            values_into(&self.sensors, seen, &mut self.all);
+            let window = if view == 0 { window } else { &self.moved };
+            let order = view.checked_sub(1).map(|place| &*self.orders[place]);
+            let seen = Seen { window, stands_in: &self.stands_in, order };
+            values_into(&self.sensors, &seen, &mut self.all);
             for (value, &place) in row.iter_mut().zip(&self.places) {
                 *value = self.all[place];
             }

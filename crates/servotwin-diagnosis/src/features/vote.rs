@@ -4,10 +4,11 @@
 //! own disagreement is large. If all are large, the surface sensor errs.
 
 use super::{
-    Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
+    Feature, Formulas, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
     largest_other, log_deviation, name_of,
 };
-use crate::residual::Window;
+use crate::number::Number;
+use crate::residual::Statistics;
 use alloc::format;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -22,7 +23,7 @@ fn rams(sensors: &Sensors) -> Option<(super::LikeSensors, usize)> {
     (rams.count > 1).then_some((rams, surface))
 }
 
-impl Family for Vote {
+impl Formulas for Vote {
     fn name(&self) -> &'static str {
         "vote"
     }
@@ -73,17 +74,19 @@ impl Family for Vote {
         features
     }
 
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
         let Some((rams, surface)) = rams(sensors) else { return };
         let rams = rams.sensors();
-        let (mut sizes, mut deviations) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
+        let zeros = [W::Number::constant(0.0); MAX_ACTUATORS];
+        let (mut sizes, mut deviations) = (zeros, zeros);
         for (place, &ram) in rams.iter().enumerate() {
             let mean = window.mean(ram) - window.mean(surface);
             let both = window.covariance(ram, surface);
             let own = window.covariance(ram, ram) + window.covariance(surface, surface);
+            let two = W::Number::constant(2.0);
             let noise = sensors.noise(&[(ram, 1.0), (surface, -1.0)]);
             sizes[place] = mean.abs();
-            deviations[place] = log_deviation(own - 2.0 * both, noise);
+            deviations[place] = log_deviation(own - two * both, noise);
             values.extend([mean, deviations[place]]);
         }
         let (sizes, deviations) = (&sizes[..rams.len()], &deviations[..rams.len()]);

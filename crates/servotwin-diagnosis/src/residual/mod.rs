@@ -12,6 +12,9 @@
 //! ([`Window::absorb`]).
 
 mod merge;
+mod statistics;
+
+pub use statistics::Statistics;
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -219,8 +222,7 @@ impl Window {
 
     /// The paper's indicator (7): whether mean and standard deviation are inside their bands.
     pub fn no_deviation(&self, sensor: usize) -> bool {
-        self.mean(sensor).abs() < BAND
-            && self.covariance(sensor, sensor) < DEVIATION_BAND * DEVIATION_BAND
+        self.indicator(sensor) == 1.0
     }
 
     /// Whether any watched residual violates equation (7).

@@ -1,4 +1,4 @@
-//! A system as C: one printer with two dialects.
+//! A system as C: one printer with three dialects.
 //!
 //! Tracing the compiled program with [`Symbol`]s records its operations.
 //! `printer` turns such a trace into statements, and a dialect spells the single operation.
@@ -7,13 +7,16 @@
 //! |---|---|---|
 //! | [`write_equations`] | C99 for one number | simulators without Rust |
 //! | [`write_step`] | macros for the lanes of a register | the compiled step of the solver |
+//! | [`write_statements`] | C99 with hexadecimal literals | exported code that is proven |
 
 mod equations;
 mod helpers;
 mod printer;
+mod statements;
 mod step;
 
 pub use equations::{BadPrefix, write_equations};
+pub use statements::{hexadecimal, write_statements};
 pub use step::write_step;
 
 use crate::program::Program;

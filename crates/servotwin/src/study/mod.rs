@@ -751,7 +751,6 @@ impl Reader<'_> {
                 noise,
                 is_noisy: true,
                 follows: vec![],
-                stands_in: false,
             };
             self.named_apart(&at, &sensor, &seen);
             measured.push(position);
@@ -795,7 +794,6 @@ impl Reader<'_> {
             noise,
             is_noisy: true,
             follows: vec![],
-            stands_in: false,
         })
     }
 

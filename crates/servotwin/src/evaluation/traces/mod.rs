@@ -250,7 +250,6 @@ impl TraceStudy {
                 noise: 0.0,
                 is_noisy: false,
                 follows: vec![],
-                stands_in: false,
             })
         };
         Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, TraceError>>()?))

@@ -1,0 +1,114 @@
+//! `servotwin prove`: an export decides as its diagnoser was trained to.
+
+use super::progress::Stages;
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::json;
+use serde_json::{Value, json};
+use servotwin::evaluation::model_file;
+use servotwin_export::ExportError;
+use servotwin_export::folder::{Description, ExportFolder};
+use servotwin_export::prove::{Build, Evidence, Mutant, mutants, prove};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Compile an export and prove that it decides as it was trained.
+///
+/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
+/// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
+/// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The certificate
+/// proof.json is written beside the C files.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The folder of the export.
+    #[arg(value_name = "FOLDER", default_value = "export")]
+    folder: PathBuf,
+    /// The exported diagnoser, if it is no longer where it was.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// The duration of the samples through the whole chain, h.
+    #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = hours)]
+    hours: f64,
+    /// Also make this many mistakes in the C text, one at a time, and prove that each is found.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    mutants: usize,
+}
+
+fn hours(text: &str) -> Result<f64, String> {
+    let hours = text.parse().ok().filter(|hours: &f64| (0.0..=10_000.0).contains(hours));
+    hours.ok_or_else(|| "a number from 0 to 10000, such as 24".into())
+}
+
+/// Returns the text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let folder = ExportFolder::new(&options.folder);
+    let description = folder.description()?;
+    let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
+    let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
+    let files = folder.files(&diagnoser, &file)?;
+    let builds = Build::available();
+    let Some(first) = builds.first() else { return Err(ExportError::NoBuild.into()) };
+    let samples = (options.hours * 3600.0 / diagnoser.period_s).round() as u64;
+    let stages = Stages::new(global);
+    let show = |what: &str, done: u64, all: u64| stages.show(what, done as f64 / all.max(1) as f64);
+    show("comparing trees", 0, 1);
+    let evidence = prove(&diagnoser, &files, &builds, samples, &mut |done| {
+        show("comparing the whole chain", done, samples);
+    })?;
+    let mutants = mutants(&diagnoser, &files, first, (options.mutants, 1), &mut |done| {
+        show("making mistakes", done, options.mutants as u64);
+    })?;
+    stages.end();
+    let certificate = certificate(&description, &evidence, &mutants);
+    let path = folder.write_certificate(&certificate)?;
+    let is_proven = certificate["holds"] == true;
+    let output = match global {
+        Global { json: true, .. } => json(&certificate),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}{}\n", text_of(&evidence, &mutants), path.display()),
+    };
+    match is_proven {
+        true => Ok(output),
+        false => Err(Failure::NotProven { folder: options.folder.clone(), output }),
+    }
+}
+
+/// The certificate.
+fn certificate(description: &Description, evidence: &[Evidence], mutants: &[Mutant]) -> Value {
+    let survivors: Vec<&Mutant> = mutants.iter().filter(|mutant| !mutant.is_found).collect();
+    json!({
+        "holds": evidence.iter().all(Evidence::holds) && survivors.is_empty(),
+        "export": description,
+        "builds": evidence,
+        "mutants": mutants.len(),
+        "mutants_not_found": survivors,
+    })
+}
+
+/// The evidence for people.
+fn text_of(evidence: &[Evidence], mutants: &[Mutant]) -> String {
+    let mut text = String::new();
+    if let Some(first) = evidence.first() {
+        text += &format!(
+            "{} leaves, {} thresholds: {} rows; {} random rows; {} samples\n",
+            first.leaves, first.thresholds, first.rows, first.random_rows, first.samples
+        );
+        let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
+        text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
+    }
+    for build in evidence {
+        let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
+        text += &format!("  {verdict}  {}\n", build.command);
+        for difference in build.differences.iter().take(3) {
+            text += &format!("    {}: {}\n", difference.place, difference.what);
+        }
+        if build.leaves_not_reached > 0 {
+            text += &format!("    leaves not reached: {}\n", build.leaves_not_reached);
+        }
+    }
+    if !mutants.is_empty() {
+        let found = mutants.iter().filter(|mutant| mutant.is_found).count();
+        text += &format!("{found} of {} mistakes found\n", mutants.len());
+    }
+    text
+}

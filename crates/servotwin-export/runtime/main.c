@@ -1,0 +1,61 @@
+/*
+ * Reads samples from standard input and prints each change of the diagnosis. A line holds the inputs, the measured values
+ * and the values of the twin, separated by spaces; "nan" is a missing value.
+ */
+#include "servotwin_session.h"
+#include "servotwin_tables.h"
+
+#include <stdio.h>
+
+#define COLUMNS (SERVOTWIN_INPUTS + (2 * SERVOTWIN_SENSORS))
+
+static servotwin_session session;
+
+static const char *name_of(const char *const *names, int32_t place)
+{
+    return (place == SERVOTWIN_NONE) ? "-" : names[place];
+}
+
+static void print_outcome(const servotwin_outcome *outcome)
+{
+    static const char *const findings[] = {
+        "not judged", "healthy", "detected, not isolated", "actuator", "action", "detail", "unknown", "input invalid"
+    };
+    static const char *const alarms[] = { "normal", "pending", "raised", "recovering", "no data", "error" };
+    (void)printf("%.3f s: %s; actuator %s, action %s, detail %s; alarm %s; confidence %.4f\n",
+        (double)outcome->sample * servotwin_tuning.period_s, findings[outcome->finding],
+        name_of(servotwin_actuator_names, outcome->actuator), name_of(servotwin_action_names, outcome->action),
+        name_of(servotwin_detail_names, outcome->detail), alarms[outcome->alarm], outcome->confidence);
+}
+
+/* Reads one line of numbers; returns how many there were. */
+static int read_sample(double *values)
+{
+    int count = 0;
+    while ((count < COLUMNS) && (scanf("%lf", &values[count]) == 1)) {
+        count++;
+    }
+    return count;
+}
+
+int main(void)
+{
+    double values[COLUMNS];
+    int count = 0;
+    if (!servotwin_session_start(&session)) {
+        (void)fprintf(stderr, "this build fuses products and sums: compile with -ffp-contract=off\n");
+        return 1;
+    }
+    for (count = read_sample(values); count == COLUMNS; count = read_sample(values)) {
+        const servotwin_outcome *outcome = servotwin_session_push(
+            &session, values, &values[SERVOTWIN_INPUTS], &values[SERVOTWIN_INPUTS + SERVOTWIN_SENSORS]);
+        if (outcome->since_sample == outcome->sample) {
+            print_outcome(outcome);
+        }
+    }
+    if (count != 0) {
+        (void)fprintf(stderr, "the last line has %d of %d numbers\n", count, COLUMNS);
+        return 1;
+    }
+    return 0;
+}

@@ -1,0 +1,39 @@
+/*
+ * Doubt about a boundary sensor: a wrong supply or return pressure looks like a leak or a closed valve. A shutdown waits
+ * while a wrong reading explains all that the actuator shows, unless the residual follows the pressure drop of the line
+ * otherwise than in health, which only a fault does.
+ */
+#ifndef SERVOTWIN_BOUNDARY_H
+#define SERVOTWIN_BOUNDARY_H
+
+#include "servotwin_windows.h"
+
+/* Sums over windows of a residual r and the twin's signal y. */
+typedef struct {
+    double samples;
+    double windows; /* number of windows that share no sample */
+    double moments[3]; /* sums of r r, r y and y y */
+} servotwin_sums;
+
+typedef struct {
+    uint32_t deviating; /* consecutive windows in which the sensor next to the boundary deviated */
+    uint32_t explained; /* windows for which a wrong reading counts as an explanation */
+    servotwin_sums since; /* windows of the deviation */
+    servotwin_sums healthy; /* windows before it, none of which holds its onset */
+    servotwin_sums waiting; /* healthy windows that may hold an onset */
+    servotwin_sums filling;
+    uint32_t filled;
+} servotwin_doubt;
+
+void servotwin_doubt_clear(servotwin_doubt *doubt);
+
+/* Takes a new window of a length. */
+void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t length, const servotwin_window *window);
+
+/* Evidence that the deviation is a fault and no wrong reading, nats. */
+double servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary);
+
+/* Whether a wrong reading explains the present windows, and is still possible. */
+bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary);
+
+#endif

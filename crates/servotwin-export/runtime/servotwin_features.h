@@ -1,0 +1,10 @@
+/* The features that trees read of a window. */
+#ifndef SERVOTWIN_FEATURES_H
+#define SERVOTWIN_FEATURES_H
+
+#include "servotwin_windows.h"
+
+/* Writes SERVOTWIN_FEATURES numbers. `stands_in` is 1.0 for each sensor with a stand-in value, else 0.0. */
+void servotwin_features(const servotwin_window *window, const double *stands_in, double *row);
+
+#endif

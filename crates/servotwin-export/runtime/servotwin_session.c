@@ -1,0 +1,843 @@
+#include "servotwin_session.h"
+
+#include "servotwin_math.h"
+#include "servotwin_random.h"
+#include "servotwin_tables.h"
+
+#include <float.h>
+#include <math.h>
+
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+/* Upper limit of residuals and twin signals in parts of scale; larger ones are no measurements. */
+#define PLAUSIBLE 1e6
+
+/* The bits of the usual NaN, which no plausible input has. */
+#define BITS_OF_MISSING 0x7ff8000000000000U
+
+static bool is_missing(double value)
+{
+    return value != value;
+}
+
+/* ---- The alarm: what may be raised, what is raised, and what is off. ---- */
+
+static bool is_masked(const servotwin_session *session, int32_t actuator)
+{
+    return session->is_off[actuator] || session->is_inhibited[actuator];
+}
+
+static bool switches_off(int32_t action)
+{
+    return servotwin_switches_off[action] != 0U;
+}
+
+static bool is_latched(const servotwin_session *session)
+{
+    const servotwin_raised *raised = &session->outcome.raised;
+    return raised->is_raised && switches_off(raised->action);
+}
+
+static void drop_raised(servotwin_session *session)
+{
+    session->outcome.raised.is_raised = false;
+    session->is_recovering = false;
+}
+
+static void drop_raised_of(servotwin_session *session, int32_t actuator)
+{
+    if (session->outcome.raised.is_raised && (session->outcome.raised.actuator == actuator)) {
+        drop_raised(session);
+    }
+}
+
+/*
+ * Whether a hypothesis may be raised at all. For a shutdown, enough other actuators must be on and never have been claimed
+ * off, and no other actuator may have an alarm.
+ */
+static bool allows(const servotwin_session *session, int32_t claim)
+{
+    const int32_t actuator = servotwin_actuator_of(claim);
+    int32_t others = 0;
+    for (int32_t other = 0; other < SERVOTWIN_ACTUATORS; other++) {
+        if ((other != actuator) && !session->is_off[other] && !session->was_claimed_off[other]) {
+            others++;
+        }
+    }
+    const bool is_another_raised = session->outcome.raised.is_raised && (session->outcome.raised.actuator != actuator);
+    const bool may_switch_off = (others >= servotwin_tuning.least_on) && !is_another_raised;
+    return !is_masked(session, actuator) && (!switches_off(servotwin_action_of(claim)) || may_switch_off);
+}
+
+/* Raises an allowed action, or updates the raised one. A latched alarm gives way to no other. */
+static void raise_action(servotwin_session *session, const servotwin_raised *candidate)
+{
+    servotwin_raised *raised = &session->outcome.raised;
+    const int32_t claim = servotwin_hypothesis_of(candidate->actuator, candidate->action);
+    if (raised->is_raised && (raised->actuator == candidate->actuator) && (raised->action == candidate->action)) {
+        if (candidate->detail != SERVOTWIN_NONE) {
+            raised->detail = candidate->detail;
+        }
+        raised->length = candidate->length;
+        raised->confidence = candidate->confidence;
+    } else if (!is_latched(session) && allows(session, claim)) {
+        *raised = *candidate;
+        session->was_claimed_off[candidate->actuator] =
+            session->was_claimed_off[candidate->actuator] || switches_off(candidate->action);
+    } else {
+        /* The raised action stays. */
+    }
+    session->is_recovering = false;
+}
+
+/* Without evidence for long enough, an alarm that is not latched ends. */
+static void hold(servotwin_session *session, bool has_evidence)
+{
+    if (has_evidence || !session->outcome.raised.is_raised || is_latched(session)) {
+        session->is_recovering = false;
+    } else {
+        if (!session->is_recovering) {
+            session->is_recovering = true;
+            session->recovering_since = session->outcome.sample;
+        }
+        if ((session->outcome.sample - session->recovering_since) >= servotwin_tuning.recover_samples) {
+            drop_raised(session);
+        }
+    }
+}
+
+/* ---- What is said. ---- */
+
+static bool is_same_finding(const servotwin_outcome *a, const servotwin_outcome *b)
+{
+    return (a->finding == b->finding) && (a->alarm == b->alarm) && (a->actuator == b->actuator)
+        && (a->action == b->action) && (a->detail == b->detail) && (a->input == b->input) && (a->why == b->why);
+}
+
+/* A finding without parts. */
+static servotwin_outcome finding_of(servotwin_finding finding, servotwin_alarm alarm)
+{
+    servotwin_outcome said;
+    said.finding = finding;
+    said.alarm = alarm;
+    said.actuator = SERVOTWIN_NONE;
+    said.action = SERVOTWIN_NONE;
+    said.detail = SERVOTWIN_NONE;
+    said.input = SERVOTWIN_NONE;
+    said.why = SERVOTWIN_MISSING;
+    return said;
+}
+
+/* Copies finding and alarm. */
+static void say(servotwin_session *session, const servotwin_outcome *said)
+{
+    servotwin_outcome *outcome = &session->outcome;
+    if (!is_same_finding(outcome, said)) {
+        outcome->since_sample = outcome->sample;
+    }
+    outcome->finding = said->finding;
+    outcome->alarm = said->alarm;
+    outcome->actuator = said->actuator;
+    outcome->action = said->action;
+    outcome->detail = said->detail;
+    outcome->input = said->input;
+    outcome->why = said->why;
+    if ((said->finding == SERVOTWIN_UNJUDGED) || (said->finding == SERVOTWIN_ENVIRONMENT_INVALID)) {
+        outcome->confidence = 0.0;
+        outcome->length = SERVOTWIN_NONE;
+        outcome->worst_sensor = SERVOTWIN_NONE;
+        outcome->worst = 0.0;
+    }
+}
+
+static void say_unjudged(servotwin_session *session, servotwin_alarm alarm)
+{
+    const servotwin_outcome said = finding_of(SERVOTWIN_UNJUDGED, alarm);
+    say(session, &said);
+}
+
+/* The alarm state of the raised action, or of none. */
+static servotwin_alarm own_alarm(const servotwin_session *session, bool is_pending)
+{
+    servotwin_alarm alarm = is_pending ? SERVOTWIN_PENDING : SERVOTWIN_NORMAL;
+    if (session->outcome.raised.is_raised) {
+        alarm = session->is_recovering ? SERVOTWIN_RECOVERING : SERVOTWIN_RAISED;
+    }
+    return alarm;
+}
+
+/* ---- Starting again. ---- */
+
+static void clear_windows(servotwin_session *session)
+{
+    for (int32_t stream = 0; stream < 2; stream++) {
+        servotwin_stream_clear(&session->streams[stream], session->rings, &servotwin_stream_plans[stream]);
+    }
+    servotwin_baseline_clear(&session->baseline);
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        servotwin_evidence_clear(&session->evidence[length]);
+        servotwin_forget(&session->judgements[length]);
+        for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
+            servotwin_doubt_clear(&session->doubts[length][boundary]);
+        }
+    }
+    session->has_judged = false;
+}
+
+/* Starts again with a twin that must settle first. A raised action stays. */
+static void restart(servotwin_session *session)
+{
+    clear_windows(session);
+    session->settling = servotwin_tuning.settle_samples;
+    say_unjudged(session, session->outcome.raised.is_raised ? SERVOTWIN_RAISED : SERVOTWIN_NORMAL);
+}
+
+bool servotwin_session_start(servotwin_session *session)
+{
+    session->samples = 0U;
+    session->settling = 0U;
+    session->gap = 0U;
+    for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
+        session->last_input[input] = BITS_OF_MISSING;
+        session->repeats[input] = 0U;
+    }
+    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+        session->is_taken_out[sensor] = false;
+        session->is_lost[sensor] = false;
+        session->against[sensor] = 0U;
+        session->stands_in[sensor] = false;
+        session->measured[sensor] = 0.0;
+        session->corrected[sensor] = 0.0;
+    }
+    for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+        session->is_off[actuator] = false;
+        session->was_claimed_off[actuator] = false;
+        session->is_inhibited[actuator] = false;
+    }
+    session->recovering_since = 0U;
+    session->outcome = finding_of(SERVOTWIN_UNJUDGED, SERVOTWIN_NORMAL);
+    session->outcome.sample = 0U;
+    session->outcome.since_sample = 0U;
+    session->outcome.confidence = 0.0;
+    session->outcome.length = SERVOTWIN_NONE;
+    session->outcome.worst_sensor = SERVOTWIN_NONE;
+    session->outcome.worst = 0.0;
+    session->outcome.lost = 0;
+    session->outcome.raised.actuator = SERVOTWIN_NONE;
+    session->outcome.raised.action = SERVOTWIN_NONE;
+    session->outcome.raised.detail = SERVOTWIN_NONE;
+    session->outcome.raised.sample = 0U;
+    session->outcome.raised.length = SERVOTWIN_NONE;
+    session->outcome.raised.confidence = 0.0;
+    drop_raised(session);
+    clear_windows(session);
+    return servotwin_rounds_twice() != 0;
+}
+
+void servotwin_session_switched_off(servotwin_session *session, int32_t actuator)
+{
+    session->is_off[actuator] = true;
+    session->was_claimed_off[actuator] = true;
+    drop_raised_of(session, actuator);
+    restart(session);
+}
+
+void servotwin_session_release(servotwin_session *session, int32_t actuator)
+{
+    session->is_off[actuator] = false;
+    session->was_claimed_off[actuator] = false;
+    drop_raised_of(session, actuator);
+    restart(session);
+}
+
+void servotwin_session_inhibit(servotwin_session *session, int32_t actuator, bool is_inhibited)
+{
+    session->is_inhibited[actuator] = is_inhibited;
+    if (is_inhibited) {
+        drop_raised_of(session, actuator);
+    }
+    restart(session);
+}
+
+void servotwin_session_take_out(servotwin_session *session, int32_t sensor, bool is_out)
+{
+    session->is_taken_out[sensor] = is_out;
+    restart(session);
+}
+
+/* ---- Inputs. ---- */
+
+static bool is_within(double value, double least, double largest)
+{
+    return (value >= least) && (value <= largest);
+}
+
+static bool is_frozen(servotwin_session *session, int32_t input, double value)
+{
+    const uint64_t bits = servotwin_bits_of(value);
+    const uint32_t limit = servotwin_inputs[input].frozen_after;
+    if (session->last_input[input] != bits) {
+        session->repeats[input] = 0U;
+    } else if (session->repeats[input] < UINT32_MAX) {
+        session->repeats[input]++;
+    } else {
+        /* It has been the same for over a year. */
+    }
+    session->last_input[input] = bits;
+    return (limit > 0U) && (session->repeats[input] >= limit);
+}
+
+/* Checks all inputs; writes the first implausible one. */
+static bool is_plausible(servotwin_session *session, const double *inputs, servotwin_outcome *said)
+{
+    bool holds = true;
+    for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
+        const double value = inputs[input];
+        const bool frozen = is_frozen(session, input, value);
+        servotwin_why why = SERVOTWIN_FROZEN;
+        bool is_wrong = frozen;
+        if (is_missing(value)) {
+            why = SERVOTWIN_MISSING;
+            is_wrong = true;
+        } else if (fabs(value) > DBL_MAX) {
+            why = SERVOTWIN_NOT_FINITE;
+            is_wrong = true;
+        } else if (!is_within(value, servotwin_inputs[input].least, servotwin_inputs[input].largest)) {
+            why = SERVOTWIN_OUT_OF_RANGE;
+            is_wrong = true;
+        } else {
+            /* Frozen, or in order. */
+        }
+        if (is_wrong && holds) {
+            holds = false;
+            said->input = input;
+            said->why = why;
+        }
+    }
+    for (int32_t i = 0; (i < SERVOTWIN_DIFFERENCES) && holds; i++) {
+        const servotwin_difference *difference = &servotwin_differences[i];
+        const double value = inputs[difference->of] - inputs[difference->minus];
+        if (!is_within(value, difference->least, difference->largest)) {
+            holds = false;
+            said->input = difference->of;
+            said->why = SERVOTWIN_CONTRADICTS;
+        }
+    }
+    return holds;
+}
+
+/* Handles an implausible input: what the twin says since then means nothing. */
+static void distrust(servotwin_session *session, const servotwin_outcome *said)
+{
+    servotwin_outcome whole = *said;
+    whole.alarm = session->outcome.alarm;
+    if (!is_same_finding(&session->outcome, &whole) || session->has_judged) {
+        restart(session);
+    }
+    session->settling = servotwin_tuning.settle_samples;
+    whole.alarm = (said->why == SERVOTWIN_MISSING) ? SERVOTWIN_NO_DATA : SERVOTWIN_ERROR;
+    say(session, &whole);
+}
+
+/* ---- Sensors. ---- */
+
+typedef enum { USABLE, MISSING_VALUE, WRONG_VALUE } usability;
+
+static usability usability_of(double value, double expected, double scale)
+{
+    usability result = USABLE;
+    const double difference = value - expected;
+    if (is_missing(value)) {
+        result = MISSING_VALUE;
+    } else if (fabs(difference / scale) > PLAUSIBLE) {
+        result = WRONG_VALUE;
+    } else {
+        /* It is a measurement. */
+    }
+    return result;
+}
+
+/* Counts a sample with or without a usable value of a sensor. */
+static void notice(servotwin_session *session, int32_t sensor, bool is_there)
+{
+    if (is_there != session->is_lost[sensor]) {
+        session->against[sensor] = 0U;
+    } else {
+        const uint32_t limit =
+            session->is_lost[sensor] ? servotwin_tuning.until_back_samples : servotwin_tuning.until_lost_samples;
+        session->against[sensor]++;
+        if (session->against[sensor] >= limit) {
+            session->is_lost[sensor] = !session->is_lost[sensor];
+            session->against[sensor] = 0U;
+        }
+    }
+}
+
+/* The twin's value with the noise of a healthy sensor. */
+static double stand_in(const servotwin_session *session, int32_t sensor, double expected)
+{
+    const double scaled = servotwin_sensors[sensor].scale * servotwin_sensors[sensor].stand_in_noise;
+    const double noise = scaled * servotwin_normal((uint64_t)sensor, session->samples);
+    return expected + noise;
+}
+
+/* Counts the lost sensors. When one comes back, windows without it are cleared. */
+static void count_lost(servotwin_session *session)
+{
+    int32_t lost = 0;
+    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+        if (session->is_lost[sensor]) {
+            lost++;
+        }
+    }
+    if (lost < session->outcome.lost) {
+        clear_windows(session);
+    }
+    session->outcome.lost = lost;
+}
+
+/* Whether most sensors of an actuator, or of all for SERVOTWIN_NONE, are lost. */
+static bool has_lost_most(const servotwin_session *session, int32_t actuator)
+{
+    int32_t count = 0;
+    int32_t lost = 0;
+    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+        if ((actuator == SERVOTWIN_NONE) || (servotwin_sensors[sensor].actuator == actuator)) {
+            count++;
+            if (session->is_lost[sensor]) {
+                lost++;
+            }
+        }
+    }
+    return (double)lost > (servotwin_tuning.most_lost * (double)count);
+}
+
+static bool is_blind(const servotwin_session *session)
+{
+    bool blind = has_lost_most(session, SERVOTWIN_NONE);
+    for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+        blind = blind || has_lost_most(session, actuator);
+    }
+    return blind;
+}
+
+/* Checks the values and copies them, with stand-ins for masked and lost sensors. */
+static usability copy_measured(servotwin_session *session, const double *measured, const double *twin)
+{
+    usability all = USABLE;
+    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+        const servotwin_sensor *known = &servotwin_sensors[sensor];
+        const double expected = twin[sensor];
+        const bool is_sound = (fabs(expected / known->scale) <= PLAUSIBLE);
+        const bool is_out = session->is_taken_out[sensor]
+            || ((known->actuator != SERVOTWIN_NONE) && is_masked(session, known->actuator));
+        double value = measured[sensor];
+        if (is_out) {
+            session->is_lost[sensor] = false;
+            session->against[sensor] = 0U;
+        } else if (is_sound) {
+            notice(session, sensor, usability_of(value, expected, known->scale) == USABLE);
+        } else {
+            /* Nobody knows what the value should be. */
+        }
+        session->stands_in[sensor] = is_out || session->is_lost[sensor];
+        if (session->stands_in[sensor]) {
+            value = stand_in(session, sensor, expected);
+        }
+        if (!is_sound) {
+            all = WRONG_VALUE;
+        } else if (all == USABLE) {
+            all = usability_of(value, expected, known->scale);
+        } else {
+            /* One sensor is enough. */
+        }
+        session->measured[sensor] = value;
+    }
+    count_lost(session);
+    if ((all == USABLE) && (session->outcome.lost > 0) && is_blind(session)) {
+        all = MISSING_VALUE;
+    }
+    return all;
+}
+
+/* Handles a sample without usable values. A few are only counted; more clear the windows. */
+static void lack(servotwin_session *session, servotwin_alarm alarm)
+{
+    const uint32_t limit = servotwin_tuning.until_lost_samples;
+    if (session->gap < UINT32_MAX) {
+        session->gap++;
+    }
+    if (session->gap >= limit) {
+        if (session->has_judged || (session->gap == limit)) {
+            clear_windows(session);
+        }
+        say_unjudged(session, alarm);
+    }
+}
+
+/* ---- Decision. ---- */
+
+static double margin(const servotwin_session *session, int32_t length, int32_t claim)
+{
+    return servotwin_margin(&session->evidence[length], length, claim);
+}
+
+/* Whether an actuator may be accused: all other judged actuators have all their sensors. */
+static bool is_comparable(const servotwin_session *session, int32_t actuator)
+{
+    bool holds = true;
+    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+        const int32_t own = servotwin_sensors[sensor].actuator;
+        const bool is_elsewhere = (own != actuator) && ((own == SERVOTWIN_NONE) || !is_masked(session, own));
+        holds = holds && !(is_elsewhere && (session->is_taken_out[sensor] || session->is_lost[sensor]));
+    }
+    return holds;
+}
+
+/* The input whose wrong reading would explain all that an actuator shows; SERVOTWIN_NONE if there is none. */
+static int32_t doubtful_input(const servotwin_session *session, int32_t actuator)
+{
+    int32_t input = SERVOTWIN_NONE;
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
+            const servotwin_boundary *known = &servotwin_boundaries[boundary];
+            if ((input == SERVOTWIN_NONE) && (servotwin_sensors[known->sensor].actuator == actuator)
+                && servotwin_is_doubtful(&session->doubts[length][boundary], boundary)) {
+                input = known->input;
+            }
+        }
+    }
+    return input;
+}
+
+/* The input that a shutdown waits for. */
+static int32_t doubtful_shutdown(const servotwin_session *session, int32_t claim)
+{
+    return switches_off(servotwin_action_of(claim)) ? doubtful_input(session, servotwin_actuator_of(claim))
+                                                    : SERVOTWIN_NONE;
+}
+
+/* The doubtful input of a shutdown for which there would be enough evidence. */
+static int32_t withheld_input(const servotwin_session *session)
+{
+    int32_t input = SERVOTWIN_NONE;
+    for (int32_t claim = 1; claim < SERVOTWIN_HYPOTHESES; claim++) {
+        bool is_claimed = false;
+        for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+            is_claimed = is_claimed || (margin(session, length, claim) >= 1.0);
+        }
+        if (is_claimed && (input == SERVOTWIN_NONE)) {
+            input = doubtful_shutdown(session, claim);
+        }
+    }
+    return input;
+}
+
+/* Whether another length claims another actuator, or a longer one another action. */
+static bool is_contradicted(const servotwin_session *session, int32_t length, int32_t claim)
+{
+    bool contradicted = false;
+    for (int32_t other = 0; other < SERVOTWIN_LENGTHS; other++) {
+        const bool is_longer = session->rings[other].window.samples > session->rings[length].window.samples;
+        for (int32_t rival = 1; rival < SERVOTWIN_HYPOTHESES; rival++) {
+            const bool is_elsewhere = servotwin_actuator_of(rival) != servotwin_actuator_of(claim);
+            if ((other != length) && (rival != claim) && (is_elsewhere || is_longer)) {
+                contradicted = contradicted || (margin(session, other, rival) >= 1.0);
+            }
+        }
+    }
+    return contradicted;
+}
+
+static bool may_raise(const servotwin_session *session, int32_t length, int32_t claim)
+{
+    return allows(session, claim) && is_comparable(session, servotwin_actuator_of(claim))
+        && servotwin_agrees_on(&session->judgements[length], length, claim)
+        && (servotwin_evidence_of_unknown(&session->evidence[length], length) < 1.0)
+        && !is_contradicted(session, length, claim) && (doubtful_shutdown(session, claim) == SERVOTWIN_NONE);
+}
+
+/* The hypothesis that a new window raises: of the longest window first, then the one with the largest margin. */
+static bool find_candidate(const servotwin_session *session, servotwin_raised *candidate)
+{
+    bool is_found = false;
+    int32_t best_samples = 0;
+    double best_margin = 0.0;
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        const int32_t samples = session->rings[length].window.samples;
+        for (int32_t claim = 1; claim < SERVOTWIN_HYPOTHESES; claim++) {
+            const double own = margin(session, length, claim);
+            const bool is_better =
+                !is_found || (samples > best_samples) || ((samples == best_samples) && (own > best_margin));
+            if (session->rings[length].has_ended && (own >= 1.0) && is_better && may_raise(session, length, claim)) {
+                const servotwin_judgement *judgement = &session->judgements[length];
+                is_found = true;
+                best_samples = samples;
+                best_margin = own;
+                candidate->actuator = servotwin_actuator_of(claim);
+                candidate->action = servotwin_action_of(claim);
+                candidate->detail = servotwin_agreed_detail(judgement);
+                candidate->length = length;
+                candidate->confidence = judgement->probabilities[claim];
+            }
+        }
+    }
+    candidate->is_raised = is_found;
+    candidate->sample = session->outcome.sample;
+    return is_found;
+}
+
+/* Whether any length still has some evidence for the raised action. */
+static bool has_evidence(const servotwin_session *session)
+{
+    const servotwin_raised *raised = &session->outcome.raised;
+    bool has = false;
+    if (raised->is_raised) {
+        const int32_t claim = servotwin_hypothesis_of(raised->actuator, raised->action);
+        for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+            has = has || (margin(session, length, claim) >= servotwin_tuning.pending_share);
+        }
+    }
+    return has;
+}
+
+/* The actuator that at least one length is sure of, unless two disagree; returns that length, or SERVOTWIN_NONE. */
+static int32_t find_actuator(const servotwin_session *session, servotwin_outcome *said)
+{
+    int32_t found = SERVOTWIN_NONE;
+    int32_t found_by = SERVOTWIN_NONE;
+    bool disagree = false;
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+            if (is_comparable(session, actuator)
+                && (servotwin_margin_of_actuator(&session->evidence[length], length, actuator) >= 1.0)) {
+                disagree = disagree || ((found != SERVOTWIN_NONE) && (found != actuator));
+                if (found == SERVOTWIN_NONE) {
+                    found = actuator;
+                    found_by = length;
+                }
+            }
+        }
+    }
+    if ((found != SERVOTWIN_NONE) && !disagree) {
+        said->finding = SERVOTWIN_ACTUATOR;
+        said->actuator = found;
+    } else {
+        found_by = SERVOTWIN_NONE;
+    }
+    return found_by;
+}
+
+/* The first length whose evidence reaches its limit; SERVOTWIN_NONE if there is none. */
+static int32_t first_over(
+    const servotwin_session *session, double (*evidence_of)(const servotwin_evidence *evidence, int32_t length))
+{
+    int32_t found = SERVOTWIN_NONE;
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        if ((found == SERVOTWIN_NONE) && (evidence_of(&session->evidence[length], length) >= 1.0)) {
+            found = length;
+        }
+    }
+    return found;
+}
+
+/* Writes the finding without a raised action; returns the length that found it. */
+static int32_t find_without_action(const servotwin_session *session, servotwin_outcome *said)
+{
+    int32_t length = first_over(session, servotwin_evidence_of_unknown);
+    if (length != SERVOTWIN_NONE) {
+        said->finding = SERVOTWIN_UNKNOWN;
+    } else {
+        length = find_actuator(session, said);
+    }
+    if (length == SERVOTWIN_NONE) {
+        length = first_over(session, servotwin_evidence_of_change);
+        said->finding = (length != SERVOTWIN_NONE) ? SERVOTWIN_DETECTED : SERVOTWIN_NO_FAULT;
+    }
+    for (int32_t first = 0; (first < SERVOTWIN_LENGTHS) && (length == SERVOTWIN_NONE); first++) {
+        if (session->judgements[first].has_judged) {
+            length = first;
+        }
+    }
+    return (length == SERVOTWIN_NONE) ? 0 : length;
+}
+
+static double probability_of_actuator(const servotwin_judgement *judgement, int32_t actuator)
+{
+    double sum = -0.0;
+    for (int32_t action = 0; action < SERVOTWIN_ACTIONS; action++) {
+        sum = sum + judgement->probabilities[servotwin_hypothesis_of(actuator, action)];
+    }
+    return sum;
+}
+
+/* Says a finding of a length with its confidence. */
+static void tell(servotwin_session *session, const servotwin_outcome *said, int32_t length)
+{
+    const servotwin_judgement *judgement = &session->judgements[length];
+    servotwin_outcome *outcome = &session->outcome;
+    say(session, said);
+    switch (said->finding) {
+    case SERVOTWIN_NO_FAULT:
+        outcome->confidence = judgement->probabilities[SERVOTWIN_HEALTHY];
+        break;
+    case SERVOTWIN_DETECTED:
+    case SERVOTWIN_UNKNOWN:
+        outcome->confidence = 1.0 - judgement->probabilities[SERVOTWIN_HEALTHY];
+        break;
+    case SERVOTWIN_ACTUATOR:
+        outcome->confidence = probability_of_actuator(judgement, said->actuator);
+        break;
+    case SERVOTWIN_ACTION:
+    case SERVOTWIN_DETAIL:
+        outcome->confidence = outcome->raised.confidence;
+        break;
+    case SERVOTWIN_UNJUDGED:
+    case SERVOTWIN_ENVIRONMENT_INVALID:
+    default:
+        outcome->confidence = 0.0;
+        break;
+    }
+    outcome->length = length;
+    if (judgement->has_judged) {
+        outcome->worst_sensor = judgement->worst_sensor;
+        outcome->worst = judgement->worst;
+    }
+}
+
+static bool is_any_pending(const servotwin_session *session)
+{
+    bool is_pending = false;
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        const double change = servotwin_evidence_of_change(&session->evidence[length], length);
+        const double unknown = servotwin_evidence_of_unknown(&session->evidence[length], length);
+        const double most = (change > unknown) ? change : unknown;
+        is_pending = is_pending || (most >= servotwin_tuning.pending_share);
+    }
+    return is_pending;
+}
+
+/* Raises, holds or drops an action, and updates the finding. */
+static void decide(servotwin_session *session)
+{
+    const int32_t withheld = withheld_input(session);
+    servotwin_raised candidate = session->outcome.raised;
+    if (find_candidate(session, &candidate)) {
+        raise_action(session, &candidate);
+    } else {
+        hold(session, has_evidence(session));
+    }
+    const servotwin_raised *raised = &session->outcome.raised;
+    servotwin_outcome said = finding_of(SERVOTWIN_NO_FAULT, own_alarm(session, is_any_pending(session)));
+    int32_t length = 0;
+    if (raised->is_raised) {
+        said.finding = (raised->detail != SERVOTWIN_NONE) ? SERVOTWIN_DETAIL : SERVOTWIN_ACTION;
+        said.actuator = raised->actuator;
+        said.action = raised->action;
+        said.detail = raised->detail;
+        length = raised->length;
+    } else if (withheld != SERVOTWIN_NONE) {
+        said.finding = SERVOTWIN_ENVIRONMENT_INVALID;
+        said.input = withheld;
+        said.why = SERVOTWIN_DOUBTFUL;
+    } else {
+        length = find_without_action(session, &said);
+    }
+    tell(session, &said, length);
+}
+
+/* ---- A sample. ---- */
+
+static void judge_windows(servotwin_session *session)
+{
+    bool masked[SERVOTWIN_ACTUATORS];
+    for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+        masked[actuator] = is_masked(session, actuator);
+    }
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        const servotwin_ring *ring = &session->rings[length];
+        if (ring->has_ended && servotwin_is_full(ring, length)) {
+            servotwin_judgement *judgement = &session->judgements[length];
+            servotwin_judge(judgement, &session->scratch, length, &ring->window, masked, session->stands_in);
+            servotwin_evidence_take(&session->evidence[length], length, judgement);
+            session->has_judged = true;
+            for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
+                servotwin_doubt_take(&session->doubts[length][boundary], boundary, length, &ring->window);
+            }
+        }
+    }
+}
+
+/* Adds the sample to all windows; says whether any is complete. */
+static bool add_to_windows(servotwin_session *session, const double *twin)
+{
+    const bool is_trusted = (session->outcome.alarm == SERVOTWIN_NORMAL);
+    bool has_new = servotwin_stream_add(
+        &session->streams[0], session->rings, &servotwin_stream_plans[0], session->measured, twin);
+    if (servotwin_stream_plans[1].lengths > 0) {
+        const bool is_settled = servotwin_baseline_is_settled(&session->baseline);
+        if (!is_settled || is_trusted) {
+            servotwin_baseline_learn(&session->baseline, session->measured, twin);
+        }
+        if (is_settled) {
+            for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+                const double mean = session->stands_in[sensor] ? 0.0 : session->baseline.means[sensor];
+                session->corrected[sensor] = session->measured[sensor] - mean;
+            }
+            const bool has_corrected = servotwin_stream_add(
+                &session->streams[1], session->rings, &servotwin_stream_plans[1], session->corrected, twin);
+            has_new = has_new || has_corrected;
+        }
+    }
+    return has_new;
+}
+
+static void take_sample(servotwin_session *session, const double *twin)
+{
+    const bool is_lacking =
+        (session->outcome.alarm == SERVOTWIN_NO_DATA) || (session->outcome.alarm == SERVOTWIN_ERROR);
+    session->gap = 0U;
+    if (session->settling > 0U) {
+        session->settling--;
+        say_unjudged(session, own_alarm(session, false));
+    } else {
+        const bool has_new = add_to_windows(session, twin);
+        if (has_new) {
+            judge_windows(session);
+        }
+        if (has_new && session->has_judged) {
+            decide(session);
+        } else if (is_lacking || !session->has_judged) {
+            say_unjudged(session, own_alarm(session, false));
+        } else {
+            /* What was found stays. */
+        }
+    }
+}
+
+const servotwin_outcome *servotwin_session_push(
+    servotwin_session *session, const double *inputs, const double *measured, const double *twin)
+{
+    servotwin_outcome invalid = finding_of(SERVOTWIN_ENVIRONMENT_INVALID, SERVOTWIN_NORMAL);
+    session->outcome.sample = session->samples;
+    session->samples++;
+    if (!is_plausible(session, inputs, &invalid)) {
+        distrust(session, &invalid);
+    } else {
+        switch (copy_measured(session, measured, twin)) {
+        case USABLE:
+            take_sample(session, twin);
+            break;
+        case MISSING_VALUE:
+            lack(session, SERVOTWIN_NO_DATA);
+            break;
+        case WRONG_VALUE:
+        default:
+            lack(session, SERVOTWIN_ERROR);
+            break;
+        }
+    }
+    return &session->outcome;
+}

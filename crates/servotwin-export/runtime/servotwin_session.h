@@ -1,0 +1,123 @@
+/*
+ * A running diagnosis: one call for each sample. All state is in one struct, so there may be several. Nothing is allocated,
+ * and every call ends after a bounded number of steps.
+ *
+ * Measured and twin values are in SI units, in the order of servotwin_sensors; NaN is a missing value. Inputs are in the
+ * order of servotwin_inputs.
+ */
+#ifndef SERVOTWIN_SESSION_H
+#define SERVOTWIN_SESSION_H
+
+#include "servotwin_boundary.h"
+#include "servotwin_decision.h"
+
+typedef enum {
+    SERVOTWIN_UNJUDGED, /* too few samples, or the twin is settling */
+    SERVOTWIN_NO_FAULT,
+    SERVOTWIN_DETECTED, /* a deviation of unclear cause */
+    SERVOTWIN_ACTUATOR, /* a fault in an actuator, but the action is unclear */
+    SERVOTWIN_ACTION,
+    SERVOTWIN_DETAIL,
+    SERVOTWIN_UNKNOWN, /* a deviation that resembles no training data */
+    SERVOTWIN_ENVIRONMENT_INVALID /* an input is implausible */
+} servotwin_finding;
+
+typedef enum {
+    SERVOTWIN_MISSING,
+    SERVOTWIN_NOT_FINITE,
+    SERVOTWIN_OUT_OF_RANGE,
+    SERVOTWIN_FROZEN,
+    SERVOTWIN_CONTRADICTS,
+    SERVOTWIN_DOUBTFUL /* a wrong reading would explain all deviations, and so would a fault */
+} servotwin_why;
+
+typedef enum {
+    SERVOTWIN_NORMAL,
+    SERVOTWIN_PENDING, /* there is evidence, but not enough for an action */
+    SERVOTWIN_RAISED,
+    SERVOTWIN_RECOVERING, /* the evidence for the raised action has ended */
+    SERVOTWIN_NO_DATA,
+    SERVOTWIN_ERROR
+} servotwin_alarm;
+
+typedef struct {
+    bool is_raised; /* the other members have a meaning */
+    int32_t actuator;
+    int32_t action;
+    int32_t detail; /* or SERVOTWIN_NONE */
+    uint64_t sample; /* the sample that raised it */
+    int32_t length; /* the window length that confirmed it last, and its probability then */
+    double confidence;
+} servotwin_raised;
+
+/* The result after a sample. */
+typedef struct {
+    uint64_t sample;
+    uint64_t since_sample; /* since when finding and alarm are these */
+    servotwin_finding finding;
+    int32_t actuator; /* of the finding; here and below SERVOTWIN_NONE where it has none */
+    int32_t action;
+    int32_t detail;
+    int32_t input; /* the implausible input */
+    servotwin_why why;
+    servotwin_alarm alarm;
+    servotwin_raised raised;
+    double confidence; /* probability of the finding */
+    int32_t length; /* the window length that found it */
+    int32_t worst_sensor; /* the largest residual, in parts of its band */
+    double worst;
+    int32_t lost; /* number of lost sensors */
+} servotwin_outcome;
+
+typedef struct {
+    uint64_t samples;
+    uint32_t settling; /* samples that are not judged, because the twin settles */
+    uint32_t gap; /* consecutive samples without usable values */
+    bool has_judged;
+    /* Inputs. */
+    uint64_t last_input[SERVOTWIN_INPUTS]; /* bits */
+    uint32_t repeats[SERVOTWIN_INPUTS];
+    /* Sensors. */
+    bool is_taken_out[SERVOTWIN_SENSORS];
+    bool is_lost[SERVOTWIN_SENSORS];
+    uint32_t against[SERVOTWIN_SENSORS]; /* consecutive samples that contradict is_lost */
+    bool stands_in[SERVOTWIN_SENSORS];
+    double measured[SERVOTWIN_SENSORS]; /* with stand-ins, SI */
+    double corrected[SERVOTWIN_SENSORS]; /* less the baseline, SI */
+    /* Windows. */
+    servotwin_stream streams[2]; /* of residuals as they are, and beyond the baseline */
+    servotwin_ring rings[SERVOTWIN_LENGTHS];
+    servotwin_baseline baseline;
+    servotwin_judgement judgements[SERVOTWIN_LENGTHS];
+    servotwin_evidence evidence[SERVOTWIN_LENGTHS];
+    servotwin_doubt doubts[SERVOTWIN_LENGTHS][SERVOTWIN_MOST_BOUNDARIES];
+    servotwin_scratch scratch;
+    /* Alarm. */
+    bool is_recovering;
+    uint64_t recovering_since;
+    bool is_off[SERVOTWIN_ACTUATORS];
+    bool was_claimed_off[SERVOTWIN_ACTUATORS];
+    bool is_inhibited[SERVOTWIN_ACTUATORS];
+    servotwin_outcome outcome;
+} servotwin_session;
+
+/* Clears everything. Returns false, and the session must not be used, if this build rounds otherwise than in training. */
+bool servotwin_session_start(servotwin_session *session);
+
+/* Takes one sample and returns the result. */
+const servotwin_outcome *servotwin_session_push(
+    servotwin_session *session, const double *inputs, const double *measured, const double *twin);
+
+/* The flight control computer switched an actuator off; it is no longer judged. */
+void servotwin_session_switched_off(servotwin_session *session, int32_t actuator);
+
+/* An actuator is on and judged again, and its raised action is withdrawn. */
+void servotwin_session_release(servotwin_session *session, int32_t actuator);
+
+/* Stops or resumes judging an actuator that is on. */
+void servotwin_session_inhibit(servotwin_session *session, int32_t actuator, bool is_inhibited);
+
+/* Takes a sensor out of the diagnosis, or puts it back. */
+void servotwin_session_take_out(servotwin_session *session, int32_t sensor, bool is_out);
+
+#endif

@@ -1,0 +1,118 @@
+/* Everything that was trained or configured, as constants. servotwin_tables.c holds the numbers. */
+#ifndef SERVOTWIN_TABLES_H
+#define SERVOTWIN_TABLES_H
+
+#include "servotwin_models.h"
+#include "servotwin_windows.h"
+
+typedef struct {
+    double scale; /* of its residual, SI */
+    double noise; /* standard deviation of a sample, parts of scale */
+    double stand_in_noise; /* that of a value that stands in for it */
+    int32_t actuator; /* or SERVOTWIN_NONE */
+} servotwin_sensor;
+
+typedef struct {
+    double least; /* plausible values, SI */
+    double largest;
+    uint32_t frozen_after; /* samples with the same bits; 0 for no limit */
+} servotwin_input;
+
+/* A plausible difference of two inputs, SI. */
+typedef struct {
+    int32_t of;
+    int32_t minus;
+    double least;
+    double largest;
+} servotwin_difference;
+
+/* Corresponding sensors of two actuators. */
+typedef struct {
+    int32_t first;
+    int32_t second;
+    int32_t sensors;
+    const uint8_t *of_first;
+    const uint8_t *of_second;
+} servotwin_common_pair;
+
+/* The ranges of a class in training. */
+typedef struct {
+    int32_t features; /* 0 for a class without rows */
+    const double *lows;
+    const double *highs;
+    const double *widths;
+    double limit;
+} servotwin_known;
+
+/* What a wrong reading of an input does to the sensors of its actuator, in parts of scale for one SI unit. */
+typedef struct {
+    int32_t input;
+    int32_t sensor; /* the sensor next to the boundary */
+    double own_change; /* of that sensor */
+    int32_t effects;
+    const uint8_t *sensors;
+    const double *changes;
+} servotwin_boundary;
+
+typedef struct {
+    servotwin_span span;
+    double share; /* of the newest pane in the window */
+    int32_t views;
+    const double *bands; /* half widths, parts of scale */
+    const servotwin_hierarchy *trees;
+    const servotwin_hierarchy *committee; /* boosted trees */
+    double least_confidence;
+    int32_t known_classes;
+    const servotwin_known *known; /* healthy, then the actions */
+    double weight; /* of the evidence of a window */
+    const double *limits; /* nats, of each hypothesis against each other */
+    const double *allowances; /* nats */
+    double limit_of_change; /* nats */
+    double allowance;
+    double allowed_change;
+    double novel_nats; /* evidence of a novel window for an unknown change, and of any other */
+    double known_nats;
+} servotwin_length;
+
+typedef struct {
+    double period_s;
+    int32_t least_on;
+    double clip_nats;
+    double evidence_cap;
+    double in_band_nats;
+    double in_band_share;
+    double pending_share;
+    double least_detail_confidence;
+    double max_common_mode;
+    double most_lost;
+    uint64_t recover_samples;
+    uint32_t settle_samples;
+    uint32_t until_lost_samples;
+    uint32_t until_back_samples;
+    double fault_needed_nats;
+    double boundary_memory_s;
+    double healthy_forgotten; /* part that a sample forgets of the healthy line */
+    double information_of_lines; /* 1 over the variance of the slopes of healthy lines */
+    double largest_boundary_error; /* parts of scale */
+} servotwin_constants;
+
+extern const servotwin_sensor servotwin_sensors[SERVOTWIN_SENSORS];
+extern const servotwin_input servotwin_inputs[SERVOTWIN_INPUTS];
+extern const servotwin_difference servotwin_differences[];
+extern const servotwin_common_pair servotwin_common_pairs[];
+extern const servotwin_boundary servotwin_boundaries[];
+extern const servotwin_length servotwin_lengths[SERVOTWIN_LENGTHS];
+extern const servotwin_stream_plan servotwin_stream_plans[2];
+extern const uint8_t servotwin_orders[SERVOTWIN_VIEWS][SERVOTWIN_SENSORS];
+extern const uint8_t servotwin_switches_off[SERVOTWIN_ACTIONS];
+extern const int32_t servotwin_baseline_settle_samples;
+extern const int32_t servotwin_baseline_memory_samples;
+extern const servotwin_constants servotwin_tuning;
+
+extern const char *const servotwin_sensor_names[];
+extern const char *const servotwin_input_names[];
+extern const char *const servotwin_actuator_names[];
+extern const char *const servotwin_action_names[];
+extern const char *const servotwin_detail_names[];
+
+#endif

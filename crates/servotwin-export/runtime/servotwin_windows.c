@@ -1,0 +1,238 @@
+#include "servotwin_windows.h"
+
+#include "servotwin_tables.h"
+
+#include <math.h>
+
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+/* Residuals that the baseline learns are clipped to this part of their scale. */
+#define LARGEST_LEARNED 0.25
+
+void servotwin_window_clear(servotwin_window *window)
+{
+    window->samples = 0;
+    for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
+        window->mean[i] = 0.0;
+    }
+    for (int32_t i = 0; i < SERVOTWIN_MOMENTS; i++) {
+        window->moments[i] = 0.0;
+    }
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        window->largest[i] = 0.0;
+    }
+}
+
+static int32_t place_of(int32_t a, int32_t b)
+{
+    const int32_t low = (a < b) ? a : b;
+    const int32_t high = (a < b) ? b : a;
+    return ((high * (high + 1)) / 2) + low;
+}
+
+double servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b)
+{
+    return window->moments[place_of(a, b)] / (double)window->samples;
+}
+
+/* Adds one sample: Welford's update, extended to the matrix of co-moments. */
+static void add_sample(servotwin_window *window, const double *measured, const double *twin)
+{
+    double deviation[SERVOTWIN_CHANNELS];
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        const double scale = servotwin_sensors[i].scale;
+        const double difference = measured[i] - twin[i];
+        const double residual = difference / scale;
+        const double signal = twin[i] / scale;
+        const double size = fabs(residual);
+        deviation[i] = residual - window->mean[i];
+        deviation[SERVOTWIN_SENSORS + i] = signal - window->mean[SERVOTWIN_SENSORS + i];
+        if (size > window->largest[i]) {
+            window->largest[i] = size;
+        }
+    }
+    window->samples++;
+    const double count = (double)window->samples;
+    const double before = count - 1.0;
+    const double weight = before / count;
+    int32_t place = 0;
+    for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
+        const double scaled = deviation[i] * weight;
+        for (int32_t j = 0; j <= i; j++) {
+            const double product = scaled * deviation[j];
+            window->moments[place] = window->moments[place] + product;
+            place++;
+        }
+    }
+    for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
+        const double step = deviation[i] / count;
+        window->mean[i] = window->mean[i] + step;
+    }
+}
+
+/* Adds the samples of a window that follows (Chan, Golub and LeVeque, 1979). */
+static void absorb(servotwin_window *window, const servotwin_window *later)
+{
+    double difference[SERVOTWIN_CHANNELS];
+    if (later->samples == 0) {
+        return;
+    }
+    const int32_t samples = window->samples + later->samples;
+    const double share = (double)later->samples / (double)samples;
+    const double weight = (double)window->samples * share;
+    for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
+        difference[i] = later->mean[i] - window->mean[i];
+        const double step = difference[i] * share;
+        window->mean[i] = window->mean[i] + step;
+    }
+    int32_t place = 0;
+    for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
+        const double scaled = difference[i] * weight;
+        for (int32_t j = 0; j <= i; j++) {
+            const double product = scaled * difference[j];
+            const double sum = later->moments[place] + product;
+            window->moments[place] = window->moments[place] + sum;
+            place++;
+        }
+    }
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        if (later->largest[i] > window->largest[i]) {
+            window->largest[i] = later->largest[i];
+        }
+    }
+    window->samples = samples;
+}
+
+static int32_t channel_of(const uint8_t *order, int32_t channel)
+{
+    return (channel < SERVOTWIN_SENSORS) ? order[channel] : (SERVOTWIN_SENSORS + order[channel - SERVOTWIN_SENSORS]);
+}
+
+void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into)
+{
+    int32_t place = 0;
+    into->samples = window->samples;
+    for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
+        const int32_t from = channel_of(order, i);
+        into->mean[i] = window->mean[from];
+        for (int32_t j = 0; j <= i; j++) {
+            into->moments[place] = window->moments[place_of(from, channel_of(order, j))];
+            place++;
+        }
+    }
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        into->largest[i] = window->largest[order[i]];
+    }
+}
+
+bool servotwin_is_full(const servotwin_ring *ring, int32_t length)
+{
+    return ring->ended >= servotwin_lengths[length].span.panes;
+}
+
+/* Gives a full base pane to a length. */
+static void take(servotwin_ring *ring, const servotwin_span *span, const servotwin_window *base)
+{
+    absorb(&ring->open, base);
+    ring->has_ended = (ring->open.samples >= span->pane_samples);
+    if (ring->has_ended) {
+        ring->panes[ring->next] = ring->open;
+        servotwin_window_clear(&ring->open);
+        ring->next = (ring->next + 1) % span->panes;
+        if (ring->ended < span->panes) {
+            ring->ended++;
+        }
+        servotwin_window_clear(&ring->window);
+        for (int32_t i = 0; i < span->panes; i++) {
+            absorb(&ring->window, &ring->panes[(ring->next + i) % span->panes]);
+        }
+    }
+}
+
+static void take_turn(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan)
+{
+    const int32_t place = plan->places[stream->turn];
+    take(&rings[place], &servotwin_lengths[place].span, &stream->full);
+    stream->turn++;
+}
+
+bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
+    const double *measured, const double *twin)
+{
+    bool has_new = false;
+    for (int32_t i = 0; i < plan->lengths; i++) {
+        rings[plan->places[i]].has_ended = false;
+    }
+    add_sample(&stream->base, measured, twin);
+    if (stream->base.samples >= plan->base_samples) {
+        /* With more lengths than samples in a pane, the remaining lengths cannot wait any longer. */
+        while (stream->turn < plan->lengths) {
+            take_turn(stream, rings, plan);
+        }
+        stream->full = stream->base;
+        servotwin_window_clear(&stream->base);
+        stream->turn = 0;
+    }
+    if (stream->turn < plan->lengths) {
+        take_turn(stream, rings, plan);
+    }
+    for (int32_t i = 0; i < plan->lengths; i++) {
+        has_new = has_new || rings[plan->places[i]].has_ended;
+    }
+    return has_new;
+}
+
+void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan)
+{
+    servotwin_window_clear(&stream->base);
+    servotwin_window_clear(&stream->full);
+    stream->turn = plan->lengths;
+    for (int32_t i = 0; i < plan->lengths; i++) {
+        servotwin_ring *ring = &rings[plan->places[i]];
+        for (int32_t pane = 0; pane < SERVOTWIN_MOST_PANES; pane++) {
+            servotwin_window_clear(&ring->panes[pane]);
+        }
+        servotwin_window_clear(&ring->open);
+        servotwin_window_clear(&ring->window);
+        ring->next = 0;
+        ring->ended = 0;
+        ring->has_ended = false;
+    }
+}
+
+void servotwin_baseline_clear(servotwin_baseline *baseline)
+{
+    baseline->samples = 0;
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        baseline->means[i] = 0.0;
+    }
+}
+
+bool servotwin_baseline_is_settled(const servotwin_baseline *baseline)
+{
+    return baseline->samples >= servotwin_baseline_settle_samples;
+}
+
+void servotwin_baseline_learn(servotwin_baseline *baseline, const double *measured, const double *twin)
+{
+    if (baseline->samples <= servotwin_baseline_settle_samples) {
+        baseline->samples++;
+    }
+    const bool is_settling = (baseline->samples <= servotwin_baseline_settle_samples);
+    const double memory = (double)(is_settling ? baseline->samples : servotwin_baseline_memory_samples);
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        const double most = LARGEST_LEARNED * servotwin_sensors[i].scale;
+        double residual = measured[i] - twin[i];
+        if (residual < -most) {
+            residual = -most;
+        }
+        if (residual > most) {
+            residual = most;
+        }
+        const double distance = residual - baseline->means[i];
+        const double step = distance / memory;
+        baseline->means[i] = baseline->means[i] + step;
+    }
+}

@@ -1,0 +1,79 @@
+/*
+ * Statistics of sliding windows in fixed memory: sample count, joint mean and joint co-moments of all scaled residuals and
+ * twin signals, and the largest magnitude of each residual. A sample enters the base pane alone; full panes are merged.
+ */
+#ifndef SERVOTWIN_WINDOWS_H
+#define SERVOTWIN_WINDOWS_H
+
+#include "servotwin_sizes.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Channels are the residuals, then the twin's signals. */
+#define SERVOTWIN_CHANNELS (2 * SERVOTWIN_SENSORS)
+#define SERVOTWIN_MOMENTS ((SERVOTWIN_CHANNELS * (SERVOTWIN_CHANNELS + 1)) / 2)
+
+typedef struct {
+    int32_t samples;
+    double mean[SERVOTWIN_CHANNELS]; /* parts of scale */
+    double moments[SERVOTWIN_MOMENTS]; /* lower triangle, row by row */
+    double largest[SERVOTWIN_SENSORS]; /* |r'|, parts of scale */
+} servotwin_window;
+
+/* The length of a window. */
+typedef struct {
+    int32_t pane_samples;
+    int32_t panes;
+} servotwin_span;
+
+/* The window of one length. */
+typedef struct {
+    servotwin_window panes[SERVOTWIN_MOST_PANES];
+    servotwin_window open;
+    servotwin_window window; /* over the full panes */
+    int32_t next; /* the pane that is filled next */
+    int32_t ended; /* full panes so far, at most as many as there are */
+    bool has_ended; /* the newest sample completed a window */
+} servotwin_ring;
+
+/* Lengths that share samples. They take a full base pane one sample after the other. */
+typedef struct {
+    servotwin_window base;
+    servotwin_window full;
+    int32_t turn;
+} servotwin_stream;
+
+/* Which lengths a stream has. */
+typedef struct {
+    int32_t base_samples;
+    int32_t lengths;
+    const uint8_t *places; /* of its lengths among all */
+} servotwin_stream_plan;
+
+/* The mean residuals of this specimen. */
+typedef struct {
+    int32_t samples; /* at most one more than the settling time */
+    double means[SERVOTWIN_SENSORS]; /* SI */
+} servotwin_baseline;
+
+void servotwin_window_clear(servotwin_window *window);
+
+/* The window with its sensors in another order. */
+void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into);
+
+double servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
+
+void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan);
+
+/* Adds a sample in SI units; says whether it completed a window. */
+bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
+    const double *measured, const double *twin);
+
+bool servotwin_is_full(const servotwin_ring *ring, int32_t length);
+
+void servotwin_baseline_clear(servotwin_baseline *baseline);
+bool servotwin_baseline_is_settled(const servotwin_baseline *baseline);
+void servotwin_baseline_learn(servotwin_baseline *baseline, const double *measured, const double *twin);
+
+#endif

@@ -1,0 +1,194 @@
+//! The features of a window as C: a trace of the same formulas that the diagnosis runs.
+//!
+//! Logarithms stand between two groups of statements. The first group computes what they are taken of, the second
+//! computes the features from them.
+
+use super::CFile;
+use servotwin_diagnosis::features::{Sensors, features, values_into};
+use servotwin_diagnosis::hierarchy::Names;
+use servotwin_diagnosis::number::Number;
+use servotwin_diagnosis::residual::Statistics;
+use servotwin_model::c_source::write_statements;
+use servotwin_model::scalar::Scalar;
+use servotwin_model::symbol::{Graph, Symbol};
+use std::cell::RefCell;
+use std::fmt::Write;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// The expressions of a trace, and what logarithms are taken of.
+#[derive(Default)]
+struct Trace<'g> {
+    logarithms: RefCell<Vec<Symbol<'g>>>,
+}
+
+/// A number of a trace.
+#[derive(Clone, Copy)]
+struct Traced<'t, 'g> {
+    symbol: Symbol<'g>,
+    /// `None` for a constant.
+    of: Option<(&'t Trace<'g>, &'g Graph)>,
+}
+
+impl<'t, 'g> Traced<'t, 'g> {
+    fn with(self, other: Self, symbol: Symbol<'g>) -> Self {
+        Traced { symbol, of: self.of.or(other.of) }
+    }
+}
+
+macro_rules! operators {
+    ($($operator:ident $method:ident,)*) => {
+        $(impl $operator for Traced<'_, '_> {
+            type Output = Self;
+
+            fn $method(self, other: Self) -> Self {
+                self.with(other, self.symbol.$method(other.symbol))
+            }
+        })*
+    };
+}
+
+operators! { Add add, Sub sub, Mul mul, Div div, }
+
+impl Neg for Traced<'_, '_> {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Traced { symbol: -self.symbol, ..self }
+    }
+}
+
+impl Number for Traced<'_, '_> {
+    fn constant(value: f64) -> Self {
+        Traced { symbol: Symbol::Constant(value), of: None }
+    }
+
+    fn sqrt(self) -> Self {
+        Traced { symbol: Scalar::sqrt(self.symbol), ..self }
+    }
+
+    fn log10(self) -> Self {
+        let (Symbol::Node(..), Some((trace, graph))) = (self.symbol, self.of) else {
+            unreachable!("no formula takes the logarithm of a constant");
+        };
+        let mut logarithms = trace.logarithms.borrow_mut();
+        let is_same = |known: &Symbol| known.operand() == self.symbol.operand();
+        let place = logarithms.iter().position(is_same).unwrap_or(logarithms.len());
+        if place == logarithms.len() {
+            logarithms.push(self.symbol);
+        }
+        Traced { symbol: graph.variable("logarithm", place), ..self }
+    }
+
+    fn abs(self) -> Self {
+        Traced { symbol: Scalar::abs(self.symbol), ..self }
+    }
+
+    fn if_less(self, other: Self, yes: Self, no: Self) -> Self {
+        let chosen = Symbol::select(self.symbol.less(other.symbol), yes.symbol, no.symbol);
+        self.with(other, chosen).with(yes.with(no, chosen), chosen)
+    }
+}
+
+/// The statistics of `servotwin_window`.
+struct Variables<'t, 'g> {
+    trace: &'t Trace<'g>,
+    graph: &'g Graph,
+    sensors: usize,
+}
+
+impl<'t, 'g> Variables<'t, 'g> {
+    fn entry(&self, array: &'static str, index: usize) -> Traced<'t, 'g> {
+        Traced { symbol: self.graph.variable(array, index), of: Some((self.trace, self.graph)) }
+    }
+}
+
+impl<'t, 'g> Statistics for Variables<'t, 'g> {
+    type Number = Traced<'t, 'g>;
+
+    fn samples(&self) -> Self::Number {
+        self.entry("samples", 0)
+    }
+
+    fn mean(&self, sensor: usize) -> Self::Number {
+        self.entry("mean", sensor)
+    }
+
+    fn twin_mean(&self, sensor: usize) -> Self::Number {
+        self.entry("mean", self.sensors + sensor)
+    }
+
+    fn covariance_of(&self, a: usize, b: usize) -> Self::Number {
+        let (low, high) = (a.min(b), a.max(b));
+        self.entry("moments", high * (high + 1) / 2 + low) / self.samples()
+    }
+
+    fn largest(&self, sensor: usize) -> Self::Number {
+        self.entry("largest", sensor)
+    }
+
+    fn stands_in(&self, sensor: usize) -> Self::Number {
+        self.entry("stands_in", sensor)
+    }
+
+    fn sensors(&self) -> usize {
+        self.sensors
+    }
+}
+
+/// The source of `servotwin_features`, which computes the named features in their order.
+pub(super) fn file(sensors: &Sensors, names: &Names) -> CFile {
+    let (graph, trace) = (Graph::new(), Trace::default());
+    let window = Variables { trace: &trace, graph: &graph, sensors: sensors.0.len() };
+    let (known, mut values) = (features(sensors), Vec::new());
+    values_into(sensors, &window, &mut values);
+    let read: Vec<usize> = names
+        .features
+        .iter()
+        .filter_map(|name| known.iter().position(|feature| &feature.name == name))
+        .collect();
+    let features = read.iter().enumerate().map(|(i, &place)| (values[place].symbol, "row", i));
+    let features: Vec<_> = features.collect();
+    let logarithms = trace.logarithms.borrow();
+    let arguments = logarithms.iter().enumerate().map(|(i, &symbol)| (symbol, "argument", i));
+    let arguments: Vec<_> = arguments.collect();
+    CFile { name: "servotwin_features.c", text: text(&graph, &arguments, &features) }
+}
+
+type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
+
+fn text(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
+    let mut c = String::from(
+        "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */\n\
+         #include \"servotwin_features.h\"\n\n#include \"servotwin_math.h\"\n\n#include <math.h>\n\n\
+         #ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#endif\n\n",
+    );
+    let count = arguments.len().max(1);
+    let head = "const double *samples, const double *mean, const double *moments, const double *largest,\n    \
+                const double *stands_in";
+    let unused = "    (void)samples;\n    (void)mean;\n    (void)moments;\n    (void)largest;\n    (void)stands_in;\n";
+    let _ = write!(
+        c,
+        "/* What logarithms are taken of. */\nstatic void write_arguments(\n    {head}, double *argument)\n{{\n{unused}{}}}\n\n",
+        write_statements(graph, arguments)
+    );
+    let _ = write!(
+        c,
+        "static void write_row(\n    {head}, const double *logarithm, double *row)\n{{\n{unused}    (void)logarithm;\n{}}}\n\n",
+        write_statements(graph, features)
+    );
+    let _ = write!(
+        c,
+        "void servotwin_features(const servotwin_window *window, const double *stands_in, double *row)
+{{
+    double logarithm[{count}] = {{ 1.0 }};
+    const double samples[1] = {{ (double)window->samples }};
+    write_arguments(samples, window->mean, window->moments, window->largest, stands_in, logarithm);
+    for (int32_t i = 0; i < {count}; i++) {{
+        logarithm[i] = servotwin_log10(logarithm[i]);
+    }}
+    write_row(samples, window->mean, window->moments, window->largest, stands_in, logarithm, row);
+}}
+"
+    );
+    c
+}

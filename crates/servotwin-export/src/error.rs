@@ -1,0 +1,79 @@
+//! What can go wrong while a diagnoser is exported or an export is proven.
+
+use servotwin_io::files::FileError;
+use std::path::PathBuf;
+
+/// A diagnoser that cannot be exported, or an export that cannot be proven.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// A stage has a classifier without a C counterpart.
+    #[error("stage {stage} is '{kind}'; the export knows decision trees (CART) and boosted trees")]
+    Classifier {
+        /// The stage's id.
+        stage: String,
+        /// The classifier's title.
+        kind: &'static str,
+    },
+    /// A stage is too large for the integers of its tables.
+    #[error("stage {stage} has {count} {what}; the export takes at most {most}")]
+    TooMany {
+        /// The stage's id.
+        stage: String,
+        /// What there is too much of.
+        what: &'static str,
+        /// How many.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// Part of the diagnosis has no C counterpart yet.
+    #[error("{0}")]
+    Unsupported(&'static str),
+    /// The diagnoser does not fit together.
+    #[error(transparent)]
+    Diagnosis(#[from] servotwin_diagnosis::Error),
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The folder holds something else than an export.
+    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export", .0.display())]
+    FolderInUse(PathBuf),
+    /// The folder holds no export.
+    #[error("{}: there is no export here; 'servotwin export c --out {}' writes one", .0.display(), .0.display())]
+    NoExport(PathBuf),
+    /// The diagnoser is not the one that was exported.
+    #[error(
+        "{}: this diagnoser is not the one that was exported to {}: export it again, or name the other with --model",
+        diagnoser.display(),
+        folder.display()
+    )]
+    OtherDiagnoser {
+        /// The diagnoser.
+        diagnoser: PathBuf,
+        /// The export.
+        folder: PathBuf,
+    },
+    /// There is no C compiler to prove anything with.
+    #[error("neither gcc nor clang starts: install one of them")]
+    NoBuild,
+    /// The C compiler does not start.
+    #[error("the C compiler '{compiler}' does not start: {cause}")]
+    NoCompiler {
+        /// Its command.
+        compiler: String,
+        /// The reason.
+        cause: std::io::Error,
+    },
+    /// The C compiler refuses the text.
+    #[error("the C compiler '{compiler}' refuses the exported text:\n{messages}")]
+    Refused {
+        /// Its command with flags.
+        compiler: String,
+        /// The first messages.
+        messages: String,
+    },
+    /// The compiled code cannot be loaded.
+    #[error("the compiled export cannot be loaded: {0}")]
+    Load(#[from] libloading::Error),
+}

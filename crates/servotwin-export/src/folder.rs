@@ -1,0 +1,115 @@
+//! An export on disk: the C files, and `export.json`, which says what they were made of.
+
+use crate::c::{self, CFile};
+use crate::error::ExportError;
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_io::files::{create_folder, read_text, write_atomically};
+use servotwin_io::manifest::{sha256, sha256_of_text};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The name of the description.
+const DESCRIPTION: &str = "export.json";
+
+/// The name of a certificate.
+const CERTIFICATE: &str = "proof.json";
+
+/// What an export was made of.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// The version of servotwin.
+    pub version: String,
+    /// The file of the diagnoser.
+    pub diagnoser: PathBuf,
+    /// Its SHA-256.
+    pub diagnoser_sha256: String,
+    /// The SHA-256 of each C file when it was written.
+    pub files_sha256: BTreeMap<String, String>,
+}
+
+/// A folder with an export.
+#[derive(Debug, Clone)]
+pub struct ExportFolder {
+    path: PathBuf,
+}
+
+impl ExportFolder {
+    /// A folder, which need not exist.
+    pub fn new(path: &Path) -> Self {
+        ExportFolder { path: path.into() }
+    }
+
+    /// Writes an export of the diagnoser in a file. Replaces an earlier export, and removes its certificate.
+    ///
+    /// # Errors
+    /// [`ExportError::FolderInUse`], the errors of [`c::files`], and files that cannot be written.
+    pub fn write(&self, diagnoser: &Diagnoser, file: &Path) -> Result<Description, ExportError> {
+        let files = c::files(diagnoser)?;
+        let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
+        if holds_files && !self.file(DESCRIPTION).exists() {
+            return Err(ExportError::FolderInUse(self.path.clone()));
+        }
+        create_folder(&self.path)?;
+        // A certificate of another text is worse than none.
+        let _ = std::fs::remove_file(self.file(CERTIFICATE));
+        for CFile { name, text } in &files {
+            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+        }
+        let hash = |file: &CFile| (file.name.to_owned(), sha256_of_text(&file.text));
+        let description = Description {
+            version: env!("CARGO_PKG_VERSION").into(),
+            diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
+            diagnoser_sha256: sha256(file)?,
+            files_sha256: files.iter().map(hash).collect(),
+        };
+        self.write_json(DESCRIPTION, &description)?;
+        Ok(description)
+    }
+
+    /// What the export was made of.
+    ///
+    /// # Errors
+    /// [`ExportError::NoExport`] if there is none.
+    pub fn description(&self) -> Result<Description, ExportError> {
+        let none = || ExportError::NoExport(self.path.clone());
+        let path = self.file(DESCRIPTION);
+        let text = if path.exists() { read_text(path)? } else { return Err(none()) };
+        serde_json::from_str(&text).map_err(|_| none())
+    }
+
+    /// The C files as they are now, in the order of a fresh export of their diagnoser.
+    ///
+    /// # Errors
+    /// [`ExportError::OtherDiagnoser`] if the file is not the exported one, and files that are missing.
+    pub fn files(&self, diagnoser: &Diagnoser, file: &Path) -> Result<Vec<CFile>, ExportError> {
+        if sha256(file)? != self.description()?.diagnoser_sha256 {
+            let folder = self.path.clone();
+            return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
+        }
+        let now =
+            |fresh: CFile| Ok(CFile { name: fresh.name, text: read_text(self.file(fresh.name))? });
+        c::files(diagnoser)?.into_iter().map(now).collect()
+    }
+
+    /// Writes a certificate; returns its path.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_certificate(&self, certificate: &impl Serialize) -> Result<PathBuf, ExportError> {
+        self.write_json(CERTIFICATE, certificate)?;
+        Ok(self.file(CERTIFICATE))
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    fn write_json(&self, name: &str, content: &impl Serialize) -> Result<(), ExportError> {
+        Ok(write_atomically(self.file(name), |out| {
+            serde_json::to_writer_pretty(&mut *out, content)?;
+            out.write_all(b"\n")
+        })?)
+    }
+}

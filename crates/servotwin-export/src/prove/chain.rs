@@ -1,0 +1,241 @@
+//! The whole chain, sample by sample: what a session says, its evidence, its probabilities and its features.
+
+use super::Evidence;
+use super::library::{Compiled, RunningSession};
+use super::samples::{Sample, Samples};
+use crate::error::ExportError;
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session, Why};
+use servotwin_diagnosis::random::Random;
+use std::sync::Arc;
+
+/// The share of samples after which the flight control computer says something.
+const COMMAND_SHARE: f64 = 1e-4;
+
+/// The same while an action is raised, which would stay for good if it switches off.
+const ANSWER_SHARE: f64 = 5e-3;
+
+/// What a session says, as flat lists: `prove_push` of the C text.
+#[derive(Default, PartialEq)]
+pub(super) struct Said {
+    pub integers: Vec<i64>,
+    pub numbers: Vec<f64>,
+}
+
+/// Runs a session and those of all compiled exports side by side. `tell` hears how many samples were compared.
+pub(super) fn compare(
+    diagnoser: &Arc<Diagnoser>,
+    compiled: &[Compiled],
+    samples: u64,
+    evidence: &mut [Evidence],
+    tell: &mut dyn FnMut(u64),
+) -> Result<(), ExportError> {
+    let mut session = Session::new(diagnoser.clone())?;
+    let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
+    let mut generated = Samples::new(diagnoser, 1);
+    let mut random = Random::new(2);
+    let (mut right, mut said) = (Said::default(), Said::default());
+    for k in 0..samples {
+        let actuator = accused(&session).map(|(actuator, _)| actuator as usize);
+        if random.unit() < if actuator.is_some() { ANSWER_SHARE } else { COMMAND_SHARE } {
+            command(&mut session, &mut others, actuator, &mut random)?;
+        }
+        let sample = generated.next();
+        let before = accused(&session);
+        push(&mut session, sample, &mut right);
+        let raised = accused(&session).filter(|now| Some(*now) != before);
+        for (other, evidence) in others.iter_mut().zip(evidence.iter_mut()) {
+            other.push(sample, &right, &mut said);
+            let rows_differ = newest_length(&session)
+                .is_some_and(|length| !has_same_rows(&session, length, other));
+            if !is_same(&right, &said) || rows_differ {
+                evidence.differ(format!("whole chain, sample {k}"), difference(&right, &said));
+                return Ok(());
+            }
+            evidence.samples += 1;
+            if let Some((_, action)) = raised {
+                let name = &diagnoser.names().actions[action as usize];
+                *evidence.raised.entry(name.clone()).or_default() += 1;
+            }
+        }
+        if k % 100_000 == 0 {
+            tell(k);
+        }
+    }
+    Ok(())
+}
+
+/// Actuator and action of the raised alarm.
+fn accused(session: &Session) -> Option<(u32, u32)> {
+    session.outcome().raised.map(|raised| (raised.actuator, raised.action))
+}
+
+/// A random command of the flight control computer; about an accused actuator, mostly its release.
+fn command(
+    session: &mut Session,
+    others: &mut [RunningSession],
+    accused: Option<usize>,
+    random: &mut Random,
+) -> Result<(), ExportError> {
+    let (actuators, sensors) =
+        (session.diagnoser().names().actuators.len(), session.diagnoser().sensors.len());
+    let (number, place) = match accused {
+        Some(actuator) => (usize::from(random.unit() < 0.8), actuator),
+        None => {
+            let number = random.index(6);
+            (number, random.index(if number < 4 { actuators } else { sensors }))
+        }
+    };
+    match number {
+        0 => session.switched_off(place)?,
+        1 => session.release(place)?,
+        2 | 3 => session.inhibit(place, number == 2)?,
+        _ => session.take_out(place, number == 4)?,
+    }
+    others.iter_mut().for_each(|other| other.command(number as i32, place as i32));
+    Ok(())
+}
+
+/// Pushes a sample and writes everything that the session says.
+fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
+    let outcome = *session.push(&sample.inputs, &sample.measured, &sample.twin);
+    said.integers.clear();
+    said.integers.extend(integers(&outcome));
+    said.numbers.clear();
+    let confidence = outcome.raised.map_or(0.0, |raised| raised.confidence);
+    said.numbers.extend([outcome.confidence, outcome.excess, confidence]);
+    let names = session.diagnoser().names();
+    let (actuators, actions) = (names.actuators.len(), names.actions.len());
+    let hypotheses = || (0..actuators).flat_map(move |u| (0..actions).map(move |a| (u, a)));
+    for length in 0..session.diagnoser().lengths.len() {
+        said.numbers.push(session.evidence_of_change(length));
+        said.numbers.push(session.evidence_of_unknown(length));
+        said.numbers.push(session.probability(length, None));
+        said.numbers.extend(hypotheses().map(|h| session.probability(length, Some(h))));
+        said.numbers.extend(hypotheses().map(|(u, a)| session.evidence(length, u, a)));
+        for actuator in 0..actuators {
+            let is_full = session.is_full(length);
+            said.numbers.push(session.evidence_of_actuator(length, actuator));
+            said.numbers.push(if is_full { session.common_mode(length, actuator) } else { 0.0 });
+        }
+        let boundaries = 0..session.diagnoser().boundaries.len();
+        for boundary in boundaries {
+            let is_explained = session.is_boundary_explained(length, boundary);
+            said.numbers.push(session.boundary_evidence_nats(length, boundary));
+            said.numbers.push(if is_explained { 1.0 } else { 0.0 });
+        }
+    }
+}
+
+/// An index, or −1.
+fn place(index: Option<u32>) -> i64 {
+    index.map_or(-1, i64::from)
+}
+
+/// The integers of an outcome, in the order of `write_outcome` in the C text.
+fn integers(outcome: &Outcome) -> [i64; 18] {
+    let none = -1;
+    let (kind, actuator, action, detail, input, why) = match outcome.finding {
+        Finding::Unjudged => (0, none, none, none, none, 0),
+        Finding::Healthy => (1, none, none, none, none, 0),
+        Finding::Detected => (2, none, none, none, none, 0),
+        Finding::Actuator { actuator } => (3, i64::from(actuator), none, none, none, 0),
+        Finding::Action { actuator, action } => {
+            (4, i64::from(actuator), i64::from(action), none, none, 0)
+        }
+        Finding::Detail { actuator, action, detail } => {
+            (5, i64::from(actuator), i64::from(action), i64::from(detail), none, 0)
+        }
+        Finding::Unknown => (6, none, none, none, none, 0),
+        Finding::EnvironmentInvalid { input, why } => {
+            (7, none, none, none, i64::from(input), number_of_reason(why))
+        }
+    };
+    let alarm = match outcome.alarm {
+        Alarm::Normal => 0,
+        Alarm::Pending => 1,
+        Alarm::Raised => 2,
+        Alarm::Recovering => 3,
+        Alarm::NoData => 4,
+        Alarm::Error => 5,
+    };
+    let raised = outcome.raised.map_or([0; 6], |raised| {
+        let (sample, length) = (raised.sample as i64, i64::from(raised.length));
+        [
+            1,
+            i64::from(raised.actuator),
+            i64::from(raised.action),
+            place(raised.detail),
+            sample,
+            length,
+        ]
+    });
+    let [is_raised, its_actuator, its_action, its_detail, its_sample, its_length] = raised;
+    [
+        outcome.sample as i64,
+        outcome.since_sample as i64,
+        kind,
+        actuator,
+        action,
+        detail,
+        input,
+        why,
+        alarm,
+        is_raised,
+        its_actuator,
+        its_action,
+        its_detail,
+        its_sample,
+        its_length,
+        place(outcome.length),
+        place(outcome.worst_sensor),
+        i64::from(outcome.lost),
+    ]
+}
+
+fn number_of_reason(why: Why) -> i64 {
+    match why {
+        Why::Missing => 0,
+        Why::NotFinite => 1,
+        Why::OutOfRange => 2,
+        Why::Frozen => 3,
+        Why::Contradicts => 4,
+        Why::Doubtful => 5,
+    }
+}
+
+/// The length whose features were computed last, if the last sample did.
+fn newest_length(session: &Session) -> Option<usize> {
+    let lengths = 0..session.diagnoser().lengths.len();
+    let is_new = |&length: &usize| session.has_new_window(length) && session.is_full(length);
+    let is_outside = |length: &usize| {
+        let bands = &session.diagnoser().lengths[*length].panel.bands;
+        let window = session.window(*length);
+        bands
+            .iter()
+            .enumerate()
+            .any(|(place, band)| window.largest(place) > band.half_width.max(1e-12))
+    };
+    lengths.filter(is_new).filter(is_outside).last()
+}
+
+fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bool {
+    let rows = session.features(length).iter().enumerate();
+    rows.map(|(view, row)| super::models::same_bits(row, other.row(view, row.len())))
+        .all(|same| same)
+}
+
+fn is_same(a: &Said, b: &Said) -> bool {
+    a.integers == b.integers && super::models::same_bits(&a.numbers, &b.numbers)
+}
+
+/// The first difference in words.
+fn difference(right: &Said, said: &Said) -> String {
+    let integer = right.integers.iter().zip(&said.integers).position(|(a, b)| a != b);
+    let mut numbers = right.numbers.iter().zip(&said.numbers);
+    let number = numbers.position(|(a, b)| a.to_bits() != b.to_bits());
+    match (integer, number) {
+        (Some(i), _) => format!("integer {i} is {}, not {}", said.integers[i], right.integers[i]),
+        (None, Some(i)) => format!("number {i} is {}, not {}", said.numbers[i], right.numbers[i]),
+        (None, None) => "the features differ".into(),
+    }
+}

@@ -1,0 +1,325 @@
+//! An export, compiled and loaded.
+
+use super::chain::Said;
+use super::samples::Sample;
+use crate::c::CFile;
+use crate::error::ExportError;
+use libloading::{Library, Symbol};
+use servotwin_io::files::FileError;
+use std::fmt;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// Flags of every build. Warnings are errors: the text must be clean in all compilers.
+const FLAGS: &[&str] =
+    &["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-ffp-contract=off"];
+
+/// The entry points, which are not part of an export.
+const PROVE: &str = include_str!("../../runtime/prove.c");
+
+/// How the text is compiled.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Build {
+    /// The compiler's command.
+    pub compiler: String,
+    /// Its level of optimization, `-O0` …
+    pub level: &'static str,
+}
+
+impl Build {
+    /// gcc and clang, as far as they are installed, at three levels of optimization each.
+    pub fn available() -> Vec<Build> {
+        let starts = |compiler: &&str| {
+            let run = Command::new(compiler).arg("--version").output();
+            run.is_ok_and(|output| output.status.success())
+        };
+        let compilers = ["gcc", "clang"].into_iter().filter(|compiler| starts(compiler));
+        let levels = ["-O0", "-O2", "-O3"];
+        compilers
+            .flat_map(|compiler| levels.map(|level| Build { compiler: compiler.into(), level }))
+            .collect()
+    }
+
+    /// The command with its flags.
+    pub fn command(&self) -> String {
+        format!("{} {} {}", self.compiler, FLAGS.join(" "), self.level)
+    }
+
+    /// The first line of the compiler's version.
+    pub fn version(&self) -> String {
+        let output = Command::new(&self.compiler).arg("--version").output();
+        let text = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
+        text.unwrap_or_default().lines().next().unwrap_or("unknown").into()
+    }
+}
+
+/// The answer of a stage: `servotwin_answer`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    pub decided: i32,
+    pub probability: f64,
+}
+
+/// `servotwin_diagnosis`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Diagnosis {
+    pub actuator: i32,
+    pub action: i32,
+    pub detail: i32,
+    pub confidence: f64,
+    pub detail_confidence: f64,
+}
+
+/// Which hierarchy of which window length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Place {
+    pub is_committee: bool,
+    pub length: usize,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = if self.is_committee { "boosted trees" } else { "trees" };
+        write!(out, "{kind} of window length {}", self.length + 1)
+    }
+}
+
+impl Place {
+    fn numbers(self) -> (i32, i32) {
+        (i32::from(self.is_committee), self.length as i32)
+    }
+}
+
+/// The object files of an export.
+pub(super) struct Objects<'b> {
+    folder: TempDir,
+    build: &'b Build,
+    names: Vec<&'static str>,
+}
+
+impl<'b> Objects<'b> {
+    /// Compiles all files into a temporary folder.
+    pub fn new(files: &[CFile], build: &'b Build) -> Result<Self, ExportError> {
+        let folder = tempfile::tempdir().map_err(|cause| problem(&std::env::temp_dir(), cause))?;
+        let prove = CFile { name: "prove.c", text: PROVE.into() };
+        let sources = files.iter().chain([&prove]);
+        let is_compiled = |name: &&str| name.ends_with(".c") && *name != "main.c";
+        let names = sources.clone().map(|file| file.name).filter(is_compiled).collect();
+        let objects = Objects { folder, build, names };
+        sources.clone().try_for_each(|file| objects.write(file.name, &file.text))?;
+        objects.names.iter().try_for_each(|name| objects.compile(name))?;
+        Ok(objects)
+    }
+
+    /// Compiles another text for one of the files.
+    pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        self.write(name, text)?;
+        self.compile(name)
+    }
+
+    /// Links and loads the objects. Every library needs a name of its own, because a loaded one is found again by name.
+    pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
+        let objects = self.names.iter().map(|name| format!("{name}.o"));
+        let (fixed, name) = (["-shared", "-o", library], objects.collect::<Vec<_>>());
+        self.run(fixed.into_iter().chain(name.iter().map(String::as_str)).chain(["-lm"]))?;
+        // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
+        Ok(Compiled { library: unsafe { Library::new(self.folder.path().join(library)) }? })
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        let path = self.folder.path().join(name);
+        fs::write(&path, text).map_err(|cause| problem(&path, cause))
+    }
+
+    fn compile(&self, name: &str) -> Result<(), ExportError> {
+        let object = format!("{name}.o");
+        let flags =
+            FLAGS.iter().copied().chain([self.build.level, "-fPIC", "-c", "-o", &object, name]);
+        self.run(flags)
+    }
+
+    fn run<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Result<(), ExportError> {
+        let mut command = Command::new(&self.build.compiler);
+        command.current_dir(self.folder.path()).args(arguments);
+        let output = command.output().map_err(|cause| {
+            let compiler = self.build.compiler.clone();
+            ExportError::NoCompiler { compiler, cause }
+        })?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let all = String::from_utf8_lossy(&output.stderr);
+        let messages = all.lines().take(10).collect::<Vec<_>>().join("\n");
+        Err(ExportError::Refused { compiler: self.build.command(), messages })
+    }
+}
+
+/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
+pub(super) struct Compiled {
+    library: Library,
+}
+
+impl Compiled {
+    /// Compiles the files and loads them.
+    pub fn new(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
+        Objects::new(files, build)?.load("export.so")
+    }
+
+    pub fn rounds_twice(&self) -> Result<bool, ExportError> {
+        type Function = unsafe extern "C" fn() -> i32;
+        // SAFETY: here and below, the types are those of the C text.
+        let function = unsafe { self.library.get::<Function>(b"servotwin_rounds_twice") }?;
+        Ok(unsafe { function() } == 1)
+    }
+
+    pub fn leaf(
+        &self,
+        at: Place,
+        stage: usize,
+        tree: usize,
+        row: &[f64],
+    ) -> Result<i32, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, i32, i32, *const f64) -> i32;
+        let function = unsafe { self.library.get::<Function>(b"prove_leaf") }?;
+        let (is_committee, length) = at.numbers();
+        Ok(unsafe { function(is_committee, length, stage as i32, tree as i32, row.as_ptr()) })
+    }
+
+    pub fn decide(&self, at: Place, stage: usize, row: &[f64]) -> Result<Answer, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, i32, *const f64) -> Answer;
+        let function = unsafe { self.library.get::<Function>(b"prove_decide") }?;
+        let (is_committee, length) = at.numbers();
+        Ok(unsafe { function(is_committee, length, stage as i32, row.as_ptr()) })
+    }
+
+    /// The probabilities of a committee's stage, one for each class.
+    pub fn shares(
+        &self,
+        length: usize,
+        stage: usize,
+        row: &[f64],
+        shares: &mut [f64],
+    ) -> Result<(), ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, *const f64, *mut f64);
+        let function = unsafe { self.library.get::<Function>(b"prove_shares") }?;
+        unsafe { function(length as i32, stage as i32, row.as_ptr(), shares.as_mut_ptr()) };
+        Ok(())
+    }
+
+    /// What a leaf of a committee's stage adds to an output.
+    pub fn value(
+        &self,
+        length: usize,
+        stage: usize,
+        (leaf, output): (i32, usize),
+    ) -> Result<f64, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, i32, i32) -> f64;
+        let function = unsafe { self.library.get::<Function>(b"prove_value") }?;
+        Ok(unsafe { function(length as i32, stage as i32, leaf, output as i32) })
+    }
+
+    /// The novelty of a row for healthy (0) or an action (1 …).
+    pub fn novelty(&self, length: usize, known: usize, row: &[f64]) -> Result<f64, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, *const f64) -> f64;
+        let function = unsafe { self.library.get::<Function>(b"prove_novelty") }?;
+        Ok(unsafe { function(length as i32, known as i32, row.as_ptr()) })
+    }
+
+    pub fn diagnose(&self, at: Place, views: &[Vec<f64>]) -> Result<Diagnosis, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, *const *const f64) -> Diagnosis;
+        let function = unsafe { self.library.get::<Function>(b"prove_diagnose") }?;
+        let (is_committee, length) = at.numbers();
+        let views: Vec<*const f64> = views.iter().map(|view| view.as_ptr()).collect();
+        Ok(unsafe { function(is_committee, length, views.as_ptr()) })
+    }
+
+    /// The probabilities of all hypotheses.
+    pub fn probabilities(
+        &self,
+        length: usize,
+        views: &[Vec<f64>],
+        into: &mut [f64],
+    ) -> Result<(), ExportError> {
+        type Function = unsafe extern "C" fn(i32, *const *const f64, *mut f64);
+        let function = unsafe { self.library.get::<Function>(b"prove_probabilities") }?;
+        let views: Vec<*const f64> = views.iter().map(|view| view.as_ptr()).collect();
+        unsafe { function(length as i32, views.as_ptr(), into.as_mut_ptr()) };
+        Ok(())
+    }
+}
+
+/// A session of a compiled export.
+pub(super) struct RunningSession<'c> {
+    /// Whole words, so that any member is aligned.
+    memory: Vec<u64>,
+    push: Symbol<
+        'c,
+        unsafe extern "C" fn(*mut u64, *const f64, *const f64, *const f64, *mut i64, *mut f64),
+    >,
+    command: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, i32)>,
+    row: Symbol<'c, unsafe extern "C" fn(*const u64, i32) -> *const f64>,
+}
+
+impl Compiled {
+    /// A new session.
+    pub fn session(&self) -> Result<RunningSession<'_>, ExportError> {
+        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        unsafe {
+            let size: Symbol<unsafe extern "C" fn() -> u64> =
+                self.library.get(b"prove_session_size")?;
+            let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
+                self.library.get(b"prove_start")?;
+            let mut memory = vec![0; size().div_ceil(8) as usize];
+            start(memory.as_mut_ptr());
+            Ok(RunningSession {
+                memory,
+                push: self.library.get(b"prove_push")?,
+                command: self.library.get(b"prove_command")?,
+                row: self.library.get(b"prove_row")?,
+            })
+        }
+    }
+}
+
+impl RunningSession<'_> {
+    /// Pushes a sample; `said` gets lists as long as those of `like`.
+    pub fn push(&mut self, sample: &Sample, like: &Said, said: &mut Said) {
+        said.integers.resize(like.integers.len(), 0);
+        said.numbers.resize(like.numbers.len(), 0.0);
+        let (integers, numbers) = (said.integers.as_mut_ptr(), said.numbers.as_mut_ptr());
+        let Sample { inputs, measured, twin } = sample;
+        // SAFETY: the lists are as long as those of the diagnoser that was exported.
+        unsafe {
+            (self.push)(
+                self.memory.as_mut_ptr(),
+                inputs.as_ptr(),
+                measured.as_ptr(),
+                twin.as_ptr(),
+                integers,
+                numbers,
+            )
+        }
+    }
+
+    /// Passes a command of the flight control computer on.
+    pub fn command(&mut self, command: i32, place: i32) {
+        // SAFETY: the place exists in the diagnoser.
+        unsafe { (self.command)(self.memory.as_mut_ptr(), command, place) }
+    }
+
+    /// The features of the last window outside its bands in a view.
+    pub fn row(&self, view: usize, features: usize) -> &[f64] {
+        // SAFETY: the row lies in the memory of the session and has this many numbers.
+        unsafe {
+            std::slice::from_raw_parts((self.row)(self.memory.as_ptr(), view as i32), features)
+        }
+    }
+}
+
+fn problem(path: &Path, cause: std::io::Error) -> ExportError {
+    FileError::from_io(path, cause).into()
+}

@@ -1,0 +1,125 @@
+//! Proof that an export decides as its diagnoser does: it is compiled, loaded and compared bit by bit.
+
+mod chain;
+mod library;
+mod models;
+mod mutants;
+mod rows;
+mod samples;
+
+pub use library::Build;
+pub use mutants::{Mutant, mutants};
+
+use crate::c::CFile;
+use crate::error::ExportError;
+use library::Compiled;
+use serde::Serialize;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The number of differences after which nothing more is compared.
+const MOST_DIFFERENCES: usize = 20;
+
+/// A row for which the export answers otherwise.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Difference {
+    /// The model.
+    pub place: String,
+    /// What it says, and what it should say.
+    pub what: String,
+}
+
+/// What one build was compared on.
+#[derive(Debug, Clone, PartialEq, Serialize, Default)]
+pub struct Evidence {
+    /// The compiler with its flags.
+    pub command: String,
+    /// The compiler's version.
+    pub version: String,
+    /// Whether products and sums round separately.
+    pub rounds_twice: bool,
+    /// Leaves of all trees.
+    pub leaves: u64,
+    /// Leaves that no row reached, although one could.
+    pub leaves_not_reached: u64,
+    /// Nodes that no row can reach, because tests above them exclude each other.
+    pub unreachable_nodes: u64,
+    /// Thresholds of all trees, each compared one step below, at, and one step above, and without a value.
+    pub thresholds: u64,
+    /// Rows for leaves and thresholds.
+    pub rows: u64,
+    /// Random rows through whole hierarchies.
+    pub random_rows: u64,
+    /// Samples through the whole chain.
+    pub samples: u64,
+    /// Actions that were raised on the way, with their number.
+    pub raised: BTreeMap<String, u64>,
+    /// The number of differences after which nothing more is compared.
+    #[serde(skip)]
+    most_differences: usize,
+    /// The first differences.
+    pub differences: Vec<Difference>,
+}
+
+impl Evidence {
+    /// Whether every answer was the same and every leaf was reached.
+    pub fn holds(&self) -> bool {
+        self.rounds_twice && self.leaves_not_reached == 0 && self.differences.is_empty()
+    }
+
+    /// No evidence yet.
+    fn until(most_differences: usize) -> Self {
+        Evidence { most_differences, ..Evidence::default() }
+    }
+
+    /// Whether there are as many differences as anybody will read.
+    fn has_enough(&self) -> bool {
+        self.differences.len() >= self.most_differences
+    }
+
+    fn differ(&mut self, place: String, what: String) {
+        if !self.has_enough() {
+            self.differences.push(Difference { place, what });
+        }
+    }
+}
+
+/// Compiles an export in every build and compares it with its diagnoser: all trees, then this many samples through the
+/// whole chain. `tell` hears the number of samples so far.
+///
+/// # Errors
+/// [`ExportError::NoCompiler`], [`ExportError::Refused`], [`ExportError::Load`], [`ExportError::File`]. A difference is
+/// no error; [`Evidence::holds`] is then false.
+pub fn prove(
+    diagnoser: &Arc<Diagnoser>,
+    files: &[CFile],
+    builds: &[Build],
+    samples: u64,
+    tell: &mut dyn FnMut(u64),
+) -> Result<Vec<Evidence>, ExportError> {
+    let compiled = builds.iter().map(|build| Compiled::new(files, build));
+    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
+    let mut all = Vec::new();
+    for (build, compiled) in builds.iter().zip(&compiled) {
+        let mut evidence = Evidence {
+            command: build.command(),
+            version: build.version(),
+            ..Evidence::until(MOST_DIFFERENCES)
+        };
+        compare_parts(diagnoser, compiled, &mut evidence)?;
+        all.push(evidence);
+    }
+    chain::compare(diagnoser, &compiled, samples, &mut all, tell)?;
+    Ok(all)
+}
+
+/// Compares arithmetic and trees.
+fn compare_parts(
+    diagnoser: &Diagnoser,
+    compiled: &Compiled,
+    evidence: &mut Evidence,
+) -> Result<(), ExportError> {
+    evidence.rounds_twice = compiled.rounds_twice()?;
+    models::compare(diagnoser, compiled, evidence)
+}

@@ -1,0 +1,219 @@
+//! Mutants: an export with one small mistake, which a proof must find. A proof that finds every mistake is worth something.
+//!
+//! A mistake is the last digit of a number, a wrong power of two (a wrong unit), swapped branches, another feature or
+//! class in the tables, or another arithmetic operator in the code.
+
+use super::library::{Build, Objects};
+use super::{Evidence, chain, compare_parts};
+use crate::c::CFile;
+use crate::error::ExportError;
+use serde::Serialize;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::random::Random;
+use std::slice;
+use std::sync::Arc;
+
+/// Samples through the whole chain for each mutant that the trees do not show.
+const SAMPLES: u64 = 20_000;
+
+/// A mistake.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Mutant {
+    /// The changed file.
+    pub file: &'static str,
+    /// Number of the line, from 1.
+    pub line: usize,
+    /// What stood there, and what stands there now.
+    pub change: String,
+    /// Whether the proof found it, or the compiler refused it.
+    pub is_found: bool,
+}
+
+/// A place in a text that can be changed.
+struct Site {
+    file: usize,
+    start: usize,
+    old: String,
+    new: String,
+}
+
+/// Makes this many mistakes in random places of a seed, and tries to find each.
+///
+/// # Errors
+/// As [`super::prove`], for the export without a mistake.
+pub fn mutants(
+    diagnoser: &Arc<Diagnoser>,
+    files: &[CFile],
+    build: &Build,
+    (count, seed): (usize, u64),
+    tell: &mut dyn FnMut(u64),
+) -> Result<Vec<Mutant>, ExportError> {
+    let objects = Objects::new(files, build)?;
+    let kinds = sites(files);
+    let mut random = Random::new(seed);
+    let mut all = Vec::new();
+    for number in 0..count {
+        let kind = &kinds[number % kinds.len()];
+        let Site { file, start, old, new } = &kind[random.index(kind.len())];
+        let CFile { name, text } = &files[*file];
+        let changed = [&text[..*start], new, &text[start + old.len()..]].concat();
+        let is_found = match objects.replace(name, &changed) {
+            Ok(()) => is_found(diagnoser, &objects, number)?,
+            Err(ExportError::Refused { .. }) => true,
+            Err(other) => return Err(other),
+        };
+        objects.replace(name, text)?;
+        let line = 1 + text[..*start].matches('\n').count();
+        all.push(Mutant { file: name, line, change: format!("{old} -> {new}"), is_found });
+        tell(number as u64 + 1);
+    }
+    Ok(all)
+}
+
+fn is_found(
+    diagnoser: &Arc<Diagnoser>,
+    objects: &Objects,
+    number: usize,
+) -> Result<bool, ExportError> {
+    let compiled = objects.load(&format!("mutant_{number}.so"))?;
+    let mut evidence = Evidence::until(1);
+    compare_parts(diagnoser, &compiled, &mut evidence)?;
+    if evidence.holds() {
+        let compiled = slice::from_ref(&compiled);
+        chain::compare(diagnoser, compiled, SAMPLES, slice::from_mut(&mut evidence), &mut |_| ())?;
+    }
+    Ok(!evidence.holds())
+}
+
+/// All places, by kind of mistake; a kind without places is left out.
+fn sites(files: &[CFile]) -> Vec<Vec<Site>> {
+    let (mut kinds, mut operators) = (Vec::new(), Vec::new());
+    for (file, CFile { name, text }) in files.iter().enumerate() {
+        match *name {
+            "servotwin_tables.c" => kinds.extend(sites_of_tables(file, text)),
+            "servotwin_features.c" => operators.push(sites_of_code(file, text)),
+            name if name.ends_with(".c") && name != "main.c" => {
+                operators.push(sites_of_code(file, text));
+            }
+            _ => {}
+        }
+    }
+    kinds.extend(operators);
+    kinds.retain(|kind| !kind.is_empty());
+    kinds
+}
+
+/// The items of all arrays whose name ends thus, with their places.
+fn items<'t>(text: &'t str, ending: &'t str) -> impl Iterator<Item = (usize, &'t str)> + 't {
+    let starts = text.match_indices(ending).filter_map(move |(at, _)| {
+        let opened = at + text[at..].find('{')? + 1;
+        let is_array = text[at + ending.len()..].starts_with('[');
+        let closed = opened + text[opened..].find('}')?;
+        is_array.then_some((opened, closed))
+    });
+    starts
+        .flat_map(move |(opened, closed)| {
+            let body = &text[opened..closed];
+            body.split_inclusive(',').scan(opened, |at, part| {
+                let start = *at + part.len() - part.trim_start().len();
+                *at += part.len();
+                Some((start, part.trim().trim_end_matches(',')))
+            })
+        })
+        .filter(|(_, item)| !item.is_empty())
+}
+
+/// Numbers, branches, features and classes of the tables.
+fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
+    let changed = |ending: &str, change: &dyn Fn(&str) -> Option<String>| {
+        let sites = items(text, ending).filter_map(|(start, item)| {
+            Some(Site { file, start, old: item.into(), new: change(item)? })
+        });
+        sites.collect::<Vec<_>>()
+    };
+    let digit = |item: &str| last_digit(item);
+    let unit = |item: &str| power_of_two(item);
+    let next =
+        |item: &str| Some(format!("{}", item.trim_end_matches('U').parse::<u32>().ok()? + 1));
+    vec![
+        changed("_thresholds", &digit),
+        changed("_values", &digit),
+        changed("_probabilities", &digit),
+        changed("_thresholds", &unit),
+        changed("_values", &unit),
+        changed("_features", &next),
+        swapped_branches(file, text),
+        first_words(file, text, "servotwin_sensors[", &unit),
+        changed("_decisions", &|item| Some(if item == "0" { "1".into() } else { "0".into() })),
+    ]
+}
+
+/// Pairs of different children: `left` gets what `right` has. The arrays of one stage follow each other.
+fn swapped_branches(file: usize, text: &str) -> Vec<Site> {
+    let (left, right): (Vec<_>, Vec<_>) =
+        (items(text, "_left").collect(), items(text, "_right").collect());
+    let pairs = left.iter().zip(&right).filter(|(a, b)| a.1 != b.1);
+    pairs
+        .map(|((start, old), (_, new))| Site {
+            file,
+            start: *start,
+            old: (*old).into(),
+            new: (*new).into(),
+        })
+        .collect()
+}
+
+/// The first number of each entry of an array of structs.
+fn first_words(
+    file: usize,
+    text: &str,
+    name: &str,
+    change: &dyn Fn(&str) -> Option<String>,
+) -> Vec<Site> {
+    let Some(at) = text.find(name) else { return Vec::new() };
+    let end = at + text[at..].find(";").unwrap_or(0);
+    let entries = text[at..end].match_indices("{ 0x").map(|(place, _)| at + place + 2);
+    let sites = entries.filter_map(|start| {
+        let old = &text[start..start + text[start..].find(',')?];
+        Some(Site { file, start, old: old.into(), new: change(old)? })
+    });
+    sites.collect()
+}
+
+/// A hexadecimal literal with another last digit.
+fn last_digit(literal: &str) -> Option<String> {
+    let (digits, exponent) = literal.split_once('p')?;
+    let digit = digits.chars().last()?.to_digit(16)?;
+    let other = char::from_digit(digit ^ 1, 16)?;
+    (digits.len() > 4).then(|| format!("{}{other}p{exponent}", &digits[..digits.len() - 1]))
+}
+
+/// A hexadecimal literal times two.
+fn power_of_two(literal: &str) -> Option<String> {
+    let (digits, exponent) = literal.split_once('p')?;
+    let exponent: i32 = exponent.parse().ok()?;
+    (digits.len() > 4).then(|| format!("{digits}p{:+}", exponent + 1))
+}
+
+/// Arithmetic operators of statements that compute a number. Guards (`least`) are left out: only numbers that do not occur
+/// would show a mistake in them.
+fn sites_of_code(file: usize, text: &str) -> Vec<Site> {
+    let mut sites = Vec::new();
+    let mut begin = 0;
+    for line in text.split_inclusive('\n') {
+        let is_statement = line.trim_start().starts_with("const double ")
+            && !line.contains("double *")
+            && !line.contains("double least");
+        for (old, new) in [(" + ", " - "), (" - ", " + "), (" * ", " / "), (" / ", " * ")] {
+            let at = line.find(old).filter(|_| is_statement);
+            sites.extend(at.map(|at| Site {
+                file,
+                start: begin + at,
+                old: old.into(),
+                new: new.into(),
+            }));
+        }
+        begin += line.len();
+    }
+    sites
+}

@@ -1,0 +1,206 @@
+//! Random samples for the whole chain. They need not be flights: they must lead through all of the code.
+//!
+//! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading or
+//! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then a value is missing, wild or frozen.
+
+use servotwin_diagnosis::diagnoser::{Diagnoser, Sensor};
+use servotwin_diagnosis::random::Random;
+
+/// Longest disturbance, in samples.
+const LONGEST: usize = 3000;
+
+/// The sizes of disturbances, in parts of scale: 1/1000 to 1/2, evenly on a logarithmic scale.
+const SMALLEST_SIZE: f64 = -3.0;
+const LARGEST_SIZE: f64 = -0.3;
+
+/// The share of samples with a fault of the transmission.
+const BROKEN_SHARE: f64 = 2e-4;
+
+/// One sample, in SI units.
+pub(super) struct Sample {
+    pub inputs: Vec<f64>,
+    pub measured: Vec<f64>,
+    pub twin: Vec<f64>,
+}
+
+/// What disturbs a sensor: its offset, and its slope over the twin's signal, in parts of scale.
+#[derive(Clone, Copy, Default)]
+struct Disturbance {
+    offset: f64,
+    slope: f64,
+    noise: f64,
+}
+
+/// The part of a sample that stays broken for a while.
+#[derive(Clone, Copy)]
+enum Broken {
+    MissingSensor(usize),
+    WildSensor(usize),
+    MissingInput(usize),
+    WildInput(usize),
+    FrozenInput(usize),
+    /// At an end of its range, where it may contradict another one.
+    ExtremeInput(usize, bool),
+}
+
+/// A sequence of samples.
+pub(super) struct Samples<'d> {
+    diagnoser: &'d Diagnoser,
+    random: Random,
+    /// Plausible inputs, around which they move.
+    center: Vec<f64>,
+    /// Twin signals in parts of scale, and where they go.
+    signals: Vec<f64>,
+    goals: Vec<f64>,
+    disturbances: Vec<Disturbance>,
+    left: usize,
+    broken: Option<(Broken, usize)>,
+    sample: Sample,
+}
+
+impl<'d> Samples<'d> {
+    pub fn new(diagnoser: &'d Diagnoser, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let (sensors, center) = (diagnoser.sensors.len(), center(diagnoser, &mut random));
+        Samples {
+            sample: Sample {
+                inputs: center.clone(),
+                measured: vec![0.0; sensors],
+                twin: vec![0.0; sensors],
+            },
+            diagnoser,
+            random,
+            center,
+            signals: vec![0.5; sensors],
+            goals: vec![0.5; sensors],
+            disturbances: vec![Disturbance::default(); sensors],
+            left: 0,
+            broken: None,
+        }
+    }
+
+    /// The next sample.
+    pub fn next(&mut self) -> &Sample {
+        if self.left == 0 {
+            self.left = 100 + self.random.index(LONGEST);
+            self.disturb();
+        }
+        self.left -= 1;
+        for (place, input) in self.diagnoser.environment.inputs.iter().enumerate() {
+            let width = 1e-6 * (input.largest - input.least);
+            self.sample.inputs[place] = self.center[place] + width * self.random.unit();
+        }
+        for (place, sensor) in self.diagnoser.sensors.iter().enumerate() {
+            if self.random.unit() < 0.02 {
+                self.goals[place] = self.random.unit();
+            }
+            self.signals[place] += 0.1 * (self.goals[place] - self.signals[place]);
+            let Disturbance { offset, slope, noise } = self.disturbances[place];
+            let noise =
+                (noise + sensor.noise) * 2.0 * (self.random.unit() + self.random.unit() - 1.0);
+            let signal = self.signals[place];
+            self.sample.twin[place] = sensor.scale * signal;
+            self.sample.measured[place] = sensor.scale * (signal + offset + slope * signal + noise);
+        }
+        self.break_something();
+        &self.sample
+    }
+
+    fn size(&mut self) -> f64 {
+        let exponent = self.random.between(SMALLEST_SIZE, LARGEST_SIZE);
+        let sign = if self.random.unit() < 0.5 { -1.0 } else { 1.0 };
+        sign * 10f64.powf(exponent)
+    }
+
+    /// Begins another disturbance.
+    fn disturb(&mut self) {
+        self.disturbances.fill(Disturbance::default());
+        let sensors = self.diagnoser.sensors.len();
+        let (sensor, size) = (self.random.index(sensors), self.size());
+        match self.random.index(6) {
+            0 => {}
+            1 => self.disturbances[sensor].offset = size,
+            2 => self.disturbances[sensor].slope = size,
+            3 => self.disturb_boundary(size),
+            4 => {
+                let of = self.diagnoser.sensors[sensor].actuator;
+                let own = |(_, other): &(usize, &Sensor)| other.actuator == of;
+                let places = self.diagnoser.sensors.iter().enumerate().filter(own);
+                for place in places.map(|(place, _)| place).collect::<Vec<_>>() {
+                    self.disturbances[place].offset = self.size();
+                }
+            }
+            _ => self.disturbances[sensor].noise = size.abs(),
+        }
+    }
+
+    /// A wrong boundary reading, or with a slope a leak behind the boundary.
+    fn disturb_boundary(&mut self, size: f64) {
+        let boundaries = &self.diagnoser.boundaries;
+        if boundaries.is_empty() {
+            return;
+        }
+        let boundary = &boundaries[self.random.index(boundaries.len())];
+        let slope = if self.random.unit() < 0.5 { 0.0 } else { self.random.between(-1.0, 1.0) };
+        let own = boundary.effect().unwrap_or(1.0);
+        for &(sensor, effect) in &boundary.effects {
+            let part = size * effect / own;
+            let disturbance = Disturbance { offset: part, slope: slope * part, noise: 0.0 };
+            self.disturbances[sensor as usize] = disturbance;
+        }
+    }
+
+    /// Breaks a value for up to two seconds, now and then.
+    fn break_something(&mut self) {
+        if self.broken.is_none() && self.random.unit() < BROKEN_SHARE {
+            let sensor = self.random.index(self.diagnoser.sensors.len());
+            let input = self.random.index(self.center.len());
+            let is_least = self.random.unit() < 0.5;
+            let what = match self.random.index(6) {
+                0 => Broken::MissingSensor(sensor),
+                1 => Broken::WildSensor(sensor),
+                _ if self.center.is_empty() => Broken::MissingSensor(sensor),
+                2 => Broken::MissingInput(input),
+                3 => Broken::WildInput(input),
+                4 => Broken::FrozenInput(input),
+                _ => Broken::ExtremeInput(input, is_least),
+            };
+            self.broken = Some((what, 1 + self.random.index(200)));
+        }
+        let Some((what, left)) = self.broken else { return };
+        match what {
+            Broken::MissingSensor(sensor) => self.sample.measured[sensor] = f64::NAN,
+            Broken::WildSensor(sensor) => self.sample.measured[sensor] = 1e300,
+            Broken::MissingInput(input) => self.sample.inputs[input] = f64::NAN,
+            Broken::WildInput(input) => self.sample.inputs[input] = f64::INFINITY,
+            Broken::FrozenInput(input) => self.sample.inputs[input] = self.center[input],
+            Broken::ExtremeInput(input, is_least) => {
+                let known = &self.diagnoser.environment.inputs[input];
+                self.sample.inputs[input] = if is_least { known.least } else { known.largest };
+            }
+        }
+        self.broken = (left > 1).then_some((what, left - 1));
+    }
+}
+
+/// Inputs that are plausible alone and together, as far as some are found.
+fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
+    let environment = &diagnoser.environment;
+    let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
+    let mut values = Vec::new();
+    for _ in 0..1000 {
+        let inside = |input: &servotwin_diagnosis::diagnoser::environment::Input, share: f64| {
+            input.least + share * (input.largest - input.least)
+        };
+        values = environment.inputs.iter().map(|i| inside(i, random.between(0.1, 0.9))).collect();
+        let holds = environment.differences.iter().all(|difference| {
+            let pair = place(&difference.of).zip(place(&difference.minus));
+            let of = pair.map_or(0.0, |(of, minus)| values[of] - values[minus]);
+            of > difference.least && of < difference.largest
+        });
+        if holds {
+            break;
+        }
+    }
+    values
+}

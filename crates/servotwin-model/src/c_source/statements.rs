@@ -1,0 +1,128 @@
+//! Any traced expressions as plain C99 statements, for code that is to be proven.
+//!
+//! One operation per statement, so that no compiler may fuse two, and numbers as hexadecimal literals. The statements
+//! need `sqrt` and `fabs` only; transcendental functions of this crate are not printed.
+
+use super::printer::{Dialect, Printer, Stores};
+use crate::symbol::{Binary, Expression, Graph, Symbol, Unary};
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+/// Returns the statements that compute symbols and store each in an entry of an array.
+///
+/// # Panics
+/// If the symbols use a transcendental function.
+pub fn write_statements(graph: &Graph, stored: &[(Symbol, &'static str, usize)]) -> String {
+    let mut stores = Stores::new();
+    for &(symbol, array, index) in stored {
+        stores.entry(symbol.operand()).or_default().push((array, index));
+    }
+    let values: Vec<_> = stores.keys().copied().collect();
+    let mut c = String::new();
+    let expressions = graph.expressions();
+    Printer { dialect: Statements, expressions: &expressions }.statements(&mut c, &values, &stores);
+    c
+}
+
+/// A finite number as a hexadecimal literal, which C reads back to the same bits.
+///
+/// # Panics
+/// If the number is not finite.
+pub fn hexadecimal(number: f64) -> String {
+    assert!(number.is_finite(), "{number} has no literal");
+    let bits = number.to_bits();
+    let sign = if number.is_sign_negative() { "-" } else { "" };
+    let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, bits & ((1 << 52) - 1));
+    match (exponent, fraction) {
+        (0, 0) => format!("{sign}0x0p+0"),
+        (0, _) => format!("{sign}0x0.{fraction:013x}p-1022"),
+        _ => format!("{sign}0x1.{fraction:013x}p{:+}", exponent - 1023),
+    }
+}
+
+struct Statements;
+
+impl Dialect for Statements {
+    const NUMBER: &'static str = "double";
+    const TRUTH: &'static str = "int";
+
+    fn entry(&self, array: &str, index: usize) -> String {
+        format!("{array}[{index}]")
+    }
+
+    fn store(&self, array: &str, index: usize, value: &str) -> String {
+        format!("{array}[{index}] = {value}")
+    }
+
+    fn literal(&self, value: f64) -> String {
+        match value.is_sign_negative() {
+            true => format!("({})", hexadecimal(value)),
+            false => hexadecimal(value),
+        }
+    }
+
+    fn unary(&mut self, operation: Unary, a: &str) -> String {
+        match operation {
+            Unary::Negative => format!("-{a}"),
+            Unary::SquareRoot => format!("sqrt({a})"),
+            Unary::Absolute => format!("fabs({a})"),
+            other => unreachable!("{other:?} is no operation of plain statements"),
+        }
+    }
+
+    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
+        match operation {
+            Binary::Smaller => format!("({a} < {b}) ? {a} : {b}"),
+            Binary::Larger => format!("({b} < {a}) ? {a} : {b}"),
+            other => unreachable!("{other:?} is no operation of plain statements"),
+        }
+    }
+
+    fn less(&self, a: &str, b: &str) -> String {
+        format!("({a} < {b})")
+    }
+
+    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
+        format!("({truth} != 0) ? {yes} : {no}")
+    }
+
+    fn has_statement(&self, _node: usize, expression: Expression) -> bool {
+        !matches!(expression, Expression::Variable(..))
+    }
+
+    fn held_entry(&self, node: usize) -> String {
+        unreachable!("expression {node} has a statement")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scalar::Scalar;
+
+    #[test]
+    fn a_literal_has_the_bits_of_its_number() {
+        assert_eq!(hexadecimal(1.0), "0x1.0000000000000p+0");
+        assert_eq!(hexadecimal(-0.1), "-0x1.999999999999ap-4");
+        assert_eq!(hexadecimal(0.0), "0x0p+0");
+        assert_eq!(hexadecimal(f64::from_bits(1)), "0x0.0000000000001p-1022");
+        assert_eq!(hexadecimal(f64::MAX), "0x1.fffffffffffffp+1023");
+    }
+
+    #[test]
+    fn a_statement_has_one_operation() {
+        let graph = Graph::new();
+        let (x, y) = (graph.variable("a", 0), graph.variable("a", 1));
+        let larger = Symbol::select(x.less(y), y, (x * y + Symbol::constant(-2.0)).sqrt());
+        let c = write_statements(&graph, &[(larger, "into", 3)]);
+        let expected = "    const double v2 = a[0] * a[1];
+    const double v3 = (-0x1.0000000000000p+1) + v2;
+    const double v4 = sqrt(v3);
+    const int v5 = (a[0] < a[1]);
+    const double v6 = (v5 != 0) ? a[1] : v4;
+    into[3] = v6;
+";
+        assert_eq!(c, expected);
+    }
+}
