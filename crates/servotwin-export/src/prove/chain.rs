@@ -215,13 +215,12 @@ fn newest_length(session: &Session) -> Option<usize> {
             .enumerate()
             .any(|(place, band)| window.largest(place) > band.half_width.max(1e-12))
     };
-    lengths.filter(is_new).filter(is_outside).last()
+    lengths.filter(is_new).rfind(is_outside)
 }
 
 fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bool {
-    let rows = session.features(length).iter().enumerate();
-    rows.map(|(view, row)| super::models::same_bits(row, other.row(view, row.len())))
-        .all(|same| same)
+    let mut rows = session.features(length).iter().enumerate();
+    rows.all(|(view, row)| super::models::same_bits(row, other.row(view, row.len())))
 }
 
 fn is_same(a: &Said, b: &Said) -> bool {

@@ -1,0 +1,131 @@
+/*
+ * Runs an exported diagnosis over a file of samples and prints a hash of everything it says, once per thousand samples. The
+ * same source runs on the host and on a simulated Cortex-M; equal output means equal bits.
+ */
+#include "servotwin_session.h"
+#include "servotwin_tables.h"
+
+#include <string.h>
+
+#define COLUMNS (SERVOTWIN_INPUTS + (2 * SERVOTWIN_SENSORS))
+
+/* What differs between host and core: a file to read, text to write, and a counter of instructions. */
+void platform_open(void);
+int platform_read(void *into, uint32_t bytes);
+void platform_print(const char *text);
+uint32_t platform_ticks(void);
+uint32_t platform_ticks_between(uint32_t from, uint32_t to);
+uint32_t platform_instructions_per_tick(void);
+
+static servotwin_session session;
+static uint64_t hash = 0xcbf29ce484222325U;
+
+static void mix(const void *bytes, uint32_t count)
+{
+    const unsigned char *byte = bytes;
+    for (uint32_t i = 0; i < count; i++) {
+        hash = (hash ^ byte[i]) * 0x100000001b3U;
+    }
+}
+
+static void mix_number(double number)
+{
+    mix(&number, sizeof number);
+}
+
+static void mix_integer(int64_t number)
+{
+    mix(&number, sizeof number);
+}
+
+static void mix_outcome(const servotwin_outcome *outcome)
+{
+    mix_integer((int64_t)outcome->finding);
+    mix_integer((int64_t)outcome->alarm);
+    mix_integer(outcome->actuator);
+    mix_integer(outcome->action);
+    mix_integer(outcome->detail);
+    mix_integer(outcome->input);
+    mix_integer((int64_t)outcome->since_sample);
+    mix_number(outcome->confidence);
+    mix_number(outcome->worst);
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        mix_number(servotwin_evidence_of_change(&session.evidence[length], length));
+        for (int32_t claim = 0; claim < SERVOTWIN_HYPOTHESES; claim++) {
+            mix_number(session.judgements[length].probabilities[claim]);
+            mix_number(servotwin_margin(&session.evidence[length], length, claim));
+        }
+    }
+}
+
+static char *written(char *at, uint64_t number, uint32_t base)
+{
+    char digits[24];
+    int32_t count = 0;
+    do {
+        digits[count] = "0123456789abcdef"[number % base];
+        number /= base;
+        count++;
+    } while (number > 0U);
+    while (count > 0) {
+        count--;
+        *at = digits[count];
+        at++;
+    }
+    return at;
+}
+
+static void print_line(const char *what, uint64_t first, uint64_t second, uint32_t base)
+{
+    char line[96];
+    char *at = line;
+    (void)strcpy(at, what);
+    at = written(&line[strlen(what)], first, 10U);
+    *at = ' ';
+    at = written(&at[1], second, base);
+    at[0] = '\n';
+    at[1] = '\0';
+    platform_print(line);
+}
+
+int main(void)
+{
+    static double values[COLUMNS];
+    uint64_t samples = 0U;
+    uint64_t ticks = 0U;
+    uint32_t most = 0U;
+    uint64_t raised = 0U;
+    bool was_raised = false;
+    platform_open();
+    if (!servotwin_session_start(&session)) {
+        platform_print("this build fuses products and sums\n");
+        return 1;
+    }
+    while (platform_read(values, sizeof values) != 0) {
+        const uint32_t before = platform_ticks();
+        const servotwin_outcome *outcome = servotwin_session_push(
+            &session, values, &values[SERVOTWIN_INPUTS], &values[SERVOTWIN_INPUTS + SERVOTWIN_SENSORS]);
+        const uint32_t spent = platform_ticks_between(before, platform_ticks());
+        ticks += spent;
+        most = (spent > most) ? spent : most;
+        samples++;
+        mix_outcome(outcome);
+        if (outcome->raised.is_raised && !was_raised) {
+            raised++;
+        }
+        was_raised = outcome->raised.is_raised;
+        if ((samples % 500U) == 0U) {
+            if (outcome->raised.is_raised) {
+                servotwin_session_release(&session, outcome->raised.actuator);
+                was_raised = false;
+            }
+            print_line("hash ", samples, hash, 16U);
+        }
+    }
+    print_line("raised ", samples, raised, 10U);
+    if (platform_instructions_per_tick() > 0U) {
+        const uint64_t each = platform_instructions_per_tick();
+        print_line("instructions, mean and most: ", (ticks * each) / samples, (uint64_t)most * each, 10U);
+    }
+    return 0;
+}
