@@ -15,7 +15,8 @@ static uint64_t splitmix64(uint64_t *counter)
 
 static uint64_t rotated(uint64_t bits, uint32_t by)
 {
-    return (bits << by) | (bits >> (64U - by));
+    const uint32_t back = 64U - by;
+    return (bits << by) | (bits >> back);
 }
 
 static uint64_t next_bits(uint64_t *state)

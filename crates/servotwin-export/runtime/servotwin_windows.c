@@ -72,13 +72,10 @@ static void add_sample(servotwin_window *window, const double *measured, const d
     }
 }
 
-/* Adds the samples of a window that follows (Chan, Golub and LeVeque, 1979). */
-static void absorb(servotwin_window *window, const servotwin_window *later)
+/* Adds the samples of a window that follows and has some (Chan, Golub and LeVeque, 1979). */
+static void merge(servotwin_window *window, const servotwin_window *later)
 {
     double difference[SERVOTWIN_CHANNELS];
-    if (later->samples == 0) {
-        return;
-    }
     const int32_t samples = window->samples + later->samples;
     const double share = (double)later->samples / (double)samples;
     const double weight = (double)window->samples * share;
@@ -105,9 +102,18 @@ static void absorb(servotwin_window *window, const servotwin_window *later)
     window->samples = samples;
 }
 
+/* Adds the samples of a window that follows, if it has any. */
+static void absorb(servotwin_window *window, const servotwin_window *later)
+{
+    if (later->samples > 0) {
+        merge(window, later);
+    }
+}
+
 static int32_t channel_of(const uint8_t *order, int32_t channel)
 {
-    return (channel < SERVOTWIN_SENSORS) ? order[channel] : (SERVOTWIN_SENSORS + order[channel - SERVOTWIN_SENSORS]);
+    const int32_t first = (channel < SERVOTWIN_SENSORS) ? 0 : SERVOTWIN_SENSORS;
+    return first + (int32_t)order[channel - first];
 }
 
 void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into)
