@@ -112,7 +112,10 @@ static void absorb(servotwin_window *window, const servotwin_window *later)
 
 static int32_t channel_of(const uint8_t *order, int32_t channel)
 {
-    const int32_t first = (channel < SERVOTWIN_SENSORS) ? 0 : SERVOTWIN_SENSORS;
+    int32_t first = 0;
+    if (channel >= SERVOTWIN_SENSORS) {
+        first = SERVOTWIN_SENSORS;
+    }
     return first + (int32_t)order[channel - first];
 }
 

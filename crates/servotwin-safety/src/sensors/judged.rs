@@ -3,8 +3,8 @@
 //! A tree finds the actuator, or that there is no fault; one more for each actuator finds the kind of its fault. They
 //! read the features that the set leaves. They learn from the rows in which a residual of a kept sensor leaves its band,
 //! also as seen from the other actuators. Of a judged row the action with the most weight in its leaf is taken. A fault
-//! whose residuals all stay within their bands is not judged by a tree: it is neither isolated nor shut down. So all rates have the same denominators for
-//! all sets: every judged fault, or every judged fault that needs a shutdown.
+//! whose residuals all stay within their bands is not judged by a tree: it is neither isolated nor shut down. So all
+//! rates have the same denominators for all sets: every judged fault, or every judged fault that needs a shutdown.
 
 use super::candidates::{Candidates, SensorMask};
 use super::runs::{FaultClass, SensorRuns};
