@@ -1,8 +1,9 @@
 //! An export on disk: the C files, and `export.json`, which says what they were made of.
 
 use crate::c::{self, CFile};
+use crate::certificate::{Certificate, Description};
 use crate::error::ExportError;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
 use servotwin_io::manifest::{sha256, sha256_of_text};
@@ -15,18 +16,20 @@ const DESCRIPTION: &str = "export.json";
 /// The name of a certificate.
 const CERTIFICATE: &str = "proof.json";
 
-/// What an export was made of.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Description {
-    /// The version of servotwin.
-    pub version: String,
-    /// The file of the diagnoser.
-    pub diagnoser: PathBuf,
-    /// Its SHA-256.
-    pub diagnoser_sha256: String,
-    /// The SHA-256 of each C file when it was written.
-    pub files_sha256: BTreeMap<String, String>,
+/// The same as a page.
+const PAGE: &str = "proof.html";
+
+/// The hashes of what a diagnoser was made of, as far as it lies beside its file.
+fn sources(diagnoser: &Path) -> Result<BTreeMap<String, String>, ExportError> {
+    let folder = diagnoser.parent().unwrap_or(Path::new(""));
+    let entries = folder.read_dir().into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let is_source = |name: &String| {
+        name == "system.toml"
+            || name == "study.toml"
+            || (name.starts_with("dataset-") && name.ends_with(".parquet"))
+    };
+    names.filter(is_source).map(|name| Ok((name.clone(), sha256(&folder.join(name))?))).collect()
 }
 
 /// A folder with an export.
@@ -53,7 +56,9 @@ impl ExportFolder {
         }
         create_folder(&self.path)?;
         // A certificate of another text is worse than none.
-        let _ = std::fs::remove_file(self.file(CERTIFICATE));
+        for name in [CERTIFICATE, PAGE] {
+            let _ = std::fs::remove_file(self.file(name));
+        }
         for CFile { name, text } in &files {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
         }
@@ -62,6 +67,7 @@ impl ExportFolder {
             version: env!("CARGO_PKG_VERSION").into(),
             diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
             diagnoser_sha256: sha256(file)?,
+            sources_sha256: sources(file)?,
             files_sha256: files.iter().map(hash).collect(),
         };
         self.write_json(DESCRIPTION, &description)?;
@@ -93,13 +99,17 @@ impl ExportFolder {
         c::files(diagnoser)?.into_iter().map(now).collect()
     }
 
-    /// Writes a certificate; returns its path.
+    /// Writes a certificate as data and as a page; returns their paths.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn write_certificate(&self, certificate: &impl Serialize) -> Result<PathBuf, ExportError> {
+    /// A file cannot be written.
+    pub fn write_certificate(
+        &self,
+        certificate: &Certificate,
+    ) -> Result<[PathBuf; 2], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        Ok(self.file(CERTIFICATE))
+        write_atomically(self.file(PAGE), |out| out.write_all(certificate.page().as_bytes()))?;
+        Ok([CERTIFICATE, PAGE].map(|name| self.file(name)))
     }
 
     fn file(&self, name: &str) -> PathBuf {

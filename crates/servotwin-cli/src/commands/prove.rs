@@ -4,11 +4,14 @@ use super::progress::Stages;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
-use serde_json::{Value, json};
+use serde_json::json;
 use servotwin::evaluation::model_file;
+use servotwin::manifest::sha256_of_text;
 use servotwin_export::ExportError;
-use servotwin_export::folder::{Description, ExportFolder};
-use servotwin_export::prove::{Build, Evidence, Mutant, mutants, prove};
+use servotwin_export::c::CFile;
+use servotwin_export::certificate::Certificate;
+use servotwin_export::folder::ExportFolder;
+use servotwin_export::prove::{Build, mutants, prove};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -17,7 +20,7 @@ use std::sync::Arc;
 /// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
 /// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
 /// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The certificate
-/// proof.json is written beside the C files.
+/// is written beside the C files, as proof.json and proof.html.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -59,36 +62,28 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         show("making mistakes", done, options.mutants as u64);
     })?;
     stages.end();
-    let certificate = certificate(&description, &evidence, &mutants);
-    let path = folder.write_certificate(&certificate)?;
-    let is_proven = certificate["holds"] == true;
+    let hash = |file: &CFile| (file.name.to_owned(), sha256_of_text(&file.text));
+    let compiled = files.iter().map(hash).collect();
+    let certificate = Certificate::new(description, compiled, evidence, mutants);
+    let written = folder.write_certificate(&certificate)?;
     let output = match global {
-        Global { json: true, .. } => json(&certificate),
+        Global { json: true, .. } => json(&json!(certificate)),
         Global { quiet: true, .. } => String::new(),
-        _ => format!("{}{}\n", text_of(&evidence, &mutants), path.display()),
+        _ => {
+            let paths = written.map(|path| format!("{}\n", path.display())).concat();
+            format!("{}{paths}", text_of(&certificate))
+        }
     };
-    match is_proven {
+    match certificate.holds {
         true => Ok(output),
         false => Err(Failure::NotProven { folder: options.folder.clone(), output }),
     }
 }
 
-/// The certificate.
-fn certificate(description: &Description, evidence: &[Evidence], mutants: &[Mutant]) -> Value {
-    let survivors: Vec<&Mutant> = mutants.iter().filter(|mutant| !mutant.is_found).collect();
-    json!({
-        "holds": evidence.iter().all(Evidence::holds) && survivors.is_empty(),
-        "export": description,
-        "builds": evidence,
-        "mutants": mutants.len(),
-        "mutants_not_found": survivors,
-    })
-}
-
 /// The evidence for people.
-fn text_of(evidence: &[Evidence], mutants: &[Mutant]) -> String {
+fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
-    if let Some(first) = evidence.first() {
+    if let Some(first) = certificate.builds.first() {
         text += &format!(
             "{} leaves, {} thresholds: {} rows; {} random rows; {} samples\n",
             first.leaves, first.thresholds, first.rows, first.random_rows, first.samples
@@ -96,7 +91,7 @@ fn text_of(evidence: &[Evidence], mutants: &[Mutant]) -> String {
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
-    for build in evidence {
+    for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         text += &format!("  {verdict}  {}\n", build.command);
         for difference in build.differences.iter().take(3) {
@@ -106,9 +101,9 @@ fn text_of(evidence: &[Evidence], mutants: &[Mutant]) -> String {
             text += &format!("    leaves not reached: {}\n", build.leaves_not_reached);
         }
     }
-    if !mutants.is_empty() {
-        let found = mutants.iter().filter(|mutant| mutant.is_found).count();
-        text += &format!("{found} of {} mistakes found\n", mutants.len());
+    if certificate.mutants > 0 {
+        let found = certificate.mutants - certificate.mutants_not_found.len();
+        text += &format!("{found} of {} mistakes found\n", certificate.mutants);
     }
     text
 }

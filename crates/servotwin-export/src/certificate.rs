@@ -1,0 +1,123 @@
+//! What a proof showed, as data and as a page.
+
+use crate::prove::{Evidence, Mutant};
+use serde::{Deserialize, Serialize};
+use servotwin_io::text::escaped;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// What an export was made of.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// The version of servotwin.
+    pub version: String,
+    /// The file of the diagnoser.
+    pub diagnoser: PathBuf,
+    /// Its SHA-256.
+    pub diagnoser_sha256: String,
+    /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
+    pub sources_sha256: BTreeMap<String, String>,
+    /// The SHA-256 of each C file when it was written.
+    pub files_sha256: BTreeMap<String, String>,
+}
+
+/// The result of a proof.
+#[derive(Debug, Clone, Serialize)]
+pub struct Certificate {
+    /// Whether every build decides as the diagnoser, and every mistake was found.
+    pub holds: bool,
+    /// What was exported.
+    pub export: Description,
+    /// The SHA-256 of each C file that was compiled.
+    pub compiled_sha256: BTreeMap<String, String>,
+    /// What each build was compared on.
+    pub builds: Vec<Evidence>,
+    /// The number of mistakes that were made in the text.
+    pub mutants: usize,
+    /// Those that were not found.
+    pub mutants_not_found: Vec<Mutant>,
+}
+
+impl Certificate {
+    /// The certificate of a proof.
+    pub fn new(
+        export: Description,
+        compiled_sha256: BTreeMap<String, String>,
+        builds: Vec<Evidence>,
+        mutants: Vec<Mutant>,
+    ) -> Self {
+        let count = mutants.len();
+        let mutants_not_found: Vec<Mutant> =
+            mutants.into_iter().filter(|mutant| !mutant.is_found).collect();
+        let holds = builds.iter().all(Evidence::holds) && mutants_not_found.is_empty();
+        Certificate { holds, export, compiled_sha256, builds, mutants: count, mutants_not_found }
+    }
+
+    /// The verdict in one sentence.
+    fn verdict(&self) -> &'static str {
+        match self.holds {
+            true => "Every build gives the bits of the trained diagnosis.",
+            false => {
+                "A build decides otherwise than the trained diagnosis, or a mistake was not found."
+            }
+        }
+    }
+
+    /// The certificate as a page that needs no other file.
+    pub fn page(&self) -> String {
+        let mut page = format!(
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Proof of an export</title>\n\
+             <style>body {{ font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em }} \
+             td, th {{ text-align: left; padding: 0 1em 0 0; vertical-align: top }} td {{ font-family: monospace; \
+             overflow-wrap: anywhere }}</style>\n<h1>Proof of an export</h1>\n<p><strong>{}</strong></p>\n",
+            self.verdict()
+        );
+        self.write_builds(&mut page);
+        let found = self.mutants - self.mutants_not_found.len();
+        let _ =
+            writeln!(page, "<p>{found} of {} deliberate mistakes were found.</p>", self.mutants);
+        let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
+        let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
+        let _ = writeln!(page, "<p>Exported by servotwin {}.</p>", escaped(version));
+        for (title, hashes) in [
+            ("Diagnoser", &own),
+            ("System, study and data", sources_sha256),
+            ("Compiled files", &self.compiled_sha256),
+        ] {
+            write_hashes(&mut page, title, hashes);
+        }
+        page + "</html>\n"
+    }
+
+    fn write_builds(&self, page: &mut String) {
+        *page += "<h2>Builds</h2>\n<table>\n<tr><th>Same bits<th>Compiler<th>Leaves<th>Thresholds<th>Rows<th>Samples\n";
+        for build in &self.builds {
+            let same = if build.holds() { "yes" } else { "no" };
+            let (command, version) = (escaped(&build.command), escaped(&build.version));
+            let _ = writeln!(
+                page,
+                "<tr><td>{same}<td>{command}<br>{version}<td>{}<td>{}<td>{}<td>{}",
+                build.leaves,
+                build.thresholds,
+                build.rows + build.random_rows,
+                build.samples
+            );
+        }
+        *page += "</table>\n";
+        if let Some(first) = self.builds.first() {
+            let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
+            let raised = raised.collect::<Vec<_>>().join(", ");
+            let _ = writeln!(page, "<p>Actions raised by the samples: {}.</p>", escaped(&raised));
+        }
+    }
+}
+
+fn write_hashes(page: &mut String, title: &str, hashes: &BTreeMap<String, String>) {
+    let _ = writeln!(page, "<h2>{title}</h2>\n<table>\n<tr><th>File<th>SHA-256");
+    for (name, hash) in hashes {
+        let _ = writeln!(page, "<tr><td>{}<td>{hash}", escaped(name));
+    }
+    *page += "</table>\n";
+}
