@@ -9,10 +9,13 @@ use servotwin_diagnosis::random::Random;
 use std::sync::Arc;
 
 /// The share of samples after which the flight control computer says something.
-const COMMAND_SHARE: f64 = 1e-4;
+const COMMAND_SHARE: f64 = 2e-4;
 
 /// The same while an action is raised, which would stay for good if it switches off.
 const ANSWER_SHARE: f64 = 5e-3;
+
+/// The longest time until a command is taken back, in samples.
+const LONGEST_COMMAND: usize = 1000;
 
 /// What a session says, as flat lists: `prove_push` of the C text.
 #[derive(Default, PartialEq)]
@@ -32,12 +35,12 @@ pub(super) fn compare(
     let mut session = Session::new(diagnoser.clone())?;
     let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
     let mut generated = Samples::new(diagnoser, 1);
-    let mut random = Random::new(2);
+    let mut commands = Commands { random: Random::new(2), to_undo: None };
     let (mut right, mut said) = (Said::default(), Said::default());
     for k in 0..samples {
-        let actuator = accused(&session).map(|(actuator, _)| actuator as usize);
-        if random.unit() < if actuator.is_some() { ANSWER_SHARE } else { COMMAND_SHARE } {
-            command(&mut session, &mut others, actuator, &mut random)?;
+        if let Some((command, place)) = commands.next(&session) {
+            obey(&mut session, (command, place))?;
+            others.iter_mut().for_each(|other| other.command(command as i32, place as i32));
         }
         let sample = generated.next();
         let before = accused(&session);
@@ -69,29 +72,51 @@ fn accused(session: &Session) -> Option<(u32, u32)> {
     session.outcome().raised.map(|raised| (raised.actuator, raised.action))
 }
 
-/// A random command of the flight control computer; about an accused actuator, mostly its release.
-fn command(
-    session: &mut Session,
-    others: &mut [RunningSession],
-    accused: Option<usize>,
-    random: &mut Random,
-) -> Result<(), ExportError> {
-    let (actuators, sensors) =
-        (session.diagnoser().names().actuators.len(), session.diagnoser().sensors.len());
-    let (number, place) = match accused {
-        Some(actuator) => (usize::from(random.unit() < 0.8), actuator),
-        None => {
-            let number = random.index(6);
-            (number, random.index(if number < 4 { actuators } else { sensors }))
+/// Random commands of the flight control computer, as `prove_command` of the C text numbers them: an even one takes
+/// something away, the next number gives it back.
+struct Commands {
+    random: Random,
+    /// A command that gives something back, its place, and the samples until then.
+    to_undo: Option<(usize, usize, usize)>,
+}
+
+impl Commands {
+    /// The command before the next sample, with its place.
+    fn next(&mut self, session: &Session) -> Option<(usize, usize)> {
+        if let Some((command, place, left)) = self.to_undo {
+            self.to_undo = (left > 0).then_some((command, place, left.saturating_sub(1)));
+            return (left == 0).then_some((command, place));
         }
-    };
-    match number {
+        let accused = accused(session).map(|(actuator, _)| actuator as usize);
+        let share = if accused.is_some() { ANSWER_SHARE } else { COMMAND_SHARE };
+        if self.random.unit() >= share {
+            return None;
+        }
+        let diagnoser = session.diagnoser();
+        let (command, place) = match accused {
+            // Mostly the raised action is withdrawn at once.
+            Some(actuator) if self.random.unit() < 0.8 => return Some((1, actuator)),
+            Some(actuator) => (0, actuator),
+            None => {
+                let command = 2 * self.random.index(3);
+                let actuators = diagnoser.names().actuators.len();
+                let places = if command < 4 { actuators } else { diagnoser.sensors.len() };
+                (command, self.random.index(places))
+            }
+        };
+        self.to_undo = Some((command + 1, place, self.random.index(LONGEST_COMMAND)));
+        Some((command, place))
+    }
+}
+
+/// Passes a command to a session.
+fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), ExportError> {
+    match command {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,
-        2 | 3 => session.inhibit(place, number == 2)?,
-        _ => session.take_out(place, number == 4)?,
+        2 | 3 => session.inhibit(place, command == 2)?,
+        _ => session.take_out(place, command == 4)?,
     }
-    others.iter_mut().for_each(|other| other.command(number as i32, place as i32));
     Ok(())
 }
 

@@ -13,8 +13,11 @@ const LONGEST: usize = 3000;
 const SMALLEST_SIZE: f64 = -3.0;
 const LARGEST_SIZE: f64 = -0.3;
 
+/// Residuals above this part of their scale are no measurements.
+const PLAUSIBLE: f64 = 1e6;
+
 /// The share of samples with a fault of the transmission.
-const BROKEN_SHARE: f64 = 2e-4;
+const BROKEN_SHARE: f64 = 5e-4;
 
 /// One sample, in SI units.
 pub(super) struct Sample {
@@ -35,7 +38,8 @@ struct Disturbance {
 #[derive(Clone, Copy)]
 enum Broken {
     MissingSensor(usize),
-    WildSensor(usize),
+    /// Just plausible, or not at all.
+    WildSensor(usize, bool),
     MissingInput(usize),
     WildInput(usize),
     FrozenInput(usize),
@@ -156,13 +160,13 @@ impl<'d> Samples<'d> {
             let sensor = self.random.index(self.diagnoser.sensors.len());
             let input = self.random.index(self.center.len());
             let is_least = self.random.unit() < 0.5;
-            let what = match self.random.index(6) {
+            let what = match self.random.index(8) {
                 0 => Broken::MissingSensor(sensor),
-                1 => Broken::WildSensor(sensor),
+                1..=3 => Broken::WildSensor(sensor, is_least),
                 _ if self.center.is_empty() => Broken::MissingSensor(sensor),
-                2 => Broken::MissingInput(input),
-                3 => Broken::WildInput(input),
-                4 => Broken::FrozenInput(input),
+                4 => Broken::MissingInput(input),
+                5 => Broken::WildInput(input),
+                6 => Broken::FrozenInput(input),
                 _ => Broken::ExtremeInput(input, is_least),
             };
             self.broken = Some((what, 1 + self.random.index(200)));
@@ -170,7 +174,12 @@ impl<'d> Samples<'d> {
         let Some((what, left)) = self.broken else { return };
         match what {
             Broken::MissingSensor(sensor) => self.sample.measured[sensor] = f64::NAN,
-            Broken::WildSensor(sensor) => self.sample.measured[sensor] = 1e300,
+            Broken::WildSensor(sensor, is_plausible) => {
+                let (scale, twin) =
+                    (self.diagnoser.sensors[sensor].scale, self.sample.twin[sensor]);
+                let edge = twin + (PLAUSIBLE * scale - 0.5 * twin.abs());
+                self.sample.measured[sensor] = if is_plausible { edge } else { 1e300 };
+            }
             Broken::MissingInput(input) => self.sample.inputs[input] = f64::NAN,
             Broken::WildInput(input) => self.sample.inputs[input] = f64::INFINITY,
             Broken::FrozenInput(input) => self.sample.inputs[input] = self.center[input],

@@ -116,11 +116,11 @@ mod tests {
         let (x, y) = (graph.variable("a", 0), graph.variable("a", 1));
         let larger = Symbol::select(x.less(y), y, (x * y + Symbol::constant(-2.0)).sqrt());
         let c = write_statements(&graph, &[(larger, "into", 3)]);
-        let expected = "    const double v2 = a[0] * a[1];
-    const double v3 = (-0x1.0000000000000p+1) + v2;
-    const double v4 = sqrt(v3);
-    const int v5 = (a[0] < a[1]);
-    const double v6 = (v5 != 0) ? a[1] : v4;
+        let expected = "    const int v2 = (a[0] < a[1]);
+    const double v3 = a[0] * a[1];
+    const double v4 = (-0x1.0000000000000p+1) + v3;
+    const double v5 = sqrt(v4);
+    const double v6 = (v2 != 0) ? a[1] : v5;
     into[3] = v6;
 ";
         assert_eq!(c, expected);
