@@ -21,6 +21,9 @@ use std::sync::Arc;
 /// The number of differences after which nothing more is compared.
 const MOST_DIFFERENCES: usize = 20;
 
+/// Rows of random values for each hierarchy of a proof.
+const RANDOM_ROWS: usize = 20_000;
+
 /// A row for which the export answers otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Difference {
@@ -107,7 +110,7 @@ pub fn prove(
             version: build.version(),
             ..Evidence::until(MOST_DIFFERENCES)
         };
-        compare_parts(diagnoser, compiled, &mut evidence)?;
+        compare_parts(diagnoser, compiled, RANDOM_ROWS, &mut evidence)?;
         all.push(evidence);
     }
     chain::compare(diagnoser, &compiled, samples, &mut all, tell)?;
@@ -118,8 +121,9 @@ pub fn prove(
 fn compare_parts(
     diagnoser: &Diagnoser,
     compiled: &Compiled,
+    random_rows: usize,
     evidence: &mut Evidence,
 ) -> Result<(), ExportError> {
     evidence.rounds_twice = compiled.rounds_twice()?;
-    models::compare(diagnoser, compiled, evidence)
+    models::compare(diagnoser, compiled, random_rows, evidence)
 }

@@ -10,13 +10,12 @@ use servotwin_diagnosis::hierarchy::{self, Hierarchy, Scratch, Stage};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::tree::Branches;
 
-/// Rows of random values for the whole hierarchy of each window length.
-const RANDOM_ROWS: usize = 20_000;
-
-/// Compares all stages of all window lengths, until there are enough differences.
+/// Compares all stages of all window lengths, and random rows through the whole hierarchy of each, until there are
+/// enough differences.
 pub(super) fn compare(
     diagnoser: &Diagnoser,
     compiled: &Compiled,
+    random_rows: usize,
     evidence: &mut Evidence,
 ) -> Result<(), ExportError> {
     for (length, of_length) in diagnoser.lengths.iter().enumerate() {
@@ -26,7 +25,7 @@ pub(super) fn compare(
             for place in 0..hierarchy.stages.len() {
                 compare_stage(hierarchy, (at, place), compiled, evidence)?;
             }
-            compare_hierarchy(of_length, at, compiled, evidence)?;
+            compare_hierarchy((of_length, at), compiled, random_rows, evidence)?;
         }
     }
     Ok(())
@@ -167,9 +166,9 @@ impl ComparedStage<'_> {
 
 /// Random rows, whose values lie at or beside thresholds, through a whole hierarchy; of committees also the novelty.
 fn compare_hierarchy(
-    of_length: &Length,
-    at: Place,
+    (of_length, at): (&Length, Place),
     compiled: &Compiled,
+    random_rows: usize,
     evidence: &mut Evidence,
 ) -> Result<(), ExportError> {
     let panel = &of_length.panel;
@@ -177,7 +176,7 @@ fn compare_hierarchy(
     let thresholds = thresholds(hierarchy);
     let mut random = Random::new(at.length as u64);
     let mut scratch = hierarchy.scratch();
-    for _ in 0..RANDOM_ROWS {
+    for _ in 0..random_rows {
         if evidence.has_enough() {
             return Ok(());
         }

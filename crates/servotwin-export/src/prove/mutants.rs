@@ -16,6 +16,9 @@ use std::sync::Arc;
 /// Samples through the whole chain for each mutant that the trees do not show.
 const SAMPLES: u64 = 20_000;
 
+/// Rows of random values for each hierarchy of a mutant.
+const RANDOM_ROWS: usize = 2000;
+
 /// A mistake.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Mutant {
@@ -77,7 +80,7 @@ fn is_found(
 ) -> Result<bool, ExportError> {
     let compiled = objects.load(&format!("mutant_{number}.so"))?;
     let mut evidence = Evidence::until(1);
-    compare_parts(diagnoser, &compiled, &mut evidence)?;
+    compare_parts(diagnoser, &compiled, RANDOM_ROWS, &mut evidence)?;
     if evidence.holds() {
         let compiled = slice::from_ref(&compiled);
         chain::compare(diagnoser, compiled, SAMPLES, slice::from_mut(&mut evidence), &mut |_| ())?;
