@@ -71,13 +71,14 @@ impl Certificate {
             "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Proof of an export</title>\n\
              <style>body {{ font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em }} \
              td, th {{ text-align: left; padding: 0 1em 0 0; vertical-align: top }} td {{ font-family: monospace; \
-             overflow-wrap: anywhere }}</style>\n<h1>Proof of an export</h1>\n<p><strong>{}</strong></p>\n",
+             overflow-wrap: break-word }}</style>\n<h1>Proof of an export</h1>\n<p><strong>{}</strong></p>\n",
             self.verdict()
         );
         self.write_builds(&mut page);
-        let found = self.mutants - self.mutants_not_found.len();
-        let _ =
-            writeln!(page, "<p>{found} of {} deliberate mistakes were found.</p>", self.mutants);
+        if self.mutants > 0 {
+            let (all, found) = (self.mutants, self.mutants - self.mutants_not_found.len());
+            let _ = writeln!(page, "<p>{found} of {all} deliberate mistakes were found.</p>");
+        }
         let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
         let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
         let _ = writeln!(page, "<p>Exported by servotwin {}.</p>", escaped(version));
