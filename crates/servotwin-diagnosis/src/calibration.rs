@@ -1,7 +1,7 @@
 //! Temperature scaling of probabilities.
 //!
-//! `p → p^(1/T) / Σ p^(1/T)`, with the power as e^(ln p / T). The order of the classes stays, so no answer changes. A temperature above 1 lowers the
-//! confidence, one below 1 raises it. `servotwin-learning` fits the temperature.
+//! `p → p^(1/T) / Σ p^(1/T)`, with the power as e^(ln p / T). The order of the classes stays, so no answer changes. A
+//! temperature above 1 lowers the confidence, one below 1 raises it. `servotwin-learning` fits the temperature.
 //!
 //! Source: Guo, Pleiss, Sun, Weinberger, "On Calibration of Modern Neural Networks", ICML 2017.
 

@@ -6,7 +6,7 @@ use crate::error::ExportError;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
-use servotwin_io::manifest::{sha256, sha256_of_text};
+use servotwin_io::manifest::sha256;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -62,13 +62,12 @@ impl ExportFolder {
         for CFile { name, text } in &files {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
         }
-        let hash = |file: &CFile| (file.name.to_owned(), sha256_of_text(&file.text));
         let description = Description {
             version: env!("CARGO_PKG_VERSION").into(),
             diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
             diagnoser_sha256: sha256(file)?,
             sources_sha256: sources(file)?,
-            files_sha256: files.iter().map(hash).collect(),
+            files_sha256: c::hashes(&files),
         };
         self.write_json(DESCRIPTION, &description)?;
         Ok(description)
@@ -85,18 +84,17 @@ impl ExportFolder {
         serde_json::from_str(&text).map_err(|_| none())
     }
 
-    /// The C files as they are now, in the order of a fresh export of their diagnoser.
+    /// The C files as they are now. `file` must be the exported diagnoser.
     ///
     /// # Errors
-    /// [`ExportError::OtherDiagnoser`] if the file is not the exported one, and files that are missing.
-    pub fn files(&self, diagnoser: &Diagnoser, file: &Path) -> Result<Vec<CFile>, ExportError> {
-        if sha256(file)? != self.description()?.diagnoser_sha256 {
+    /// [`ExportError::OtherDiagnoser`] if it is not, and files that are missing.
+    pub fn files(&self, exported: &Description, file: &Path) -> Result<Vec<CFile>, ExportError> {
+        if sha256(file)? != exported.diagnoser_sha256 {
             let folder = self.path.clone();
             return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
         }
-        let now =
-            |fresh: CFile| Ok(CFile { name: fresh.name, text: read_text(self.file(fresh.name))? });
-        c::files(diagnoser)?.into_iter().map(now).collect()
+        let read = |name| Ok(CFile { name, text: read_text(self.file(name))? });
+        c::names().map(read).collect()
     }
 
     /// Writes a certificate as data and as a page; returns their paths.

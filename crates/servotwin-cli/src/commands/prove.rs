@@ -6,9 +6,8 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::model_file;
-use servotwin::manifest::sha256_of_text;
 use servotwin_export::ExportError;
-use servotwin_export::c::CFile;
+use servotwin_export::c;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{Build, mutants, prove};
@@ -48,7 +47,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let description = folder.description()?;
     let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
     let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
-    let files = folder.files(&diagnoser, &file)?;
+    let files = folder.files(&description, &file)?;
     let builds = Build::available();
     let Some(first) = builds.first() else { return Err(ExportError::NoBuild.into()) };
     let samples = (options.hours * 3600.0 / diagnoser.period_s).round() as u64;
@@ -62,9 +61,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         show("making mistakes", done, options.mutants as u64);
     })?;
     stages.end();
-    let hash = |file: &CFile| (file.name.to_owned(), sha256_of_text(&file.text));
-    let compiled = files.iter().map(hash).collect();
-    let certificate = Certificate::new(description, compiled, evidence, mutants);
+    let certificate = Certificate::new(description, c::hashes(&files), evidence, mutants);
     let written = folder.write_certificate(&certificate)?;
     let output = match global {
         Global { json: true, .. } => json(&json!(certificate)),

@@ -1,23 +1,11 @@
 //! A diagnosis as C, exported and proven as users do it.
 
 use super::flights::learned;
-use super::{Folder, servotwin, stderr, stdout};
+use super::{Folder, fails, stderr, succeeds};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
-
-fn succeeds(arguments: &[&str]) -> String {
-    let output = servotwin(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
-    stdout(&output)
-}
-
-fn fails(arguments: &[&str], code: i32) -> String {
-    let output = servotwin(arguments);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", stderr(&output));
-    stderr(&output)
-}
 
 /// A folder with a trained diagnoser, and its export.
 fn exported(name: &str) -> (Folder, String, String) {

@@ -40,6 +40,22 @@ fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).expect("UTF-8")
 }
 
+/// Runs a command that must end well; what it printed.
+fn succeeds(arguments: &[&str]) -> String {
+    let output = servotwin(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    stdout(&output)
+}
+
+/// Runs a command that must end with this code; its message.
+fn fails(arguments: &[&str], code: i32) -> String {
+    let output = servotwin(arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    assert!(!text.contains("panicked"), "{text}");
+    text
+}
+
 fn json(arguments: &[&str]) -> serde_json::Value {
     let output = servotwin(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));

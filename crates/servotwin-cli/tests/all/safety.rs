@@ -1,7 +1,7 @@
 //! Artefacts for a safety case, made as users make them, from a study small enough for a test.
 
 use super::flights::learned;
-use super::{Folder, servotwin, stderr, stdout};
+use super::{Folder, fails, stderr, stdout, succeeds};
 use servotwin::parallel::Workers;
 use servotwin::table::Table;
 use servotwin::table::csv::texts::{self, Texts};
@@ -18,20 +18,6 @@ const RATES: &str = "fault,rate,unit,source\n\
                      sensor_pressure_a.bias_positive,1,1/(1e6 h),field data\n";
 
 const HOURS: [&str; 6] = ["--flight-hours", "2", "--repair-hours", "10", "--check-hours", "100"];
-
-fn succeeds(arguments: &[&str]) -> String {
-    let output = servotwin(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
-    stdout(&output)
-}
-
-fn fails(arguments: &[&str], code: i32) -> String {
-    let output = servotwin(arguments);
-    let text = stderr(&output);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
-    assert!(!text.contains("panicked"), "{text}");
-    text
-}
 
 /// A folder with a study's judged flights, and a table of rates.
 fn flown(name: &str) -> (Folder, String, String) {

@@ -3,7 +3,6 @@
 //! Logarithms stand between two groups of statements. The first group computes what they are taken of, the second
 //! computes the features from them.
 
-use super::CFile;
 use servotwin_diagnosis::features::{Sensors, features, values_into};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::number::Number;
@@ -136,7 +135,7 @@ impl<'t, 'g> Statistics for Variables<'t, 'g> {
 }
 
 /// The source of `servotwin_features`, which computes the named features in their order.
-pub(super) fn file(sensors: &Sensors, names: &Names) -> CFile {
+pub(super) fn text(sensors: &Sensors, names: &Names) -> String {
     let (graph, trace) = (Graph::new(), Trace::default());
     let window = Variables { trace: &trace, graph: &graph, sensors: sensors.0.len() };
     let (known, mut values) = (features(sensors), Vec::new());
@@ -151,12 +150,12 @@ pub(super) fn file(sensors: &Sensors, names: &Names) -> CFile {
     let logarithms = trace.logarithms.borrow();
     let arguments = logarithms.iter().enumerate().map(|(i, &symbol)| (symbol, "argument", i));
     let arguments: Vec<_> = arguments.collect();
-    CFile { name: "servotwin_features.c", text: text(&graph, &arguments, &features) }
+    functions(&graph, &arguments, &features)
 }
 
 type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
 
-fn text(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
+fn functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
     let mut c = String::from(
         "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */\n\
          #include \"servotwin_features.h\"\n\n#include \"servotwin_math.h\"\n\n#include <math.h>\n\n\

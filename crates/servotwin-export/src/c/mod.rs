@@ -1,7 +1,7 @@
 //! A diagnoser as C99.
 //!
-//! The code is written by hand and the same for every diagnoser; it lies in `runtime/`. What was learned is printed as
-//! constant tables. So the code can be reviewed once, and a new training changes numbers only.
+//! Most of the code is written by hand and the same for every diagnoser; it lies in `runtime/`. What was learned is
+//! printed as constant tables, and the features as statements. So the code can be reviewed once.
 
 mod features;
 mod literal;
@@ -9,6 +9,8 @@ mod tables;
 
 use crate::error::ExportError;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length};
+use servotwin_io::manifest::sha256_of_text;
+use std::collections::BTreeMap;
 
 /// `SERVOTWIN_MOST_CLASSES` of the C code.
 const MOST_CLASSES: usize = 32;
@@ -51,7 +53,20 @@ runtime! {
     "main.c",
 }
 
-/// All files of a diagnoser.
+/// The files that are printed.
+const PRINTED: [&str; 3] = ["servotwin_sizes.h", "servotwin_tables.c", "servotwin_features.c"];
+
+/// The names of all files.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    RUNTIME.iter().map(|(name, _)| *name).chain(PRINTED)
+}
+
+/// The SHA-256 of each file.
+pub fn hashes(files: &[CFile]) -> BTreeMap<String, String> {
+    files.iter().map(|file| (file.name.into(), sha256_of_text(&file.text))).collect()
+}
+
+/// All files of a diagnoser, in the order of [`names`].
 ///
 /// # Errors
 /// The errors of [`Diagnoser::check`]; [`ExportError::Classifier`], [`ExportError::TooMany`] and
@@ -62,12 +77,13 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
         let why = "a band that depends on the operating point has no C counterpart yet";
         return Err(ExportError::Unsupported(why));
     }
-    let names = |length: &Length| length.panel.trees.names.features.clone();
-    if diagnoser.lengths.iter().any(|length| names(length) != names(&diagnoser.lengths[0])) {
+    let differs = |length: &Length| length.panel.trees.names.features != diagnoser.names().features;
+    if diagnoser.lengths.iter().any(differs) {
         let why = "window lengths with different features cannot be exported";
         return Err(ExportError::Unsupported(why));
     }
-    let runtime = RUNTIME.iter().map(|&(name, text)| CFile { name, text: text.into() });
-    let features = features::file(&diagnoser.sensors_seen(), diagnoser.names());
-    Ok(runtime.chain(tables::files(diagnoser)?).chain([features]).collect())
+    let runtime = RUNTIME.iter().map(|&(_, text)| text.to_owned());
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names());
+    let texts = runtime.chain(tables::texts(diagnoser)?).chain([features]);
+    Ok(names().zip(texts).map(|(name, text)| CFile { name, text }).collect())
 }

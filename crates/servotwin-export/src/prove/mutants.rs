@@ -94,7 +94,6 @@ fn sites(files: &[CFile]) -> Vec<Vec<Site>> {
     for (file, CFile { name, text }) in files.iter().enumerate() {
         match *name {
             "servotwin_tables.c" => kinds.extend(sites_of_tables(file, text)),
-            "servotwin_features.c" => operators.push(sites_of_code(file, text)),
             name if name.ends_with(".c") && name != "main.c" => {
                 operators.push(sites_of_code(file, text));
             }

@@ -20,8 +20,14 @@ pub(super) trait Dialect {
     /// The type of a truth value.
     const TRUTH: &'static str;
 
-    fn entry(&self, array: &str, index: usize) -> String;
-    fn store(&self, array: &str, index: usize, value: &str) -> String;
+    fn entry(&self, array: &str, index: usize) -> String {
+        format!("{array}[{index}]")
+    }
+
+    fn store(&self, array: &str, index: usize, value: &str) -> String {
+        format!("{array}[{index}] = {value}")
+    }
+
     fn literal(&self, value: f64) -> String;
     fn unary(&mut self, operation: Unary, a: &str) -> String;
     /// An operation without a C operator.

@@ -47,14 +47,6 @@ impl Dialect for Statements {
     const NUMBER: &'static str = "double";
     const TRUTH: &'static str = "int";
 
-    fn entry(&self, array: &str, index: usize) -> String {
-        format!("{array}[{index}]")
-    }
-
-    fn store(&self, array: &str, index: usize, value: &str) -> String {
-        format!("{array}[{index}] = {value}")
-    }
-
     fn literal(&self, value: f64) -> String {
         match value.is_sign_negative() {
             true => format!("({})", hexadecimal(value)),

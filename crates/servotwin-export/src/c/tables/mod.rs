@@ -5,7 +5,6 @@ mod length;
 mod stage;
 mod system;
 
-use super::CFile;
 use crate::error::ExportError;
 use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
 use std::fmt::Write;
@@ -13,8 +12,8 @@ use std::fmt::Write;
 /// The first line of every file with trained numbers.
 const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
 
-/// Sizes and tables.
-pub(super) fn files(diagnoser: &Diagnoser) -> Result<[CFile; 2], ExportError> {
+/// The texts of both files.
+pub(super) fn texts(diagnoser: &Diagnoser) -> Result<[String; 2], ExportError> {
     let mut c = format!("{HEAD}#include \"servotwin_tables.h\"\n");
     let lengths = (0..diagnoser.lengths.len()).map(|place| length::write(&mut c, place, diagnoser));
     let lengths = lengths.collect::<Result<Vec<_>, _>>()?;
@@ -24,10 +23,7 @@ pub(super) fn files(diagnoser: &Diagnoser) -> Result<[CFile; 2], ExportError> {
         lengths.join("\n")
     );
     system::write(&mut c, diagnoser);
-    Ok([
-        CFile { name: "servotwin_sizes.h", text: sizes(diagnoser) },
-        CFile { name: "servotwin_tables.c", text: c },
-    ])
+    Ok([sizes(diagnoser), c])
 }
 
 /// Most views that any length needs.
