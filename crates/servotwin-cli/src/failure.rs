@@ -408,6 +408,7 @@ fn of_export(error: &ExportError) -> u8 {
         ExportError::File(error) => of_file(error),
         ExportError::NoExport(_)
         | ExportError::OtherDiagnoser { .. }
+        | ExportError::OtherSystem { .. }
         | ExportError::Classifier { .. }
         | ExportError::TooMany { .. }
         | ExportError::Unsupported(_) => 3,

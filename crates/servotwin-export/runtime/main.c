@@ -1,15 +1,16 @@
 /*
- * Reads samples from standard input and prints each change of the diagnosis. A line holds the inputs, the measured values
- * and the values of the twin, separated by spaces; "nan" is a missing value.
+ * Reads samples from standard input and prints each change of the diagnosis. A line holds the inputs and the measured
+ * values, separated by spaces; "nan" is a missing value.
  */
-#include "servotwin_session.h"
+#include "servotwin_hybrid.h"
 #include "servotwin_tables.h"
 
+#include <stddef.h>
 #include <stdio.h>
 
-#define COLUMNS (SERVOTWIN_INPUTS + (2 * SERVOTWIN_SENSORS))
+#define COLUMNS (SERVOTWIN_INPUTS + SERVOTWIN_SENSORS)
 
-static servotwin_session session;
+static servotwin_hybrid hybrid;
 
 static const char *name_of(const char *const *names, int32_t place)
 {
@@ -42,15 +43,18 @@ int main(void)
 {
     double values[COLUMNS];
     int count = 0;
-    if (!servotwin_session_start(&session)) {
+    if (!servotwin_hybrid_start(&hybrid)) {
         (void)fprintf(stderr, "this build fuses products and sums: compile with -ffp-contract=off\n");
         return 1;
     }
     for (count = read_sample(values); count == COLUMNS; count = read_sample(values)) {
-        const servotwin_outcome *outcome = servotwin_session_push(
-            &session, values, &values[SERVOTWIN_INPUTS], &values[SERVOTWIN_INPUTS + SERVOTWIN_SENSORS]);
-        if (outcome->since_sample == outcome->sample) {
+        const servotwin_outcome *outcome = servotwin_hybrid_push(&hybrid, values, &values[SERVOTWIN_INPUTS]);
+        if (outcome == NULL) {
+            (void)printf("the twin cannot be simulated here and starts anew\n");
+        } else if (outcome->since_sample == outcome->sample) {
             print_outcome(outcome);
+        } else {
+            /* Nothing has changed. */
         }
     }
     if (count != 0) {

@@ -17,6 +17,12 @@ pub struct Description {
     pub diagnoser: PathBuf,
     /// Its SHA-256.
     pub diagnoser_sha256: String,
+    /// The study, by the name or the file that was given.
+    pub study: PathBuf,
+    /// A number that other equations of the twin do not have.
+    pub system: u64,
+    /// Whether the steps of the twin are fixed.
+    pub has_fixed_step: bool,
     /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
     pub sources_sha256: BTreeMap<String, String>,
     /// The SHA-256 of each C file when it was written.
@@ -93,17 +99,20 @@ impl Certificate {
     }
 
     fn write_builds(&self, page: &mut String) {
-        *page += "<h2>Builds</h2>\n<table>\n<tr><th>Same bits<th>Compiler<th>Leaves<th>Thresholds<th>Rows<th>Samples\n";
+        *page += "<h2>Builds</h2>\n<table>\n<tr><th>Same bits<th>Compiler<th>Leaves<th>Thresholds<th>Rows<th>Samples\
+             <th>Variants of the twin<th>Their samples\n";
         for build in &self.builds {
             let same = if build.holds() { "yes" } else { "no" };
             let (command, version) = (escaped(&build.command), escaped(&build.version));
             let _ = writeln!(
                 page,
-                "<tr><td>{same}<td>{command}<br>{version}<td>{}<td>{}<td>{}<td>{}",
+                "<tr><td>{same}<td>{command}<br>{version}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}",
                 build.leaves,
                 build.thresholds,
                 build.rows + build.random_rows,
-                build.samples
+                build.samples,
+                build.variants,
+                build.twin_samples
             );
         }
         *page += "</table>\n";

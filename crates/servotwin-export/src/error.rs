@@ -54,6 +54,18 @@ pub enum ExportError {
         /// The export.
         folder: PathBuf,
     },
+    /// The system is not the one that was exported.
+    #[error(
+        "the study {} has another system than the one that was exported to {}: export it again, or name the other with --study",
+        study.display(),
+        folder.display()
+    )]
+    OtherSystem {
+        /// The study.
+        study: PathBuf,
+        /// The export.
+        folder: PathBuf,
+    },
     /// There is no C compiler to prove anything with.
     #[error("neither gcc nor clang starts: install one of them")]
     NoBuild,

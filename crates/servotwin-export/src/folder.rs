@@ -1,6 +1,6 @@
 //! An export on disk: the C files, and `export.json`, which says what they were made of.
 
-use crate::c::{self, CFile};
+use crate::c::{self, CFile, Twin};
 use crate::certificate::{Certificate, Description};
 use crate::error::ExportError;
 use serde::Serialize;
@@ -44,12 +44,19 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export of the diagnoser in a file. Replaces an earlier export, and removes its certificate.
+    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. Replaces an earlier export,
+    /// and removes its certificate.
     ///
     /// # Errors
-    /// [`ExportError::FolderInUse`], the errors of [`c::files`], and files that cannot be written.
-    pub fn write(&self, diagnoser: &Diagnoser, file: &Path) -> Result<Description, ExportError> {
-        let files = c::files(diagnoser)?;
+    /// [`ExportError::FolderInUse`], the errors of [`c::files`] and [`c::files_of_twin`], and files that cannot be
+    /// written.
+    pub fn write(
+        &self,
+        (diagnoser, file): (&Diagnoser, &Path),
+        (twin, study): (&Twin, &Path),
+    ) -> Result<Description, ExportError> {
+        let mut files = c::files(diagnoser)?;
+        files.extend(c::files_of_twin(twin)?);
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
         if holds_files && !self.file(DESCRIPTION).exists() {
             return Err(ExportError::FolderInUse(self.path.clone()));
@@ -66,6 +73,9 @@ impl ExportFolder {
             version: env!("CARGO_PKG_VERSION").into(),
             diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
             diagnoser_sha256: sha256(file)?,
+            study: study.into(),
+            system: twin.program.identity(),
+            has_fixed_step: twin.has_fixed_step(),
             sources_sha256: sources(file)?,
             files_sha256: c::hashes(&files),
         };
@@ -82,6 +92,22 @@ impl ExportFolder {
         let path = self.file(DESCRIPTION);
         let text = if path.exists() { read_text(path)? } else { return Err(none()) };
         serde_json::from_str(&text).map_err(|_| none())
+    }
+
+    /// Checks that a twin is the exported one.
+    ///
+    /// # Errors
+    /// [`ExportError::OtherSystem`] if it is not.
+    pub fn check_system(
+        &self,
+        exported: &Description,
+        twin: &Twin,
+        study: &Path,
+    ) -> Result<(), ExportError> {
+        if twin.program.identity() == exported.system {
+            return Ok(());
+        }
+        Err(ExportError::OtherSystem { study: study.into(), folder: self.path.clone() })
     }
 
     /// The C files as they are now. `file` must be the exported diagnoser.

@@ -6,7 +6,7 @@ mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
-use servotwin_export::prove::{Build, Mutant, mutants, prove};
+use servotwin_export::prove::{Build, Mutant, Plan, mutants, prove};
 use std::sync::Arc;
 
 /// Five minutes of samples.
@@ -16,7 +16,8 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
     let files = c::files(diagnoser).unwrap();
     let builds = Build::available();
     assert!(builds.iter().any(|build| build.compiler == "gcc"), "the tests need gcc");
-    for evidence in prove(diagnoser, &files, &builds, SAMPLES, &mut |_| ()).unwrap() {
+    let plan = Plan { diagnoser, twin: None, files: &files, samples: SAMPLES, variants: 0 };
+    for evidence in prove(&plan, &builds, &mut |_, _| ()).unwrap() {
         assert!(evidence.holds(), "{evidence:#?}");
         assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
         assert!(evidence.samples == SAMPLES && !evidence.raised.is_empty(), "{evidence:#?}");

@@ -130,7 +130,7 @@ impl Program {
         n..n + self.network.inputs.len()
     }
     /// The slots of parameters, temperatures and held values.
-    pub(crate) fn stand_ins(&self) -> Range<usize> {
+    pub fn stand_ins(&self) -> Range<usize> {
         self.externals().end..self.sums.start
     }
     /// Whether a clock holds this stand-in, which then depends on the run and not on the variant.
@@ -242,14 +242,43 @@ impl Program {
             all[component][parameter] = value;
         }
         for fault in faults {
-            let instance = &components[fault.component];
-            let spec = instance.component.spec();
-            let declared = &spec.faults[fault.fault];
-            let parameter = spec.parameter(declared.parameter).expect("checked by the contract");
-            let value = &mut all[fault.component][parameter];
-            *value = declared.law.apply(*value, fault.intensity, instance.fault_full[fault.fault]);
+            self.apply_fault(&mut all, (fault.component, fault.fault), fault.intensity);
         }
         all
+    }
+
+    /// Applies a fault (component, fault) to parameters by component.
+    fn apply_fault<S: Scalar<Base = S>>(
+        &self,
+        parameters: &mut [Vec<S>],
+        (component, fault): (usize, usize),
+        intensity: S,
+    ) {
+        let instance = &self.network.components[component];
+        let spec = instance.component.spec();
+        let declared = &spec.faults[fault];
+        let parameter = spec.parameter(declared.parameter).expect("checked by the contract");
+        let value = &mut parameters[component][parameter];
+        *value = declared.law.apply(*value, intensity, instance.fault_full[fault]);
+    }
+
+    /// Every fault of every component, in the order of the components: (component, fault).
+    pub fn faults(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let components = self.network.components.iter().enumerate();
+        components.flat_map(|(index, instance)| {
+            (0..instance.component.spec().faults.len()).map(move |fault| (index, fault))
+        })
+    }
+
+    /// Applies all of [`Program::faults`] to parameters by component.
+    pub(crate) fn apply_faults<S: Scalar<Base = S>>(
+        &self,
+        parameters: &mut [Vec<S>],
+        mut intensity: impl FnMut((usize, usize)) -> S,
+    ) {
+        for fault in self.faults() {
+            self.apply_fault(parameters, fault, intensity(fault));
+        }
     }
 
     /// The fluid of every component's circuit.

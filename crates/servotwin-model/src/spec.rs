@@ -3,6 +3,8 @@
 //! Each is declared once, as data. The parser of system files, the fault list, the
 //! documentation, the column names and the checks are all derived from it.
 
+use crate::scalar::Scalar;
+
 /// A physical unit (SI) of a parameter, a signal or a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
@@ -233,11 +235,12 @@ pub enum Law {
 
 impl Law {
     /// The parameter under a fault of the given intensity.
-    pub fn apply(self, parameter: f64, intensity: f64, full: f64) -> f64 {
+    pub fn apply<S: Scalar<Base = S>>(self, parameter: S, intensity: S, full: f64) -> S {
+        let (one, number) = (S::constant(1.0), S::constant);
         match self {
-            Law::Add => parameter + intensity * full,
-            Law::Scale => parameter * (1.0 - intensity * (1.0 - full)),
-            Law::Geometric => parameter * crate::math::exp(intensity * crate::math::ln(full)),
+            Law::Add => parameter + intensity * number(full),
+            Law::Scale => parameter * (one - intensity * number(1.0 - full)),
+            Law::Geometric => parameter * (intensity * number(crate::math::ln(full))).exp(),
         }
     }
 }

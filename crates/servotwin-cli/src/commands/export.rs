@@ -1,45 +1,71 @@
-//! `servotwin export`: a trained diagnosis for other programs.
+//! `servotwin export`: a trained diagnosis and its twin for other programs.
 
+use super::find_study;
 use super::watch::usual_diagnoser;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::model_file;
+use servotwin::flight::runtime::{RuntimeError, between, slots};
+use servotwin::study::Study;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_export::c::Twin;
 use servotwin_export::folder::ExportFolder;
-use std::path::PathBuf;
+use servotwin_model::solver::Settings;
+use std::path::{Path, PathBuf};
 
-/// Write a trained diagnosis as C99 for a flight control computer.
-///
-/// The C code takes inputs, measured values and the values of the twin sample by sample, and answers as 'servotwin watch'
-/// does, bit for bit. It allocates nothing and needs only sqrt and fabs of the C library. 'servotwin prove' compiles it and
-/// proves that it decides as it was trained.
+/// Write a trained diagnosis and its virtual twin for a flight control computer.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The language.
-    #[arg(value_name = "LANGUAGE")]
-    language: Language,
+    #[command(subcommand)]
+    target: Target,
+}
+
+/// The targets of an export.
+#[derive(clap::Subcommand)]
+enum Target {
+    C(COptions),
+}
+
+/// Write them as C99.
+///
+/// The C code takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
+/// allocates nothing and needs only sqrt, fabs, memcpy and memset of the C library. 'servotwin prove' compiles it and
+/// proves that it decides as it was trained.
+#[derive(clap::Args)]
+struct COptions {
     /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// The study, whose system is the twin: a file, a built-in study, or a folder with results [default: that of the
+    /// folder of the diagnoser, or paper].
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// Simulate the twin in steps of 1 ms, each with the same work, instead of steps under error control, with which the
+    /// diagnosis was trained.
+    #[arg(long)]
+    fixed_step: bool,
     /// The folder for the C files: a new or empty one, or that of an earlier export.
     #[arg(long, value_name = "FOLDER", default_value = "export")]
     out: PathBuf,
 }
 
-/// The languages of an export.
-#[derive(clap::ValueEnum, Clone, Copy)]
-enum Language {
-    /// C99.
-    C,
-}
-
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    match &options.target {
+        Target::C(options) => run_c(options, global),
+    }
+}
+
+fn run_c(options: &COptions, global: Global) -> Result<String, Failure> {
     let file = options.model.clone().unwrap_or_else(usual_diagnoser);
     let diagnoser = model_file::read_diagnoser(&file)?;
-    let Language::C = options.language;
-    let description = ExportFolder::new(&options.out).write(&diagnoser, &file)?;
+    let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
+    let study = find_study(Some(&place))?;
+    let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
+    let written = ExportFolder::new(&options.out).write((&diagnoser, &file), (&twin, &place));
+    let description = written?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(description)),
         Global { quiet: true, .. } => String::new(),
@@ -47,5 +73,38 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             let (out, count) = (options.out.display(), description.files_sha256.len());
             format!("{out}: {count} files; 'servotwin prove {out}' proves them\n")
         }
+    })
+}
+
+/// The study of a diagnoser: the folder that it lies in, if that holds one.
+fn study_beside(diagnoser: &Path) -> PathBuf {
+    let folder = diagnoser.parent().unwrap_or(Path::new(""));
+    let holds_study = folder.join("study.toml").exists();
+    if holds_study { folder.into() } else { "paper".into() }
+}
+
+/// The failure of a diagnoser that does not fit its study.
+pub fn unfit(file: &Path) -> impl Fn(RuntimeError) -> Failure {
+    move |error| Failure::Diagnoser { path: file.into(), error }
+}
+
+/// The twin that runs beside a diagnoser.
+///
+/// # Errors
+/// The diagnoser is for another study.
+pub fn twin_of<'s>(
+    study: &'s Study,
+    diagnoser: &Diagnoser,
+    has_fixed_step: bool,
+) -> Result<Twin<'s>, RuntimeError> {
+    let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
+    let inputs = &diagnoser.environment.inputs;
+    Ok(Twin {
+        program: &study.system.program,
+        settings: if has_fixed_step { Settings::real_time() } else { Settings::campaign() },
+        period_s: diagnoser.period_s,
+        between: between(study),
+        ranges: inputs.iter().map(|input| [input.least, input.largest]).collect(),
+        sensors: slots(study, sensors)?,
     })
 }

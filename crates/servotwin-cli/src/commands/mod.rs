@@ -125,11 +125,7 @@ impl StudyOptions {
     }
 
     fn find(&self) -> Result<Study, Failure> {
-        Ok(match &self.study {
-            Some(path) if path.is_dir() => Folder::new(path).read_study()?,
-            Some(path) => Study::read(path)?,
-            None => Study::default(),
-        })
+        find_study(self.study.as_deref())
     }
 
     /// Prepares the folder for the study, and reports removed results.
@@ -140,6 +136,15 @@ impl StudyOptions {
         }
         Ok(hold)
     }
+}
+
+/// The study of a file, a built-in study, or that of a folder with results.
+fn find_study(path: Option<&Path>) -> Result<Study, Failure> {
+    Ok(match path {
+        Some(path) if path.is_dir() => Folder::new(path).read_study()?,
+        Some(path) => Study::read(path)?,
+        None => Study::default(),
+    })
 }
 
 /// Reports that results of an earlier version of the study were removed.

@@ -1,5 +1,7 @@
 //! `servotwin prove`: an export decides as its diagnoser was trained to.
 
+use super::export::{twin_of, unfit};
+use super::find_study;
 use super::progress::Stages;
 use crate::Global;
 use crate::failure::Failure;
@@ -10,7 +12,7 @@ use servotwin_export::ExportError;
 use servotwin_export::c;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, mutants, prove};
+use servotwin_export::prove::{Build, Plan, mutants, prove};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -18,8 +20,8 @@ use std::sync::Arc;
 ///
 /// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
 /// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
-/// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The certificate
-/// is written beside the C files, as proof.json and proof.html.
+/// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The twin is
+/// compared with that of the toolkit over variants with random faults. The certificate is written beside the C files, as proof.json and proof.html.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -28,6 +30,12 @@ pub struct Options {
     /// The exported diagnoser, if it is no longer where it was.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// The study of the twin, if it is no longer where it was.
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// The number of faulty variants of the twin, each of 90 s.
+    #[arg(long, value_name = "NUMBER", default_value_t = 100)]
+    variants: u64,
     /// The duration of the samples through the whole chain, h.
     #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = hours)]
     hours: f64,
@@ -50,15 +58,21 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let files = folder.files(&description, &file)?;
     let builds = Build::available();
     let Some(first) = builds.first() else { return Err(ExportError::NoBuild.into()) };
-    let samples = (options.hours * 3600.0 / diagnoser.period_s).round() as u64;
+    let place = options.study.clone().unwrap_or_else(|| description.study.clone());
+    let study = find_study(Some(&place))?;
+    let twin = twin_of(&study, &diagnoser, description.has_fixed_step).map_err(unfit(&file))?;
+    folder.check_system(&description, &twin, &place)?;
+    let plan = Plan {
+        diagnoser: &diagnoser,
+        twin: Some(&twin),
+        files: &files,
+        samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
+        variants: options.variants,
+    };
     let stages = Stages::new(global);
-    let show = |what: &str, done: u64, all: u64| stages.show(what, done as f64 / all.max(1) as f64);
-    show("comparing trees", 0, 1);
-    let evidence = prove(&diagnoser, &files, &builds, samples, &mut |done| {
-        show("comparing the whole chain", done, samples);
-    })?;
+    let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
     let mutants = mutants(&diagnoser, &files, first, (options.mutants, 1), &mut |done| {
-        show("making mistakes", done, options.mutants as u64);
+        stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
     stages.end();
     let certificate = Certificate::new(description, c::hashes(&files), evidence, mutants);
@@ -82,8 +96,14 @@ fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
     if let Some(first) = certificate.builds.first() {
         text += &format!(
-            "{} leaves, {} thresholds: {} rows; {} random rows; {} samples\n",
-            first.leaves, first.thresholds, first.rows, first.random_rows, first.samples
+            "{} leaves, {} thresholds: {} rows; {} random rows; {} samples; {} variants of the twin: {} samples\n",
+            first.leaves,
+            first.thresholds,
+            first.rows,
+            first.random_rows,
+            first.samples,
+            first.variants,
+            first.twin_samples
         );
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));

@@ -1,4 +1,4 @@
-//! A diagnoser as C99.
+//! A diagnoser and its twin as C99.
 //!
 //! Most of the code is written by hand and the same for every diagnoser; it lies in `runtime/`. What was learned is
 //! printed as constant tables, and the features as statements. So the code can be reviewed once.
@@ -6,6 +6,9 @@
 mod features;
 mod literal;
 mod tables;
+mod twin;
+
+pub use twin::Twin;
 
 use crate::error::ExportError;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length};
@@ -25,13 +28,15 @@ pub struct CFile {
 }
 
 macro_rules! runtime {
-    ($($name:literal,)*) => {
-        /// The hand-written files: name and text.
-        const RUNTIME: &[(&str, &str)] = &[$(($name, include_str!(concat!("../../runtime/", $name))),)*];
+    ($(#[$note:meta])* $list:ident: $($name:literal,)*) => {
+        $(#[$note])*
+        const $list: &[(&str, &str)] = &[$(($name, include_str!(concat!("../../runtime/", $name))),)*];
     };
 }
 
 runtime! {
+    /// The hand-written files of a diagnosis: name and text.
+    DIAGNOSIS:
     "servotwin_math.h",
     "servotwin_math.c",
     "servotwin_random.h",
@@ -50,15 +55,30 @@ runtime! {
     "servotwin_boundary.c",
     "servotwin_session.h",
     "servotwin_session.c",
+}
+
+runtime! {
+    /// Those of a twin.
+    TWIN:
+    "servotwin_equations.h",
+    "servotwin_twin.h",
+    "servotwin_twin.c",
+    "servotwin_hybrid.h",
+    "servotwin_hybrid.c",
     "main.c",
 }
 
-/// The files that are printed.
+/// The files that are printed for a diagnosis.
 const PRINTED: [&str; 3] = ["servotwin_sizes.h", "servotwin_tables.c", "servotwin_features.c"];
 
-/// The names of all files.
+/// Those for a twin.
+const PRINTED_OF_TWIN: [&str; 3] =
+    ["servotwin_twin_sizes.h", "servotwin_twin_tables.c", "servotwin_equations.c"];
+
+/// The names of all files of a diagnosis and a twin.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    RUNTIME.iter().map(|(name, _)| *name).chain(PRINTED)
+    let written = DIAGNOSIS.iter().chain(TWIN).map(|(name, _)| *name);
+    written.chain(PRINTED).chain(PRINTED_OF_TWIN)
 }
 
 /// The SHA-256 of each file.
@@ -66,7 +86,7 @@ pub fn hashes(files: &[CFile]) -> BTreeMap<String, String> {
     files.iter().map(|file| (file.name.into(), sha256_of_text(&file.text))).collect()
 }
 
-/// All files of a diagnoser, in the order of [`names`].
+/// All files of a diagnoser, without a twin.
 ///
 /// # Errors
 /// The errors of [`Diagnoser::check`]; [`ExportError::Classifier`], [`ExportError::TooMany`] and
@@ -82,8 +102,25 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
         let why = "window lengths with different features cannot be exported";
         return Err(ExportError::Unsupported(why));
     }
-    let runtime = RUNTIME.iter().map(|&(_, text)| text.to_owned());
     let features = features::text(&diagnoser.sensors_seen(), diagnoser.names());
-    let texts = runtime.chain(tables::texts(diagnoser)?).chain([features]);
-    Ok(names().zip(texts).map(|(name, text)| CFile { name, text }).collect())
+    let printed = tables::texts(diagnoser)?.into_iter().chain([features]);
+    Ok(together(DIAGNOSIS, PRINTED, printed))
+}
+
+/// The files of a twin, which a diagnosis is compiled with.
+///
+/// # Errors
+/// [`ExportError::Unsupported`] for an explicit method.
+pub fn files_of_twin(twin: &Twin) -> Result<Vec<CFile>, ExportError> {
+    Ok(together(TWIN, PRINTED_OF_TWIN, twin::texts(twin)?))
+}
+
+fn together(
+    written: &[(&'static str, &str)],
+    names: [&'static str; 3],
+    printed: impl IntoIterator<Item = String>,
+) -> Vec<CFile> {
+    let written = written.iter().map(|&(name, text)| CFile { name, text: text.to_owned() });
+    let printed = names.into_iter().zip(printed).map(|(name, text)| CFile { name, text });
+    written.chain(printed).collect()
 }

@@ -6,6 +6,8 @@ use crate::c::CFile;
 use crate::error::ExportError;
 use libloading::{Library, Symbol};
 use servotwin_io::files::FileError;
+use servotwin_model::program::Program;
+use servotwin_model::solver::Knot;
 use std::fmt;
 use std::fs;
 use std::path::Path;
@@ -18,6 +20,9 @@ const FLAGS: &[&str] =
 
 /// The entry points, which are not part of an export.
 const PROVE: &str = include_str!("../../runtime/prove.c");
+
+/// Those of a twin.
+const PROVE_TWIN: &str = include_str!("../../runtime/prove_twin.c");
 
 /// How the text is compiled.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -105,8 +110,12 @@ impl<'b> Objects<'b> {
     /// Compiles all files into a temporary folder.
     pub fn new(files: &[CFile], build: &'b Build) -> Result<Self, ExportError> {
         let folder = tempfile::tempdir().map_err(|cause| problem(&std::env::temp_dir(), cause))?;
-        let prove = CFile { name: "prove.c", text: PROVE.into() };
-        let sources = files.iter().chain([&prove]);
+        let has = |name: &str| files.iter().any(|file| file.name == name);
+        let mut proving = vec![CFile { name: "prove.c", text: PROVE.into() }];
+        if has("servotwin_twin.c") {
+            proving.push(CFile { name: "prove_twin.c", text: PROVE_TWIN.into() });
+        }
+        let sources = files.iter().chain(&proving);
         let is_compiled = |name: &&str| name.ends_with(".c") && *name != "main.c";
         let names = sources.clone().map(|file| file.name).filter(is_compiled).collect();
         let objects = Objects { folder, build, names };
@@ -316,6 +325,84 @@ impl RunningSession<'_> {
         // SAFETY: the row lies in the memory of the session and has this many numbers.
         unsafe {
             std::slice::from_raw_parts((self.row)(self.memory.as_ptr(), view as i32), features)
+        }
+    }
+}
+
+/// A twin of a compiled export.
+pub(super) struct RunningTwin<'c> {
+    /// Whole words, so that any member is aligned.
+    memory: Vec<u64>,
+    parameters: Vec<f64>,
+    pairs: Vec<f64>,
+    variables_count: usize,
+    parameters_of: Symbol<'c, unsafe extern "C" fn(*const f64, *mut f64)>,
+    start: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64, *const f64) -> i32>,
+    step: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64) -> i32>,
+    load: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64)>,
+    variables: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
+}
+
+impl Compiled {
+    /// A twin of this program before its start.
+    pub fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
+        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        unsafe {
+            let size: Symbol<unsafe extern "C" fn() -> u64> =
+                self.library.get(b"prove_twin_size")?;
+            Ok(RunningTwin {
+                memory: vec![0; size().div_ceil(8) as usize],
+                parameters: vec![0.0; program.parameters(&[]).iter().map(Vec::len).sum()],
+                pairs: vec![0.0; 2 * program.externals().len()],
+                variables_count: program.slots(),
+                parameters_of: self.library.get(b"prove_twin_parameters")?,
+                start: self.library.get(b"prove_twin_start")?,
+                step: self.library.get(b"prove_twin_step")?,
+                load: self.library.get(b"prove_twin_load")?,
+                variables: self.library.get(b"prove_twin_variables")?,
+            })
+        }
+    }
+}
+
+// SAFETY of all calls: the lists are as long as those of the program that was exported.
+impl RunningTwin<'_> {
+    /// Starts with faults of these intensities; returns whether it is well, here and below.
+    pub fn start(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
+        self.take(intensities, inputs);
+        let (memory, parameters) = (self.memory.as_mut_ptr(), self.parameters.as_ptr());
+        unsafe { (self.start)(memory, parameters, self.pairs.as_ptr()) == 1 }
+    }
+
+    /// Steps to the next sample.
+    pub fn step(&mut self, inputs: &[Knot]) -> bool {
+        self.take_inputs(inputs);
+        unsafe { (self.step)(self.memory.as_mut_ptr(), self.pairs.as_ptr()) == 1 }
+    }
+
+    /// The same, with other faults from the next sample on.
+    pub fn step_with(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
+        self.take(intensities, inputs);
+        unsafe { (self.load)(self.memory.as_mut_ptr(), self.parameters.as_ptr()) };
+        self.step(inputs)
+    }
+
+    /// All variables at the current sample.
+    pub fn variables(&self) -> &[f64] {
+        unsafe {
+            let first = (self.variables)(self.memory.as_ptr());
+            std::slice::from_raw_parts(first, self.variables_count)
+        }
+    }
+
+    fn take(&mut self, intensities: &[f64], inputs: &[Knot]) {
+        unsafe { (self.parameters_of)(intensities.as_ptr(), self.parameters.as_mut_ptr()) };
+        self.take_inputs(inputs);
+    }
+
+    fn take_inputs(&mut self, inputs: &[Knot]) {
+        for (pair, knot) in self.pairs.chunks_exact_mut(2).zip(inputs) {
+            pair.copy_from_slice(&[knot.value, knot.slope_per_s]);
         }
     }
 }

@@ -6,11 +6,12 @@ mod models;
 mod mutants;
 mod rows;
 mod samples;
+mod twin;
 
 pub use library::Build;
 pub use mutants::{Mutant, mutants};
 
-use crate::c::CFile;
+use crate::c::{CFile, Twin};
 use crate::error::ExportError;
 use library::Compiled;
 use serde::Serialize;
@@ -56,6 +57,10 @@ pub struct Evidence {
     pub random_rows: u64,
     /// Samples through the whole chain.
     pub samples: u64,
+    /// Variants of the twin that were simulated to the end.
+    pub variants: u64,
+    /// Samples of these.
+    pub twin_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The number of differences after which nothing more is compared.
@@ -88,32 +93,53 @@ impl Evidence {
     }
 }
 
-/// Compiles an export in every build and compares it with its diagnoser: all trees, then this many samples through the
-/// whole chain. `tell` hears the number of samples so far.
+/// What is proven, and on how much.
+pub struct Plan<'p> {
+    /// The diagnoser.
+    pub diagnoser: &'p Arc<Diagnoser>,
+    /// The twin, if the files have one.
+    pub twin: Option<&'p Twin<'p>>,
+    /// The export.
+    pub files: &'p [CFile],
+    /// Samples through the whole chain of the diagnosis.
+    pub samples: u64,
+    /// Variants of the twin, each of 90 s.
+    pub variants: u64,
+}
+
+/// Compiles an export in every build and compares it with its diagnoser and its twin. `tell` hears what was done, and its
+/// share.
 ///
 /// # Errors
 /// [`ExportError::NoCompiler`], [`ExportError::Refused`], [`ExportError::Load`], [`ExportError::File`]. A difference is
 /// no error; [`Evidence::holds`] is then false.
 pub fn prove(
-    diagnoser: &Arc<Diagnoser>,
-    files: &[CFile],
+    plan: &Plan,
     builds: &[Build],
-    samples: u64,
-    tell: &mut dyn FnMut(u64),
+    tell: &mut dyn FnMut(&str, f64),
 ) -> Result<Vec<Evidence>, ExportError> {
-    let compiled = builds.iter().map(|build| Compiled::new(files, build));
+    tell("compiling", 0.0);
+    let compiled = builds.iter().map(|build| Compiled::new(plan.files, build));
     let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
     let mut all = Vec::new();
-    for (build, compiled) in builds.iter().zip(&compiled) {
+    for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
+        tell("comparing trees", number as f64 / builds.len() as f64);
         let mut evidence = Evidence {
             command: build.command(),
             version: build.version(),
             ..Evidence::until(MOST_DIFFERENCES)
         };
-        compare_parts(diagnoser, compiled, RANDOM_ROWS, &mut evidence)?;
+        compare_parts(plan.diagnoser, compiled, RANDOM_ROWS, &mut evidence)?;
         all.push(evidence);
     }
-    chain::compare(diagnoser, &compiled, samples, &mut all, tell)?;
+    if let Some(twin) = plan.twin {
+        let share = |done| done as f64 / plan.variants.max(1) as f64;
+        let tell = &mut |done| tell("comparing twins", share(done));
+        twin::compare(twin, &compiled, plan.variants, &mut all, tell)?;
+    }
+    let tell =
+        &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);
+    chain::compare(plan.diagnoser, &compiled, plan.samples, &mut all, tell)?;
     Ok(all)
 }
 

@@ -62,7 +62,10 @@ pub fn write_equations(
     let called: BTreeSet<Helper> = functions.iter().flat_map(|f| f.helpers()).collect();
     let mut c = String::new();
     heading(&mut c, program, prefix, &names, outputs);
-    print_helpers(&mut c, prefix, called, || Equations { prefix, names: &names });
+    print_helpers(&mut c, ("static double", prefix), called, || Equations {
+        prefix,
+        names: &names,
+    });
     for function in &functions {
         function.print(&mut c, prefix, &names);
     }

@@ -84,10 +84,10 @@ const EXPONENT: &str = "exponent(double x)
 }
 ";
 
-/// Prints the called functions, and the functions that these call.
+/// Prints the called functions, and the functions that these call, for example as `static double` with a prefix.
 pub(super) fn print_helpers<D: Dialect>(
     c: &mut String,
-    prefix: &str,
+    (kind, prefix): (&str, &str),
     called: BTreeSet<Helper>,
     dialect: impl Fn() -> D,
 ) {
@@ -101,10 +101,10 @@ pub(super) fn print_helpers<D: Dialect>(
     let called_inside = functions.iter().flat_map(|(_, body)| body.needed());
     all.extend(called_inside.filter_map(Helper::called_by));
     for text in all.iter().filter_map(|helper| helper.text()) {
-        line(c, format_args!("static double {prefix}_{text}"));
+        line(c, format_args!("{kind} {prefix}_{text}"));
     }
     for (function, body) in &functions {
-        let head = format!("static double {prefix}_{}(double x)", function.name());
+        let head = format!("{kind} {prefix}_{}(double x)", function.name());
         body.print(c, &head, dialect());
     }
 }

@@ -7,17 +7,20 @@
 //! |---|---|---|
 //! | [`write_equations`] | C99 for one number | simulators without Rust |
 //! | [`write_step`] | macros for the lanes of a register | the compiled step of the solver |
-//! | [`write_statements`] | C99 with hexadecimal literals | exported code that is proven |
+//! | [`write_twin`], [`write_statements`] | C99 with hexadecimal literals | exported code that is proven |
 
 mod equations;
+mod functions;
 mod helpers;
 mod printer;
 mod statements;
 mod step;
+mod twin;
 
 pub use equations::{BadPrefix, write_equations};
 pub use statements::{hexadecimal, write_statements};
 pub use step::write_step;
+pub use twin::write_twin;
 
 use crate::program::Program;
 use crate::symbol::{Graph, Symbol};

@@ -1,7 +1,7 @@
 //! Any traced expressions as plain C99 statements, for code that is to be proven.
 //!
 //! One operation per statement, so that no compiler may fuse two, and numbers as hexadecimal literals. The statements
-//! need `sqrt` and `fabs` only; transcendental functions of this crate are not printed.
+//! need `sqrt`, `fabs` and the functions of [`helpers`](super::helpers).
 
 use super::printer::{Dialect, Printer, Stores};
 use crate::symbol::{Binary, Expression, Graph, Symbol, Unary};
@@ -11,18 +11,21 @@ use alloc::vec::Vec;
 
 /// Returns the statements that compute symbols and store each in an entry of an array.
 ///
-/// # Panics
-/// If the symbols use a transcendental function.
+/// Transcendental functions of this crate are called by the names that [`write_twin`](super::write_twin) gives them.
 pub fn write_statements(graph: &Graph, stored: &[(Symbol, &'static str, usize)]) -> String {
     let mut stores = Stores::new();
     for &(symbol, array, index) in stored {
         stores.entry(symbol.operand()).or_default().push((array, index));
     }
-    let values: Vec<_> = stores.keys().copied().collect();
     let mut c = String::new();
-    let expressions = graph.expressions();
-    Printer { dialect: Statements, expressions: &expressions }.statements(&mut c, &values, &stores);
+    print_statements(&mut c, &graph.expressions(), &stores);
     c
+}
+
+/// Prints the statements that compute the stored values.
+pub(super) fn print_statements(c: &mut String, expressions: &[Expression], stores: &Stores) {
+    let values: Vec<_> = stores.keys().copied().collect();
+    Printer { dialect: Statements, expressions }.statements(c, &values, stores);
 }
 
 /// A finite number as a hexadecimal literal, which C reads back to the same bits.
@@ -41,7 +44,11 @@ pub fn hexadecimal(number: f64) -> String {
     }
 }
 
-struct Statements;
+/// Plain C99 for one number of type `double`.
+pub(super) struct Statements;
+
+/// Before the names of functions that C's library lacks.
+pub(super) const PREFIX: &str = "servotwin_twin";
 
 impl Dialect for Statements {
     const NUMBER: &'static str = "double";
@@ -59,7 +66,10 @@ impl Dialect for Statements {
             Unary::Negative => format!("-{a}"),
             Unary::SquareRoot => format!("sqrt({a})"),
             Unary::Absolute => format!("fabs({a})"),
-            other => unreachable!("{other:?} is no operation of plain statements"),
+            Unary::Round => format!("{PREFIX}_rounded({a})"),
+            Unary::Mantissa => format!("{PREFIX}_mantissa({a})"),
+            Unary::Exponent => format!("{PREFIX}_exponent({a})"),
+            Unary::Call(function) => format!("{PREFIX}_{}({a})", function.name()),
         }
     }
 
@@ -67,7 +77,7 @@ impl Dialect for Statements {
         match operation {
             Binary::Smaller => format!("({a} < {b}) ? {a} : {b}"),
             Binary::Larger => format!("({b} < {a}) ? {a} : {b}"),
-            other => unreachable!("{other:?} is no operation of plain statements"),
+            _ => format!("{PREFIX}_scaled({a}, {b})"),
         }
     }
 

@@ -18,14 +18,12 @@
 //! (`input_bit`) and one for everything else (`NUMBERS`). `update` is a separate function because its branches would
 //! split the straight-line code of `begin` and `motion`; the compiler schedules only between branches.
 
-use super::parameter_symbols;
+use super::functions::{self, Traced};
 use super::printer::{Body, Dialect, Printer, Stores, line};
 use crate::program::Program;
-use crate::scalar::Scalar;
 use crate::solver::Method;
 use crate::solver::step::{NUMBERS, input_bit};
-use crate::solver::tableau::Tableau;
-use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
+use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Unary};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -42,11 +40,13 @@ pub fn write_step(program: &Program, method: Method) -> Option<String> {
         Body::new(function).print(&mut c, &head, Lanes::new(&Cached::default(), None));
     }
     evaluations(&mut c, program);
-    factor(&mut c, program);
-    solve_first(&mut c, program);
-    solve(&mut c, program);
+    for traced in [functions::factor, functions::solve_first, functions::solve] {
+        let graph = Graph::new();
+        write(&mut c, &graph, &traced(&graph, program));
+    }
     for stage in 1..tableau.stages() {
-        sums(&mut c, program, tableau, stage);
+        let graph = Graph::new();
+        write(&mut c, &graph, &functions::sums(&graph, program, tableau, stage));
     }
     let identity = program.identity();
     line(
@@ -141,35 +141,25 @@ fn node(value: Operand) -> Option<u32> {
     }
 }
 
-/// A function that writes entries of arrays.
-struct CFunction<'g> {
-    head: String,
-    /// (array, index, value).
-    stores: Vec<(&'static str, usize, Symbol<'g>)>,
+/// Prints a function without cached values.
+fn write(c: &mut String, graph: &Graph, traced: &Traced) {
+    write_beside(c, &graph.expressions(), traced, &Cached::default(), "");
 }
 
-impl CFunction<'_> {
-    /// The entries that receive each value.
-    fn stores(&self) -> Stores {
-        let mut stores = Stores::new();
-        for &(array, place, value) in &self.stores {
-            // An entry that keeps its value needs no store.
-            if value.expression() != Some(Expression::Variable(array, place as u32)) {
-                stores.entry(value.operand()).or_default().push((array, place));
-            }
-        }
-        stores
-    }
-
-    fn write(self, c: &mut String, graph: &Graph) {
-        self.write_beside(c, &graph.expressions(), &Cached::default());
-    }
-
-    /// Writes the function, which reads cached values from their array.
-    fn write_beside(self, c: &mut String, expressions: &[Expression], cached: &Cached) {
-        let dialect = Lanes::new(cached, None);
-        function(c, &self.head, |c| print_stores(c, expressions, dialect, &self.stores()));
-    }
+/// Prints a function, which reads cached values from their array.
+fn write_beside(
+    c: &mut String,
+    expressions: &[Expression],
+    traced: &Traced,
+    cached: &Cached,
+    cached_argument: &str,
+) {
+    let reads: Vec<String> = traced.reads.iter().map(|name| format!("IN {name}")).collect();
+    let writes: Vec<String> = traced.writes.iter().map(|name| format!("OUT {name}")).collect();
+    let (reads, writes) = (reads.join(", "), writes.join(", "));
+    let head = format!("{}({reads}, {cached_argument}{writes})", traced.name);
+    let dialect = Lanes::new(cached, None);
+    function(c, &head, |c| print_stores(c, expressions, dialect, &traced.stores()));
 }
 
 /// Prints the expressions that the stored values need, and the stores.
@@ -186,44 +176,11 @@ fn function(c: &mut String, head: &str, body: impl FnOnce(&mut String)) {
     line(c, format_args!("    }}\n}}\n"));
 }
 
-/// The entries of an external array.
-fn array<'g>(graph: &'g Graph, name: &'static str, length: usize) -> Vec<Symbol<'g>> {
-    (0..length).map(|index| graph.variable(name, index)).collect()
-}
-
-/// The variable array before an evaluation: all entries before the sums are external.
-fn variables<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
-    let mut variables = vec![Symbol::constant(0.0); program.memory()];
-    let given = array(graph, "variables", program.sums().start);
-    variables[..given.len()].copy_from_slice(&given);
-    variables
-}
-
-/// External gradients, and the two entries that never change.
-fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
-    let mut gradients = array(graph, "gradients", program.jacobian().slots());
-    program.jacobian().set_fixed(&mut gradients);
-    gradients
-}
-
-/// The constants. Those that no parameter changes become numbers. Among constants with the same formula of the same
-/// parameters only the first is read, because eight lanes of a number take eight times its space in the nearest cache.
-fn constants<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
-    let of_parameters = Graph::new();
-    let values = program.block_constants(&parameter_symbols(program, &of_parameters));
-    let mut first = BTreeMap::new();
-    let constant = |(place, value): (usize, &Symbol)| match value.operand() {
-        Operand::Constant(bits) => Symbol::constant(f64::from_bits(bits)),
-        node => graph.variable("constants", *first.entry(node).or_insert(place)),
-    };
-    values.iter().enumerate().map(constant).collect()
-}
-
 /// Prints `begin` and `motion`, which share the cached values, and `update`.
 fn evaluations(c: &mut String, program: &Program) {
     let graph = Graph::new();
-    let constants = constants(&graph, program);
-    let (begin, motion) = (begin(&graph, program, &constants), motion(&graph, program, &constants));
+    let begin = functions::begin(&graph, program);
+    let motion = functions::motion(&graph, program);
     let values: Vec<Operand> =
         begin.stores().into_keys().chain(motion.stores().into_keys()).collect();
     let expressions = graph.expressions();
@@ -231,107 +188,9 @@ fn evaluations(c: &mut String, program: &Program) {
     line(c, format_args!("unsigned long cached_length(void)\n{{"));
     line(c, format_args!("    return {};\n}}\n", cached.places.len()));
     cached.update(c, &expressions);
-    begin.write_beside(c, &expressions, &cached);
-    motion.write_beside(c, &expressions, &cached);
-}
-
-fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> CFunction<'g> {
-    let mut variables = variables(graph, program);
-    let mut gradients = gradients(graph, program);
-    program.trace_with_jacobian(constants, &mut variables, &mut gradients);
-    // Variables that only clocks write are not stored.
-    let untouched = Symbol::constant(0.0).operand();
-    let sums = program.sums().filter(|&place| variables[place].operand() != untouched);
-    let sums = sums.map(|place| ("variables", place, variables[place]));
-    let rows = program.jacobian().read_places();
-    let rows = rows.into_iter().map(|place| ("gradients", place, gradients[place]));
-    CFunction {
-        head: "begin(IN constants, IN cached, OUT variables, OUT gradients)".into(),
-        stores: sums.chain(rows).collect(),
+    for traced in [begin, motion] {
+        write_beside(c, &expressions, &traced, &cached, "IN cached, ");
     }
-}
-
-fn motion<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> CFunction<'g> {
-    let mut variables = variables(graph, program);
-    program.motion().trace(constants, &mut variables);
-    let stores = program.derivatives().map(|place| ("variables", place, variables[place]));
-    CFunction {
-        head: "motion(IN constants, IN cached, OUT variables)".into(),
-        stores: stores.collect(),
-    }
-}
-
-fn factor(c: &mut String, program: &Program) {
-    let graph = Graph::new();
-    let gradients = gradients(&graph, program);
-    let mut factors = vec![Symbol::constant(0.0); program.lu().slots()];
-    program.lu().factor(graph.variable("diagonal", 0), &gradients, &mut factors);
-    let stores = factors.into_iter().enumerate().map(|(place, value)| ("factors", place, value));
-    CFunction {
-        head: "factor(IN diagonal, IN gradients, OUT factors)".into(),
-        stores: stores.collect(),
-    }
-    .write(c, &graph);
-}
-
-/// The first stage, whose right-hand side starts at zero.
-fn solve_first(c: &mut String, program: &Program) {
-    let graph = Graph::new();
-    let right = vec![Symbol::constant(0.0); program.states().len()];
-    solution(c, program, &graph, "solve_first", right);
-}
-
-fn solve(c: &mut String, program: &Program) {
-    let graph = Graph::new();
-    let right = array(&graph, "right", program.states().len());
-    solution(c, program, &graph, "solve", right);
-}
-
-fn solution<'g>(
-    c: &mut String,
-    program: &Program,
-    graph: &'g Graph,
-    name: &str,
-    mut right: Vec<Symbol<'g>>,
-) {
-    let derivatives = derivatives(graph, program);
-    let factors = array(graph, "factors", program.lu().slots());
-    let slope_factor = graph.variable("slope_factor", 0);
-    let gradients = gradients(graph, program);
-    program.solve_stage(&derivatives, slope_factor, &gradients, &factors, &mut right);
-    let stores = right.into_iter().enumerate().map(|(place, value)| ("right", place, value));
-    CFunction {
-        head: format!("{name}(IN variables, IN slope_factor, IN gradients, IN factors, OUT right)"),
-        stores: stores.collect(),
-    }
-    .write(c, graph);
-}
-
-/// The derivatives of the states, as external variables.
-fn derivatives<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
-    program.derivatives().map(|place| graph.variable("variables", place)).collect()
-}
-
-fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
-    let graph = Graph::new();
-    let n = program.states().len();
-    let mut states = array(&graph, "variables", n);
-    let mut right = vec![Symbol::constant(0.0); n];
-    let stages = array(&graph, "stages", stage * n);
-    let y = array(&graph, "y", n);
-    tableau.sum_stages(
-        stage,
-        &mut states,
-        &y,
-        &mut right,
-        graph.variable("reciprocal", 0),
-        &stages,
-    );
-    let states = states.into_iter().enumerate().map(|(place, value)| ("variables", place, value));
-    let right = right.into_iter().enumerate().map(|(place, value)| ("right", place, value));
-    let stores = states.chain(right).collect();
-    let head = format!("sums_{stage}(IN reciprocal, IN y, IN stages, OUT variables, OUT right)");
-    CFunction { head, stores }.write(c, &graph);
 }
 
 /// The macros of `step.h`, for the lanes of a register.
