@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #ifdef __clang__
@@ -199,14 +200,15 @@ static double attempt(servotwin_twin *twin)
 
 /* ---------------------------------------------------------- Time and step. */
 
-static double sample_time_s(const servotwin_twin *twin)
+static void aim_at_sample(servotwin_twin *twin)
 {
-    return (double)twin->next_sample * servotwin_twin_control.period_s;
+    twin->target_s = (double)twin->next_sample * servotwin_twin_control.period_s;
+    twin->after_s = (double)(twin->next_sample + 1U) * servotwin_twin_control.period_s;
 }
 
-static bool is_at_sample(const servotwin_twin *twin)
+static bool is_at_target(const servotwin_twin *twin)
 {
-    return (twin->phase == SERVOTWIN_RUNNING) && (sample_time_s(twin) <= (twin->time_s + SAME_TIME_S));
+    return (twin->phase == SERVOTWIN_RUNNING) && (twin->target_s <= (twin->time_s + SAME_TIME_S));
 }
 
 static double tick_time_s(const servotwin_twin *twin, int32_t clock)
@@ -244,9 +246,8 @@ static double next_event_s(const servotwin_twin *twin)
 {
     double event_s = HUGE_VAL;
     if (twin->phase == SERVOTWIN_RUNNING) {
-        const double after_s = (double)(twin->next_sample + 1U) * servotwin_twin_control.period_s;
-        event_s = earlier(twin, event_s, sample_time_s(twin));
-        event_s = earlier(twin, event_s, after_s);
+        event_s = earlier(twin, event_s, twin->target_s);
+        event_s = earlier(twin, event_s, twin->after_s);
     }
     for (int32_t clock = 0; clock < CLOCKS; clock++) {
         event_s = earlier(twin, event_s, tick_time_s(twin, clock));
@@ -535,6 +536,14 @@ static void take_loaded(servotwin_twin *twin)
     }
 }
 
+static void hold_input(servotwin_twin *twin, int32_t input, double value)
+{
+    twin->pieces[input][0] = value;
+    twin->pieces[input][1] = 0.0;
+    twin->pieces[input][2] = 0.0;
+    twin->pieces[input][3] = 0.0;
+}
+
 /* Evaluates at the sample just reached, with the known values and slopes of the inputs. */
 static void stand(servotwin_twin *twin)
 {
@@ -544,16 +553,15 @@ static void stand(servotwin_twin *twin)
         start_step(twin);
         twin->attempt_rate_per_s = 0.0;
     }
-    twin->from_s = sample_time_s(twin);
+    twin->from_s = twin->target_s;
     for (int32_t input = 0; input < INPUTS; input++) {
         const bool is_cubic = servotwin_twin_between[input] == SERVOTWIN_CUBIC;
-        twin->pieces[input][0] = twin->inputs[input].value;
+        hold_input(twin, input, twin->inputs[input].value);
         twin->pieces[input][1] = is_cubic ? twin->inputs[input].slope_per_s : 0.0;
-        twin->pieces[input][2] = 0.0;
-        twin->pieces[input][3] = 0.0;
     }
     begin(twin);
     twin->next_sample++;
+    aim_at_sample(twin);
 }
 
 /* The course of an input up to its next value. */
@@ -562,10 +570,7 @@ static void lead_input(servotwin_twin *twin, int32_t input, const servotwin_knot
     double *piece = twin->pieces[input];
     const servotwin_knot *from = &twin->inputs[input];
     const double rise = to->value - from->value;
-    piece[0] = from->value;
-    piece[1] = 0.0;
-    piece[2] = 0.0;
-    piece[3] = 0.0;
+    hold_input(twin, input, from->value);
     if (servotwin_twin_between[input] == SERVOTWIN_LINE) {
         piece[1] = rise / length_s;
     } else if (servotwin_twin_between[input] == SERVOTWIN_CUBIC) {
@@ -589,7 +594,7 @@ static void lead_input(servotwin_twin *twin, int32_t input, const servotwin_knot
 /* The course of all inputs up to the next sample. The last evaluation stays valid unless a slope was unknown then. */
 static void lead_to(servotwin_twin *twin, const servotwin_knot *next)
 {
-    const double length_s = sample_time_s(twin) - twin->from_s;
+    const double length_s = twin->target_s - twin->from_s;
     bool is_surprised = false;
     for (int32_t input = 0; input < INPUTS; input++) {
         const double value = twin->pieces[input][0];
@@ -620,6 +625,19 @@ static void write_first_guess(servotwin_twin *twin)
     }
 }
 
+/* Steps until the target is reached. */
+static bool reach_target(servotwin_twin *twin)
+{
+    bool is_well = true;
+    while (is_well && !is_at_target(twin)) {
+        is_well = try_step(twin);
+        if (is_well && !is_at_target(twin)) {
+            begin(twin);
+        }
+    }
+    return is_well;
+}
+
 bool servotwin_twin_start(servotwin_twin *twin, const double *parameters, const servotwin_knot *inputs)
 {
     bool is_well = true;
@@ -627,12 +645,13 @@ bool servotwin_twin_start(servotwin_twin *twin, const double *parameters, const 
     twin->phase = SERVOTWIN_SETTLING;
     start_step(twin);
     twin->step_s = FIRST_STEP_S;
+    aim_at_sample(twin);
     take_inputs(twin, inputs);
     servotwin_twin_load(twin, parameters);
     take_loaded(twin);
     write_first_guess(twin);
     for (int32_t input = 0; input < INPUTS; input++) {
-        twin->pieces[input][0] = inputs[input].value;
+        hold_input(twin, input, inputs[input].value);
         twin->variables[FIRST_INPUT + input] = inputs[input].value;
     }
     while (is_well && seeks_rest(twin)) {
@@ -652,18 +671,55 @@ bool servotwin_twin_step(servotwin_twin *twin, const servotwin_knot *inputs)
     bool is_well = twin->phase == SERVOTWIN_RUNNING;
     if (is_well) {
         lead_to(twin, inputs);
-    }
-    while (is_well && !is_at_sample(twin)) {
-        is_well = try_step(twin);
-        if (is_well && !is_at_sample(twin)) {
-            begin(twin);
-        }
+        is_well = reach_target(twin);
     }
     if (is_well) {
         take_inputs(twin, inputs);
         stand(twin);
     }
     return is_well;
+}
+
+bool servotwin_twin_advance(servotwin_twin *twin, const double *values, double to_s)
+{
+    bool is_well = twin->phase == SERVOTWIN_RUNNING;
+    if (is_well) {
+        take_loaded(twin);
+        twin->from_s = twin->time_s;
+        twin->target_s = to_s;
+        twin->after_s = HUGE_VAL;
+        for (int32_t input = 0; input < INPUTS; input++) {
+            hold_input(twin, input, values[input]);
+        }
+        begin(twin);
+        is_well = reach_target(twin);
+    }
+    if (is_well) {
+        begin(twin);
+    }
+    return is_well;
+}
+
+void servotwin_twin_refresh(servotwin_twin *twin, const double *values)
+{
+    take_loaded(twin);
+    (void)memcpy(twin->variables, twin->states, sizeof twin->states);
+    (void)memcpy(&twin->variables[FIRST_INPUT], values, (size_t)INPUTS * sizeof(double));
+    servotwin_twin_evaluate(twin->constants, twin->variables);
+}
+
+double servotwin_twin_tick_clocks(servotwin_twin *twin, const double *values)
+{
+    double next_s = HUGE_VAL;
+    for (int32_t input = 0; input < INPUTS; input++) {
+        hold_input(twin, input, values[input]);
+    }
+    move_inputs(twin);
+    tick_due_clocks(twin);
+    for (int32_t clock = 0; clock < CLOCKS; clock++) {
+        next_s = earlier(twin, next_s, tick_time_s(twin, clock));
+    }
+    return next_s;
 }
 
 void servotwin_twin_load(servotwin_twin *twin, const double *parameters)

@@ -71,6 +71,8 @@ typedef struct {
     double wanted_s; /* the step that the error control requests */
     double step_s;
     double end_s;
+    double target_s; /* the time to be reached, and the one after it */
+    double after_s;
     uint64_t next_sample;
     uint64_t next_tick[SERVOTWIN_TWIN_MOST_CLOCKS];
     uint32_t rejections;
@@ -122,6 +124,19 @@ bool servotwin_twin_start(servotwin_twin *twin, const double *parameters, const 
  * servotwin_twin_start clears.
  */
 bool servotwin_twin_step(servotwin_twin *twin, const servotwin_knot *inputs);
+
+/*
+ * Simulates up to any later time with constant inputs, for hosts with steps of their own. A twin that has been advanced is
+ * not stepped any more. Returns false on a failure.
+ */
+bool servotwin_twin_advance(servotwin_twin *twin, const double *values, double to_s);
+
+/*
+ * For hosts that integrate the states themselves: evaluates all equations for the twin's states, held values and these
+ * inputs; and ticks the clocks that are due at the twin's time. Returns the time of the next tick, infinite without clocks.
+ */
+void servotwin_twin_refresh(servotwin_twin *twin, const double *values);
+double servotwin_twin_tick_clocks(servotwin_twin *twin, const double *values);
 
 /* Other parameters, from the next sample on. */
 void servotwin_twin_load(servotwin_twin *twin, const double *parameters);

@@ -1,7 +1,8 @@
-//! A trained diagnosis for a flight control computer.
+//! A trained diagnosis and its twin for a flight control computer, and a system for other simulation tools.
 //!
 //! - [`c`]: the diagnoser as C99 without allocation or recursion
 //! - [`certificate`]: what a proof showed, as data and as a page
+//! - [`fmu`]: the system with its faults for other simulation tools
 //! - [`folder`]: an export on disk, with what it was made of
 //! - [`prove`]: compiles an export and compares its decisions with those of the diagnoser
 //!
@@ -10,7 +11,9 @@
 
 pub mod c;
 pub mod certificate;
+mod compile;
 mod error;
+pub mod fmu;
 pub mod folder;
 pub mod prove;
 

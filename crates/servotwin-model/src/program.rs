@@ -18,8 +18,9 @@ use crate::network::Network;
 use crate::scalar::{Lanes, Scalar};
 use crate::sequence::{Sequence, memory};
 use crate::spec::{Start, Unit};
-use crate::symbol::Symbol;
+use crate::symbol::{Graph, Symbol, tangent};
 use crate::wiring::Role;
+use alloc::collections::BTreeSet;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -172,6 +173,22 @@ impl Program {
     pub(crate) fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
         self.motion.trace(constants, variables);
         self.readings.trace(constants, variables);
+    }
+
+    /// For each slot, the states and inputs that it depends on, by their slots. Values held by clocks are none of them.
+    pub fn dependencies(&self) -> Vec<BTreeSet<usize>> {
+        let graph = Graph::new();
+        let constants: Vec<Symbol> =
+            (0..self.constants).map(|place| graph.variable("constants", place)).collect();
+        let given = self.stand_ins().end;
+        let known = |place| graph.variable("variables", place);
+        let mut variables: Vec<Symbol> = (0..given).map(known).collect();
+        variables.resize(self.memory(), Symbol::Constant(0.0));
+        self.trace(&constants, &mut variables);
+        tangent::dependencies(&graph, &variables[..self.slots], |array, place| {
+            let is_known = array == "variables" && (place as usize) < self.externals().end;
+            is_known.then_some(place as usize)
+        })
     }
 
     /// The equations that the derivatives depend on.

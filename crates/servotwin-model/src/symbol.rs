@@ -15,6 +15,8 @@
 //!
 //! The neutral element of a sum is −0, because adding +0 changes the sign of `x = −0`.
 
+pub mod tangent;
+
 use crate::math;
 use crate::scalar::{Primitive, Scalar};
 use alloc::collections::BTreeMap;

@@ -11,6 +11,7 @@ use servotwin::flight::runtime::{RuntimeError, between, slots};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_export::c::Twin;
+use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
 use servotwin_model::solver::Settings;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,36 @@ pub struct Options {
 #[derive(clap::Subcommand)]
 enum Target {
     C(COptions),
+    Fmu(FmuOptions),
+}
+
+/// Write a system with its faults as a Functional Mock-up Unit.
+///
+/// The FMU serves co-simulation and model exchange in any tool with FMI 2.0 or 3.0. Each fault is a tunable parameter from
+/// 0 to 1 (fault.COMPONENT.NAME), so the tool can inject it while it simulates. The FMU holds C sources and a binary for
+/// 64-bit Linux, for which gcc or clang is needed.
+#[derive(clap::Args)]
+struct FmuOptions {
+    /// The study, whose system is exported: a file, a built-in study, or a folder with results [default: paper].
+    #[arg(value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// The version of the Functional Mock-up Interface.
+    #[arg(long, value_name = "VERSION", default_value = "2")]
+    fmi: Fmi,
+    /// The file of the FMU [default: the name of the system, with the ending .fmu].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Versions of the Functional Mock-up Interface.
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum Fmi {
+    /// FMI 2.0.
+    #[value(name = "2")]
+    Two,
+    /// FMI 3.0.
+    #[value(name = "3")]
+    Three,
 }
 
 /// Write them as C99.
@@ -55,7 +86,35 @@ struct COptions {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
         Target::C(options) => run_c(options, global),
+        Target::Fmu(options) => run_fmu(options, global),
     }
+}
+
+fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
+    let study = find_study(options.study.as_deref())?;
+    let network = study.system.network();
+    let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
+    let unknown = |error| Failure::Diagnoser { path: study.name.clone().into(), error };
+    let twin = Twin {
+        program: &study.system.program,
+        settings: Settings::campaign(),
+        period_s: study.sample_period_s,
+        between: between(&study),
+        ranges: (0..network.inputs.len()).map(|input| network.input_range(input).into()).collect(),
+        sensors: slots(&study, sensors).map_err(unknown)?,
+    };
+    let version = match options.fmi {
+        Fmi::Two => Version::Two,
+        Fmi::Three => Version::Three,
+    };
+    let name = study.system.name.as_str();
+    let out = options.out.clone().unwrap_or_else(|| format!("{name}.fmu").into());
+    let variables = fmu::write(&twin, version, (name, &study.system.title), &out)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!({ "file": out, "variables": variables })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}: {variables} variables\n", out.display()),
+    })
 }
 
 fn run_c(options: &COptions, global: Global) -> Result<String, Failure> {

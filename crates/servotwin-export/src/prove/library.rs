@@ -3,16 +3,13 @@
 use super::chain::Said;
 use super::samples::Sample;
 use crate::c::CFile;
+use crate::compile::{Workplace, compilers};
 use crate::error::ExportError;
 use libloading::{Library, Symbol};
-use servotwin_io::files::FileError;
 use servotwin_model::program::Program;
 use servotwin_model::solver::Knot;
 use std::fmt;
-use std::fs;
-use std::path::Path;
 use std::process::Command;
-use tempfile::TempDir;
 
 /// Flags of every build. Warnings are errors: the text must be clean in all compilers.
 const FLAGS: &[&str] =
@@ -36,13 +33,8 @@ pub struct Build {
 impl Build {
     /// gcc and clang, as far as they are installed, at three levels of optimization each.
     pub fn available() -> Vec<Build> {
-        let starts = |compiler: &&str| {
-            let run = Command::new(compiler).arg("--version").output();
-            run.is_ok_and(|output| output.status.success())
-        };
-        let compilers = ["gcc", "clang"].into_iter().filter(|compiler| starts(compiler));
         let levels = ["-O0", "-O2", "-O3"];
-        compilers
+        compilers()
             .flat_map(|compiler| levels.map(|level| Build { compiler: compiler.into(), level }))
             .collect()
     }
@@ -101,7 +93,7 @@ impl Place {
 
 /// The object files of an export.
 pub(super) struct Objects<'b> {
-    folder: TempDir,
+    workplace: Workplace,
     build: &'b Build,
     names: Vec<&'static str>,
 }
@@ -109,7 +101,6 @@ pub(super) struct Objects<'b> {
 impl<'b> Objects<'b> {
     /// Compiles all files into a temporary folder.
     pub fn new(files: &[CFile], build: &'b Build) -> Result<Self, ExportError> {
-        let folder = tempfile::tempdir().map_err(|cause| problem(&std::env::temp_dir(), cause))?;
         let has = |name: &str| files.iter().any(|file| file.name == name);
         let mut proving = vec![CFile { name: "prove.c", text: PROVE.into() }];
         if has("servotwin_twin.c") {
@@ -118,15 +109,14 @@ impl<'b> Objects<'b> {
         let sources = files.iter().chain(&proving);
         let is_compiled = |name: &&str| name.ends_with(".c") && *name != "main.c";
         let names = sources.clone().map(|file| file.name).filter(is_compiled).collect();
-        let objects = Objects { folder, build, names };
-        sources.clone().try_for_each(|file| objects.write(file.name, &file.text))?;
+        let objects = Objects { workplace: Workplace::new(sources)?, build, names };
         objects.names.iter().try_for_each(|name| objects.compile(name))?;
         Ok(objects)
     }
 
     /// Compiles another text for one of the files.
     pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        self.write(name, text)?;
+        self.workplace.write(name, text)?;
         self.compile(name)
     }
 
@@ -136,12 +126,7 @@ impl<'b> Objects<'b> {
         let (fixed, name) = (["-shared", "-o", library], objects.collect::<Vec<_>>());
         self.run(fixed.into_iter().chain(name.iter().map(String::as_str)).chain(["-lm"]))?;
         // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
-        Ok(Compiled { library: unsafe { Library::new(self.folder.path().join(library)) }? })
-    }
-
-    fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        let path = self.folder.path().join(name);
-        fs::write(&path, text).map_err(|cause| problem(&path, cause))
+        Ok(Compiled { library: unsafe { Library::new(self.workplace.path(library)) }? })
     }
 
     fn compile(&self, name: &str) -> Result<(), ExportError> {
@@ -152,18 +137,7 @@ impl<'b> Objects<'b> {
     }
 
     fn run<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Result<(), ExportError> {
-        let mut command = Command::new(&self.build.compiler);
-        command.current_dir(self.folder.path()).args(arguments);
-        let output = command.output().map_err(|cause| {
-            let compiler = self.build.compiler.clone();
-            ExportError::NoCompiler { compiler, cause }
-        })?;
-        if output.status.success() {
-            return Ok(());
-        }
-        let all = String::from_utf8_lossy(&output.stderr);
-        let messages = all.lines().take(10).collect::<Vec<_>>().join("\n");
-        Err(ExportError::Refused { compiler: self.build.command(), messages })
+        self.workplace.run(&self.build.compiler, &self.build.command(), arguments)
     }
 }
 
@@ -405,8 +379,4 @@ impl RunningTwin<'_> {
             pair.copy_from_slice(&[knot.value, knot.slope_per_s]);
         }
     }
-}
-
-fn problem(path: &Path, cause: std::io::Error) -> ExportError {
-    FileError::from_io(path, cause).into()
 }

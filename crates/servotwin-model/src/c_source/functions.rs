@@ -5,6 +5,7 @@ use super::printer::Stores;
 use crate::program::Program;
 use crate::scalar::Scalar;
 use crate::solver::tableau::Tableau;
+use crate::symbol::tangent::tangents;
 use crate::symbol::{Expression, Graph, Operand, Symbol};
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -109,6 +110,24 @@ pub(super) fn begin<'g>(graph: &'g Graph, program: &Program) -> Traced<'g> {
         reads: &["constants"],
         writes: &["variables", "gradients"],
         entries: sums_of(program, &variables).into_iter().chain(rows).collect(),
+    }
+}
+
+/// The directional derivatives of all sums, with the derivatives of states and inputs in `seeds`.
+pub(super) fn tangent<'g>(graph: &'g Graph, program: &Program) -> Traced<'g> {
+    let traced = evaluate(graph, program);
+    let values: Vec<Symbol> = traced.entries.iter().map(|&(_, _, value)| value).collect();
+    let known = program.externals().end;
+    let tangents = tangents(graph, &values, |array, index| {
+        let is_known = array == "variables" && (index as usize) < known;
+        is_known.then(|| graph.variable("seeds", index as usize))
+    });
+    let places = traced.entries.iter().map(|&(_, place, _)| place);
+    Traced {
+        name: "tangent".into(),
+        reads: &["constants", "variables", "seeds"],
+        writes: &["tangents"],
+        entries: places.zip(tangents).map(|(place, value)| ("tangents", place, value)).collect(),
     }
 }
 

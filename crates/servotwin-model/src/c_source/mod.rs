@@ -20,7 +20,7 @@ mod twin;
 pub use equations::{BadPrefix, write_equations};
 pub use statements::{hexadecimal, write_statements};
 pub use step::write_step;
-pub use twin::write_twin;
+pub use twin::{write_tangent, write_twin};
 
 use crate::program::Program;
 use crate::symbol::{Graph, Symbol};

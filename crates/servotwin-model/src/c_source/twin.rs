@@ -58,6 +58,14 @@ pub fn write_twin(program: &Program, method: Method) -> Option<String> {
     Some(c)
 }
 
+/// Returns the C source of the directional derivatives, with the derivatives of states and inputs in `seeds`:
+/// `servotwin_twin_tangent`. It needs the functions of [`write_twin`].
+pub fn write_tangent(program: &Program) -> String {
+    let mut c = String::from(HEADING);
+    print_function(&mut c, |graph| functions::tangent(graph, program));
+    c
+}
+
 const HEADING: &str = "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */
 #include \"servotwin_equations.h\"
 
@@ -104,7 +112,8 @@ fn print_sums(c: &mut String, stages: usize) {
 }
 
 fn print_tick(c: &mut String, program: &Program) {
-    let head = "void servotwin_twin_tick(int32_t clock, const double *constants, double *variables)";
+    let head =
+        "void servotwin_twin_tick(int32_t clock, const double *constants, double *variables)";
     let most = program.clocks().iter().map(|clock| clock.exchanges.len()).max();
     let cases = program.clocks().iter().enumerate().map(|(index, clock)| {
         let mut call = format!("{PREFIX}_tick_{index}(constants, variables, next);");

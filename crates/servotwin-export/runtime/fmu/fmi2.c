@@ -1,0 +1,386 @@
+/* The interface of FMI 2.0 for co-simulation and model exchange. */
+#include "servotwin_fmu.h"
+#include "servotwin_token.h"
+
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* An interface has arguments that an implementation does not need. */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+
+typedef void *fmi2Component;
+typedef void *fmi2ComponentEnvironment;
+typedef void *fmi2FMUstate;
+typedef unsigned int fmi2ValueReference;
+typedef double fmi2Real;
+typedef int fmi2Integer;
+typedef int fmi2Boolean;
+typedef char fmi2Char;
+typedef const fmi2Char *fmi2String;
+typedef char fmi2Byte;
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
+typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
+typedef enum { fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated } fmi2StatusKind;
+
+typedef void (*fmi2CallbackLogger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+
+typedef struct {
+    fmi2CallbackLogger logger;
+    void *(*allocateMemory)(size_t, size_t);
+    void (*freeMemory)(void *);
+    void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
+    fmi2ComponentEnvironment componentEnvironment;
+} fmi2CallbackFunctions;
+
+typedef struct {
+    fmi2Boolean newDiscreteStatesNeeded;
+    fmi2Boolean terminateSimulation;
+    fmi2Boolean nominalsOfContinuousStatesChanged;
+    fmi2Boolean valuesOfContinuousStatesChanged;
+    fmi2Boolean nextEventTimeDefined;
+    fmi2Real nextEventTime;
+} fmi2EventInfo;
+
+typedef struct {
+    servotwin_fmu fmu;
+    fmi2CallbackFunctions callbacks;
+    double time_s; /* of the last finished step */
+    char name[64];
+} instance;
+
+static fmi2Status failed(const instance *of, const char *why)
+{
+    if (of->callbacks.logger != NULL) {
+        of->callbacks.logger(of->callbacks.componentEnvironment, of->name, fmi2Error, "error", "%s", why);
+    }
+    return fmi2Error;
+}
+
+static fmi2Status well(const instance *of, bool is_well, const char *why)
+{
+    return is_well ? fmi2OK : failed(of, why);
+}
+
+static const char no_beginning[] = "there is no steady state or motion to begin with for these inputs and parameters";
+static const char no_step[] = "the step cannot be simulated: a value became infinite, or the error stayed too large";
+static const char unknown[] = "there is no variable with this reference that has a value";
+static const char not_set[] = "this variable cannot be set, or the value is out of its range";
+
+FUNCTION(const char *, fmi2GetTypesPlatform, void)
+{
+    return "default";
+}
+
+FUNCTION(const char *, fmi2GetVersion, void)
+{
+    return "2.0";
+}
+
+FUNCTION(fmi2Status, fmi2SetDebugLogging,
+    fmi2Component c, fmi2Boolean on, size_t count, const fmi2String categories[])
+{
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Component, fmi2Instantiate,
+    fmi2String name, fmi2Type type, fmi2String token, fmi2String resources, const fmi2CallbackFunctions *callbacks,
+    fmi2Boolean visible, fmi2Boolean logging)
+{
+    instance *of = NULL;
+    if ((token != NULL) && (strcmp(token, SERVOTWIN_TOKEN) == 0)) {
+        of = calloc(1U, sizeof *of);
+    }
+    if (of != NULL) {
+        servotwin_fmu_reset(&of->fmu);
+        if (callbacks != NULL) {
+            of->callbacks = *callbacks;
+        }
+        (void)strncpy(of->name, (name != NULL) ? name : "", sizeof of->name - 1U);
+    }
+    return of;
+}
+
+FUNCTION(void, fmi2FreeInstance, fmi2Component c)
+{
+    free(c);
+}
+
+FUNCTION(fmi2Status, fmi2SetupExperiment,
+    fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start, fmi2Boolean has_stop,
+    fmi2Real stop)
+{
+    instance *of = c;
+    of->fmu.start_s = start;
+    of->time_s = start;
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2EnterInitializationMode, fmi2Component c)
+{
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2ExitInitializationMode, fmi2Component c)
+{
+    instance *of = c;
+    return well(of, servotwin_fmu_begin(&of->fmu), no_beginning);
+}
+
+FUNCTION(fmi2Status, fmi2Terminate, fmi2Component c)
+{
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2Reset, fmi2Component c)
+{
+    instance *of = c;
+    servotwin_fmu_reset(&of->fmu);
+    of->time_s = 0.0;
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Real value[])
+{
+    instance *of = c;
+    bool is_well = true;
+    for (size_t i = 0U; is_well && (i < count); i++) {
+        is_well = servotwin_fmu_get(&of->fmu, vr[i], &value[i]);
+    }
+    return well(of, is_well, unknown);
+}
+
+FUNCTION(fmi2Status, fmi2SetReal,
+    fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Real value[])
+{
+    instance *of = c;
+    bool is_well = true;
+    for (size_t i = 0U; is_well && (i < count); i++) {
+        is_well = servotwin_fmu_set(&of->fmu, vr[i], value[i]);
+    }
+    return well(of, is_well, not_set);
+}
+
+/* There are no variables of other types. */
+#define NO_VARIABLES(type) \
+    FUNCTION(fmi2Status, fmi2Get##type, fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2##type value[]) \
+    { \
+        return well(c, count == 0U, unknown); \
+    } \
+    FUNCTION(fmi2Status, fmi2Set##type, fmi2Component c, const fmi2ValueReference vr[], size_t count, \
+        const fmi2##type value[]) \
+    { \
+        return well(c, count == 0U, unknown); \
+    }
+
+NO_VARIABLES(Integer)
+NO_VARIABLES(Boolean)
+NO_VARIABLES(String)
+
+/* The complete state of an instance. */
+typedef struct {
+    servotwin_fmu fmu;
+    double time_s;
+} state;
+
+FUNCTION(fmi2Status, fmi2GetFMUstate, fmi2Component c, fmi2FMUstate *into)
+{
+    const instance *of = c;
+    if (*into == NULL) {
+        *into = malloc(sizeof(state));
+    }
+    if (*into != NULL) {
+        state *saved = *into;
+        saved->fmu = of->fmu;
+        saved->time_s = of->time_s;
+    }
+    return well(of, *into != NULL, "there is no memory for the state");
+}
+
+FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate from)
+{
+    instance *of = c;
+    const state *saved = from;
+    of->fmu = saved->fmu;
+    of->time_s = saved->time_s;
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *saved)
+{
+    free(*saved);
+    *saved = NULL;
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate saved, size_t *size)
+{
+    *size = sizeof(state);
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate saved, fmi2Byte bytes[], size_t size)
+{
+    const bool fits = size >= sizeof(state);
+    if (fits) {
+        (void)memcpy(bytes, saved, sizeof(state));
+    }
+    return well(c, fits, "the list of bytes is too short for a state");
+}
+
+FUNCTION(fmi2Status, fmi2DeSerializeFMUstate,
+    fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *into)
+{
+    if (size != sizeof(state)) {
+        return failed(c, "the bytes are no state of this FMU");
+    }
+    if (*into == NULL) {
+        *into = malloc(sizeof(state));
+    }
+    if (*into != NULL) {
+        (void)memcpy(*into, bytes, sizeof(state));
+    }
+    return well(c, *into != NULL, "there is no memory for the state");
+}
+
+FUNCTION(fmi2Status, fmi2GetDirectionalDerivative,
+    fmi2Component c, const fmi2ValueReference unknowns[], size_t unknown_count, const fmi2ValueReference knowns[],
+    size_t known_count, const fmi2Real seeds[], fmi2Real sensitivities[])
+{
+    instance *of = c;
+    return well(of,
+        servotwin_fmu_directional(&of->fmu, unknowns, unknown_count, knowns, known_count, seeds, sensitivities),
+        "derivatives are known for states' derivatives and outputs with respect to states and inputs");
+}
+
+/* ------------------------------------------------------------ Model exchange. */
+
+FUNCTION(fmi2Status, fmi2EnterEventMode, fmi2Component c)
+{
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2NewDiscreteStates, fmi2Component c, fmi2EventInfo *info)
+{
+    instance *of = c;
+    (void)memset(info, 0, sizeof *info);
+    info->nextEventTimeDefined = servotwin_fmu_tick(&of->fmu, &info->nextEventTime) ? 1 : 0;
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2EnterContinuousTimeMode, fmi2Component c)
+{
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2CompletedIntegratorStep,
+    fmi2Component c, fmi2Boolean no_set_before, fmi2Boolean *enter_event_mode, fmi2Boolean *terminate)
+{
+    *enter_event_mode = 0;
+    *terminate = 0;
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2SetTime, fmi2Component c, fmi2Real time_s)
+{
+    instance *of = c;
+    servotwin_fmu_set_time(&of->fmu, time_s);
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t count)
+{
+    instance *of = c;
+    if (count != (size_t)SERVOTWIN_TWIN_STATES) {
+        return failed(of, "the number of states differs");
+    }
+    servotwin_fmu_set_states(&of->fmu, x);
+    return fmi2OK;
+}
+
+FUNCTION(fmi2Status, fmi2GetDerivatives, fmi2Component c, fmi2Real derivatives[], size_t count)
+{
+    instance *of = c;
+    const bool fits = count == (size_t)SERVOTWIN_TWIN_STATES;
+    return well(of, fits && servotwin_fmu_derivatives(&of->fmu, derivatives), unknown);
+}
+
+FUNCTION(fmi2Status, fmi2GetEventIndicators, fmi2Component c, fmi2Real indicators[], size_t count)
+{
+    return well(c, count == 0U, "there are no event indicators");
+}
+
+FUNCTION(fmi2Status, fmi2GetContinuousStates, fmi2Component c, fmi2Real x[], size_t count)
+{
+    instance *of = c;
+    bool is_well = count == (size_t)SERVOTWIN_TWIN_STATES;
+    for (uint32_t i = 0U; is_well && (i < (uint32_t)count); i++) {
+        is_well = servotwin_fmu_get(&of->fmu, i, &x[i]);
+    }
+    return well(of, is_well, unknown);
+}
+
+FUNCTION(fmi2Status, fmi2GetNominalsOfContinuousStates, fmi2Component c, fmi2Real nominals[], size_t count)
+{
+    for (size_t i = 0U; i < count; i++) {
+        nominals[i] = 1.0 / servotwin_twin_scales[i];
+    }
+    return fmi2OK;
+}
+
+/* ------------------------------------------------------------- Co-simulation. */
+
+FUNCTION(fmi2Status, fmi2SetRealInputDerivatives,
+    fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Integer order[], const fmi2Real value[])
+{
+    return well(c, count == 0U, "inputs are constant over a step");
+}
+
+FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives,
+    fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Integer order[], fmi2Real value[])
+{
+    return well(c, count == 0U, "outputs have no derivatives");
+}
+
+FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time_s, fmi2Real step_s, fmi2Boolean no_set_before)
+{
+    instance *of = c;
+    const bool is_well = (step_s >= 0.0) && servotwin_fmu_advance(&of->fmu, time_s + step_s);
+    if (is_well) {
+        of->time_s = time_s + step_s;
+    }
+    return well(of, is_well, no_step);
+}
+
+FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)
+{
+    return failed(c, "no step is pending");
+}
+
+FUNCTION(fmi2Status, fmi2GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value)
+{
+    return fmi2Discard;
+}
+
+FUNCTION(fmi2Status, fmi2GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value)
+{
+    const instance *of = c;
+    *value = of->time_s;
+    return (kind == fmi2LastSuccessfulTime) ? fmi2OK : fmi2Discard;
+}
+
+FUNCTION(fmi2Status, fmi2GetIntegerStatus, fmi2Component c, fmi2StatusKind kind, fmi2Integer *value)
+{
+    return fmi2Discard;
+}
+
+FUNCTION(fmi2Status, fmi2GetBooleanStatus, fmi2Component c, fmi2StatusKind kind, fmi2Boolean *value)
+{
+    *value = 0;
+    return (kind == fmi2Terminated) ? fmi2OK : fmi2Discard;
+}
+
+FUNCTION(fmi2Status, fmi2GetStringStatus, fmi2Component c, fmi2StatusKind kind, fmi2String *value)
+{
+    return fmi2Discard;
+}

@@ -1,0 +1,163 @@
+//! A system with its faults as a Functional Mock-up Unit, for other simulation tools.
+//!
+//! The FMU holds C sources and a binary for 64-bit Linux. Faults and parameters are tunable parameters, so any tool can
+//! inject a fault while it simulates. The binary needs nothing but the C library.
+
+mod description;
+mod units;
+mod variables;
+
+pub use description::Version;
+
+use crate::c::{self, CFile, Twin};
+use crate::compile::{Workplace, compilers};
+use crate::error::ExportError;
+use description::Description;
+use servotwin_io::files::{FileError, write_atomically};
+use servotwin_io::manifest::sha256_of_text;
+use std::io::{Cursor, Write};
+use std::path::Path;
+use variables::Variables;
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+/// Files of a twin that an FMU does not need.
+const NOT_IN_FMU: [&str; 3] = ["servotwin_hybrid.h", "servotwin_hybrid.c", "main.c"];
+
+/// Writes an FMU of a system; returns the number of its variables. `name` becomes a C identifier.
+///
+/// # Errors
+/// [`ExportError::NoCompiler`] and [`ExportError::Refused`] if the sources cannot be compiled, and a file that cannot be
+/// written.
+pub fn write(
+    twin: &Twin,
+    version: Version,
+    (name, title): (&str, &str),
+    path: &Path,
+) -> Result<usize, ExportError> {
+    let name = identifier(name);
+    let mut sources = sources(twin, version)?;
+    let all: String = sources.iter().map(|file| file.text.as_str()).collect();
+    let token = sha256_of_text(&format!("{name} {all}"));
+    sources.push(CFile {
+        name: "servotwin_token.h",
+        text: format!("/* Written by servotwin. */\n#define SERVOTWIN_TOKEN \"{token}\"\n"),
+    });
+    let variables = Variables::new(twin);
+    let compiled: Vec<&'static str> =
+        sources.iter().map(|file| file.name).filter(|name| name.ends_with(".c")).collect();
+    let description = Description {
+        version,
+        name: &name,
+        title,
+        token: &token,
+        sources: &compiled,
+        program: twin.program,
+        variables: &variables,
+        period_s: twin.period_s,
+    };
+    let binary = binary(&sources)?;
+    let parts = parts(version, &name, description.text(), &sources, binary);
+    let archive = archive(&parts).map_err(|cause| problem(path, cause))?;
+    write_atomically(path, |out| out.write_all(&archive))?;
+    Ok(variables.all.len())
+}
+
+macro_rules! fmu_files {
+    ($($name:literal,)*) => {
+        [$(($name, include_str!(concat!("../../runtime/fmu/", $name))),)*]
+    };
+}
+
+/// The C files of an FMU, without the token.
+fn sources(twin: &Twin, version: Version) -> Result<Vec<CFile>, ExportError> {
+    let mut files = c::files_of_twin(twin)?;
+    files.retain(|file| !NOT_IN_FMU.contains(&file.name));
+    let text = servotwin_model::c_source::write_tangent(twin.program);
+    files.push(CFile { name: "servotwin_tangent.c", text });
+    let interface = if version == Version::Two { "fmi2.c" } else { "fmi3.c" };
+    let written = fmu_files!["servotwin_fmu.h", "servotwin_fmu.c", "fmi2.c", "fmi3.c",];
+    let written =
+        written.into_iter().filter(|(name, _)| !name.starts_with("fmi") || *name == interface);
+    files.extend(written.map(|(name, text)| CFile { name, text: text.into() }));
+    Ok(files)
+}
+
+/// The binary for 64-bit Linux. It may use nothing but the C library, and shows only the functions of the interface.
+fn binary(sources: &[CFile]) -> Result<Vec<u8>, ExportError> {
+    let compiler = compilers().next().ok_or(ExportError::NoBuild)?;
+    let workplace = Workplace::new(sources)?;
+    let flags = [
+        "-std=c99",
+        "-O2",
+        "-ffp-contract=off",
+        "-fno-math-errno",
+        "-fPIC",
+        "-fvisibility=hidden",
+        "-shared",
+        "-Wl,--no-undefined",
+        "-o",
+        "system.so",
+    ];
+    let names = sources.iter().map(|file| file.name).filter(|name| name.ends_with(".c"));
+    workplace.run(compiler, compiler, flags.into_iter().chain(names))?;
+    workplace.read("system.so")
+}
+
+/// The files of the archive.
+fn parts(
+    version: Version,
+    name: &str,
+    description: String,
+    sources: &[CFile],
+    binary: Vec<u8>,
+) -> Vec<(String, Vec<u8>)> {
+    let platform = if version == Version::Two { "linux64" } else { "x86_64-linux" };
+    let mut parts = vec![
+        ("modelDescription.xml".into(), description.into_bytes()),
+        (format!("binaries/{platform}/{name}.so"), binary),
+    ];
+    if version == Version::Three {
+        parts.push(("sources/buildDescription.xml".into(), build_description(name, sources)));
+    }
+    let texts = sources
+        .iter()
+        .map(|file| (format!("sources/{}", file.name), file.text.clone().into_bytes()));
+    parts.extend(texts);
+    parts
+}
+
+/// How an importing tool compiles the sources (version 3 only).
+fn build_description(name: &str, sources: &[CFile]) -> Vec<u8> {
+    let files = sources.iter().filter(|file| file.name.ends_with(".c"));
+    let files: String =
+        files.map(|file| format!("      <SourceFile name=\"{}\"/>\n", file.name)).collect();
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiBuildDescription fmiVersion=\"3.0\">\n  \
+         <BuildConfiguration modelIdentifier=\"{name}\">\n    <SourceFileSet language=\"C99\">\n{files}    </SourceFileSet>\n  \
+         </BuildConfiguration>\n</fmiBuildDescription>\n"
+    )
+    .into_bytes()
+}
+
+/// An archive in memory. It has no dates, so the same system gives the same bytes.
+fn archive(parts: &[(String, Vec<u8>)]) -> std::io::Result<Vec<u8>> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in parts {
+        zip.start_file(name.as_str(), SimpleFileOptions::default())?;
+        zip.write_all(bytes)?;
+    }
+    Ok(zip.finish()?.into_inner())
+}
+
+/// A C identifier made of a name.
+fn identifier(name: &str) -> String {
+    let legal = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    let text: String = name.chars().map(legal).collect();
+    let starts_well = text.starts_with(|c: char| c.is_ascii_alphabetic());
+    if starts_well { text } else { format!("system_{text}") }
+}
+
+fn problem(path: &Path, cause: std::io::Error) -> ExportError {
+    FileError::from_io(path, cause).into()
+}

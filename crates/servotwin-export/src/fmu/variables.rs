@@ -1,0 +1,182 @@
+//! The variables of an FMU. The reference of a variable is its place in the arrays of the C code.
+
+use crate::c::Twin;
+use servotwin_model::program::Program;
+use servotwin_model::spec::Unit;
+use std::collections::BTreeMap;
+
+/// `SERVOTWIN_FMU_PARAMETER` and `SERVOTWIN_FMU_FAULT` of the C code.
+const FIRST_PARAMETER: usize = 100_000;
+const FIRST_FAULT: usize = 200_000;
+
+/// What a variable is to the importing tool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Input,
+    Output,
+    Local,
+    /// A parameter that may change during a simulation.
+    Tunable,
+}
+
+/// A variable of an FMU, in SI units.
+#[derive(Clone, Debug)]
+pub(super) struct Variable {
+    pub name: String,
+    pub reference: usize,
+    pub kind: Kind,
+    pub unit: Unit,
+    pub description: String,
+    pub start: Option<f64>,
+    /// The least and the largest value, as far as there are limits.
+    pub range: [Option<f64>; 2],
+    pub nominal: Option<f64>,
+    /// The place of the state whose derivative it is.
+    pub derivative_of: Option<usize>,
+}
+
+/// All variables, and which of them are states and their derivatives.
+pub(super) struct Variables {
+    pub all: Vec<Variable>,
+    /// For each slot of the program, the place of its variable.
+    of_slots: BTreeMap<usize, usize>,
+    states: usize,
+    first_derivative: usize,
+}
+
+impl Variables {
+    /// Inputs, outputs (what the sensors measure), states, all other observables, derivatives, parameters, faults.
+    pub fn new(twin: &Twin) -> Self {
+        let program = twin.program;
+        let mut variables = Variables {
+            all: Vec::new(),
+            of_slots: BTreeMap::new(),
+            states: program.states().len(),
+            first_derivative: program.derivatives().start,
+        };
+        variables.add_inputs(program);
+        for slot in twin.sensors.iter().map(|&slot| slot as usize) {
+            if let Some(measured) = program.observables().iter().find(|o| o.slot as usize == slot) {
+                variables.add_slot(slot, &measured.name, measured.unit, Kind::Output);
+            }
+        }
+        for (slot, state) in program.states().iter().enumerate() {
+            // Some states have the name of what is read from them, such as a pressure above vapor pressure.
+            let is_taken =
+                program.observable(&state.name).is_some_and(|read| read.slot as usize != slot);
+            let name = if is_taken { format!("state.{}", state.name) } else { state.name.clone() };
+            variables.add_slot(slot, &name, state.unit, Kind::Local);
+        }
+        for observable in program.observables() {
+            let slot = observable.slot as usize;
+            variables.add_slot(slot, &observable.name, observable.unit, Kind::Local);
+        }
+        for (state, slot) in program.derivatives().enumerate() {
+            let name = format!("der({})", program.states()[state].name);
+            // The unit of a derivative is that of the state over a second, which has no name of its own.
+            variables.add_slot(slot, &name, Unit::None, Kind::Local);
+            variables.all[variables.of_slots[&slot]].derivative_of = Some(state);
+        }
+        for (state, declared) in program.states().iter().enumerate() {
+            variables.all[variables.of_slots[&state]].nominal = Some(declared.scale);
+        }
+        variables.add_parameters(program);
+        variables.add_faults(program);
+        variables
+    }
+
+    /// The places of the states and of their derivatives, in the order of the states.
+    pub fn states(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.states).map(|slot| self.of_slots[&slot])
+    }
+
+    pub fn derivatives(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.states).map(|state| self.of_slots[&(self.first_derivative + state)])
+    }
+
+    /// The places of the outputs.
+    pub fn outputs(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.all.len()).filter(|&place| self.all[place].kind == Kind::Output)
+    }
+
+    /// Everything that the initialization computes, in order: outputs, states, derivatives.
+    pub fn initial_unknowns(&self) -> Vec<usize> {
+        let mut all: Vec<usize> =
+            self.outputs().chain(self.states()).chain(self.derivatives()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// The place of a slot's variable.
+    pub fn of_slot(&self, slot: usize) -> Option<usize> {
+        self.of_slots.get(&slot).copied()
+    }
+
+    fn add(&mut self, name: String, reference: usize, kind: Kind, unit: Unit) -> &mut Variable {
+        let (description, range) = (String::new(), [None; 2]);
+        self.all.push(Variable {
+            name,
+            reference,
+            kind,
+            unit,
+            description,
+            range,
+            start: None,
+            nominal: None,
+            derivative_of: None,
+        });
+        let last = self.all.len() - 1;
+        &mut self.all[last]
+    }
+
+    /// Adds a variable for a slot, unless it has one.
+    fn add_slot(&mut self, slot: usize, name: &str, unit: Unit, kind: Kind) {
+        if !self.of_slots.contains_key(&slot) {
+            self.of_slots.insert(slot, self.all.len());
+            self.add(name.into(), slot, kind, unit);
+        }
+    }
+
+    fn add_inputs(&mut self, program: &Program) {
+        let inputs = program.network().inputs.iter().enumerate();
+        for ((place, input), slot) in inputs.zip(program.externals()) {
+            self.of_slots.insert(slot, self.all.len());
+            let (least, largest) = program.network().input_range(place);
+            let variable = self.add(input.id.clone(), slot, Kind::Input, input.unit);
+            variable.start = Some(input.default);
+            variable.range = [least, largest].map(finite);
+        }
+    }
+
+    fn add_parameters(&mut self, program: &Program) {
+        let mut reference = FIRST_PARAMETER;
+        for instance in &program.network().components {
+            let declared = instance.component.spec().parameters.iter();
+            for (parameter, &value) in declared.zip(&instance.parameters) {
+                let name = format!("parameter.{}.{}", instance.id, parameter.name);
+                let variable = self.add(name, reference, Kind::Tunable, parameter.unit);
+                variable.description = parameter.summary.into();
+                variable.start = Some(value);
+                variable.range = [parameter.min, parameter.max].map(finite);
+                reference += 1;
+            }
+        }
+    }
+
+    fn add_faults(&mut self, program: &Program) {
+        for (number, (component, fault)) in program.faults().enumerate() {
+            let instance = &program.network().components[component];
+            let declared = &instance.component.spec().faults[fault];
+            let name = format!("fault.{}.{}", instance.id, declared.name);
+            let variable = self.add(name, FIRST_FAULT + number, Kind::Tunable, Unit::None);
+            variable.description = format!("intensity: {}", declared.summary);
+            variable.start = Some(0.0);
+            variable.range = [Some(0.0), Some(1.0)];
+        }
+    }
+}
+
+fn finite(limit: f64) -> Option<f64> {
+    limit.is_finite().then_some(limit)
+}

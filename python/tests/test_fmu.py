@@ -1,0 +1,256 @@
+"""Exported FMUs in FMPy: valid, the same trajectories, states restored to the bit, faults as parameters, no leaks."""
+
+import os
+import subprocess
+import zipfile
+
+import numpy as np
+import pytest
+
+import servotwin
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy import read_model_description, simulate_fmu  # noqa: E402
+from fmpy.fmi1 import FMICallException  # noqa: E402
+from fmpy.fmi2 import FMU2Model, FMU2Slave  # noqa: E402
+from fmpy.fmi3 import FMU3Slave  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+FAULT = "actuator_1.leakage_a.leakage"
+STEP_S = 0.01
+
+
+class Fmu:
+    """An exported FMU, unpacked."""
+
+    def __init__(self, version, folder):
+        self.version = version
+        self.path = str(folder / f"system{version}.fmu")
+        command = [os.environ["SERVOTWIN_BINARY"], "export", "fmu", "--fmi", str(version)]
+        subprocess.run([*command, "--out", self.path], check=True, capture_output=True)
+        self.description = read_model_description(self.path)
+        self.folder = str(folder / f"unpacked{version}")
+        with zipfile.ZipFile(self.path) as archive:
+            archive.extractall(self.folder)
+        self.outputs = [v for v in self.description.modelVariables if v.causality == "output"]
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+
+    def _instance(self, kind, identifier):
+        return kind(
+            guid=self.description.guid or self.description.instantiationToken,
+            unzipDirectory=self.folder,
+            modelIdentifier=identifier,
+        )
+
+    def slave(self):
+        """An instance for co-simulation before its first step."""
+        identifier = self.description.coSimulation.modelIdentifier
+        slave = self._instance(FMU2Slave if self.version == 2 else FMU3Slave, identifier)
+        slave.instantiate()
+        if self.version == 2:
+            slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        return slave
+
+    def model(self):
+        """An instance of version 2 for model exchange in continuous time."""
+        model = self._instance(FMU2Model, self.description.modelExchange.modelIdentifier)
+        model.instantiate()
+        model.setupExperiment(startTime=0.0)
+        model.enterInitializationMode()
+        model.exitInitializationMode()
+        model.newDiscreteStates()
+        model.enterContinuousTimeMode()
+        return model
+
+    def set(self, slave, name, value):
+        setter = slave.setReal if self.version == 2 else slave.setFloat64
+        setter([self.references[name]], [value])
+
+    def read(self, slave):
+        getter = slave.getReal if self.version == 2 else slave.getFloat64
+        return np.array(getter([variable.valueReference for variable in self.outputs]))
+
+    def run(self, slave, first, steps, changes=()):
+        """Steps on; `changes` are (step, name, value) before that step. Returns the outputs after each step."""
+        rows = []
+        for step in range(first, first + steps):
+            for at, name, value in changes:
+                if at == step:
+                    self.set(slave, name, value)
+            slave.doStep(currentCommunicationPoint=step * STEP_S, communicationStepSize=STEP_S)
+            rows.append(self.read(slave))
+        return np.array(rows)
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def fmu(request, tmp_path_factory):
+    if not os.environ.get("SERVOTWIN_BINARY"):
+        pytest.skip("SERVOTWIN_BINARY names no command line")
+    return Fmu(request.param, tmp_path_factory.mktemp("fmu"))
+
+
+def expected(system, fmu, faults):
+    """The toolkit's run with a step of the command after 0.1 s."""
+    run = servotwin.simulate(
+        system,
+        inputs={"command": "step:size=3deg,at=0.1s"},
+        faults=faults,
+        record=[variable.name for variable in fmu.outputs],
+        duration_s=2.0,
+        tolerance=1e-8,
+    )
+    return np.array([run[name] for name in run.columns if name not in ("time_s", "command_rad")]).T
+
+
+def assert_near(found, right):
+    scale = np.abs(right).max(axis=0)
+    worst = (np.abs(found - right) / scale).max(axis=0)
+    assert (worst < 1e-4).all(), worst
+
+
+def test_there_is_no_finding_and_no_need_of_another_library(fmu):
+    assert validate_fmu(fmu.path) == []
+    folders = os.path.join(fmu.folder, "binaries", "linux64" if fmu.version == 2 else "x86_64-linux")
+    binary = os.path.join(folders, os.listdir(folders)[0])
+    needed = subprocess.run(["readelf", "-d", binary], capture_output=True, text=True, check=True)
+    names = [line.split("[")[1].rstrip("]") for line in needed.stdout.splitlines() if "NEEDED" in line]
+    assert names == ["libc.so.6"]
+
+
+def test_co_simulation_has_the_trajectories_of_the_toolkit(fmu, system):
+    changes = [(10, "command", np.deg2rad(3)), (100, f"fault.{FAULT}", 0.5)]
+    found = fmu.run(fmu.slave(), 0, 200, changes)
+    assert_near(found, expected(system, fmu, {FAULT: "0.5@1s"})[1:])
+
+
+def test_model_exchange_with_the_solver_of_another_tool_has_them_too(fmu, system):
+    times = [0.0, 0.1, 0.1, 2.0]
+    command = np.array(
+        list(zip(times, [0.0, 0.0, np.deg2rad(3), np.deg2rad(3)])),
+        dtype=[("time", float), ("command", float)],
+    )
+    run = simulate_fmu(
+        fmu.path,
+        fmi_type="ModelExchange",
+        stop_time=2.0,
+        output_interval=STEP_S,
+        input=command,
+        output=[variable.name for variable in fmu.outputs],
+        start_values={f"fault.{FAULT}": 0.5},
+        relative_tolerance=1e-8,
+    )
+    at = np.searchsorted(run["time"], np.arange(201) * STEP_S - 1e-9)
+    at[10] = np.searchsorted(run["time"], 0.1 + 1e-9) - 1
+    found = np.array([run[variable.name][at] for variable in fmu.outputs]).T
+    assert_near(found, expected(system, fmu, {FAULT: 0.5}))
+
+
+def test_a_state_is_restored_to_the_bit_in_another_instance(fmu):
+    first = fmu.slave()
+    fmu.run(first, 0, 30, [(5, "command", 0.05)])
+    if fmu.version == 2:
+        saved = first.serializeFMUstate(first.getFMUstate())
+    else:
+        saved = first.serializeFMUState(first.getFMUState())
+    right = fmu.run(first, 30, 30)
+    other = fmu.slave()
+    if fmu.version == 2:
+        other.setFMUstate(other.deSerializeFMUstate(saved))
+    else:
+        other.setFMUState(other.deserializeFMUState(saved))
+    assert np.array_equal(fmu.run(other, 30, 30), right)
+
+
+def test_ten_instances_at_once_and_a_second_run_give_the_same_bits(fmu):
+    changes = [(3, "command", 0.03)]
+    right = fmu.run(fmu.slave(), 0, 20, changes)
+    many = [fmu.slave() for _ in range(10)]
+    for step in range(20):
+        for slave in many:
+            row = fmu.run(slave, step, 1, changes)
+            assert np.array_equal(row[0], right[step])
+    first = many[0]
+    first.reset()
+    if fmu.version == 2:
+        first.setupExperiment(startTime=0.0)
+    first.enterInitializationMode()
+    first.exitInitializationMode()
+    assert np.array_equal(fmu.run(first, 0, 20, changes), right)
+
+
+def test_directional_derivatives_are_the_slopes_of_the_derivatives(fmu):
+    if fmu.version != 2:
+        pytest.skip("the same code")
+    model = fmu.model()
+    count = fmu.description.numberOfContinuousStates
+    derivatives = [unknown.variable for unknown in fmu.description.derivatives]
+    states = [variable.derivative for variable in derivatives]
+    start, nominals = np.zeros(count), np.zeros(count)
+
+    def buffer(array):
+        return array.ctypes.data_as(fmpy.fmi2.POINTER(fmpy.fmi2.c_double))
+
+    model.getContinuousStates(buffer(start), count)
+    model.getNominalsOfContinuousStates(buffer(nominals), count)
+    rng = np.random.default_rng(1)
+    start += 1e-3 * nominals * rng.normal(size=count)
+
+    def rates(at):
+        into = np.zeros(count)
+        model.setContinuousStates(buffer(at.copy()), count)
+        model.getDerivatives(buffer(into), count)
+        return into
+
+    along = nominals * rng.normal(size=count)
+    h = 1e-7
+    slope = (rates(start + h * along) - rates(start - h * along)) / (2 * h)
+    rates(start)
+    found = model.getDirectionalDerivative(
+        vUnknown_ref=[variable.valueReference for variable in derivatives],
+        vKnown_ref=[variable.valueReference for variable in states],
+        dvKnown=along.tolist(),
+    )
+    scale = np.abs(slope).max()
+    assert np.abs(np.array(found) - slope).max() < 1e-5 * scale
+    # Every state that moves a derivative is among its dependencies.
+    known = {unknown.variable.name: unknown.dependencies for unknown in fmu.description.derivatives}
+    for place, state in enumerate(states):
+        moved = start.copy()
+        moved[place] += 1e-4 * nominals[place]
+        changed = np.flatnonzero(rates(moved) != rates(start))
+        for derivative in changed:
+            assert state in known[derivatives[derivative].name], (state.name, derivative)
+
+
+def test_two_thousand_instances_leave_no_memory_and_no_handle(fmu):
+    def held():
+        with open("/proc/self/statm") as file:
+            pages = int(file.read().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE"), len(os.listdir("/proc/self/fd"))
+
+    def once():
+        slave = fmu.slave()
+        slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=STEP_S)
+        slave.terminate()
+        slave.freeInstance()
+
+    for _ in range(100):
+        once()
+    memory, handles = held()
+    for _ in range(1900):
+        once()
+    after, handles_after = held()
+    assert handles_after == handles
+    assert after - memory < 20e6, (memory, after)
+
+
+def test_what_cannot_be_set_is_refused_with_a_reason(fmu):
+    slave = fmu.slave()
+    for name, value in [(f"fault.{FAULT}", 2.0), ("command", float("nan")), (fmu.outputs[0].name, 1.0)]:
+        with pytest.raises(FMICallException):
+            fmu.set(slave, name, value)
+    slave.guid = "another"
+    with pytest.raises(Exception):
+        slave.instantiate()
