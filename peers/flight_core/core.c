@@ -1,9 +1,11 @@
 /*
- * Runs an exported diagnosis over a file of samples and prints a hash of everything it says, once per thousand samples. The
- * same source runs on the host and on a simulated Cortex-M; equal output means equal bits.
+ * Runs an exported diagnosis over a file of samples, and the twin over inputs of its own, and prints a hash of everything
+ * they say, once per five hundred samples. The same source runs on the host and on a simulated Cortex-M; equal output means
+ * equal bits.
  */
 #include "servotwin_session.h"
 #include "servotwin_tables.h"
+#include "servotwin_twin.h"
 
 #include <string.h>
 
@@ -18,6 +20,7 @@ uint32_t platform_ticks_between(uint32_t from, uint32_t to);
 uint32_t platform_instructions_per_tick(void);
 
 static servotwin_session session;
+static servotwin_twin twin;
 static uint64_t hash = 0xcbf29ce484222325U;
 
 static void mix(const void *bytes, uint32_t count)
@@ -77,7 +80,7 @@ static char *written(char *at, uint64_t number, uint32_t base)
 
 static void print_line(const char *what, uint64_t first, uint64_t second, uint32_t base)
 {
-    char line[96];
+    char line[128];
     char *at = line;
     (void)strcpy(at, what);
     at = written(&line[strlen(what)], first, 10U);
@@ -88,12 +91,65 @@ static void print_line(const char *what, uint64_t first, uint64_t second, uint32
     platform_print(line);
 }
 
+/* Ticks of one part of the work. */
+typedef struct {
+    uint64_t all;
+    uint32_t most;
+} counter;
+
+static void count_since(uint32_t before, counter *of)
+{
+    const uint32_t spent = platform_ticks_between(before, platform_ticks());
+    of->all += spent;
+    of->most = (spent > of->most) ? spent : of->most;
+}
+
+static void print_counter(const char *what, const counter *of, uint64_t samples)
+{
+    const uint64_t each = platform_instructions_per_tick();
+    if (each > 0U) {
+        print_line(what, (of->all * each) / samples, (uint64_t)of->most * each, 10U);
+    }
+}
+
+/* The twin's inputs: those with slopes (the command) go up and down by 0.05 within 4 s, the others keep their defaults. */
+static void write_inputs(uint64_t sample, servotwin_knot *inputs)
+{
+    const double phase = (double)(sample % 400U) * 0.01;
+    const double value = (phase < 2.0) ? ((phase - 1.0) * 0.05) : ((3.0 - phase) * 0.05);
+    const double slope = (phase < 2.0) ? 0.05 : -0.05;
+    for (int32_t i = 0; i < SERVOTWIN_TWIN_INPUTS; i++) {
+        inputs[i] = servotwin_twin_defaults[i];
+        if (servotwin_twin_between[i] == SERVOTWIN_CUBIC) {
+            inputs[i].value = value;
+            inputs[i].slope_per_s = slope;
+        }
+    }
+}
+
+/* The first sample searches for the steady state, which is not counted. */
+static bool run_twin(uint64_t sample, counter *of)
+{
+    servotwin_knot inputs[SERVOTWIN_TWIN_INPUTS];
+    bool is_well = true;
+    write_inputs(sample, inputs);
+    if (sample == 0U) {
+        is_well = servotwin_twin_start(&twin, servotwin_twin_parameters, inputs);
+    } else {
+        const uint32_t before = platform_ticks();
+        is_well = servotwin_twin_step(&twin, inputs);
+        count_since(before, of);
+    }
+    mix(twin.variables, sizeof twin.variables);
+    return is_well;
+}
+
 int main(void)
 {
     static double values[COLUMNS];
     uint64_t samples = 0U;
-    uint64_t ticks = 0U;
-    uint32_t most = 0U;
+    counter of_diagnosis = { 0U, 0U };
+    counter of_twin = { 0U, 0U };
     uint64_t raised = 0U;
     bool was_raised = false;
     platform_open();
@@ -105,9 +161,11 @@ int main(void)
         const uint32_t before = platform_ticks();
         const servotwin_outcome *outcome = servotwin_session_push(
             &session, values, &values[SERVOTWIN_INPUTS], &values[SERVOTWIN_INPUTS + SERVOTWIN_SENSORS]);
-        const uint32_t spent = platform_ticks_between(before, platform_ticks());
-        ticks += spent;
-        most = (spent > most) ? spent : most;
+        count_since(before, &of_diagnosis);
+        if (!run_twin(samples, &of_twin)) {
+            platform_print("the twin cannot be simulated\n");
+            return 1;
+        }
         samples++;
         mix_outcome(outcome);
         if (outcome->raised.is_raised && !was_raised) {
@@ -123,9 +181,7 @@ int main(void)
         }
     }
     print_line("raised ", samples, raised, 10U);
-    if (platform_instructions_per_tick() > 0U) {
-        const uint64_t each = platform_instructions_per_tick();
-        print_line("instructions, mean and most: ", (ticks * each) / samples, (uint64_t)most * each, 10U);
-    }
+    print_counter("instructions of the diagnosis, mean and most: ", &of_diagnosis, samples);
+    print_counter("instructions of the twin, mean and most: ", &of_twin, samples);
     return 0;
 }

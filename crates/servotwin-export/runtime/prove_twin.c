@@ -54,3 +54,36 @@ const double *prove_twin_variables(const servotwin_twin *twin)
 {
     return twin->variables;
 }
+
+/*
+ * One evaluation at any point: 0 all equations, 1 the same with gradients, 2 derivatives only, 3 and on a tick of clock 0 and
+ * on after all equations. `given` holds states, inputs and held values, `slopes` those of the inputs.
+ */
+void prove_twin_point(
+    servotwin_twin *twin, int32_t which, const double *parameters, const double *given, const double *slopes);
+void prove_twin_point(
+    servotwin_twin *twin, int32_t which, const double *parameters, const double *given, const double *slopes)
+{
+    for (int32_t i = 0; i < SERVOTWIN_TWIN_VARIABLES; i++) {
+        twin->variables[i] = (i < (SERVOTWIN_TWIN_STATES + SERVOTWIN_TWIN_HELD)) ? given[i] : 0.0;
+    }
+    servotwin_twin_constants(parameters, twin->constants);
+    servotwin_twin_stand_ins(parameters, twin->variables);
+    for (int32_t i = 0; i < SERVOTWIN_TWIN_INPUTS; i++) {
+        twin->gradients[servotwin_twin_slopes[i]] = slopes[i];
+    }
+    if (which == 1) {
+        servotwin_twin_begin(twin->constants, twin->variables, twin->gradients);
+    } else if (which == 2) {
+        servotwin_twin_motion(twin->constants, twin->variables);
+    } else {
+        servotwin_twin_evaluate(twin->constants, twin->variables);
+        servotwin_twin_tick(which - 3, twin->constants, twin->variables);
+    }
+}
+
+const double *prove_twin_gradients(const servotwin_twin *twin);
+const double *prove_twin_gradients(const servotwin_twin *twin)
+{
+    return twin->gradients;
+}

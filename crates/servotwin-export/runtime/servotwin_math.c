@@ -37,7 +37,10 @@ int servotwin_rounds_twice(void)
     const volatile double one = 1.0;
     const double product = above * below;
     const double difference = product - one;
-    return (difference == 0.0) ? 1 : 0;
+    /* Some doubles in software (libgcc 12.2 for Arm) lose digits when exponents differ by 33. */
+    const volatile double small = 0x1.9d1df27e0dc03p-33;
+    const double rest = one - small;
+    return ((difference == 0.0) && (rest == 0x1.fffffffe62e21p-1)) ? 1 : 0;
 }
 
 /* Horner's scheme, the highest coefficient first. */

@@ -18,7 +18,10 @@
 #error "double must be IEEE 754 binary64"
 #endif
 
-/* 1 if a product and a sum round twice, as they must; 0 if the compiler fuses them. Call it once, at start. */
+/*
+ * 1 if a product and a sum round twice and correctly, as they must; 0 if the compiler fuses them, or if doubles in software
+ * round wrongly. Call it once, at start.
+ */
 int servotwin_rounds_twice(void);
 
 /* The bits of a number. */

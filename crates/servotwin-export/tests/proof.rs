@@ -1,12 +1,16 @@
 //! The export of a small trained diagnoser, compiled and compared.
 
+#[path = "../../servotwin-model/tests/all/rig.rs"]
+mod rig;
 #[path = "../../servotwin-diagnosis/tests/toy/mod.rs"]
 #[allow(dead_code)]
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
-use servotwin_export::c;
-use servotwin_export::prove::{Build, Mutant, Plan, mutants, prove};
+use servotwin_export::c::{self, CFile, Twin};
+use servotwin_export::prove::{Build, Mistakes, Mutant, Plan, mutants, prove};
+use servotwin_model::program::Program;
+use servotwin_model::solver::{Between, Method, Settings};
 use std::sync::Arc;
 
 /// Five minutes of samples.
@@ -51,14 +55,69 @@ fn so_does_one_that_uses_everything() {
     assert_proven(&demanding());
 }
 
+/// An actuator whose controller has a clock, with inputs that are held, straight and curved.
+fn twin(program: &Program, settings: Settings) -> Twin<'_> {
+    let courses = [Between::Cubic, Between::Line, Between::Hold];
+    let inputs = &program.network().inputs;
+    let range = |default: f64| [default - 0.1 - default.abs(), default + 0.1 + default.abs()];
+    Twin {
+        program,
+        settings,
+        period_s: 0.01,
+        between: (0..inputs.len()).map(|input| courses[input % 3]).collect(),
+        ranges: inputs.iter().map(|input| range(input.default)).collect(),
+        sensors: vec![0],
+    }
+}
+
+#[test]
+fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
+    let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
+    let reference = Settings { method: Method::Rodas5P, ..Settings::campaign() };
+    for settings in [Settings::campaign(), Settings::real_time(), reference] {
+        let twin = twin(&program, settings);
+        let mut files = c::files(&diagnoser).unwrap();
+        files.extend(c::files_of_twin(&twin).unwrap());
+        let plan = Plan {
+            diagnoser: &diagnoser,
+            twin: Some(&twin),
+            files: &files,
+            samples: 10,
+            variants: 4,
+        };
+        let build = Build { compiler: "gcc".into(), level: "-O2" };
+        let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
+        assert!(evidence.holds() && evidence.variants == 4, "{evidence:#?}");
+        assert!(evidence.twin_samples > 10_000, "{evidence:#?}");
+    }
+}
+
+#[test]
+fn mistakes_in_a_twin_are_found() {
+    let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
+    let twin = twin(&program, Settings::campaign());
+    let mut files = c::files(&diagnoser).unwrap();
+    files.extend(c::files_of_twin(&twin).unwrap());
+    let (diagnoser, files) = (&diagnoser, files.as_slice());
+    let plan = Plan { diagnoser, twin: Some(&twin), files, samples: 0, variants: 0 };
+    for only in ["servotwin_equations.c", "servotwin_twin.c"] {
+        assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some(only) });
+    }
+}
+
+fn assert_all_found(plan: &Plan, mistakes: Mistakes) {
+    let build = Build { compiler: "gcc".into(), level: "-O0" };
+    let mutants = mutants(plan, &build, mistakes, &mut |_| ()).unwrap();
+    let survivors: Vec<&Mutant> = mutants.iter().filter(|mutant| !mutant.is_found).collect();
+    assert!(mutants.len() == mistakes.count && survivors.is_empty(), "{survivors:#?}");
+}
+
 /// Makes mistakes of a seed, all of which a proof must find.
 fn assert_finds_mistakes(seed: u64) {
     let diagnoser = demanding();
     let files = c::files(&diagnoser).unwrap();
-    let build = Build { compiler: "gcc".into(), level: "-O0" };
-    let mutants = mutants(&diagnoser, &files, &build, (110, seed), &mut |_| ()).unwrap();
-    let survivors: Vec<&Mutant> = mutants.iter().filter(|mutant| !mutant.is_found).collect();
-    assert!(mutants.len() == 110 && survivors.is_empty(), "{survivors:#?}");
+    let plan = Plan { diagnoser: &diagnoser, twin: None, files: &files, samples: 0, variants: 0 };
+    assert_all_found(&plan, Mistakes { count: 110, seed, only: None });
 }
 
 // Two tests, because tests run side by side.

@@ -135,7 +135,7 @@ impl Program {
         self.externals().end..self.sums.start
     }
     /// Whether a clock holds this stand-in, which then depends on the run and not on the variant.
-    pub(crate) fn is_held(&self, stand_in: usize) -> bool {
+    pub fn is_held(&self, stand_in: usize) -> bool {
         matches!(self.stand_ins[stand_in], Role::Held)
     }
     /// The slots that an evaluation fills.

@@ -12,7 +12,7 @@ use servotwin_export::ExportError;
 use servotwin_export::c;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Plan, mutants, prove};
+use servotwin_export::prove::{Build, Mistakes, Plan, mutants, prove};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -71,7 +71,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     };
     let stages = Stages::new(global);
     let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
-    let mutants = mutants(&diagnoser, &files, first, (options.mutants, 1), &mut |done| {
+    let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
+    let mutants = mutants(&plan, first, mistakes, &mut |done| {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
     stages.end();

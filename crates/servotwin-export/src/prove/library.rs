@@ -303,6 +303,28 @@ impl RunningSession<'_> {
     }
 }
 
+/// An evaluation at a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum PointOf {
+    All,
+    Gradients,
+    Motion,
+    /// A tick of the clock with this number.
+    Tick(usize),
+}
+
+impl PointOf {
+    /// Its number in `prove_twin_point`.
+    fn number(self) -> i32 {
+        match self {
+            PointOf::All => 0,
+            PointOf::Gradients => 1,
+            PointOf::Motion => 2,
+            PointOf::Tick(clock) => 3 + clock as i32,
+        }
+    }
+}
+
 /// A twin of a compiled export.
 pub(super) struct RunningTwin<'c> {
     /// Whole words, so that any member is aligned.
@@ -315,6 +337,8 @@ pub(super) struct RunningTwin<'c> {
     step: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64) -> i32>,
     load: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64)>,
     variables: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
+    gradients: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
+    point: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, *const f64, *const f64, *const f64)>,
 }
 
 impl Compiled {
@@ -334,6 +358,8 @@ impl Compiled {
                 step: self.library.get(b"prove_twin_step")?,
                 load: self.library.get(b"prove_twin_load")?,
                 variables: self.library.get(b"prove_twin_variables")?,
+                gradients: self.library.get(b"prove_twin_gradients")?,
+                point: self.library.get(b"prove_twin_point")?,
             })
         }
     }
@@ -369,8 +395,24 @@ impl RunningTwin<'_> {
         }
     }
 
+    /// Evaluates at a point, with faults of these intensities.
+    pub fn point(&mut self, of: PointOf, intensities: &[f64], given: &[f64], slopes: &[f64]) {
+        self.take_faults(intensities);
+        let (memory, parameters) = (self.memory.as_mut_ptr(), self.parameters.as_ptr());
+        unsafe { (self.point)(memory, of.number(), parameters, given.as_ptr(), slopes.as_ptr()) }
+    }
+
+    /// The gradients of the last evaluation with them, in the layout of the program.
+    pub fn gradients(&self, count: usize) -> &[f64] {
+        unsafe { std::slice::from_raw_parts((self.gradients)(self.memory.as_ptr()), count) }
+    }
+
+    fn take_faults(&mut self, intensities: &[f64]) {
+        unsafe { (self.parameters_of)(intensities.as_ptr(), self.parameters.as_mut_ptr()) }
+    }
+
     fn take(&mut self, intensities: &[f64], inputs: &[Knot]) {
-        unsafe { (self.parameters_of)(intensities.as_ptr(), self.parameters.as_mut_ptr()) };
+        self.take_faults(intensities);
         self.take_inputs(inputs);
     }
 

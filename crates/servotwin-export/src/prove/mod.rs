@@ -4,12 +4,13 @@ mod chain;
 mod library;
 mod models;
 mod mutants;
+mod points;
 mod rows;
 mod samples;
 mod twin;
 
 pub use library::Build;
-pub use mutants::{Mutant, mutants};
+pub use mutants::{Mistakes, Mutant, mutants};
 
 use crate::c::{CFile, Twin};
 use crate::error::ExportError;
@@ -21,6 +22,12 @@ use std::sync::Arc;
 
 /// The number of differences after which nothing more is compared.
 const MOST_DIFFERENCES: usize = 20;
+
+/// Points at which the equations of the twin are evaluated.
+const POINTS: u64 = 2000;
+
+/// The duration of a variant of the twin, s.
+const VARIANT_S: f64 = 90.0;
 
 /// Rows of random values for each hierarchy of a proof.
 const RANDOM_ROWS: usize = 20_000;
@@ -57,6 +64,8 @@ pub struct Evidence {
     pub random_rows: u64,
     /// Samples through the whole chain.
     pub samples: u64,
+    /// Random points at which the equations of the twin and their gradients were compared.
+    pub points: u64,
     /// Variants of the twin that were simulated to the end.
     pub variants: u64,
     /// Samples of these.
@@ -133,9 +142,10 @@ pub fn prove(
         all.push(evidence);
     }
     if let Some(twin) = plan.twin {
+        points::compare(twin, &compiled, POINTS, &mut all)?;
         let share = |done| done as f64 / plan.variants.max(1) as f64;
         let tell = &mut |done| tell("comparing twins", share(done));
-        twin::compare(twin, &compiled, plan.variants, &mut all, tell)?;
+        twin::compare(twin, &compiled, (plan.variants, VARIANT_S), &mut all, tell)?;
     }
     let tell =
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);

@@ -4,17 +4,21 @@
 //! class in the tables, or another arithmetic operator in the code.
 
 use super::library::{Build, Objects};
-use super::{Evidence, chain, compare_parts};
+use super::{Evidence, Plan, chain, compare_parts, points, twin};
 use crate::c::CFile;
 use crate::error::ExportError;
 use serde::Serialize;
-use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::random::Random;
 use std::slice;
-use std::sync::Arc;
 
 /// Samples through the whole chain for each mutant that the trees do not show.
 const SAMPLES: u64 = 20_000;
+
+/// Points of the twin's equations for each mutant.
+const POINTS: u64 = 200;
+
+/// Variants of the twin for each mutant, and their duration, s: many short ones, because each settles at the start.
+const VARIANTS: (u64, f64) = (12, 3.0);
 
 /// Rows of random values for each hierarchy of a mutant.
 const RANDOM_ROWS: usize = 2000;
@@ -32,6 +36,17 @@ pub struct Mutant {
     pub is_found: bool,
 }
 
+/// Which mistakes to make.
+#[derive(Debug, Clone, Copy)]
+pub struct Mistakes<'m> {
+    /// How many.
+    pub count: usize,
+    /// The seed of their random places.
+    pub seed: u64,
+    /// The only file with mistakes; `None` for all.
+    pub only: Option<&'m str>,
+}
+
 /// A place in a text that can be changed.
 struct Site {
     file: usize,
@@ -40,28 +55,28 @@ struct Site {
     new: String,
 }
 
-/// Makes this many mistakes in random places of a seed, and tries to find each.
+/// Makes mistakes and tries to find each. `tell` hears how many so far.
 ///
 /// # Errors
 /// As [`super::prove`], for the export without a mistake.
 pub fn mutants(
-    diagnoser: &Arc<Diagnoser>,
-    files: &[CFile],
+    plan: &Plan,
     build: &Build,
-    (count, seed): (usize, u64),
+    mistakes: Mistakes,
     tell: &mut dyn FnMut(u64),
 ) -> Result<Vec<Mutant>, ExportError> {
+    let files = plan.files;
     let objects = Objects::new(files, build)?;
-    let kinds = sites(files);
-    let mut random = Random::new(seed);
+    let kinds = sites(files, mistakes.only);
+    let mut random = Random::new(mistakes.seed);
     let mut all = Vec::new();
-    for number in 0..count {
+    for number in 0..mistakes.count {
         let kind = &kinds[number % kinds.len()];
         let Site { file, start, old, new } = &kind[random.index(kind.len())];
         let CFile { name, text } = &files[*file];
         let changed = [&text[..*start], new, &text[start + old.len()..]].concat();
         let is_found = match objects.replace(name, &changed) {
-            Ok(()) => is_found(diagnoser, &objects, number)?,
+            Ok(()) => is_found(plan, &objects, number)?,
             Err(ExportError::Refused { .. }) => true,
             Err(other) => return Err(other),
         };
@@ -73,25 +88,30 @@ pub fn mutants(
     Ok(all)
 }
 
-fn is_found(
-    diagnoser: &Arc<Diagnoser>,
-    objects: &Objects,
-    number: usize,
-) -> Result<bool, ExportError> {
+fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, ExportError> {
     let compiled = objects.load(&format!("mutant_{number}.so"))?;
     let mut evidence = Evidence::until(1);
-    compare_parts(diagnoser, &compiled, RANDOM_ROWS, &mut evidence)?;
-    if evidence.holds() {
-        let compiled = slice::from_ref(&compiled);
-        chain::compare(diagnoser, compiled, SAMPLES, slice::from_mut(&mut evidence), &mut |_| ())?;
+    compare_parts(plan.diagnoser, &compiled, RANDOM_ROWS, &mut evidence)?;
+    let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
+    if let Some(twin) = plan.twin.filter(|_| all[0].holds()) {
+        points::compare(twin, compiled, POINTS, all)?;
+        if all[0].holds() {
+            twin::compare(twin, compiled, VARIANTS, all, &mut |_| ())?;
+        }
+    }
+    if all[0].holds() {
+        chain::compare(plan.diagnoser, compiled, SAMPLES, all, &mut |_| ())?;
     }
     Ok(!evidence.holds())
 }
 
 /// All places, by kind of mistake; a kind without places is left out.
-fn sites(files: &[CFile]) -> Vec<Vec<Site>> {
+fn sites(files: &[CFile], only: Option<&str>) -> Vec<Vec<Site>> {
     let (mut kinds, mut operators) = (Vec::new(), Vec::new());
     for (file, CFile { name, text }) in files.iter().enumerate() {
+        if only.is_some_and(|only| only != *name) {
+            continue;
+        }
         match *name {
             "servotwin_tables.c" => kinds.extend(sites_of_tables(file, text)),
             name if name.ends_with(".c") && name != "main.c" => {

@@ -8,9 +8,6 @@ use servotwin_diagnosis::random::Random;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{self, Knot};
 
-/// The duration of a variant, s.
-const DURATION_S: f64 = 90.0;
-
 /// How far inputs go from their defaults, in parts of their range.
 const REACH: f64 = 0.05;
 
@@ -53,17 +50,20 @@ impl<'t> Inputs<'t> {
                 *step = (goal - knot.value) / *left as f64;
             }
             *left -= 1;
-            *knot = Knot { value: knot.value + *step, slope_per_s: *step / twin.period_s };
+            // Slopes that differ from the steps, so that the curves bend.
+            let slope_per_s = random.between(0.0, 2.0) * *step / twin.period_s;
+            *knot = Knot { value: knot.value + *step, slope_per_s };
         }
         knots
     }
 }
 
-/// Runs twins with random faults in Rust and in all builds. `tell` hears the number of variants so far.
+/// Runs so many twins with random faults for this duration, s, in Rust and in all builds. `tell` hears the number of
+/// variants so far.
 pub(super) fn compare(
     twin: &Twin,
     compiled: &[Compiled],
-    variants: u64,
+    (variants, duration_s): (u64, f64),
     evidence: &mut [Evidence],
     tell: &mut dyn FnMut(u64),
 ) -> Result<(), ExportError> {
@@ -78,8 +78,11 @@ pub(super) fn compare(
             .get(place)
             .map(|&(component, fault)| (place, FaultAt { component, fault, intensity }));
         let begins_late = random.unit() < 0.5;
-        Run { twin, fault, begins_late, seed }.compare(&mut others, evidence);
+        Run { twin, duration_s, fault, begins_late, seed }.compare(&mut others, evidence);
         tell(seed + 1);
+        if evidence.iter().any(Evidence::has_enough) {
+            break;
+        }
     }
     Ok(())
 }
@@ -87,6 +90,7 @@ pub(super) fn compare(
 /// A run of one variant.
 struct Run<'r> {
     twin: &'r Twin<'r>,
+    duration_s: f64,
     /// The fault, and its place in the catalog.
     fault: Option<(usize, FaultAt)>,
     begins_late: bool,
@@ -110,7 +114,7 @@ impl Run<'_> {
         let Twin { program, settings, period_s, .. } = *self.twin;
         let mut own = solver::Twin::new(program, settings, period_s, self.twin.between.clone());
         let mut inputs = Inputs::new(self.twin, self.seed);
-        let samples = (DURATION_S / period_s) as u64;
+        let samples = (self.duration_s / period_s) as u64;
         let onset = samples / 3;
         for sample in 0..samples {
             let is_late = self.begins_late && sample == onset;
