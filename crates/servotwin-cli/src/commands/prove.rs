@@ -97,14 +97,18 @@ fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
     if let Some(first) = certificate.builds.first() {
         text += &format!(
-            "{} leaves, {} thresholds: {} rows; {} random rows; {} samples; {} variants of the twin: {} samples\n",
+            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n\
+             twin: {} points, {} variants ({} without a steady state), {} samples\n\
+             whole chain: {} samples\n",
             first.leaves,
             first.thresholds,
             first.rows,
             first.random_rows,
-            first.samples,
+            first.points,
             first.variants,
-            first.twin_samples
+            first.unsettled,
+            first.twin_samples,
+            first.samples,
         );
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));

@@ -68,7 +68,9 @@ pub struct Evidence {
     pub points: u64,
     /// Variants of the twin that were simulated to the end.
     pub variants: u64,
-    /// Samples of these.
+    /// Those of them that found no steady state to begin with.
+    pub unsettled: u64,
+    /// Samples of all variants.
     pub twin_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,

@@ -15,6 +15,9 @@ const REACH: f64 = 0.05;
 const LONGEST: usize = 200;
 const JUMPS: f64 = 0.2;
 
+/// The share of variants whose inputs begin anywhere in their range. Few of these find a steady state.
+const WILD: f64 = 0.3;
+
 /// Inputs that wander about their defaults.
 struct Inputs<'t> {
     twin: &'t Twin<'t>,
@@ -26,13 +29,14 @@ struct Inputs<'t> {
 
 impl<'t> Inputs<'t> {
     fn new(twin: &'t Twin, seed: u64) -> Self {
-        let inputs = &twin.program.network().inputs;
-        Inputs {
-            twin,
-            random: Random::new(seed),
-            courses: vec![(0.0, 0); inputs.len()],
-            knots: inputs.iter().map(|input| Knot::from(input.default)).collect(),
-        }
+        let mut random = Random::new(seed);
+        let is_wild = random.unit() < WILD;
+        let inputs = twin.program.network().inputs.iter().zip(&twin.ranges);
+        let knots = inputs.map(|(input, [least, largest])| {
+            Knot::from(if is_wild { random.between(*least, *largest) } else { input.default })
+        });
+        let knots: Vec<Knot> = knots.collect();
+        Inputs { twin, courses: vec![(0.0, 0); knots.len()], knots, random }
     }
 
     /// The inputs at the next sample.
@@ -148,7 +152,10 @@ impl Run<'_> {
                 break;
             }
         }
-        evidence.iter_mut().for_each(|evidence| evidence.variants += 1);
+        for evidence in evidence {
+            evidence.variants += 1;
+            evidence.unsettled += own.statistics().unsettled;
+        }
     }
 }
 
