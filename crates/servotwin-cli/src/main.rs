@@ -153,6 +153,7 @@ impl Command {
             Command::Faulttree(options) => options.paths(),
             Command::FunctionRate(options) => options.paths(),
             Command::Sensors(options) => options.paths(),
+            Command::Export(options) => options.paths(),
             Command::Describe(options) => options.paths(),
             _ => Paths::default(),
         }

@@ -4,6 +4,7 @@ use super::find_study;
 use super::watch::usual_diagnoser;
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::model_file;
@@ -80,6 +81,17 @@ struct COptions {
     /// The folder for the C files: a new or empty one, or that of an earlier export.
     #[arg(long, value_name = "FOLDER", default_value = "export")]
     out: PathBuf,
+}
+
+impl Options {
+    /// The files that the command reads and writes.
+    pub fn paths(&self) -> Paths {
+        match &self.target {
+            Target::C(options) => Paths::default()
+                .read("the diagnoser", [options.model.clone().unwrap_or_else(usual_diagnoser)]),
+            Target::Fmu(options) => Paths::default().write("--out", Format::Any, &options.out),
+        }
+    }
 }
 
 /// Returns the text for standard output.

@@ -2,10 +2,17 @@
 
 use super::flights::learned;
 use super::{Folder, fails, stderr, succeeds};
+use servotwin::evaluation::model_file;
+use servotwin::flight::runtime::{Runtime, between, defaults, slots};
+use servotwin::study::Study;
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome};
+use servotwin_model::program::FaultAt;
+use servotwin_model::solver::{Knot, Settings, Twin};
 use std::fs;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 
 /// A folder with a trained diagnoser, and its export.
 fn exported(name: &str) -> (Folder, String, String) {
@@ -19,7 +26,8 @@ fn exported(name: &str) -> (Folder, String, String) {
 #[test]
 fn an_export_is_proven_until_a_digit_of_it_changes() {
     let (_folder, _, out) = exported("export-proven");
-    let text = succeeds(&["prove", &out, "--hours", "0.02", "--mutants", "6"]);
+    let text = succeeds(&["prove", &out, "--hours", "0.02", "--mutants", "6", "--variants", "1"]);
+    assert!(text.contains("1 variants (0 without a steady state), 4500 samples"), "{text}");
     assert!(text.contains("same bits  gcc") && text.contains("6 of 6 mistakes found"), "{text}");
     let certificate = Path::new(&out).join("proof.json");
     let proof: serde_json::Value =
@@ -35,33 +43,157 @@ fn an_export_is_proven_until_a_digit_of_it_changes() {
     let digit = at + whole[at..].find("p-").unwrap() - 1;
     let other = if &whole[digit..=digit] == "0" { "1" } else { "0" };
     fs::write(&tables, [&whole[..digit], other, &whole[digit + 1..]].concat()).unwrap();
-    let message = fails(&["prove", &out, "--hours", "0"], 1);
+    let message = fails(&["prove", &out, "--hours", "0", "--variants", "0"], 1);
     assert!(message.contains("decides otherwise than its diagnoser"), "{message}");
     let proof = fs::read_to_string(&certificate).unwrap();
     assert!(proof.contains("\"holds\": false"), "a refused export keeps no good certificate");
 }
 
-#[test]
-fn the_small_main_reads_samples_and_names_a_broken_line() {
-    let (_folder, _, out) = exported("export-main");
-    let sources = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path());
+/// The exported main, compiled.
+fn compiled_main(out: &str) -> PathBuf {
+    let sources = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
     let sources = sources.filter(|path| path.extension().is_some_and(|ending| ending == "c"));
-    let program = Path::new(&out).join("diagnose");
+    let program = Path::new(out).join("diagnose");
     let flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-O1"];
     let mut compiler = Command::new("cc");
     compiler.args(flags).args(sources).arg("-o").arg(&program).arg("-lm");
     let compiled = compiler.output().unwrap();
     assert!(compiled.status.success(), "{}", stderr(&compiled));
-    let mut run = Command::new(&program)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    run.stdin.take().unwrap().write_all(b"nan 1 2\n").unwrap();
+    program
+}
+
+fn run_main(program: &Path, samples: String) -> std::process::Output {
+    let mut command = Command::new(program);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut run = command.spawn().unwrap();
+    let mut stdin = run.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || stdin.write_all(samples.as_bytes()).unwrap());
     let output = run.wait_with_output().unwrap();
+    writer.join().unwrap();
+    output
+}
+
+#[test]
+fn the_small_main_names_a_broken_line() {
+    let (_folder, _, out) = exported("export-main");
+    let output = run_main(&compiled_main(&out), "nan 1 2\n".into());
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).starts_with("the last line has 3 of "), "{}", stderr(&output));
+}
+
+/// A flight with a sine as command and a leak from 4 s on; sometimes an input or a reading is missing. Each sample has the
+/// inputs and the measured values.
+fn flight(study: &Study, diagnoser: &Diagnoser) -> Vec<(Vec<f64>, Vec<f64>)> {
+    let program = &study.system.program;
+    let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
+    let slots = slots(study, sensors).unwrap();
+    let (component, fault) = program.find_fault("actuator_1.leakage_a.leakage").unwrap();
+    let leak = FaultAt { component, fault, intensity: 0.8 };
+    let mut plant = Twin::new(program, Settings::campaign(), diagnoser.period_s, between(study));
+    plant.load(&program.parameters(&[]));
+    let mut samples = Vec::new();
+    for k in 0..1200_usize {
+        let angle = 2.0 * std::f64::consts::PI * 0.5 * k as f64 * diagnoser.period_s;
+        let mut inputs = defaults(study);
+        inputs[study.command_input] = Knot::from(0.08 * angle.sin());
+        if k == 400 {
+            plant.load(&program.parameters(&[leak]));
+        }
+        match k {
+            0 => plant.settle(&inputs, &program.first_guess(&program.parameters(&[]))).unwrap(),
+            _ => plant.step(&inputs).unwrap(),
+        }
+        let mut told: Vec<f64> = inputs.iter().map(|knot| knot.value).collect();
+        let mut measured: Vec<f64> = slots.iter().map(|&slot| plant.value(slot)).collect();
+        if k % 371 == 370 {
+            told[study.command_input] = f64::NAN;
+        }
+        if k % 97 == 96 {
+            measured[k % slots.len()] = f64::NAN;
+        }
+        samples.push((told, measured));
+    }
+    samples
+}
+
+/// What `main.c` prints of an outcome.
+fn line(outcome: &Outcome, diagnoser: &Diagnoser) -> String {
+    let names = diagnoser.names();
+    let (finding, actuator, action, detail) = match outcome.finding {
+        Finding::Unjudged => ("not judged", None, None, None),
+        Finding::Healthy => ("healthy", None, None, None),
+        Finding::Detected => ("detected, not isolated", None, None, None),
+        Finding::Actuator { actuator } => ("actuator", Some(actuator), None, None),
+        Finding::Action { actuator, action } => ("action", Some(actuator), Some(action), None),
+        Finding::Detail { actuator, action, detail } => {
+            ("detail", Some(actuator), Some(action), Some(detail))
+        }
+        Finding::Unknown => ("unknown", None, None, None),
+        Finding::EnvironmentInvalid { .. } => ("input invalid", None, None, None),
+    };
+    let alarm = match outcome.alarm {
+        Alarm::Normal => "normal",
+        Alarm::Pending => "pending",
+        Alarm::Raised => "raised",
+        Alarm::Recovering => "recovering",
+        Alarm::NoData => "no data",
+        Alarm::Error => "error",
+    };
+    let name = |list: &[String], place: Option<u32>| {
+        place.map_or("-".to_owned(), |place| list[place as usize].clone())
+    };
+    format!(
+        "{:.3} s: {finding}; actuator {}, action {}, detail {}; alarm {alarm}; confidence {:.4}\n",
+        outcome.sample as f64 * diagnoser.period_s,
+        name(&names.actuators, actuator),
+        name(&names.actions, action),
+        name(&names.details, detail),
+        outcome.confidence
+    )
+}
+
+#[test]
+fn twin_and_diagnosis_say_in_c_what_the_runtime_says() {
+    let (folder, model, out) = exported("export-hybrid");
+    let program = compiled_main(&out);
+    let study = Study::read(Path::new(&folder.file("tiny.toml"))).unwrap();
+    let diagnoser = Arc::new(model_file::read_diagnoser(Path::new(&model)).unwrap());
+    let mut runtime = Runtime::new(&study, diagnoser.clone(), vec![]).unwrap();
+    let (mut text, mut expected) = (String::new(), String::new());
+    for (inputs, measured) in flight(&study, &diagnoser) {
+        let values = inputs.iter().chain(&measured).map(|value| format!("{value:e}"));
+        text += &(values.collect::<Vec<_>>().join(" ") + "\n");
+        let outcome = *runtime.push(&inputs, &measured).unwrap();
+        if outcome.since_sample == outcome.sample {
+            expected += &line(&outcome, &diagnoser);
+        }
+    }
+    let output = run_main(&program, text);
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), expected);
+    assert!(
+        ["input invalid", "healthy", "alarm pending"].iter().all(|word| expected.contains(word)),
+        "{expected}"
+    );
+}
+
+#[test]
+fn another_system_is_not_the_exported_one() {
+    let (_folder, _, out) = exported("export-study");
+    let message = fails(&["prove", &out, "--study", "press_axis"], 3);
+    assert!(message.contains("press_axis") && message.contains("sensor"), "{message}");
+}
+
+#[test]
+fn an_fmu_that_cannot_be_written_leaves_nothing() {
+    let folder = Folder::new("export-fmu");
+    let out = folder.file("none/aileron.fmu");
+    let message = fails(&["export", "fmu", "--out", &out], 3);
+    assert!(message.contains("none"), "{message}");
+    let message = fails(&["export", "fmu", "no_such_study"], 3);
+    assert!(message.contains("no_such_study"), "{message}");
+    let out = folder.file("press.fmu");
+    let text = succeeds(&["export", "fmu", "press_axis", "--fmi", "3", "--out", &out]);
+    assert!(text.contains("variables") && fs::metadata(&out).unwrap().len() > 50_000, "{text}");
 }
 
 #[test]
