@@ -202,8 +202,9 @@ static double attempt(servotwin_twin *twin)
 
 static void aim_at_sample(servotwin_twin *twin)
 {
+    const uint64_t following = twin->next_sample + 1U;
     twin->target_s = (double)twin->next_sample * servotwin_twin_control.period_s;
-    twin->after_s = (double)(twin->next_sample + 1U) * servotwin_twin_control.period_s;
+    twin->after_s = (double)following * servotwin_twin_control.period_s;
 }
 
 static bool is_at_target(const servotwin_twin *twin)
@@ -431,34 +432,44 @@ static bool has_limit_cycle(const servotwin_following *following)
     return (turns >= MIN_TURNS) && (before->turns >= MIN_TURNS) && (larger > MIN_SWING) && (change <= most);
 }
 
-/* Observes the states; returns whether the system has been followed long enough. */
-static bool observe(servotwin_twin *twin)
+static void begin_window(servotwin_following *following)
 {
-    servotwin_following *following = &twin->following;
-    following->attempts++;
-    if (twin->time_s >= following->window_end_s) {
-        if (has_limit_cycle(following)) {
-            return true;
-        }
-        following->window_end_s = following->window_end_s * 2.0;
-        for (int32_t state = 0; state < STATES; state++) {
-            following->window_before[state] = following->window[state];
-            following->window[state].low = HUGE_VAL;
-            following->window[state].high = -HUGE_VAL;
-            following->window[state].turns = 0U;
-        }
-    }
+    static const servotwin_swing none = { HUGE_VAL, -HUGE_VAL, 0U };
+    following->window_end_s = following->window_end_s * 2.0;
     for (int32_t state = 0; state < STATES; state++) {
-        servotwin_swing *swing = &following->window[state];
+        following->window_before[state] = following->window[state];
+        following->window[state] = none;
+    }
+}
+
+static void observe_states(servotwin_twin *twin)
+{
+    for (int32_t state = 0; state < STATES; state++) {
+        servotwin_swing *swing = &twin->following.window[state];
         const double value = twin->states[state] * servotwin_twin_scales[state];
         const double rate = twin->variables[FIRST_DERIVATIVE + state] * servotwin_twin_scales[state];
         const bool rises = rate > 0.0;
         swing->low = (value < swing->low) ? value : swing->low;
         swing->high = (value > swing->high) ? value : swing->high;
-        swing->turns += (following->rises[state] != rises) ? 1U : 0U;
-        following->rises[state] = rises;
+        swing->turns += (twin->following.rises[state] != rises) ? 1U : 0U;
+        twin->following.rises[state] = rises;
     }
-    return (following->attempts >= MAX_FOLLOWING_ATTEMPTS) || (twin->time_s > MAX_FOLLOWING_S);
+}
+
+/* Observes the states; returns whether the system has been followed long enough. */
+static bool observe(servotwin_twin *twin)
+{
+    servotwin_following *following = &twin->following;
+    const bool is_end_of_window = twin->time_s >= following->window_end_s;
+    const bool is_cycle = is_end_of_window && has_limit_cycle(following);
+    following->attempts++;
+    if (!is_cycle) {
+        if (is_end_of_window) {
+            begin_window(following);
+        }
+        observe_states(twin);
+    }
+    return is_cycle || (following->attempts >= MAX_FOLLOWING_ATTEMPTS) || (twin->time_s > MAX_FOLLOWING_S);
 }
 
 static void look_for_rest(servotwin_twin *twin)
