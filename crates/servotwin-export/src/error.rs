@@ -1,5 +1,6 @@
 //! What can go wrong while a diagnoser is exported or an export is proven.
 
+use servotwin::flight::runtime::RuntimeError;
 use servotwin_io::files::FileError;
 use std::path::PathBuf;
 
@@ -33,6 +34,9 @@ pub enum ExportError {
     /// The diagnoser does not fit together.
     #[error(transparent)]
     Diagnosis(#[from] servotwin_diagnosis::Error),
+    /// The diagnoser does not belong to the study.
+    #[error(transparent)]
+    Runtime(#[from] RuntimeError),
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),

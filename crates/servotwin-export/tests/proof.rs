@@ -1,13 +1,14 @@
 //! The export of a small trained diagnoser, compiled and compared.
 
 #[path = "../../servotwin-model/tests/all/rig.rs"]
+#[allow(dead_code)]
 mod rig;
 #[path = "../../servotwin-diagnosis/tests/toy/mod.rs"]
 #[allow(dead_code)]
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
-use servotwin_export::c::{self, CFile, Twin};
+use servotwin_export::c::{self, Twin};
 use servotwin_export::prove::{Build, Mistakes, Mutant, Plan, mutants, prove};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, Settings};
@@ -20,7 +21,8 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
     let files = c::files(diagnoser).unwrap();
     let builds = Build::available();
     assert!(builds.iter().any(|build| build.compiler == "gcc"), "the tests need gcc");
-    let plan = Plan { diagnoser, twin: None, files: &files, samples: SAMPLES, variants: 0 };
+    let plan =
+        Plan { diagnoser, twin: None, study: None, files: &files, samples: SAMPLES, variants: 0 };
     for evidence in prove(&plan, &builds, &mut |_, _| ()).unwrap() {
         assert!(evidence.holds(), "{evidence:#?}");
         assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
@@ -82,6 +84,7 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
         let plan = Plan {
             diagnoser: &diagnoser,
             twin: Some(&twin),
+            study: None,
             files: &files,
             samples: 10,
             variants: 4,
@@ -100,7 +103,7 @@ fn mistakes_in_a_twin_are_found() {
     let mut files = c::files(&diagnoser).unwrap();
     files.extend(c::files_of_twin(&twin).unwrap());
     let (diagnoser, files) = (&diagnoser, files.as_slice());
-    let plan = Plan { diagnoser, twin: Some(&twin), files, samples: 0, variants: 0 };
+    let plan = Plan { diagnoser, twin: Some(&twin), study: None, files, samples: 0, variants: 0 };
     assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some("servotwin_equations.c") });
     // This system always finds a steady state, so nothing is known of what is done otherwise.
     let control = &files.iter().find(|file| file.name == "servotwin_twin.c").unwrap().text;
@@ -127,7 +130,14 @@ fn assert_all_found(plan: &Plan, mistakes: Mistakes) {
 fn assert_finds_mistakes(seed: u64) {
     let diagnoser = demanding();
     let files = c::files(&diagnoser).unwrap();
-    let plan = Plan { diagnoser: &diagnoser, twin: None, files: &files, samples: 0, variants: 0 };
+    let plan = Plan {
+        diagnoser: &diagnoser,
+        twin: None,
+        study: None,
+        files: &files,
+        samples: 0,
+        variants: 0,
+    };
     assert_all_found(&plan, Mistakes { count: 110, seed, only: None });
 }
 

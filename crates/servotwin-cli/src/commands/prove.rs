@@ -65,6 +65,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let plan = Plan {
         diagnoser: &diagnoser,
         twin: Some(&twin),
+        study: Some(&study),
         files: &files,
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
         variants: options.variants,
@@ -99,7 +100,8 @@ fn text_of(certificate: &Certificate) -> String {
         text += &format!(
             "trees: {} leaves, {} thresholds, {} rows, {} random rows\n\
              twin: {} points, {} variants ({} without a steady state), {} samples\n\
-             whole chain: {} samples\n",
+             twin and diagnosis together: {} samples\n\
+             diagnosis: {} samples\n",
             first.leaves,
             first.thresholds,
             first.rows,
@@ -108,6 +110,7 @@ fn text_of(certificate: &Certificate) -> String {
             first.variants,
             first.unsettled,
             first.twin_samples,
+            first.hybrid_samples,
             first.samples,
         );
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));

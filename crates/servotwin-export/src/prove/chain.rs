@@ -159,30 +159,23 @@ fn place(index: Option<u32>) -> i64 {
 /// The integers of an outcome, in the order of `write_outcome` in the C text.
 fn integers(outcome: &Outcome) -> [i64; 18] {
     let none = -1;
-    let (kind, actuator, action, detail, input, why) = match outcome.finding {
-        Finding::Unjudged => (0, none, none, none, none, 0),
-        Finding::Healthy => (1, none, none, none, none, 0),
-        Finding::Detected => (2, none, none, none, none, 0),
-        Finding::Actuator { actuator } => (3, i64::from(actuator), none, none, none, 0),
+    let kind = number_of_finding(&outcome.finding);
+    let (actuator, action, detail, input, why) = match outcome.finding {
+        Finding::Unjudged | Finding::Healthy | Finding::Detected | Finding::Unknown => {
+            (none, none, none, none, 0)
+        }
+        Finding::Actuator { actuator } => (i64::from(actuator), none, none, none, 0),
         Finding::Action { actuator, action } => {
-            (4, i64::from(actuator), i64::from(action), none, none, 0)
+            (i64::from(actuator), i64::from(action), none, none, 0)
         }
         Finding::Detail { actuator, action, detail } => {
-            (5, i64::from(actuator), i64::from(action), i64::from(detail), none, 0)
+            (i64::from(actuator), i64::from(action), i64::from(detail), none, 0)
         }
-        Finding::Unknown => (6, none, none, none, none, 0),
         Finding::EnvironmentInvalid { input, why } => {
-            (7, none, none, none, i64::from(input), number_of_reason(why))
+            (none, none, none, i64::from(input), number_of_reason(why))
         }
     };
-    let alarm = match outcome.alarm {
-        Alarm::Normal => 0,
-        Alarm::Pending => 1,
-        Alarm::Raised => 2,
-        Alarm::Recovering => 3,
-        Alarm::NoData => 4,
-        Alarm::Error => 5,
-    };
+    let alarm = number_of_alarm(outcome.alarm);
     let raised = outcome.raised.map_or([0; 6], |raised| {
         let (sample, length) = (raised.sample as i64, i64::from(raised.length));
         [
@@ -215,6 +208,32 @@ fn integers(outcome: &Outcome) -> [i64; 18] {
         place(outcome.worst_sensor),
         i64::from(outcome.lost),
     ]
+}
+
+/// `servotwin_finding` of the C text.
+pub(super) fn number_of_finding(finding: &Finding) -> i64 {
+    match finding {
+        Finding::Unjudged => 0,
+        Finding::Healthy => 1,
+        Finding::Detected => 2,
+        Finding::Actuator { .. } => 3,
+        Finding::Action { .. } => 4,
+        Finding::Detail { .. } => 5,
+        Finding::Unknown => 6,
+        Finding::EnvironmentInvalid { .. } => 7,
+    }
+}
+
+/// `servotwin_alarm` of the C text.
+pub(super) fn number_of_alarm(alarm: Alarm) -> i64 {
+    match alarm {
+        Alarm::Normal => 0,
+        Alarm::Pending => 1,
+        Alarm::Raised => 2,
+        Alarm::Recovering => 3,
+        Alarm::NoData => 4,
+        Alarm::Error => 5,
+    }
 }
 
 fn number_of_reason(why: Why) -> i64 {

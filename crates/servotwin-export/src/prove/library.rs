@@ -19,7 +19,10 @@ const FLAGS: &[&str] =
 const PROVE: &str = include_str!("../../runtime/prove.c");
 
 /// Those of a twin.
-const PROVE_TWIN: &str = include_str!("../../runtime/prove_twin.c");
+const PROVE_TWIN: [(&str, &str); 2] = [
+    ("prove_twin.c", include_str!("../../runtime/prove_twin.c")),
+    ("prove_hybrid.c", include_str!("../../runtime/prove_hybrid.c")),
+];
 
 /// How the text is compiled.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -104,7 +107,7 @@ impl<'b> Objects<'b> {
         let has = |name: &str| files.iter().any(|file| file.name == name);
         let mut proving = vec![CFile { name: "prove.c", text: PROVE.into() }];
         if has("servotwin_twin.c") {
-            proving.push(CFile { name: "prove_twin.c", text: PROVE_TWIN.into() });
+            proving.extend(PROVE_TWIN.map(|(name, text)| CFile { name, text: text.into() }));
         }
         let sources = files.iter().chain(&proving);
         let is_compiled = |name: &&str| name.ends_with(".c") && *name != "main.c";
@@ -419,6 +422,53 @@ impl RunningTwin<'_> {
     fn take_inputs(&mut self, inputs: &[Knot]) {
         for (pair, knot) in self.pairs.chunks_exact_mut(2).zip(inputs) {
             pair.copy_from_slice(&[knot.value, knot.slope_per_s]);
+        }
+    }
+}
+
+/// A hybrid twin of a compiled export.
+pub(super) struct RunningHybrid<'c> {
+    /// Whole words, so that any member is aligned.
+    memory: Vec<u64>,
+    push: Symbol<
+        'c,
+        unsafe extern "C" fn(*mut u64, *const f64, *const f64, *mut i64, *mut f64) -> *const f64,
+    >,
+}
+
+impl Compiled {
+    /// A hybrid twin before its first sample.
+    pub fn hybrid(&self) -> Result<RunningHybrid<'_>, ExportError> {
+        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        unsafe {
+            let size: Symbol<unsafe extern "C" fn() -> u64> =
+                self.library.get(b"prove_hybrid_size")?;
+            let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
+                self.library.get(b"prove_hybrid_start")?;
+            let mut memory = vec![0; size().div_ceil(8) as usize];
+            start(memory.as_mut_ptr());
+            Ok(RunningHybrid { memory, push: self.library.get(b"prove_hybrid_push")? })
+        }
+    }
+}
+
+impl RunningHybrid<'_> {
+    /// Takes a sample. Returns finding, alarm and since when, the confidence, and what the twin expects of its sensors;
+    /// `None` if the twin cannot be simulated.
+    pub fn push(
+        &mut self,
+        inputs: &[f64],
+        measured: &[f64],
+        sensors: usize,
+    ) -> Option<([i64; 3], f64, &[f64])> {
+        let (mut integers, mut confidence) = ([0; 3], 0.0);
+        let memory = self.memory.as_mut_ptr();
+        let into = (integers.as_mut_ptr(), &raw mut confidence);
+        // SAFETY: the lists are as long as those of the diagnoser that was exported; the values lie in the memory.
+        unsafe {
+            let expected = (self.push)(memory, inputs.as_ptr(), measured.as_ptr(), into.0, into.1);
+            (!expected.is_null())
+                .then(|| (integers, confidence, std::slice::from_raw_parts(expected, sensors)))
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Proof that an export decides as its diagnoser does: it is compiled, loaded and compared bit by bit.
 
 mod chain;
+mod hybrid;
 mod library;
 mod models;
 mod mutants;
@@ -16,6 +17,7 @@ use crate::c::{CFile, Twin};
 use crate::error::ExportError;
 use library::Compiled;
 use serde::Serialize;
+use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,6 +27,9 @@ const MOST_DIFFERENCES: usize = 20;
 
 /// Points at which the equations of the twin are evaluated.
 const POINTS: u64 = 2000;
+
+/// Samples through twin and diagnosis together.
+const HYBRID_SAMPLES: u64 = 3000;
 
 /// The duration of a variant of the twin, s.
 const VARIANT_S: f64 = 90.0;
@@ -72,6 +77,8 @@ pub struct Evidence {
     pub unsettled: u64,
     /// Samples of all variants.
     pub twin_samples: u64,
+    /// Samples through twin and diagnosis together.
+    pub hybrid_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The number of differences after which nothing more is compared.
@@ -79,6 +86,14 @@ pub struct Evidence {
     most_differences: usize,
     /// The first differences.
     pub differences: Vec<Difference>,
+}
+
+impl<'p> Plan<'p> {
+    /// All three, if they belong together.
+    fn subject(&self) -> Option<Subject<'p>> {
+        let (study, twin) = self.study.zip(self.twin)?;
+        Some(Subject { study, diagnoser: self.diagnoser, twin })
+    }
 }
 
 impl Evidence {
@@ -104,12 +119,24 @@ impl Evidence {
     }
 }
 
+/// A study with its diagnoser and its twin.
+pub struct Subject<'s> {
+    /// The study.
+    pub study: &'s Study,
+    /// The diagnoser.
+    pub diagnoser: &'s Arc<Diagnoser>,
+    /// The twin.
+    pub twin: &'s Twin<'s>,
+}
+
 /// What is proven, and on how much.
 pub struct Plan<'p> {
     /// The diagnoser.
     pub diagnoser: &'p Arc<Diagnoser>,
     /// The twin, if the files have one.
     pub twin: Option<&'p Twin<'p>>,
+    /// The study, if twin and diagnoser belong to one.
+    pub study: Option<&'p Study>,
     /// The export.
     pub files: &'p [CFile],
     /// Samples through the whole chain of the diagnosis.

@@ -4,7 +4,7 @@
 //! class in the tables, or another arithmetic operator in the code.
 
 use super::library::{Build, Objects};
-use super::{Evidence, Plan, chain, compare_parts, points, twin};
+use super::{Evidence, HYBRID_SAMPLES, Plan, chain, compare_parts, hybrid, points, twin};
 use crate::c::CFile;
 use crate::error::ExportError;
 use serde::Serialize;
@@ -98,6 +98,9 @@ fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, Expor
         if all[0].holds() {
             twin::compare(twin, compiled, VARIANTS, all, &mut |_| ())?;
         }
+    }
+    if let Some(subject) = plan.subject().filter(|_| all[0].holds()) {
+        hybrid::compare(&subject, compiled, HYBRID_SAMPLES, all)?;
     }
     if all[0].holds() {
         chain::compare(plan.diagnoser, compiled, SAMPLES, all, &mut |_| ())?;

@@ -19,7 +19,7 @@ const JUMPS: f64 = 0.2;
 const WILD: f64 = 0.3;
 
 /// Inputs that wander about their defaults.
-struct Inputs<'t> {
+pub(super) struct Inputs<'t> {
     twin: &'t Twin<'t>,
     random: Random,
     /// The step of each sample, and samples until it changes.
@@ -28,7 +28,7 @@ struct Inputs<'t> {
 }
 
 impl<'t> Inputs<'t> {
-    fn new(twin: &'t Twin, seed: u64) -> Self {
+    pub fn new(twin: &'t Twin, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let is_wild = random.unit() < WILD;
         let inputs = twin.program.network().inputs.iter().zip(&twin.ranges);
@@ -40,7 +40,7 @@ impl<'t> Inputs<'t> {
     }
 
     /// The inputs at the next sample.
-    fn next(&mut self) -> &[Knot] {
+    pub fn next(&mut self) -> &[Knot] {
         let Inputs { twin, random, courses, knots } = self;
         let inputs = twin.program.network().inputs.iter().zip(&twin.ranges);
         for (((step, left), knot), (input, [least, largest])) in

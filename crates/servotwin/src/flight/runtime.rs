@@ -143,6 +143,15 @@ impl<'s> Runtime<'s> {
         })
     }
 
+    /// Simulates the twin with other steps than those of training. Call it before the first sample.
+    pub fn stepping(mut self, settings: Settings) -> Self {
+        let program = &self.study.system.program;
+        let period_s = self.session.diagnoser().period_s;
+        self.twin = Twin::new(program, settings, period_s, between(self.study));
+        self.twin.load(&program.parameters_with(&self.overrides, &[]));
+        self
+    }
+
     /// Takes one sample: the inputs of the system and the sensor values (NaN means missing), SI, in the order of the
     /// system and of the diagnoser. If an input is not a number or out of range, the twin keeps the previous value, and
     /// the outcome reports it.
