@@ -344,6 +344,8 @@ impl Failure {
             | Failure::Signal { .. } => 2,
             Failure::SinksLost { .. } => 1,
             #[cfg(feature = "serve")]
+            Failure::Serve(servotwin_serve::ServeError::Session(_)) => 3,
+            #[cfg(feature = "serve")]
             Failure::Serve(_) => 1,
             Failure::Map(_) => 3,
             Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,

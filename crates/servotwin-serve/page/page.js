@@ -11,6 +11,7 @@ let about = null;
 let socket = null;
 let data = null;
 let state = {};
+let playback = null;
 let isHeld = false;
 let lost = 0;
 
@@ -357,8 +358,30 @@ function showState(next) {
     item.append(`${words(one.fault)}, ${one.intensity.toFixed(2)}, ${one.onset}`, remove);
     return item;
   }));
-  $("pause").textContent = state.is_paused ? "Go on" : "Pause";
+  if (!playback) $("pause").textContent = state.is_paused ? "Go on" : "Pause";
   showPath(state.path);
+}
+
+/** Speed, pause and length of a replay, which takes no faults; null for a flight. */
+function showPlayback(next) {
+  playback = next;
+  document.body.dataset.mode = playback ? "replay" : "flight";
+  $("playback").hidden = !playback;
+  $("inject").hidden = $("save").hidden = Boolean(playback);
+  $("restart").textContent = playback ? "From the beginning" : "New flight";
+  if (!playback) return;
+  $("speed").value = String(playback.speed);
+  $("position").max = playback.duration_s;
+  $("pause").textContent = playback.is_paused ? "Go on" : "Pause";
+  if (playback.refused) $("connection").textContent = `refused: ${playback.refused}`;
+}
+
+function showPosition() {
+  if (!playback || !data || data.next === null) return;
+  const time = data.next * data.periodS;
+  if (document.activeElement !== $("position")) $("position").value = time;
+  $("position-value").textContent = `${time.toFixed(1)} of ${playback.duration_s.toFixed(1)} s`;
+  document.body.dataset.position = time.toFixed(2);
 }
 
 function showPath(path) {
@@ -410,8 +433,6 @@ function connect() {
   socket.onopen = () => {
     document.body.dataset.connected = "yes";
     $("connection").textContent = "live";
-    data = new Samples(about.signals.length, about.period_s);
-    $("events").replaceChildren();
   };
   socket.onmessage = ({ data: message }) => {
     if (message instanceof ArrayBuffer) { data.take(message); return; }
@@ -420,9 +441,14 @@ function connect() {
       lost += said.lost;
       $("connection").textContent = `live, ${lost} frames lost: this browser is too slow`;
     }
-    if (said.events) showEvents(said.events);
+    if (said.events) {
+      data = new Samples(about.signals.length, about.period_s);
+      $("events").replaceChildren();
+      showEvents(said.events);
+    }
+    if (said.playback !== undefined) showPlayback(said.playback);
     if (said.event) showEvents([said.event]);
-    if (said.state) showState(said.state);
+    if (said.state !== undefined) showState(said.state ?? {});
     if (said.refused) $("connection").textContent = `refused: ${said.refused}`;
   };
   socket.onclose = () => {
@@ -449,6 +475,7 @@ async function begin() {
   makeCharts();
   connect();
   setInterval(showEvidence, 200);
+  setInterval(showPosition, 100);
   requestAnimationFrame(draw);
 }
 
@@ -458,7 +485,10 @@ $("form").addEventListener("submit", (event) => {
   event.preventDefault();
   ask({ inject: { fault: $("fault").value, intensity: Number($("intensity").value), onset: $("onset").value } });
 });
-$("pause").addEventListener("click", () => ask({ pause: !state.is_paused }));
+$("pause").addEventListener("click", () => ask({ pause: !(playback || state).is_paused }));
+$("speed").addEventListener("change", () => ask({ speed: Number($("speed").value) }));
+$("position").addEventListener("change", () => { ask({ jump: Number($("position").value) }); $("position").blur(); });
+$("save").href = `session${query}`;
 $("restart").addEventListener("click", () => ask({ restart: true }));
 $("hold").addEventListener("click", () => {
   isHeld = !isHeld;

@@ -1,7 +1,12 @@
-//! Frames and events for every viewer, and the last minute for those that come later.
+//! Frames and events for every viewer, and what is kept of them: the last minute for those that come later, and the
+//! whole flight as a session.
 
+use crate::request::Request;
 use serde_json::Value;
+use servotwin::flight::runtime::RuntimeError;
 use std::collections::VecDeque;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::broadcast::{self, Receiver, Sender};
 
@@ -11,14 +16,41 @@ const BEHIND: usize = 64;
 const KEPT_FRAMES: usize = 1200;
 /// The number of events that are kept.
 const KEPT_EVENTS: usize = 10_000;
+/// The number of events and states in a session. An hour has far fewer, unless a viewer sends requests without end.
+const MAX_SESSION_TEXTS: usize = 100_000;
+/// Time between frames, s.
+const FRAME_S: f64 = 0.05;
+
+/// What a server shows: a flight, or a session that is replayed.
+pub trait Source: Sync {
+    /// Everything that a viewer must know to show frames, and to inject faults.
+    fn about(&self) -> Value;
+
+    /// Fills the feed until `stop` is set.
+    ///
+    /// # Errors
+    /// Plant or twin cannot be simulated.
+    fn run(
+        &self,
+        feed: &Feed,
+        requests: &mpsc::Receiver<Request>,
+        stop: &AtomicBool,
+    ) -> Result<(), RuntimeError>;
+}
 
 /// A message to viewers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Message {
     /// Some samples of all signals; see [`Frame`].
     Frame(Arc<[u8]>),
-    /// An event, or the state of the diagnosis, as JSON.
-    Text(Arc<str>),
+    /// An event, as JSON.
+    Event(Arc<str>),
+    /// The state of the diagnosis, as JSON.
+    State(Arc<str>),
+    /// Speed, pause and length of a replay, as JSON.
+    Playback(Arc<str>),
+    /// The replay jumped: viewers begin anew with what is kept.
+    Jump,
 }
 
 /// Consecutive samples: the number of the first one (u64), how many there are and how many signals each has (u32),
@@ -45,6 +77,11 @@ impl Frame {
         self.values.len() / self.width.max(1)
     }
 
+    /// Whether the frame covers the time between frames, with a sampling period in s.
+    pub fn is_full(&self, period_s: f64) -> bool {
+        self.samples() as f64 * period_s >= FRAME_S - 1e-9
+    }
+
     /// The bytes that a viewer gets.
     pub fn bytes(&self) -> Arc<[u8]> {
         let mut bytes = Vec::with_capacity(16 + 4 * self.values.len());
@@ -54,13 +91,54 @@ impl Frame {
         bytes.extend(self.values.iter().flat_map(|value| value.to_le_bytes()));
         bytes.into()
     }
+
+    /// The number of samples in the bytes of a frame.
+    pub fn samples_in(bytes: &[u8]) -> u32 {
+        u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]])
+    }
+
+    /// The values in the bytes of a frame, sample by sample.
+    pub fn values_in(bytes: &[u8]) -> impl Iterator<Item = f32> {
+        let (values, _) = bytes[16..].as_chunks::<4>();
+        values.iter().map(|value| f32::from_le_bytes(*value))
+    }
 }
 
-#[derive(Default)]
 struct Kept {
-    frames: VecDeque<Arc<[u8]>>,
-    events: VecDeque<Value>,
-    state: Value,
+    /// The frames, events and states of the present flight.
+    session: Vec<Message>,
+    session_texts: usize,
+    events: VecDeque<Arc<str>>,
+    state: Arc<str>,
+    playback: Arc<str>,
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        let [state, playback] = [(); 2].map(|()| Arc::from("null"));
+        Kept { session: vec![], session_texts: 0, events: VecDeque::new(), state, playback }
+    }
+}
+
+impl Kept {
+    fn take(&mut self, message: Message) {
+        match &message {
+            Message::Frame(_) => return self.session.push(message),
+            Message::Event(event) => {
+                self.events.push_back(event.clone());
+                if self.events.len() > KEPT_EVENTS {
+                    self.events.pop_front();
+                }
+            }
+            Message::State(state) => self.state = state.clone(),
+            Message::Playback(playback) => return self.playback = playback.clone(),
+            Message::Jump => return,
+        }
+        self.session_texts += 1;
+        if self.session_texts <= MAX_SESSION_TEXTS {
+            self.session.push(message);
+        }
+    }
 }
 
 /// The feed of a flight.
@@ -79,10 +157,12 @@ impl Default for Feed {
 pub struct Begin {
     /// The last frames.
     pub frames: Vec<Arc<[u8]>>,
-    /// All events that are kept.
-    pub events: Vec<Value>,
-    /// The present state of the diagnosis.
-    pub state: Value,
+    /// All events that are kept, as a list in JSON.
+    pub events: String,
+    /// The present state of the diagnosis, as JSON.
+    pub state: Arc<str>,
+    /// Speed, pause and length of a replay, as JSON; `null` for a flight.
+    pub playback: Arc<str>,
     /// Everything that comes later.
     pub later: Receiver<Message>,
 }
@@ -93,59 +173,87 @@ impl Feed {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Publishes a message.
+    pub fn publish(&self, message: Message) {
+        let mut kept = self.kept();
+        kept.take(message.clone());
+        // Without a viewer nobody receives it, which is no error.
+        let _ = self.sender.send(message);
+    }
+
     /// Publishes a frame.
     pub fn frame(&self, frame: &Frame) {
-        let bytes = frame.bytes();
-        let mut kept = self.kept();
-        kept.frames.push_back(bytes.clone());
-        if kept.frames.len() > KEPT_FRAMES {
-            kept.frames.pop_front();
-        }
-        // Without a viewer nobody receives it, which is no error.
-        let _ = self.sender.send(Message::Frame(bytes));
+        self.publish(Message::Frame(frame.bytes()));
     }
 
     /// Publishes an event.
-    pub fn event(&self, event: Value) {
-        let mut kept = self.kept();
-        let text = serde_json::json!({ "event": event }).to_string();
-        kept.events.push_back(event);
-        if kept.events.len() > KEPT_EVENTS {
-            kept.events.pop_front();
-        }
-        let _ = self.sender.send(Message::Text(text.into()));
+    pub fn event(&self, event: &Value) {
+        self.publish(Message::Event(event.to_string().into()));
     }
 
     /// Publishes the state of the diagnosis if it is new.
-    pub fn state(&self, state: Value) {
-        let mut kept = self.kept();
-        if kept.state != state {
-            let text = serde_json::json!({ "state": state }).to_string();
-            kept.state = state;
-            let _ = self.sender.send(Message::Text(text.into()));
+    pub fn state(&self, state: &Value) {
+        let state: Arc<str> = state.to_string().into();
+        if self.state_now() != state {
+            self.publish(Message::State(state));
         }
     }
 
-    /// Forgets the frames of an earlier flight; events stay.
-    pub fn forget_frames(&self) {
-        self.kept().frames.clear();
+    /// Forgets the frames and the state of an earlier flight; events stay.
+    pub fn begin_flight(&self) {
+        let mut kept = self.kept();
+        let (events, playback) = (std::mem::take(&mut kept.events), kept.playback.clone());
+        *kept = Kept { events, playback, ..Kept::default() };
+    }
+
+    /// Replaces all that is kept by these messages, and lets viewers begin anew.
+    pub fn jump(&self, messages: &[Message]) {
+        let mut kept = self.kept();
+        *kept = Kept { playback: kept.playback.clone(), ..Kept::default() };
+        messages.iter().for_each(|message| kept.take(message.clone()));
+        let _ = self.sender.send(Message::Jump);
     }
 
     /// What there is, and everything later, without a gap.
     pub fn begin(&self) -> Begin {
         let kept = self.kept();
+        let frame = |message: &Message| match message {
+            Message::Frame(bytes) => Some(bytes.clone()),
+            _ => None,
+        };
+        let mut frames: Vec<_> =
+            kept.session.iter().rev().filter_map(frame).take(KEPT_FRAMES).collect();
+        frames.reverse();
         Begin {
-            frames: kept.frames.iter().cloned().collect(),
-            events: kept.events.iter().cloned().collect(),
+            frames,
+            events: json_list(&kept.events),
             state: kept.state.clone(),
+            playback: kept.playback.clone(),
             later: self.sender.subscribe(),
         }
     }
 
-    /// The events that are kept.
-    pub fn events(&self) -> Vec<Value> {
-        self.kept().events.iter().cloned().collect()
+    /// The events that are kept, as a list in JSON.
+    pub fn events(&self) -> String {
+        json_list(&self.kept().events)
     }
+
+    /// The present state of the diagnosis, as JSON.
+    pub fn state_now(&self) -> Arc<str> {
+        self.kept().state.clone()
+    }
+
+    /// Frames, events and states of the present flight; `None` if there were more events and states than a session
+    /// holds.
+    pub fn session(&self) -> Option<Vec<Message>> {
+        let kept = self.kept();
+        (kept.session_texts <= MAX_SESSION_TEXTS).then(|| kept.session.clone())
+    }
+}
+
+fn json_list(items: &VecDeque<Arc<str>>) -> String {
+    let items: Vec<&str> = items.iter().map(|item| &**item).collect();
+    format!("[{}]", items.join(","))
 }
 
 #[cfg(test)]
@@ -172,10 +280,10 @@ mod tests {
     fn a_late_viewer_gets_what_was_and_what_comes_without_a_gap() {
         let feed = Feed::default();
         feed.frame(&frame(0));
-        feed.event(json!("before"));
+        feed.event(&json!("before"));
         let mut begin = feed.begin();
         feed.frame(&frame(2));
-        assert_eq!((begin.frames.len(), begin.events), (1, vec![json!("before")]));
+        assert_eq!((begin.frames.len(), begin.events), (1, "[\"before\"]".into()));
         assert!(matches!(begin.later.try_recv(), Ok(Message::Frame(bytes)) if bytes[0] == 2));
         assert!(matches!(begin.later.try_recv(), Err(TryRecvError::Empty)));
     }
@@ -193,8 +301,31 @@ mod tests {
     fn a_state_is_told_once() {
         let feed = Feed::default();
         let mut begin = feed.begin();
-        (0..3).for_each(|_| feed.state(json!({ "alarm": "normal" })));
+        (0..3).for_each(|_| feed.state(&json!({ "alarm": "normal" })));
         assert!(begin.later.try_recv().is_ok());
         assert!(begin.later.try_recv().is_err());
+    }
+
+    #[test]
+    fn a_session_with_too_many_events_is_not_saved_in_part() {
+        let feed = Feed::default();
+        (0..MAX_SESSION_TEXTS).for_each(|k| feed.event(&json!(k)));
+        assert_eq!(feed.session().map(|messages| messages.len()), Some(MAX_SESSION_TEXTS));
+        feed.event(&json!("one more"));
+        assert_eq!(feed.session(), None);
+        feed.begin_flight();
+        assert_eq!(feed.session(), Some(vec![]));
+    }
+
+    #[test]
+    fn after_a_jump_viewers_begin_with_what_was_before_it() {
+        let feed = Feed::default();
+        (0..3).for_each(|k| feed.frame(&frame(2 * k)));
+        let mut begin = feed.begin();
+        let earlier = [Message::Event("1".into()), Message::Frame(frame(0).bytes())];
+        feed.jump(&earlier);
+        assert_eq!(begin.later.try_recv(), Ok(Message::Jump));
+        let again = feed.begin();
+        assert_eq!((again.events.as_str(), again.frames.len()), ("[1]", 1));
     }
 }

@@ -1,7 +1,7 @@
 //! The flight that viewers watch: in closed loop and in real time, beside a ghost that flies the same without a
 //! diagnosis.
 
-use crate::feed::{Feed, Frame};
+use crate::feed::{Feed, Frame, Source};
 use crate::injection::Injection;
 use crate::request::{Refused, Request};
 use crate::signals::Signals;
@@ -10,19 +10,15 @@ use servotwin::flight::closed_loop::{Action, Flight, Scenario};
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::study::Study;
 use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::diagnoser::{Counts, Diagnoser, Outcome};
 use servotwin_diagnosis::hierarchy::Stage;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-/// The number of requests that may wait between two samples.
-const WAITING: usize = 64;
-/// Time between frames, s.
-const FRAME_S: f64 = 0.05;
 /// A flight that is later than this gives up catching up, and says so.
 const TOO_LATE: Duration = Duration::from_millis(500);
 /// The time after which a paused flight looks for requests again.
@@ -42,29 +38,6 @@ pub struct Live {
     pub specimen: Option<usize>,
 }
 
-/// The requests of viewers to a flight.
-#[derive(Clone)]
-pub struct Requests(SyncSender<Request>);
-
-impl Requests {
-    /// Hands a request to the flight, without waiting.
-    ///
-    /// # Errors
-    /// [`Refused::TooMany`].
-    pub fn send(&self, request: Request) -> Result<(), Refused> {
-        match self.0.try_send(request) {
-            Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
-            Err(TrySendError::Full(_)) => Err(Refused::TooMany),
-        }
-    }
-}
-
-/// Requests to a flight, and the end of the line that the flight holds.
-pub fn requests() -> (Requests, Receiver<Request>) {
-    let (sender, receiver) = sync_channel(WAITING);
-    (Requests(sender), receiver)
-}
-
 /// Whether a flight ended to begin anew, or for good.
 #[derive(PartialEq, Eq)]
 enum End {
@@ -72,12 +45,31 @@ enum End {
     Stop,
 }
 
-impl Live {
+impl Source for Live {
+    fn about(&self) -> Value {
+        let system = &self.study.system;
+        let faults = system.fault_list();
+        let components = system.network().components.iter().map(|instance| {
+            let own = faults.iter().filter(|fault| fault.component == instance.id);
+            let own = own.map(|fault| json!({ "id": fault.id, "summary": fault.summary }));
+            let spec = instance.component.spec();
+            json!({
+                "id": instance.id, "kind": spec.kind, "summary": spec.summary,
+                "faults": own.collect::<Vec<_>>(),
+            })
+        });
+        json!({
+            "title": system.title,
+            "period_s": self.diagnoser.period_s,
+            "actuators": self.diagnoser.names().actuators,
+            "signals": Signals::of(&self.study, &self.diagnoser).list,
+            "components": components.collect::<Vec<_>>(),
+            "version": env!("CARGO_PKG_VERSION"),
+        })
+    }
+
     /// Flies until `stop` is set, one flight after the other.
-    ///
-    /// # Errors
-    /// Plant or twin cannot be simulated.
-    pub fn fly(
+    fn run(
         &self,
         feed: &Feed,
         requests: &Receiver<Request>,
@@ -105,12 +97,13 @@ impl Live {
                 actions: vec![],
                 frame: Frame::new(0, signals.list.len()),
                 sample: 0,
+                shown: None,
                 is_paused: false,
             };
             if flown.until_the_end(requests, stop)? == End::Stop {
                 return Ok(());
             }
-            feed.forget_frames();
+            feed.begin_flight();
         }
     }
 }
@@ -128,6 +121,8 @@ struct Flown<'f> {
     actions: Vec<Action>,
     frame: Frame,
     sample: u64,
+    /// The outcome that viewers know.
+    shown: Option<Outcome>,
     is_paused: bool,
 }
 
@@ -188,6 +183,9 @@ impl Flown<'_> {
                     self.event("remove", json!({ "fault": name }));
                     self.tell_state();
                 }
+                Ok(Request::Speed(_) | Request::Jump(_)) => {
+                    self.event("refused", json!({ "why": Refused::NotAReplay.to_string() }));
+                }
                 Err(TryRecvError::Empty | TryRecvError::Disconnected) => return None,
             }
         }
@@ -227,10 +225,10 @@ impl Flown<'_> {
         }
         self.signals.fill(&self.flight, &self.ghost, self.frame.values());
         self.sample += 1;
-        if self.frame.samples() as f64 * self.live.diagnoser.period_s >= FRAME_S - 1e-9 {
+        if self.frame.is_full(self.live.diagnoser.period_s) {
             self.feed.frame(&self.frame);
             self.frame = Frame::new(self.sample, self.signals.list.len());
-            self.tell_state();
+            self.tell_new_outcome();
         }
         Ok(())
     }
@@ -261,7 +259,18 @@ impl Flown<'_> {
         if let (Some(event), Value::Object(about)) = (event.as_object_mut(), about) {
             event.extend(about);
         }
-        self.feed.event(event);
+        self.feed.event(&event);
+    }
+
+    /// Publishes the state if the outcome changed in more than its sample number and its counts: most frames lie within
+    /// a window, and the path through the trees is long.
+    fn tell_new_outcome(&mut self) {
+        let outcome = self.flight.session().outcome();
+        let shown = Some(Outcome { sample: 0, counts: Counts::default(), ..*outcome });
+        if self.shown != shown {
+            self.shown = shown;
+            self.tell_state();
+        }
     }
 
     fn tell_state(&self) {
@@ -280,7 +289,7 @@ impl Flown<'_> {
         });
         // Confidence moves with every window: what a viewer reads needs no more than a percent.
         let confidence = (100.0 * outcome.confidence).round() / 100.0;
-        self.feed.state(json!({
+        self.feed.state(&json!({
             "alarm": outcome.alarm,
             "finding": self.live.diagnoser.describe(outcome.finding),
             "confidence": confidence,

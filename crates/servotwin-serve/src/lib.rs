@@ -1,12 +1,13 @@
 //! A web page beside the running twin: inject a fault and see residuals, diagnosis, command and surface answer.
 //!
 //! ```text
-//! browser ── requests ──> server ──> flight (its own thread, in real time) ──> feed ──> server ──> browsers
+//! browser ── requests ──> server ──> flight or replay (its own thread, in real time) ──> feed ──> server ──> browsers
 //! ```
 //!
 //! - [`flight`]: the flight in closed loop, with a ghost that flies the same without a diagnosis
 //! - [`injection`]: faults as they are injected by hand: a step, a ramp, or intermittent
 //! - [`signals`]: what a frame contains, with names, units and bands
+//! - [`session`]: a flight as viewers saw it, as one file, and its replay
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
 //! - [`request`]: what a viewer may ask for
 //! - [`server`]: HTTP and WebSocket, and who may come in
@@ -19,7 +20,10 @@ pub mod flight;
 pub mod injection;
 pub mod request;
 pub mod server;
+pub mod session;
 pub mod signals;
 
+pub use feed::Source;
 pub use flight::Live;
 pub use server::{Access, ServeError, Server};
+pub use session::{Session, SessionError};

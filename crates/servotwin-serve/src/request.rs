@@ -5,6 +5,8 @@
 //! {"remove": "actuator_1.leakage_a.leakage"}
 //! {"restart": true}
 //! {"pause": true}
+//! {"speed": 4.0}
+//! {"jump": 12.5}
 //! ```
 
 use crate::injection::{Injection, Onset};
@@ -12,9 +14,16 @@ use serde::Deserialize;
 use servotwin::nearest::UnknownName;
 use servotwin::system::System;
 use servotwin_model::program::FaultAt;
+use std::ops::RangeInclusive;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 /// The longest request, in bytes.
 pub const LONGEST: usize = 4096;
+
+/// The number of requests that may wait between two samples.
+const WAITING: usize = 64;
+/// Speeds of a replay, in parts of real time.
+pub const SPEEDS: RangeInclusive<f64> = 0.25..=16.0;
 
 /// A request of a viewer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -28,6 +37,10 @@ pub enum Request {
     Restart(bool),
     /// Holds the flight, or lets it go on.
     Pause(bool),
+    /// Replays a session this many times as fast as it was flown.
+    Speed(f64),
+    /// Goes on with a replay at this time, s.
+    Jump(f64),
 }
 
 /// A fault to be injected.
@@ -57,6 +70,15 @@ pub enum Refused {
     /// An intensity outside of its range.
     #[error("the intensity is {0}: allowed are 0 to 1")]
     Intensity(f64),
+    /// A replay cannot be as slow or as fast.
+    #[error("the speed is {0}: allowed are {low} to {high}", low = SPEEDS.start(), high = SPEEDS.end())]
+    Speed(f64),
+    /// A flight in real time has one speed and no past.
+    #[error("only a replay has a speed and can jump")]
+    NotAReplay,
+    /// A session has flown already.
+    #[error("a replay takes no faults")]
+    Replayed,
     /// More requests came than the flight takes between two samples.
     #[error("too many requests at once")]
     TooMany,
@@ -92,6 +114,29 @@ impl Inject {
             since_s,
         })
     }
+}
+
+/// The requests of viewers to a flight.
+#[derive(Clone)]
+pub struct Requests(SyncSender<Request>);
+
+impl Requests {
+    /// Hands a request to the flight, without waiting.
+    ///
+    /// # Errors
+    /// [`Refused::TooMany`].
+    pub fn send(&self, request: Request) -> Result<(), Refused> {
+        match self.0.try_send(request) {
+            Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
+            Err(TrySendError::Full(_)) => Err(Refused::TooMany),
+        }
+    }
+}
+
+/// Requests to a flight, and the end of the line that the flight holds.
+pub fn requests() -> (Requests, Receiver<Request>) {
+    let (sender, receiver) = sync_channel(WAITING);
+    (Requests(sender), receiver)
 }
 
 #[cfg(test)]

@@ -6,23 +6,24 @@
 //! | `/about` | what the flight is: signals, components, faults |
 //! | `/live` | the WebSocket: frames and events to the viewer, requests from it |
 //! | `/events` | all events so far |
+//! | `/session` | the present flight as a Parquet file, to be saved |
 //! | `/counts` | viewers, lost frames and refusals |
 //!
 //! A browser tells where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
 
-use crate::feed::{Begin, Feed, Message};
-use crate::flight::{Live, Requests, requests};
-use crate::request::{LONGEST, Refused, Request};
-use crate::signals::Signals;
+use crate::feed::{Begin, Feed, Message, Source};
+use crate::request::{LONGEST, Refused, Request, Requests, requests};
+use crate::session::{Session, SessionError};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
-use axum::http::header::{CONTENT_TYPE, HOST, ORIGIN};
+use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE, HOST, ORIGIN};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -32,6 +33,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::net::TcpListener;
+use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 
 /// The number of requests that one viewer may have refused before it is sent away.
@@ -61,6 +63,9 @@ pub enum ServeError {
     /// The flight ended.
     #[error("{0}")]
     Flight(#[from] RuntimeError),
+    /// A file holds no session.
+    #[error(transparent)]
+    Session(#[from] SessionError),
     /// The system gave no thread or no random number.
     #[error("the server cannot begin: {0}")]
     System(std::io::Error),
@@ -159,6 +164,8 @@ struct Shared {
     feed: Feed,
     requests: Requests,
     about: Value,
+    /// One session is saved at a time: each takes memory and a file.
+    saving: tokio::sync::Mutex<()>,
     counts: Counts,
 }
 
@@ -195,17 +202,18 @@ impl Server {
         }
     }
 
-    /// Flies and serves until `stop` is set.
+    /// Runs a source and serves it until `stop` is set.
     ///
     /// # Errors
     /// The flight cannot be simulated, or the system gives no thread.
-    pub fn run(self, live: &Live, stop: &AtomicBool) -> Result<(), ServeError> {
+    pub fn run(self, source: &impl Source, stop: &AtomicBool) -> Result<(), ServeError> {
         let (requests, waiting) = requests();
         let shared = Arc::new(Shared {
             access: self.access,
             feed: Feed::default(),
             requests,
-            about: about(live),
+            about: source.about(),
+            saving: tokio::sync::Mutex::default(),
             counts: Counts::default(),
         });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
@@ -213,7 +221,7 @@ impl Server {
         let (ended, feed) = (&AtomicBool::new(false), &shared.feed);
         std::thread::scope(|scope| {
             let flown = scope.spawn(move || {
-                let flown = live.fly(feed, &waiting, stop);
+                let flown = source.run(feed, &waiting, stop);
                 ended.store(true, Ordering::Relaxed);
                 flown
             });
@@ -226,29 +234,6 @@ impl Server {
             Ok(flown?)
         })
     }
-}
-
-/// What a viewer must know to show frames and to inject faults.
-fn about(live: &Live) -> Value {
-    let system = &live.study.system;
-    let faults = system.fault_list();
-    let components = system.network().components.iter().map(|instance| {
-        let own = faults.iter().filter(|fault| fault.component == instance.id);
-        let own = own.map(|fault| json!({ "id": fault.id, "summary": fault.summary }));
-        let spec = instance.component.spec();
-        json!({
-            "id": instance.id, "kind": spec.kind, "summary": spec.summary,
-            "faults": own.collect::<Vec<_>>(),
-        })
-    });
-    json!({
-        "title": system.title,
-        "period_s": live.diagnoser.period_s,
-        "actuators": live.diagnoser.names().actuators,
-        "signals": Signals::of(&live.study, &live.diagnoser).list,
-        "components": components.collect::<Vec<_>>(),
-        "version": env!("CARGO_PKG_VERSION"),
-    })
 }
 
 async fn serve(
@@ -324,9 +309,31 @@ async fn file(
     }
     match name.as_str() {
         "about" => typed("application/json", shared.about.to_string()),
-        "events" => typed("application/json", json!(shared.feed.events()).to_string()),
+        "events" => typed("application/json", shared.feed.events()),
+        "session" => session(shared).await,
         "counts" => typed("application/json", json!(shared.counts.now()).to_string()),
         _ => (StatusCode::NOT_FOUND, "there is no such page").into_response(),
+    }
+}
+
+/// The present flight as a file. It is made on a thread of its own, so that viewers need not wait.
+async fn session(shared: Arc<Shared>) -> Response {
+    let _saving = shared.saving.lock().await;
+    let Some(messages) = shared.feed.session() else {
+        let why = "the flight has too many events to be saved; begin a new one";
+        return (StatusCode::INSUFFICIENT_STORAGE, why).into_response();
+    };
+    let session = Session { about: shared.about.clone(), messages };
+    let name = format!("servotwin-session-{}.parquet", shared.access.address.port());
+    let made = tokio::task::spawn_blocking(move || session.bytes(&std::env::temp_dir().join(name)));
+    let headers = [
+        (CONTENT_TYPE, "application/vnd.apache.parquet"),
+        (CONTENT_DISPOSITION, "attachment; filename=\"session.parquet\""),
+    ];
+    match made.await {
+        Ok(Ok(bytes)) => (headers, bytes).into_response(),
+        Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+        Err(panic) => std::panic::resume_unwind(panic.into_panic()),
     }
 }
 
@@ -353,25 +360,22 @@ async fn join(
 /// Serves one viewer until it leaves.
 async fn view(socket: WebSocket, shared: &Shared) {
     let (mut to_viewer, mut from_viewer) = socket.split();
-    let Begin { frames, events, state, mut later } = shared.feed.begin();
-    let first = json!({ "events": events, "state": state });
-    if to_viewer.send(text(&first.to_string())).await.is_err() {
-        return;
-    }
-    for frame in frames {
-        if to_viewer.send(binary(&frame)).await.is_err() {
-            return;
-        }
-    }
     let mut refused_here = 0;
+    let Some(mut later) = welcome(&mut to_viewer, shared).await else { return };
     loop {
         let message = tokio::select! {
             message = later.recv() => match message {
                 Ok(Message::Frame(bytes)) => binary(&bytes),
-                Ok(Message::Text(words)) => text(&words),
+                Ok(Message::Event(event)) => text(&format!("{{\"event\":{event}}}")),
+                Ok(Message::State(state)) => text(&format!("{{\"state\":{state}}}")),
+                Ok(Message::Playback(playback)) => text(&format!("{{\"playback\":{playback}}}")),
+                Ok(Message::Jump) => match welcome(&mut to_viewer, shared).await {
+                    Some(anew) => { later = anew; continue }
+                    None => return,
+                },
                 Err(RecvError::Lagged(lost)) => {
                     shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
-                    text(&json!({ "lost": lost, "state": shared.feed.begin().state }).to_string())
+                    text(&format!("{{\"lost\":{lost},\"state\":{}}}", shared.feed.state_now()))
                 }
                 Err(RecvError::Closed) => return,
             },
@@ -392,6 +396,20 @@ async fn view(socket: WebSocket, shared: &Shared) {
             return;
         }
     }
+}
+
+/// Sends all that is kept to a viewer, and returns what comes later; `None` if the viewer has left.
+async fn welcome(
+    to_viewer: &mut SplitSink<WebSocket, ws::Message>,
+    shared: &Shared,
+) -> Option<Receiver<Message>> {
+    let Begin { frames, events, state, playback, later } = shared.feed.begin();
+    let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":{playback}}}");
+    to_viewer.send(text(&first)).await.ok()?;
+    for frame in frames {
+        to_viewer.send(binary(&frame)).await.ok()?;
+    }
+    Some(later)
 }
 
 /// The answer to a refused request, which is counted.

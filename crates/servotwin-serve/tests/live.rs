@@ -1,12 +1,16 @@
 //! The server as a viewer meets it: who may come in, what it sends, what it takes, and what a bad viewer cannot do.
 
 use serde_json::{Value, json};
+use servotwin::flight::closed_loop::{Flight, Scenario};
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, learn};
 use servotwin::parallel::Workers;
 use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_serve::{Access, Live, Server};
+use servotwin_model::program::FaultAt;
+use servotwin_serve::feed::{Frame, Message as Said};
+use servotwin_serve::signals::Signals;
+use servotwin_serve::{Access, Live, Server, Session, Source};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,21 +43,29 @@ fn diagnoser() -> Arc<Diagnoser> {
     MADE.get_or_init(make).clone()
 }
 
-/// Serves a flight on a free port while `visit` runs.
-fn served(visit: impl FnOnce(SocketAddr)) {
+fn live() -> Live {
     let study = study();
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
     let signal: servotwin::signal::Signal = "noise:rms=3deg,bandwidth=1Hz,seed=4".parse().unwrap();
     inputs[study.command_input] = signal.build(unit, 600.0).unwrap();
-    let live = Live { study, diagnoser: diagnoser(), inputs, duration_s: 600.0, specimen: None };
+    Live { study, diagnoser: diagnoser(), inputs, duration_s: 600.0, specimen: None }
+}
+
+/// Serves a flight on a free port while `visit` runs.
+fn served(visit: impl FnOnce(SocketAddr)) {
+    served_from(&live(), visit);
+}
+
+/// Serves a source on a free port while `visit` runs.
+fn served_from(source: &impl Source, visit: impl FnOnce(SocketAddr)) {
     let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
     let server = Server::listen(access).unwrap();
     let link = server.link();
     let address = link.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let run = scope.spawn(|| server.run(&live, &stop));
+        let run = scope.spawn(|| server.run(source, &stop));
         // A failed visit must end the server, too.
         let visited = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| visit(address)));
         stop.store(true, Ordering::Relaxed);
@@ -64,14 +76,32 @@ fn served(visit: impl FnOnce(SocketAddr)) {
 
 /// The status and the body of a page, asked for with further header lines.
 fn get(address: SocketAddr, path: &str, host: &str, more: &str) -> (u16, String) {
+    let (status, body) = get_bytes(address, path, host, more);
+    (status, String::from_utf8(body).unwrap())
+}
+
+fn get_bytes(address: SocketAddr, path: &str, host: &str, more: &str) -> (u16, Vec<u8>) {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
     write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n")
         .unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
-    (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+    let mut answer = vec![];
+    stream.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+    let status = std::str::from_utf8(&answer[9..12]).unwrap().parse().unwrap();
+    (status, answer.split_off(end + 4))
+}
+
+/// Saves the session of a server and reads it.
+fn save(address: SocketAddr) -> Session {
+    let (status, bytes) = get_bytes(address, "/session", &address.to_string(), "");
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
+    let name = format!("servotwin-saved-{}-{}.parquet", std::process::id(), address.port());
+    let path = std::env::temp_dir().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    let session = Session::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    session
 }
 
 fn own(address: SocketAddr, path: &str) -> Value {
@@ -89,6 +119,10 @@ fn join(address: SocketAddr) -> WebSocket<TcpStream> {
 
 fn ask(viewer: &mut WebSocket<TcpStream>, request: &Value) {
     viewer.send(Message::text(request.to_string())).unwrap();
+}
+
+fn inject_request() -> Value {
+    json!({ "inject": { "fault": FAULT, "intensity": 1.0, "onset": "step" } })
 }
 
 /// The first text in which `wanted` finds something.
@@ -170,9 +204,8 @@ fn beyond_this_machine_a_token_is_needed() {
 fn a_fault_is_injected_found_and_answered_as_the_server_logs_it() {
     served(|address| {
         let mut viewer = join(address);
-        let inject = json!({ "inject": { "fault": FAULT, "intensity": 1.0, "onset": "step" } });
         wait_for(&mut viewer, |said| (said["state"]["finding"] == "healthy").then_some(()));
-        ask(&mut viewer, &inject);
+        ask(&mut viewer, &inject_request());
         let injected = wait_for(&mut viewer, |said| event_of(said, "inject"));
         let action = wait_for(&mut viewer, |said| event_of(said, "action"));
         assert_eq!(
@@ -247,5 +280,101 @@ fn garbage_is_refused_counted_and_without_effect() {
         });
         later.sort_unstable();
         assert!(later[0].0 < later[1].0, "the flight goes on");
+    });
+}
+
+/// The frames of a session, and what is between them as JSON.
+fn frames_and_texts(session: &Session) -> (Vec<Vec<u8>>, Vec<Value>) {
+    let (mut frames, mut texts) = (vec![], vec![]);
+    for message in &session.messages {
+        match message {
+            Said::Frame(bytes) => frames.push(bytes.to_vec()),
+            Said::Event(text) | Said::State(text) => {
+                texts.push(serde_json::from_str(text).unwrap())
+            }
+            other => panic!("{other:?} is no part of a session"),
+        }
+    }
+    (frames, texts)
+}
+
+/// The samples of the same flight without a server: what a fault at full intensity does from a sample on.
+fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32> {
+    let scenario = |reacts| Scenario {
+        study: &live.study,
+        inputs: live.inputs.clone(),
+        faults: vec![],
+        duration_s: live.duration_s,
+        specimen: None,
+        reacts,
+    };
+    let (with, without) = (scenario(true), scenario(false));
+    let mut flight = Flight::new(&with, &live.diagnoser).unwrap();
+    let mut ghost = Flight::new(&without, &live.diagnoser).unwrap();
+    let signals = Signals::of(&live.study, &live.diagnoser);
+    let (component, fault) = live.study.system.find_fault(FAULT).unwrap();
+    let mut values = vec![];
+    for sample in 0..samples as u64 {
+        if sample == injected {
+            let fault = FaultAt { component, fault, intensity: 1.0 };
+            flight.inject(vec![fault]);
+            ghost.inject(vec![fault]);
+        }
+        flight.sample().unwrap();
+        ghost.sample().unwrap();
+        flight.react().unwrap();
+        signals.fill(&flight, &ghost, &mut values);
+    }
+    values.into_iter().map(f32::to_bits).collect()
+}
+
+#[test]
+fn a_session_beside_fifty_viewers_is_the_flight_without_any_and_is_replayed_to_the_bit() {
+    let (live, saved) = (live(), OnceLock::new());
+    served_from(&live, |address| {
+        let _silent: Vec<_> = (0..25).map(|_| join(address)).collect();
+        let mut reading: Vec<_> = (0..25).map(|_| join(address)).collect();
+        let mut first = reading.pop().unwrap();
+        std::thread::scope(|scope| {
+            for viewer in &mut reading {
+                scope.spawn(move || wait_for(viewer, |said| event_of(said, "action")));
+            }
+            wait_for(&mut first, |said| (said["state"]["finding"] == "healthy").then_some(()));
+            ask(&mut first, &inject_request());
+            wait_for(&mut first, |said| event_of(said, "action"));
+        });
+        assert_eq!(own(address, "/counts")["viewers"], 50);
+        // The state with the action follows a frame, and is saved with the next one.
+        let mut frames = std::iter::repeat_with(|| first.read().unwrap()).filter_map(|m| frame(&m));
+        frames.nth(1).unwrap();
+        saved.set(save(address)).unwrap();
+    });
+    let session = saved.into_inner().unwrap();
+    let (frames, texts) = frames_and_texts(&session);
+    let injected = texts.iter().find(|text| text["kind"] == "inject").unwrap();
+    let injected = (injected["time_s"].as_f64().unwrap() / live.diagnoser.period_s).round() as u64;
+    let bits: Vec<u32> =
+        frames.iter().flat_map(|bytes| Frame::values_in(bytes)).map(f32::to_bits).collect();
+    let samples = frames.iter().map(|bytes| Frame::samples_in(bytes) as usize).sum();
+    assert!(flown_without_a_server(&live, injected + 1, samples) == bits, "{samples} samples");
+    assert!(texts.iter().any(|text| text["actions"][0]["command"] == "shut_down"));
+
+    served_from(&session, |address| {
+        let mut viewer = join(address);
+        ask(&mut viewer, &json!({ "speed": 16 }));
+        // A slow reader loses the oldest frames, never the last one.
+        let mut seen = vec![];
+        while frames.last() != Some(&seen) {
+            if let Message::Binary(bytes) = viewer.read().unwrap() {
+                seen = bytes.to_vec();
+                assert!(frames.contains(&seen));
+            }
+        }
+        let again = save(address);
+        assert!(frames_and_texts(&again) == (frames, texts) && again.about == session.about);
+        ask(&mut viewer, &inject_request());
+        wait_for(&mut viewer, |said| {
+            said["playback"]["refused"].as_str().map(|why| assert!(why.contains("no faults")))
+        });
     });
 }

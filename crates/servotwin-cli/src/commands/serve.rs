@@ -5,6 +5,7 @@ use crate::Global;
 use crate::failure::Failure;
 use servotwin::signal::Signal;
 use std::net::IpAddr;
+use std::path::PathBuf;
 
 /// Open a web page on which you inject faults into a flying actuator and watch residuals, diagnosis and reaction live.
 ///
@@ -25,6 +26,9 @@ pub struct Options {
     /// The command signal [default: noise that moves the surface all the time].
     #[arg(long, value_name = "SIGNAL")]
     command: Option<Signal>,
+    /// Replay a session that was saved on the page, instead of a flight.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen"])]
+    replay: Option<PathBuf>,
     /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
     /// twin].
     #[arg(long, value_name = "NUMBER")]
@@ -41,20 +45,49 @@ pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
 
 #[cfg(feature = "serve")]
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    use crate::{out, stop};
+    use servotwin_serve::{Access, Server, Session};
+
+    crate::stop::heed();
+    let access = || Access::to((options.address, options.port).into());
+    if let Some(path) = &options.replay {
+        let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
+        return show(Server::listen(access()?)?, &session);
+    }
+    let study = options.study.read(global)?;
+    let server = Server::listen(access()?)?;
+    show(server, &live(options, study, global)?)
+}
+
+/// Prints the link and serves a source until Ctrl-C.
+#[cfg(feature = "serve")]
+fn show(
+    server: servotwin_serve::Server,
+    source: &impl servotwin_serve::Source,
+) -> Result<String, Failure> {
+    use std::io::Write;
+
+    // The link is the result, and whoever started the command waits for it.
+    let _ = writeln!(crate::out::stdout(), "{}", server.link());
+    let _ = crate::out::stdout().flush();
+    server.run(source, crate::stop::flag())?;
+    Ok(String::new())
+}
+
+/// The flight of a study.
+#[cfg(feature = "serve")]
+fn live(
+    options: &Options,
+    study: servotwin::study::Study,
+    global: Global,
+) -> Result<servotwin_serve::Live, Failure> {
     use servotwin::job::Folder;
     use servotwin::study::Setting;
-    use servotwin_serve::{Access, Live, Server};
-    use std::io::Write;
 
     /// The duration of a flight; then the next one begins, s.
     const DURATION_S: f64 = 3600.0;
 
-    let study = options.study.read(global)?;
-    stop::heed();
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
     let folder = Folder::new(&options.study.out);
-    let server = Server::listen(Access::to((options.address, options.port).into())?)?;
     let diagnoser = super::fly::diagnoser(&options.study, &folder, &study, setting, global)?;
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
@@ -62,13 +95,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     inputs[study.command_input] = signal
         .build(unit, DURATION_S)
         .map_err(|error| Failure::Signal { option: "--command".into(), error })?;
-    let live =
-        Live { study, diagnoser, inputs, duration_s: DURATION_S, specimen: options.specimen };
-    // The link is the result, and whoever started the command waits for it.
-    let _ = writeln!(out::stdout(), "{}", server.link());
-    let _ = out::stdout().flush();
-    server.run(&live, stop::flag())?;
-    Ok(String::new())
+    let (duration_s, specimen) = (DURATION_S, options.specimen);
+    Ok(servotwin_serve::Live { study, diagnoser, inputs, duration_s, specimen })
 }
 
 /// A command that keeps the actuator moving.

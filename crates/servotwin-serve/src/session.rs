@@ -1,0 +1,369 @@
+//! A session: everything that viewers of one flight were sent, in this order, as one table. A replay sends the same
+//! bytes again.
+
+use crate::feed::{Feed, Frame, Message, Source};
+use crate::request::{Refused, Request, SPEEDS};
+use serde::de::IgnoredAny;
+use serde_json::{Value, json};
+use servotwin::files::{FileError, read_bytes};
+use servotwin::flight::runtime::RuntimeError;
+use servotwin::table::{Column, Table, TableError, parquet};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+/// The metadata key of the description of the flight.
+const ABOUT: &str = "servotwin:about";
+/// The column of events and states: at the first sample of a frame one JSON object a line, as sent before that frame.
+const MESSAGES: &str = "messages";
+/// The time after which a replay that is paused or at its end looks for requests again.
+const PAUSED: Duration = Duration::from_millis(20);
+
+/// Why a file cannot be replayed, or a session not be saved.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The table cannot be read or written.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The file cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The table is something else.
+    #[error("{}: not a saved session: {problem}", .path.display())]
+    NotASession {
+        /// The file.
+        path: PathBuf,
+        /// The first problem.
+        problem: String,
+    },
+}
+
+/// A flight as its viewers saw it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Session {
+    /// What the flight is, as [`Source::about`] describes it.
+    pub about: Value,
+    /// Frames, events and states in the order in which they were sent.
+    pub messages: Vec<Message>,
+}
+
+impl Session {
+    /// The session as the bytes of a Parquet file, written to a path that is removed again.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
+        parquet::write(path, &self.table()?)?;
+        let bytes = read_bytes(path);
+        // A file that stays behind in the folder of temporary files is overwritten next time.
+        let _ = std::fs::remove_file(path);
+        Ok(bytes?)
+    }
+
+    /// One row for each sample of the diagnosis up to the last full frame: its time, all signals, and what was sent.
+    ///
+    /// # Errors
+    /// Two signals have the same id.
+    pub fn table(&self) -> Result<Table, TableError> {
+        let ids = ids(&self.about);
+        let mut signals = vec![vec![]; ids.len()];
+        let (mut messages, mut waiting) = (vec![], vec![]);
+        for message in &self.messages {
+            match message {
+                Message::Event(event) => waiting.push(format!("{{\"event\":{event}}}")),
+                Message::State(state) => waiting.push(format!("{{\"state\":{state}}}")),
+                Message::Frame(bytes) => {
+                    for (place, value) in Frame::values_in(bytes).enumerate() {
+                        signals[place % ids.len()].push(f64::from(value));
+                    }
+                    messages.push(std::mem::take(&mut waiting).join("\n"));
+                    messages.resize(signals[0].len(), String::new());
+                }
+                Message::Playback(_) | Message::Jump => {}
+            }
+        }
+        let period_s = period_s(&self.about);
+        let times_s: Vec<f64> = (0..messages.len()).map(|k| k as f64 * period_s).collect();
+        let units = (0..ids.len()).map(|k| self.about["signals"][k]["unit"].as_str().unwrap_or(""));
+        let columns = ids.iter().zip(units).zip(signals);
+        let columns = columns.map(|((id, unit), values)| Column::new(*id, unit, values));
+        let time = std::iter::once(Column::new("time_s", "s", times_s));
+        let messages = std::iter::once(Column::new(MESSAGES, "", messages));
+        let table = Table::from_columns(time.chain(columns).chain(messages).collect())?;
+        Ok(table.with_metadata(ABOUT, self.about.to_string()))
+    }
+
+    /// Reads a saved session.
+    ///
+    /// # Errors
+    /// The file cannot be read or holds no session.
+    pub fn read(path: &Path) -> Result<Self, SessionError> {
+        let table = parquet::read(path)?;
+        let wrong = |problem: &str| SessionError::NotASession {
+            path: path.to_owned(),
+            problem: problem.to_owned(),
+        };
+        let about =
+            table.metadata.get(ABOUT).ok_or_else(|| wrong("it does not describe a flight"))?;
+        let about: Value =
+            serde_json::from_str(about).map_err(|error| wrong(&error.to_string()))?;
+        let ids = ids(&about);
+        let is_flight = period_s(&about) > 0.0 && !ids.is_empty() && table.row_count() > 0;
+        if !is_flight {
+            return Err(wrong("it needs a sampling period, a signal and a sample"));
+        }
+        let columns = ids.iter().map(|id| table.f64(id)).collect::<Result<Vec<_>, _>>()?;
+        let mut messages = vec![];
+        let mut frame = Frame::new(0, ids.len());
+        for (row, texts) in table.text(MESSAGES)?.iter().enumerate() {
+            for line in texts.lines() {
+                let message = message(line);
+                messages.push(message.ok_or_else(|| wrong(&format!("row {}: {line}", row + 1)))?);
+            }
+            frame.values().extend(columns.iter().map(|column| column[row] as f32));
+            if frame.is_full(period_s(&about)) || row + 1 == table.row_count() {
+                messages.push(Message::Frame(frame.bytes()));
+                frame = Frame::new(row as u64 + 1, ids.len());
+            }
+        }
+        Ok(Session { about, messages })
+    }
+
+    /// The duration of a message when it is replayed at the speed of the flight, s.
+    fn duration_s(&self, message: &Message) -> f64 {
+        let Message::Frame(bytes) = message else { return 0.0 };
+        Frame::samples_in(bytes) as f64 * period_s(&self.about)
+    }
+
+    /// The number of messages before a time, s.
+    fn messages_before(&self, time_s: f64) -> usize {
+        let mut end_s = 0.0;
+        let is_before = |message: &&Message| {
+            end_s += self.duration_s(message);
+            end_s <= time_s
+        };
+        self.messages.iter().take_while(is_before).count()
+    }
+}
+
+fn ids(about: &Value) -> Vec<&str> {
+    let signals = about["signals"].as_array().map_or(&[][..], Vec::as_slice);
+    signals.iter().filter_map(|signal| signal["id"].as_str()).collect()
+}
+
+fn period_s(about: &Value) -> f64 {
+    about["period_s"].as_f64().unwrap_or(f64::NAN)
+}
+
+/// An event or a state of a line; `None` if it is neither.
+fn message(line: &str) -> Option<Message> {
+    serde_json::from_str::<IgnoredAny>(line).ok()?;
+    // The text is kept as it is: a number that is read and written again may lose its last bit.
+    let inner = |key| line.strip_prefix(key)?.strip_suffix('}');
+    let event = inner("{\"event\":").map(|event| Message::Event(event.into()));
+    event.or_else(|| inner("{\"state\":").map(|state| Message::State(state.into())))
+}
+
+impl Source for Session {
+    fn about(&self) -> Value {
+        self.about.clone()
+    }
+
+    fn run(
+        &self,
+        feed: &Feed,
+        requests: &Receiver<Request>,
+        stop: &AtomicBool,
+    ) -> Result<(), RuntimeError> {
+        let duration_s = self.messages.iter().map(|message| self.duration_s(message)).sum();
+        let mut player =
+            Player { session: self, feed, at: 0, speed: 1.0, is_paused: false, duration_s };
+        player.tell(None);
+        let mut next = Instant::now();
+        while !stop.load(Ordering::Relaxed) {
+            requests.try_iter().for_each(|request| player.take(request));
+            let Some(duration_s) = player.play_one() else {
+                std::thread::sleep(PAUSED);
+                next = Instant::now();
+                continue;
+            };
+            next += Duration::from_secs_f64(duration_s / player.speed);
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        }
+        Ok(())
+    }
+}
+
+/// A replay under way.
+struct Player<'s> {
+    session: &'s Session,
+    feed: &'s Feed,
+    /// The place of the next message.
+    at: usize,
+    /// In parts of real time.
+    speed: f64,
+    is_paused: bool,
+    duration_s: f64,
+}
+
+impl Player<'_> {
+    fn tell(&self, refused: Option<&Refused>) {
+        let playback = json!({
+            "speed": self.speed, "is_paused": self.is_paused, "duration_s": self.duration_s,
+            "refused": refused.map(Refused::to_string),
+        });
+        self.feed.publish(Message::Playback(playback.to_string().into()));
+    }
+
+    fn take(&mut self, request: Request) {
+        let refused = match request {
+            Request::Speed(speed) if !SPEEDS.contains(&speed) => Some(Refused::Speed(speed)),
+            Request::Inject(_) | Request::Remove(_) => Some(Refused::Replayed),
+            Request::Speed(speed) => {
+                self.speed = speed;
+                None
+            }
+            Request::Pause(is_paused) => {
+                self.is_paused = is_paused;
+                None
+            }
+            Request::Jump(time_s) => {
+                self.jump(time_s);
+                None
+            }
+            Request::Restart(_) => {
+                self.jump(0.0);
+                None
+            }
+        };
+        self.tell(refused.as_ref());
+    }
+
+    fn jump(&mut self, time_s: f64) {
+        self.at = self.session.messages_before(time_s);
+        self.feed.jump(&self.session.messages[..self.at]);
+    }
+
+    /// Sends the next message and returns its duration, s; `None` while paused and at the end.
+    fn play_one(&mut self) -> Option<f64> {
+        let message = self.session.messages.get(self.at).filter(|_| !self.is_paused)?;
+        self.at += 1;
+        self.feed.publish(message.clone());
+        Some(self.session.duration_s(message))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::request::requests;
+
+    /// Ten samples of one signal, of which one is missing, in frames of five.
+    fn session() -> Session {
+        let about = json!({ "period_s": 0.01, "signals": [{ "id": "a", "unit": "kN" }] });
+        let frame = |first: u64| {
+            let mut frame = Frame::new(first, 1);
+            let value = |k: u64| if k == 3 { f32::NAN } else { 0.1 * k as f32 };
+            frame.values().extend((first..first + 5).map(value));
+            Message::Frame(frame.bytes())
+        };
+        let event = |text: &str| Message::Event(text.into());
+        let state = Message::State(r#"{"confidence":0.30000000000000004}"#.into());
+        let messages =
+            vec![event(r#"{"time_s":0.0}"#), state, frame(0), event(r#"{"why":"a\nb"}"#), frame(5)];
+        Session { about, messages }
+    }
+
+    fn path(name: &str) -> PathBuf {
+        std::env::temp_dir().join(format!("servotwin-{}-{name}.parquet", std::process::id()))
+    }
+
+    fn bits(session: &Session) -> String {
+        format!("{:?}", session.messages)
+    }
+
+    #[test]
+    fn a_saved_session_is_read_to_the_bit() {
+        let (session, path) = (session(), path("bits"));
+        std::fs::write(&path, session.bytes(&path).unwrap()).unwrap();
+        let read = Session::read(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!((read.about.clone(), bits(&read)), (session.about.clone(), bits(&session)));
+        let table = session.table().unwrap();
+        assert_eq!((table.row_count(), table.columns()[1].unit.as_str()), (10, "kN"));
+    }
+
+    #[test]
+    fn other_tables_are_refused_with_the_reason() {
+        let path = path("other");
+        let refusal = |table: Table| {
+            parquet::write(&path, &table).unwrap();
+            Session::read(&path).unwrap_err().to_string()
+        };
+        let table = session().table().unwrap();
+        let mut bare = table.clone();
+        bare.metadata.clear();
+        assert!(refusal(bare).ends_with("it does not describe a flight"));
+        assert!(refusal(table.without_rows()).ends_with("a signal and a sample"));
+        let mut columns = table.clone().into_columns();
+        let texts = columns.pop().unwrap();
+        let spoiled = texts.with_values(vec!["{\"event\":".to_owned(); 10]);
+        columns.push(spoiled);
+        let about = table.metadata[ABOUT].clone();
+        let spoiled = Table::from_columns(columns).unwrap().with_metadata(ABOUT, about);
+        assert!(refusal(spoiled).ends_with("row 1: {\"event\":"));
+        std::fs::remove_file(&path).unwrap();
+    }
+
+    #[test]
+    fn a_jump_sends_all_that_was_before_and_plays_on_from_there() {
+        let (session, feed) = (session(), Feed::default());
+        let duration_s = 0.1;
+        let mut player = Player {
+            session: &session,
+            feed: &feed,
+            at: 0,
+            speed: 1.0,
+            is_paused: false,
+            duration_s,
+        };
+        player.take(Request::Jump(0.05));
+        assert_eq!(feed.session(), Some(session.messages[..4].to_vec()));
+        assert_eq!(player.play_one(), Some(0.05));
+        assert_eq!(player.play_one(), None);
+        assert_eq!(feed.session().map(|messages| messages.len()), Some(5));
+        player.take(Request::Restart(true));
+        player.take(Request::Pause(true));
+        let begin = session.messages[..2].to_vec();
+        assert_eq!((player.play_one(), feed.session()), (None, Some(begin)));
+    }
+
+    #[test]
+    fn a_replay_refuses_faults_and_impossible_speeds() {
+        let (session, feed) = (session(), Feed::default());
+        let (sender, receiver) = requests();
+        for request in [r#"{"speed": 17}"#, r#"{"speed": 4}"#, r#"{"remove": "a.b.c"}"#] {
+            sender.send(Request::read(request).unwrap()).unwrap();
+        }
+        let mut player = Player {
+            session: &session,
+            feed: &feed,
+            at: 0,
+            speed: 1.0,
+            is_paused: false,
+            duration_s: 0.1,
+        };
+        let answers = receiver.try_iter().map(|request| {
+            player.take(request);
+            let said: Value = serde_json::from_str(&feed.begin().playback).unwrap();
+            (said["speed"].as_f64(), said["refused"].as_str().map(str::to_owned))
+        });
+        let speed = "the speed is 17: allowed are 0.25 to 16".to_owned();
+        let faults = "a replay takes no faults".to_owned();
+        assert_eq!(
+            answers.collect::<Vec<_>>(),
+            [(Some(1.0), Some(speed)), (Some(4.0), None), (Some(4.0), Some(faults))]
+        );
+    }
+}
