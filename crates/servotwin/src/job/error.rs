@@ -29,6 +29,28 @@ pub enum JobError {
         /// The output folder.
         folder: PathBuf,
     },
+    /// Healthy flights come near a shutdown, whatever the margin.
+    #[error(
+        "{setting}: unsafe in health: with {added_nats} nats more against a shutdown, the evidence for one still reaches \
+         {largest:.2} of its limit in {held_out} held-out healthy flights (at most {allowed} is safe); training had {learned} \
+         environments: add {missing} with 'further' in [flights].learn"
+    )]
+    UnsafeInHealth {
+        /// The scenario.
+        setting: &'static str,
+        /// The largest allowance that was tried, beyond the usual one.
+        added_nats: f64,
+        /// The largest evidence, in parts of its limit.
+        largest: f64,
+        /// The evidence that would be safe.
+        allowed: f64,
+        /// Number of held-out flights.
+        held_out: usize,
+        /// Number of environments in training.
+        learned: usize,
+        /// Number of environments that are missing for a bound of 1 %; as many again if there are more.
+        missing: usize,
+    },
     /// Another servotwin process holds the folder.
     #[error(
         "{folder}: another servotwin is working in this folder: wait until it has ended, or choose another folder"
