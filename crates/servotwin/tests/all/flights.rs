@@ -105,6 +105,21 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
 }
 
 #[test]
+fn a_diagnoser_states_the_healthy_flights_behind_its_margin() {
+    let evidence = diagnoser().healthy_evidence.unwrap();
+    assert_eq!((evidence.learned, evidence.held_out), (7, 3));
+    assert!(evidence.largest <= diagnoser().tuning.pending_share, "{evidence:?}");
+    let wider = diagnoser().with_shutdown_allowance(2.0);
+    let limits = [&**diagnoser(), &wider].map(|d| d.limits_of(&d.lengths[0]));
+    let added = limits[1].allowances_nats().iter().zip(limits[0].allowances_nats());
+    let added: Vec<f64> = added.map(|(wider, usual)| wider - usual).collect();
+    let grown: Vec<usize> = (0..added.len()).filter(|&place| added[place] != 0.0).collect();
+    assert!(grown.iter().all(|&place| added[place] == 2.0) && !grown.is_empty(), "{added:?}");
+    let hypotheses = (added.len() as f64).sqrt() as usize;
+    assert!(grown.iter().all(|place| place % hypotheses == 0), "only against health: {grown:?}");
+}
+
+#[test]
 fn further_flights_change_what_health_looks_like_and_no_band() {
     let usual = study().flights().unwrap().unwrap();
     let few = Flights {
