@@ -452,15 +452,9 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
 /// Describes what the margin of a shutdown rests on.
 fn margin_line(evidence: &HealthyEvidence) -> String {
     let HealthyEvidence { learned, held_out, shutdowns_before, added_nats, largest } = evidence;
-    let margin = match *added_nats > 0.0 {
-        true => format!(
-            "{shutdowns_before} with a shutdown, none with a margin of {added_nats} nats more"
-        ),
-        false => "none with a shutdown at the usual margin".into(),
-    };
     format!(
-        "learned from {learned} environments; held-out healthy flights: {held_out}, {margin} (largest evidence {largest:.2} \
-         of its limit)"
+        "learned from {learned} environments; {shutdowns_before} of {held_out} held-out healthy flights with a shutdown at \
+         the usual margin, {added_nats} nats added, largest evidence then {largest:.2} of its limit"
     )
 }
 
