@@ -73,6 +73,7 @@ duration_s = 3
 onset_s = [1, 1.5]
 windows_s = [0.5]
 commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
+held_out = 0
 learn = { environments = 2, repeats = 1, healthy = 1 }
 judge = { environments = 1, repeats = 1, healthy = 1, foreign = 1 }
 """

@@ -22,6 +22,7 @@ onset_s = [1.5, 2]
 windows_s = [0.5]
 commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
 inputs.load_factor = [0.5, 1]
+held_out = 0
 learn = { environments = 3, repeats = 3, healthy = 2 }
 judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
 [reactions]

@@ -20,6 +20,7 @@ use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
+use servotwin_diagnosis::diagnoser::HealthyEvidence;
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment, by_environment_and_tail, number};
 use std::fmt::Write;
@@ -436,6 +437,9 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
     if let Some(all) = healthy.environments {
         let _ = writeln!(out, "  false alarms {}", by_environment(all));
     }
+    if let Some(evidence) = merit.healthy_evidence {
+        let _ = writeln!(out, "  {}", margin_line(&evidence));
+    }
     if let Some([flown, alarmed]) = healthy.flights {
         let _ = writeln!(out, "  {alarmed} of {flown} flights without a fault have an alarm");
     }
@@ -443,6 +447,15 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);
         let _ = writeln!(out, "  shutdowns of the wrong {unit}: {wrong}");
     }
+}
+
+/// Describes what the margin of a shutdown rests on.
+fn margin_line(evidence: &HealthyEvidence) -> String {
+    let HealthyEvidence { learned, held_out, shutdowns_before, added_nats, largest } = evidence;
+    format!(
+        "learned from {learned} environments; {shutdowns_before} of {held_out} held-out healthy flights with a shutdown at \
+         the usual margin, {added_nats} nats added, largest evidence then {largest:.2} of its limit"
+    )
 }
 
 fn line(class: &ClassMetrics, words: &Vocabulary) -> String {

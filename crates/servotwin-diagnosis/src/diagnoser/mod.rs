@@ -26,6 +26,7 @@ mod boundary;
 pub mod common_mode;
 pub mod decision;
 pub mod environment;
+pub mod healthy_evidence;
 pub mod novelty;
 mod outcome;
 pub mod scatter;
@@ -37,6 +38,7 @@ mod window_classifier;
 
 pub use boundary::Boundary;
 pub use environment::{Environment, Invalid, Why};
+pub use healthy_evidence::HealthyEvidence;
 pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use scatter::{Scatter, ScatterTest};
@@ -115,6 +117,9 @@ pub struct Diagnoser {
     /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Scatter>,
+    /// What held-out healthy flights showed; `None` if none were flown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub healthy_evidence: Option<HealthyEvidence>,
 }
 
 impl Diagnoser {
@@ -160,6 +165,16 @@ impl Diagnoser {
             Some(allowances) => self.tuning.allowing(allowances),
             None => self.tuning.clone(),
         }
+    }
+
+    /// The same diagnoser with a larger allowance of a shutdown against health, in windows of every length.
+    #[must_use]
+    pub fn with_shutdown_allowance(&self, added_nats: f64) -> Self {
+        let mut changed = self.clone();
+        changed.tuning.off_allowance_nats += added_nats;
+        let corrected = changed.lengths.iter_mut().filter_map(|l| l.baseline_corrected.as_mut());
+        corrected.for_each(|allowances| allowances.off_nats += added_nats);
+        changed
     }
 
     /// The limits of the evidence for a length.
@@ -240,6 +255,7 @@ impl Diagnoser {
         }
         self.tuning.check(self.names())?;
         self.scatter.iter().try_for_each(Scatter::check)?;
+        self.healthy_evidence.iter().try_for_each(HealthyEvidence::check)?;
         let is_plain = self.lengths[0].baseline_corrected.is_none();
         holds(is_plain, "the first window length is not of residuals as they are")?;
         streams::Streams::new(self).map(drop)?;

@@ -9,7 +9,7 @@ use super::plan::{self, Flight, Onset, Purpose};
 use super::training_windows::MovingFlight;
 use crate::study::{FaultCase, Flights, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Outcome, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
 use servotwin_learning::metrics::{Rate, Trial, clopper_pearson_upper, poisson_at_most};
@@ -190,6 +190,9 @@ pub struct FlightMetrics {
     /// Training flights that began without a steady state; they are excluded from training.
     #[serde(default)]
     pub on_the_move_to_learn: Vec<MovingFlight>,
+    /// What held-out healthy flights showed after training; `None` if none were flown.
+    #[serde(default)]
+    pub healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
     /// The share isolated within the limit.
@@ -594,6 +597,7 @@ impl Judged<'_> {
             flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
             failed,
             failed_to_learn: 0,
+            healthy_evidence: self.diagnoser.healthy_evidence,
             on_the_move_to_learn: vec![],
             limit_s,
             in_time: self.share(off, &|outcome| outcome.isolated_s.is_some_and(soon)),

@@ -114,6 +114,7 @@ pub fn diagnoser(
         baseline: windows::baseline(flights, setting, study.sample_period_s),
         conditional_band: None,
         scatter,
+        healthy_evidence: None,
     };
     diagnoser.check()?;
     Ok(diagnoser)

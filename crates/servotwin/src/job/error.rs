@@ -8,6 +8,7 @@ use crate::flight::runtime::RuntimeError;
 use crate::parallel::Cancelled;
 use crate::study::StudyError;
 use crate::table::TableError;
+use servotwin_diagnosis::diagnoser::HealthyEvidence;
 use std::path::{Path, PathBuf};
 
 /// The reason why a stage of the main job stops.
@@ -28,6 +29,23 @@ pub enum JobError {
     NoDataSet {
         /// The output folder.
         folder: PathBuf,
+    },
+    /// Healthy flights come near a shutdown, whatever the margin.
+    #[error(
+        "{setting}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
+         limit in {} held-out healthy flights (at most {allowed} is safe); training had {} environments: add {missing} with \
+         'further' in [flights].learn",
+        .evidence.added_nats, .evidence.largest, .evidence.held_out, .evidence.learned
+    )]
+    UnsafeInHealth {
+        /// The scenario.
+        setting: &'static str,
+        /// What the flights showed with the largest margin.
+        evidence: HealthyEvidence,
+        /// The evidence that would be safe, in parts of its limit.
+        allowed: f64,
+        /// Number of environments that are missing for a bound of 1 %; as many again if there are more.
+        missing: u64,
     },
     /// Another servotwin process holds the folder.
     #[error(

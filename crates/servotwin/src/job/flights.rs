@@ -1,7 +1,7 @@
 //! The flight stage: trains a diagnoser for each setting and measures its performance.
 
 use super::sealed::{Opening, Openings, Record, SealedSubject};
-use super::{Folder, JobError, pools};
+use super::{Folder, JobError, held_out, pools};
 use crate::campaign::CampaignError;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files::FileError;
@@ -174,10 +174,10 @@ pub fn learn(
 }
 
 /// Trains the diagnoser of a setting and writes it. `lessons` come from flights that may have been flown on other
-/// machines; hard negatives are added here.
+/// machines; hard negatives are added here. Held-out healthy flights set the margin of a shutdown.
 ///
 /// # Errors
-/// Training fails; the file cannot be written.
+/// Training fails; the diagnoser is unsafe in health; the file cannot be written.
 pub fn learn_from(
     folder: &Folder,
     study: &Study,
@@ -192,6 +192,7 @@ pub fn learn_from(
     let trained = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
     let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
     let diagnoser = Diagnoser { boundaries, ..trained };
+    let diagnoser = held_out::with_margin(study, flights, setting, diagnoser, crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
     Ok((diagnoser, left_out))
 }

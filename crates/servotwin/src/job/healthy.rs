@@ -12,7 +12,7 @@ use servotwin_diagnosis::diagnoser::Session;
 use std::sync::Arc;
 
 /// Number of environments whose twins are in memory at a time.
-const BATCH: usize = 96;
+pub(super) const BATCH: usize = 96;
 
 /// A run is stored whenever it has grown by this fraction: every batch at first, and rarely once its file is large.
 const STORED_EVERY: f64 = 0.05;

@@ -9,6 +9,7 @@ mod error;
 pub mod flights;
 pub mod folder;
 pub mod healthy;
+mod held_out;
 pub mod hold;
 pub mod manifest;
 pub mod results;

@@ -62,6 +62,8 @@ section! {
             "ranges from which each specimen with tolerances draws further parameters";
         must learn: Size, "number of flights for training";
         must judge: Size, "number of flights for the evaluation";
+        may held_out: Option<usize> = FLIGHTS,
+            "number of held-out environments, in which a trained diagnosis flies once without a fault; default 300";
         may full: Option<Full>, "sizes of `servotwin flights --full`";
         may other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
@@ -167,7 +169,17 @@ pub struct Flights {
     pub learned: Vec<Environment>,
     /// The evaluation environments.
     pub judged: Vec<Environment>,
+    /// The environments of the healthy flights that set the margin of a trained diagnosis.
+    pub held_out: Vec<Environment>,
 }
+
+/// The usual number of held-out environments: without a shutdown in them, at most 1 % of environments have one (95 %, rule
+/// of three).
+pub const HELD_OUT: usize = 300;
+
+/// The seed of held-out environments, specimens and noise. No study declares it, no [`HealthyDraw`] has it, and no sealed
+/// opening draws it.
+pub const HELD_OUT_SEED: u64 = 1000;
 
 /// The seed of commands after which those of [`HealthyDraw`] begin: beyond all others, sealed ones included.
 const HEALTHY_COMMANDS: usize = 20_000_000;
@@ -240,6 +252,9 @@ impl Flights {
             other_plant: text.other_plant(reader)?,
             learned: text.environments(reader, 'L', text.learn)?,
             judged: text.environments(reader, 'J', text.judge)?,
+            held_out: text
+                .redrawn(Redraw { seed: Some(HELD_OUT_SEED), ..Redraw::default() })
+                .healthy(reader, 0..text.held_out.unwrap_or(HELD_OUT))?,
         })
     }
 }

@@ -43,6 +43,7 @@ onset_s = [1.5, 2]
 windows_s = [0.5]
 commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
 inputs.load_factor = [0.5, 1]
+held_out = 3
 learn = { environments = 3, repeats = 3, healthy = 2, further = 4, further_duration_s = 10 }
 judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20, foreign = 1 }
 [reactions]
@@ -101,6 +102,24 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
         unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), &sets, workers).unwrap()
     };
     assert_eq!(text(&foreign(1)), text(&foreign(2)));
+}
+
+#[test]
+fn a_diagnoser_states_the_healthy_flights_behind_its_margin() {
+    let evidence = diagnoser().healthy_evidence.unwrap();
+    assert_eq!((evidence.learned, evidence.held_out), (7, 3));
+    assert!(evidence.largest <= diagnoser().tuning.pending_share, "{evidence:?}");
+    let wider = diagnoser().with_shutdown_allowance(2.0);
+    let limits = [&**diagnoser(), &wider].map(|d| d.limits_of(&d.lengths[0]));
+    let added = limits[1].allowances_nats().iter().zip(limits[0].allowances_nats());
+    let added: Vec<f64> = added.map(|(wider, usual)| wider - usual).collect();
+    let grown: Vec<usize> = (0..added.len()).filter(|&place| added[place] != 0.0).collect();
+    assert!(
+        grown.iter().all(|&place| (added[place] - 2.0).abs() < 1e-12) && !grown.is_empty(),
+        "{added:?}"
+    );
+    let hypotheses = (added.len() as f64).sqrt() as usize;
+    assert!(grown.iter().all(|place| place % hypotheses == 0), "only against health: {grown:?}");
 }
 
 #[test]

@@ -1,0 +1,34 @@
+//! How near healthy flights that training did not see come to a shutdown.
+//!
+//! Trees that learned from few healthy environments are too sure of a fault in others. So a trained diagnoser flies once in
+//! each of N held-out environments, and the allowance of a shutdown grows until no flight has more than half of the
+//! evidence that a shutdown needs. Within one environment, a CuSum exceeds a limit b with a probability that falls as
+//! e^−b. So if half of the limit is exceeded with a probability of at most p, the limit is exceeded with about p².
+
+use crate::error::{Error, require};
+use serde::{Deserialize, Serialize};
+
+/// What held-out healthy flights showed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HealthyEvidence {
+    /// Number of environments in training, those of hard negatives included.
+    pub learned: u64,
+    /// Number of held-out environments with a finished flight, N.
+    pub held_out: u64,
+    /// Number of those with a shutdown at the usual allowance.
+    pub shutdowns_before: u64,
+    /// What the allowance of a shutdown against health has grown by, nats.
+    pub added_nats: f64,
+    /// The largest evidence for a shutdown with that allowance, in parts of its limit.
+    pub largest: f64,
+}
+
+impl HealthyEvidence {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let numbers = [("added_nats", self.added_nats), ("largest", self.largest)];
+        numbers.into_iter().try_for_each(|(name, value)| {
+            require((0.0..=1e6).contains(&value), name, value, "0 to 1e6")
+        })
+    }
+}
