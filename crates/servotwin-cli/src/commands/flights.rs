@@ -451,10 +451,11 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
 
 /// Describes what the margin of a shutdown rests on.
 fn margin_line(evidence: &HealthyEvidence) -> String {
-    let HealthyEvidence { learned, held_out, shutdowns_before, added_nats, largest } = evidence;
+    let HealthyEvidence { learned, held_out, failed, shutdowns_before, added_nats, largest } =
+        evidence;
     format!(
         "learned from {learned} environments; {shutdowns_before} of {held_out} held-out healthy flights with a shutdown at \
-         the usual margin, {added_nats} nats added, largest evidence then {largest:.2} of its limit"
+         the usual margin ({failed} not finished), {added_nats} nats added, largest evidence then {largest:.2} of its limit"
     )
 }
 

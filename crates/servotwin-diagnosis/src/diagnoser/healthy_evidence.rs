@@ -16,7 +16,9 @@ pub struct HealthyEvidence {
     pub learned: u64,
     /// Number of held-out environments with a finished flight, N.
     pub held_out: u64,
-    /// Number of those with a shutdown at the usual allowance.
+    /// Number of those whose flight could not be finished; they say nothing.
+    pub failed: u64,
+    /// Number of finished ones with a shutdown at the usual allowance.
     pub shutdowns_before: u64,
     /// What the allowance of a shutdown against health has grown by, nats.
     pub added_nats: f64,

@@ -34,7 +34,7 @@ pub fn with_margin(
     let evidence = smallest_margin(flights.learned.len(), (allowed, most_nats), |added_nats| {
         fly(study, flights, setting, changed(added_nats), workers)
     })?;
-    if evidence.largest > allowed {
+    if evidence.largest > allowed || evidence.held_out == 0 {
         return Err(JobError::UnsafeInHealth {
             setting: setting.name(),
             allowed,
@@ -49,11 +49,11 @@ pub fn with_margin(
 fn smallest_margin(
     learned: usize,
     (allowed, most_nats): (f64, f64),
-    mut fly: impl FnMut(f64) -> Result<Vec<HealthyFlight>, JobError>,
+    mut fly: impl FnMut(f64) -> Result<(Vec<HealthyFlight>, u64), JobError>,
 ) -> Result<HealthyEvidence, JobError> {
     let (mut added_nats, mut shutdowns_before) = (0.0, None);
     loop {
-        let flown = fly(added_nats)?;
+        let (flown, failed) = fly(added_nats)?;
         let shutdowns = flown.iter().filter(|flight| flight.shutdowns > 0).count() as u64;
         let shutdowns_before = *shutdowns_before.get_or_insert(shutdowns);
         let largest = flown.iter().map(|flight| flight.shutdown_evidence).fold(0.0, f64::max);
@@ -62,6 +62,7 @@ fn smallest_margin(
             return Ok(HealthyEvidence {
                 learned,
                 held_out,
+                failed,
                 shutdowns_before,
                 added_nats,
                 largest,
@@ -71,26 +72,28 @@ fn smallest_margin(
     }
 }
 
-/// The finished flights in the held-out environments, each as long as a healthy flight of the training.
+/// The finished flights in the held-out environments, each as long as a healthy flight of the training, and how many
+/// failed.
 fn fly(
     study: &Study,
     flights: &Flights,
     setting: Setting,
     diagnoser: Diagnoser,
     workers: Workers,
-) -> Result<Vec<HealthyFlight>, JobError> {
+) -> Result<(Vec<HealthyFlight>, u64), JobError> {
     let session =
         Session::new(Arc::new(diagnoser)).map_err(|error| JobError::Evaluation(error.into()))?;
     let duration_s = flights.learn.healthy_duration_s.unwrap_or(flights.duration_s);
-    let mut finished = vec![];
+    let (mut finished, mut failed) = (vec![], 0);
     for (batch, environments) in flights.held_out.chunks(BATCH).enumerate() {
         let first = batch * BATCH;
         let place = (environments, first..first + environments.len());
         let of_seed = (HELD_OUT_SEED, duration_s);
-        let (flown, _failed) = healthy::fly(study, place, of_seed, setting, &session, workers)?;
+        let (flown, fallen) = healthy::fly(study, place, of_seed, setting, &session, workers)?;
         finished.extend(flown);
+        failed += fallen;
     }
-    Ok(finished)
+    Ok((finished, failed))
 }
 
 #[cfg(test)]
@@ -98,7 +101,7 @@ mod tests {
     use super::*;
 
     /// Flights whose evidence falls by a quarter of its limit for each nat.
-    fn falling(evidence: &[f64]) -> impl FnMut(f64) -> Result<Vec<HealthyFlight>, JobError> {
+    fn falling(evidence: &[f64]) -> impl FnMut(f64) -> Result<(Vec<HealthyFlight>, u64), JobError> {
         move |added_nats| {
             let flight = |largest: &f64| {
                 let shutdown_evidence = (largest - 0.25 * added_nats).max(0.0);
@@ -106,7 +109,7 @@ mod tests {
                 let (environment, alarms, evidence) = (0, shutdowns, shutdown_evidence);
                 HealthyFlight { environment, alarms, shutdowns, evidence, shutdown_evidence }
             };
-            Ok(evidence.iter().map(flight).collect())
+            Ok((evidence.iter().map(flight).collect(), 1))
         }
     }
 
@@ -117,7 +120,7 @@ mod tests {
         assert_eq!((quiet.added_nats, quiet.shutdowns_before, quiet.largest), (0.0, 0, 0.5));
         let loud = found(&[1.25, 0.1, 1.0]);
         assert_eq!((loud.added_nats, loud.shutdowns_before, loud.largest), (3.0, 2, 0.5));
-        assert_eq!((loud.learned, loud.held_out), (24, 3));
+        assert_eq!((loud.learned, loud.held_out, loud.failed), (24, 3, 1));
     }
 
     #[test]
