@@ -11,8 +11,18 @@ if [ "$browser" = firefox ]; then package=firefox-esr; else package=chromium; fi
 command -v "$package" > /dev/null || apt-get install --yes --quiet "$package"
 npm install --silent --no-save --prefix "$out" puppeteer-core@25.16.0
 cargo build --release --quiet --features serve
-target/release/servotwin serve --port 0 --out "$out/study" > "$out/link" 2> "$out/server.log" &
-server=$!
-trap 'kill "$server"' EXIT
-until grep -q http "$out/link"; do kill -0 "$server"; sleep 0.2; done
-NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$(cat "$out/link")" "$out"
+# Serves the page with these arguments, and visits it.
+visit() {
+    visit_what=$1
+    shift
+    target/release/servotwin serve --port 0 "$@" > "$out/link" 2> "$out/server.log" &
+    server=$!
+    trap 'kill "$server"' EXIT
+    until grep -q http "$out/link"; do kill -0 "$server"; sleep 0.2; done
+    NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$(cat "$out/link")" "$out" "$visit_what"
+    kill "$server"
+    wait "$server" || true
+    trap - EXIT
+}
+visit flight --out "$out/study"
+visit replay --replay "$out/$browser.parquet"

@@ -1,10 +1,12 @@
 "use strict";
 // A first visit to the live page: inject a leak, wait for the action by an attribute, compare page and server, and look
-// at gaps, peaks, keyboard, dark mode and narrow screens.
+// at gaps, peaks, keyboard, dark mode and narrow screens. The flight is saved; with "replay" a second visit looks at that
+// session, which has to end with the same action after the same time.
 const { launch } = require("puppeteer-core");
 const assert = require("node:assert");
+const fs = require("node:fs");
 
-const [, , name, link, out] = process.argv;
+const [, , name, link, out, what] = process.argv;
 const path = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" }[name];
 const PATIENCE_MS = 60_000;
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
@@ -51,6 +53,12 @@ async function visit(browser) {
   assert.equal(action.command, "shut_down");
   assert.ok(Math.abs(Number(latency) - action.after_s) < 0.02, `${latency} ${action.after_s}`);
   await page.screenshot({ path: `${out}/${name}-1280.png` });
+  const bytes = await page.evaluate(async () => {
+    const session = await fetch(document.getElementById("save").href);
+    return Array.from(new Uint8Array(await session.arrayBuffer()));
+  });
+  fs.writeFileSync(`${out}/${name}.parquet`, Buffer.from(bytes));
+  fs.writeFileSync(`${out}/${name}.latency`, latency);
 
   // A gap is a gap, and a peak of one sample is seen at any zoom.
   await page.evaluate(() => {
@@ -93,8 +101,31 @@ async function visit(browser) {
   console.log(`${name}: action after ${latency} s as the server says; ink: gap ${inGap}, line ${onLine}, peak ${atPeak}`);
 }
 
+/** Looks at a saved session. */
+async function replay(browser) {
+  const page = await browser.newPage();
+  await page.setViewport({ width: 1280, height: 720 });
+  page.setDefaultTimeout(PATIENCE_MS);
+  await page.goto(link);
+  await page.waitForSelector('body[data-connected="yes"][data-mode="replay"]');
+  assert.equal(await page.$eval("#inject", (form) => form.hidden), true, "a replay takes no faults");
+  await page.select("#speed", "16");
+  await page.waitForSelector('body[data-action="actuator_1 shut_down"]');
+  const latency = await page.$eval("body", (body) => body.dataset.latency);
+  assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
+  await page.screenshot({ path: `${out}/${name}-replay.png` });
+  await page.click("#restart");
+  await page.waitForSelector('body[data-action=""]');
+  await page.setViewport({ width: 390, height: 844 });
+  await pause(500);
+  const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  assert.ok(overflow <= 0, `a replay is ${overflow} px too wide for 390 px`);
+  await page.screenshot({ path: `${out}/${name}-replay-390.png` });
+  console.log(`${name}: the replayed session has its action after ${latency} s too`);
+}
+
 (async () => {
   const args = name === "chromium" ? ["--no-sandbox"] : [];
   const browser = await launch({ browser: name === "chromium" ? "chrome" : name, executablePath: path, headless: true, args });
-  try { await visit(browser); } finally { await browser.close(); }
+  try { await (what === "replay" ? replay : visit)(browser); } finally { await browser.close(); }
 })().catch((error) => { console.error(error); process.exit(1); });

@@ -367,13 +367,13 @@ function showPlayback(next) {
   playback = next;
   document.body.dataset.mode = playback ? "replay" : "flight";
   $("playback").hidden = !playback;
-  $("inject").hidden = $("save").hidden = Boolean(playback);
+  $("inject").hidden = $("save").hidden = $("hint").hidden = Boolean(playback);
   $("restart").textContent = playback ? "From the beginning" : "New flight";
   if (!playback) return;
   $("speed").value = String(playback.speed);
   $("position").max = playback.duration_s;
   $("pause").textContent = playback.is_paused ? "Go on" : "Pause";
-  if (playback.refused) $("connection").textContent = `refused: ${playback.refused}`;
+  $("connection").textContent = playback.refused ? `refused: ${playback.refused}` : "replay";
 }
 
 function showPosition() {
