@@ -107,14 +107,9 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     let network = study.system.network();
     let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
     let unknown = |error| Failure::Diagnoser { path: study.name.clone().into(), error };
-    let twin = Twin {
-        program: &study.system.program,
-        settings: Settings::campaign(),
-        period_s: study.sample_period_s,
-        between: between(&study),
-        ranges: (0..network.inputs.len()).map(|input| network.input_range(input).into()).collect(),
-        sensors: slots(&study, sensors).map_err(unknown)?,
-    };
+    let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
+    let twin = twin(&study, Settings::campaign(), study.sample_period_s, ranges.collect(), sensors);
+    let twin = twin.map_err(unknown)?;
     let version = match options.fmi {
         Fmi::Two => Version::Two,
         Fmi::Three => Version::Three,
@@ -169,13 +164,25 @@ pub fn twin_of<'s>(
     has_fixed_step: bool,
 ) -> Result<Twin<'s>, RuntimeError> {
     let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
-    let inputs = &diagnoser.environment.inputs;
+    let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
+    let settings = if has_fixed_step { Settings::real_time() } else { Settings::campaign() };
+    twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)
+}
+
+/// A twin of a study with these sensors, by label.
+fn twin<'s, 'n>(
+    study: &'s Study,
+    settings: Settings,
+    period_s: f64,
+    ranges: Vec<[f64; 2]>,
+    sensors: impl Iterator<Item = &'n str>,
+) -> Result<Twin<'s>, RuntimeError> {
     Ok(Twin {
         program: &study.system.program,
-        settings: if has_fixed_step { Settings::real_time() } else { Settings::campaign() },
-        period_s: diagnoser.period_s,
+        settings,
+        period_s,
         between: between(study),
-        ranges: inputs.iter().map(|input| [input.least, input.largest]).collect(),
+        ranges,
         sensors: slots(study, sensors)?,
     })
 }

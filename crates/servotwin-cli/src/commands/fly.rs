@@ -34,7 +34,7 @@ use std::sync::Arc;
 /// begins. The flight knows the truth, so the output states whether actuator, action and component were right. The
 /// command writes into the folder `flight` of the output folder: `flight.svg`, which marks onset, detection and
 /// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. If the diagnoser is missing, the command
-/// trains it first, which takes half a minute.
+/// trains it first, which takes about two minutes.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
 /// flies the same without them. The page is at 127.0.0.1 unless you name another address; then the printed link has a
 /// token, without which nobody comes in. Ctrl-C ends it. If the diagnoser is missing, the command trains it first, which
-/// takes half a minute.
+/// takes about two minutes.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
