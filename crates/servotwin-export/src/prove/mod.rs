@@ -176,6 +176,9 @@ pub fn prove(
         let tell = &mut |done| tell("comparing twins", share(done));
         twin::compare(twin, &compiled, (plan.variants, VARIANT_S), &mut all, tell)?;
     }
+    if let Some(subject) = plan.subject() {
+        hybrid::compare(&subject, &compiled, HYBRID_SAMPLES, &mut all)?;
+    }
     let tell =
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);
     chain::compare(plan.diagnoser, &compiled, plan.samples, &mut all, tell)?;
