@@ -7,7 +7,7 @@ use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::evaluation::model_file;
 use servotwin::table::{Column, Table as Columns};
-use servotwin_diagnosis::diagnoser::{self, Alarm, Session};
+use servotwin_diagnosis::diagnoser::{self, Session};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -60,17 +60,6 @@ pub struct Diagnoser {
     session: Session,
 }
 
-fn word(alarm: Alarm) -> &'static str {
-    match alarm {
-        Alarm::Normal => "normal",
-        Alarm::Pending => "pending",
-        Alarm::Raised => "raised",
-        Alarm::Recovering => "recovering",
-        Alarm::NoData => "no data",
-        Alarm::Error => "error",
-    }
-}
-
 impl Diagnoser {
     /// A diagnoser before its first sample.
     pub fn fresh(diagnoser: diagnoser::Diagnoser) -> Result<Self, Failure> {
@@ -94,7 +83,7 @@ impl Diagnoser {
         Outcome {
             sample: said.sample,
             finding: diagnoser.describe(said.finding),
-            alarm: word(said.alarm),
+            alarm: said.alarm.name(),
             raised: said.raised.map(command),
             confidence: said.confidence,
             worst_sensor: said.worst_sensor.map(|s| diagnoser.sensors[s as usize].name.clone()),

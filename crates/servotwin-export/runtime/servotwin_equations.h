@@ -40,7 +40,7 @@ void servotwin_twin_solve(
 void servotwin_twin_sums(int32_t stage, const double *reciprocal, const double *y, const double *stages, double *variables,
     double *right);
 
-/* What a clock computes and holds from now on. An evaluation must precede it. */
+/* Runs the sampled equations of a clock and stores the values that it holds. An evaluation must precede it. */
 void servotwin_twin_tick(int32_t clock, const double *constants, double *variables);
 
 /* x^exponent for a positive, normal x. */

@@ -42,6 +42,8 @@
 #define MAX_CHANGE 0.02
 #define MIN_SWING 1e-6
 
+static const servotwin_swing no_swing = { HUGE_VAL, -HUGE_VAL, 0U };
+
 static bool seeks_rest(const servotwin_twin *twin)
 {
     return (twin->phase == SERVOTWIN_SETTLING) || (twin->phase == SERVOTWIN_FOLLOWING);
@@ -379,13 +381,12 @@ static void start_step(servotwin_twin *twin)
 
 static void begin_following(servotwin_twin *twin)
 {
-    static const servotwin_swing none = { HUGE_VAL, -HUGE_VAL, 0U };
     servotwin_following *following = &twin->following;
     following->attempts = 0U;
     following->window_end_s = FIRST_WINDOW_S;
     for (int32_t state = 0; state < STATES; state++) {
-        following->window[state] = none;
-        following->window_before[state] = none;
+        following->window[state] = no_swing;
+        following->window_before[state] = no_swing;
         following->rises[state] = false;
     }
     (void)memcpy(following->states, twin->states, sizeof twin->states);
@@ -434,11 +435,10 @@ static bool has_limit_cycle(const servotwin_following *following)
 
 static void begin_window(servotwin_following *following)
 {
-    static const servotwin_swing none = { HUGE_VAL, -HUGE_VAL, 0U };
     following->window_end_s = following->window_end_s * 2.0;
     for (int32_t state = 0; state < STATES; state++) {
         following->window_before[state] = following->window[state];
-        following->window[state] = none;
+        following->window[state] = no_swing;
     }
 }
 

@@ -100,13 +100,14 @@ impl Certificate {
 
     fn write_builds(&self, page: &mut String) {
         *page += "<h2>Builds</h2>\n<table>\n<tr><th>Same bits<th>Compiler<th>Leaves<th>Thresholds<th>Rows<th>Samples\
-             <th>Points and variants of the twin<th>Without a steady state<th>Samples of variants\n";
+             <th>Points and variants of the twin<th>Without a steady state<th>Samples of variants\
+             <th>Samples of both together\n";
         for build in &self.builds {
             let same = if build.holds() { "yes" } else { "no" };
             let (command, version) = (escaped(&build.command), escaped(&build.version));
             let _ = writeln!(
                 page,
-                "<tr><td>{same}<td>{command}<br>{version}<td>{}<td>{}<td>{}<td>{}<td>{}, {}<td>{}<td>{}",
+                "<tr><td>{same}<td>{command}<br>{version}<td>{}<td>{}<td>{}<td>{}<td>{}, {}<td>{}<td>{}<td>{}",
                 build.leaves,
                 build.thresholds,
                 build.rows + build.random_rows,
@@ -114,7 +115,8 @@ impl Certificate {
                 build.points,
                 build.variants,
                 build.unsettled,
-                build.twin_samples
+                build.twin_samples,
+                build.hybrid_samples
             );
         }
         *page += "</table>\n";

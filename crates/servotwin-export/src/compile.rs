@@ -2,9 +2,8 @@
 
 use crate::c::CFile;
 use crate::error::ExportError;
-use servotwin_io::files::FileError;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use tempfile::TempDir;
 
@@ -17,13 +16,21 @@ pub(crate) fn compilers() -> impl Iterator<Item = &'static str> {
     ["gcc", "clang"].into_iter().filter(starts)
 }
 
+/// The names of the files that are compiled.
+pub(crate) fn compiled<'f>(
+    files: impl IntoIterator<Item = &'f CFile>,
+) -> impl Iterator<Item = &'static str> {
+    files.into_iter().map(|file| file.name).filter(|name| name.ends_with(".c"))
+}
+
 /// A temporary folder with C files.
 pub(crate) struct Workplace(TempDir);
 
 impl Workplace {
     /// A folder with these files.
     pub fn new<'f>(files: impl IntoIterator<Item = &'f CFile>) -> Result<Self, ExportError> {
-        let folder = tempfile::tempdir().map_err(|cause| problem(&std::env::temp_dir(), cause))?;
+        let folder = tempfile::tempdir()
+            .map_err(|cause| ExportError::from_io(&std::env::temp_dir(), cause))?;
         let workplace = Workplace(folder);
         files.into_iter().try_for_each(|file| workplace.write(file.name, &file.text))?;
         Ok(workplace)
@@ -37,13 +44,13 @@ impl Workplace {
     /// Writes a file.
     pub fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
         let path = self.path(name);
-        fs::write(&path, text).map_err(|cause| problem(&path, cause))
+        fs::write(&path, text).map_err(|cause| ExportError::from_io(&path, cause))
     }
 
     /// Reads a file.
     pub fn read(&self, name: &str) -> Result<Vec<u8>, ExportError> {
         let path = self.path(name);
-        fs::read(&path).map_err(|cause| problem(&path, cause))
+        fs::read(&path).map_err(|cause| ExportError::from_io(&path, cause))
     }
 
     /// Runs a compiler in the folder. `shown` is its command for messages.
@@ -64,8 +71,4 @@ impl Workplace {
         let messages = all.lines().take(10).collect::<Vec<_>>().join("\n");
         Err(ExportError::Refused { compiler: shown.into(), messages })
     }
-}
-
-fn problem(path: &Path, cause: std::io::Error) -> ExportError {
-    FileError::from_io(path, cause).into()
 }

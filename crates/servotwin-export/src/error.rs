@@ -2,7 +2,7 @@
 
 use servotwin::flight::runtime::RuntimeError;
 use servotwin_io::files::FileError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A diagnoser that cannot be exported, or an export that cannot be proven.
 #[derive(Debug, thiserror::Error)]
@@ -92,4 +92,11 @@ pub enum ExportError {
     /// The compiled code cannot be loaded.
     #[error("the compiled export cannot be loaded: {0}")]
     Load(#[from] libloading::Error),
+}
+
+impl ExportError {
+    /// A path that cannot be read or written.
+    pub(crate) fn from_io(path: &Path, cause: std::io::Error) -> Self {
+        FileError::from_io(path, cause).into()
+    }
 }

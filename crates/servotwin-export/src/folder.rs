@@ -48,15 +48,13 @@ impl ExportFolder {
     /// and removes its certificate.
     ///
     /// # Errors
-    /// [`ExportError::FolderInUse`], the errors of [`c::files`] and [`c::files_of_twin`], and files that cannot be
-    /// written.
+    /// [`ExportError::FolderInUse`], the errors of [`c::files_with_twin`], and files that cannot be written.
     pub fn write(
         &self,
         (diagnoser, file): (&Diagnoser, &Path),
         (twin, study): (&Twin, &Path),
     ) -> Result<Description, ExportError> {
-        let mut files = c::files(diagnoser)?;
-        files.extend(c::files_of_twin(twin)?);
+        let files = c::files_with_twin(diagnoser, twin)?;
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
         if holds_files && !self.file(DESCRIPTION).exists() {
             return Err(ExportError::FolderInUse(self.path.clone()));

@@ -79,8 +79,7 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
     let reference = Settings { method: Method::Rodas5P, ..Settings::campaign() };
     for settings in [Settings::campaign(), Settings::real_time(), reference] {
         let twin = twin(&program, settings);
-        let mut files = c::files(&diagnoser).unwrap();
-        files.extend(c::files_of_twin(&twin).unwrap());
+        let files = c::files_with_twin(&diagnoser, &twin).unwrap();
         let plan = Plan {
             diagnoser: &diagnoser,
             twin: Some(&twin),
@@ -100,8 +99,7 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
 fn mistakes_in_a_twin_are_found() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
     let twin = twin(&program, Settings::campaign());
-    let mut files = c::files(&diagnoser).unwrap();
-    files.extend(c::files_of_twin(&twin).unwrap());
+    let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
     let plan = Plan { diagnoser, twin: Some(&twin), study: None, files, samples: 0, variants: 0 };
     assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some("servotwin_equations.c") });

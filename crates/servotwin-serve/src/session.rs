@@ -176,9 +176,7 @@ impl Source for Session {
         requests: &Receiver<Request>,
         stop: &AtomicBool,
     ) -> Result<(), RuntimeError> {
-        let duration_s = self.messages.iter().map(|message| self.duration_s(message)).sum();
-        let mut player =
-            Player { session: self, feed, at: 0, speed: 1.0, is_paused: false, duration_s };
+        let mut player = Player::new(self, feed);
         player.tell(None);
         let mut next = Instant::now();
         while !stop.load(Ordering::Relaxed) {
@@ -207,7 +205,13 @@ struct Player<'s> {
     duration_s: f64,
 }
 
-impl Player<'_> {
+impl<'s> Player<'s> {
+    /// At the beginning of a session, in real time.
+    fn new(session: &'s Session, feed: &'s Feed) -> Self {
+        let duration_s = session.messages.iter().map(|message| session.duration_s(message)).sum();
+        Player { session, feed, at: 0, speed: 1.0, is_paused: false, duration_s }
+    }
+
     fn tell(&self, refused: Option<&Refused>) {
         let playback = json!({
             "speed": self.speed, "is_paused": self.is_paused, "duration_s": self.duration_s,
@@ -319,15 +323,8 @@ mod tests {
     #[test]
     fn a_jump_sends_all_that_was_before_and_plays_on_from_there() {
         let (session, feed) = (session(), Feed::default());
-        let duration_s = 0.1;
-        let mut player = Player {
-            session: &session,
-            feed: &feed,
-            at: 0,
-            speed: 1.0,
-            is_paused: false,
-            duration_s,
-        };
+        let mut player = Player::new(&session, &feed);
+        assert_eq!(player.duration_s, 0.1);
         player.take(Request::Jump(0.05));
         assert_eq!(feed.session(), Some(session.messages[..4].to_vec()));
         assert_eq!(player.play_one(), Some(0.05));
@@ -346,14 +343,7 @@ mod tests {
         for request in [r#"{"speed": 17}"#, r#"{"speed": 4}"#, r#"{"remove": "a.b.c"}"#] {
             sender.send(Request::read(request).unwrap()).unwrap();
         }
-        let mut player = Player {
-            session: &session,
-            feed: &feed,
-            at: 0,
-            speed: 1.0,
-            is_paused: false,
-            duration_s: 0.1,
-        };
+        let mut player = Player::new(&session, &feed);
         let answers = receiver.try_iter().map(|request| {
             player.take(request);
             let said: Value = serde_json::from_str(&feed.begin().playback).unwrap();

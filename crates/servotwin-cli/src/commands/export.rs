@@ -11,6 +11,7 @@ use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{RuntimeError, between, slots};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_export::ExportError;
 use servotwin_export::c::Twin;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
@@ -106,10 +107,9 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     let study = find_study(options.study.as_deref())?;
     let network = study.system.network();
     let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
-    let unknown = |error| Failure::Diagnoser { path: study.name.clone().into(), error };
     let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
     let twin = twin(&study, Settings::campaign(), study.sample_period_s, ranges.collect(), sensors);
-    let twin = twin.map_err(unknown)?;
+    let twin = twin.map_err(ExportError::from)?;
     let version = match options.fmi {
         Fmi::Two => Version::Two,
         Fmi::Three => Version::Three,

@@ -5,7 +5,7 @@ use super::{Folder, fails, stderr, succeeds};
 use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{Runtime, between, defaults, slots};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Finding, Outcome};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Knot, Settings, Twin};
 use std::fs;
@@ -131,14 +131,7 @@ fn line(outcome: &Outcome, diagnoser: &Diagnoser) -> String {
         Finding::Unknown => ("unknown", None, None, None),
         Finding::EnvironmentInvalid { .. } => ("input invalid", None, None, None),
     };
-    let alarm = match outcome.alarm {
-        Alarm::Normal => "normal",
-        Alarm::Pending => "pending",
-        Alarm::Raised => "raised",
-        Alarm::Recovering => "recovering",
-        Alarm::NoData => "no data",
-        Alarm::Error => "error",
-    };
+    let alarm = outcome.alarm.name();
     let name = |list: &[String], place: Option<u32>| {
         place.map_or("-".to_owned(), |place| list[place as usize].clone())
     };

@@ -8,7 +8,7 @@
 use crate::error::{Error, require};
 use serde::{Deserialize, Serialize};
 
-/// What held-out healthy flights showed.
+/// The evidence of held-out healthy flights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HealthyEvidence {

@@ -117,7 +117,7 @@ pub struct Diagnoser {
     /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Scatter>,
-    /// What held-out healthy flights showed; `None` if none were flown.
+    /// The evidence of held-out healthy flights; `None` if none were flown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub healthy_evidence: Option<HealthyEvidence>,
 }

@@ -72,6 +72,20 @@ pub enum Alarm {
     Error,
 }
 
+impl Alarm {
+    /// The state in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Alarm::Normal => "normal",
+            Alarm::Pending => "pending",
+            Alarm::Raised => "raised",
+            Alarm::Recovering => "recovering",
+            Alarm::NoData => "no data",
+            Alarm::Error => "error",
+        }
+    }
+}
+
 /// A raised action. One that switches off stays until it is confirmed or released.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

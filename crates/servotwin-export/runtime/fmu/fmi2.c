@@ -45,7 +45,6 @@ typedef struct {
 typedef struct {
     servotwin_fmu fmu;
     fmi2CallbackFunctions callbacks;
-    double time_s; /* of the last finished step */
     char name[64];
 } instance;
 
@@ -62,10 +61,6 @@ static fmi2Status well(const instance *of, bool is_well, const char *why)
     return is_well ? fmi2OK : failed(of, why);
 }
 
-static const char no_beginning[] = "there is no steady state or motion to begin with for these inputs and parameters";
-static const char no_step[] = "the step cannot be simulated: a value became infinite, or the error stayed too large";
-static const char unknown[] = "there is no variable with this reference that has a value";
-static const char not_set[] = "this variable cannot be set, or the value is out of its range";
 
 FUNCTION(const char *, fmi2GetTypesPlatform, void)
 {
@@ -112,7 +107,6 @@ FUNCTION(fmi2Status, fmi2SetupExperiment,
 {
     instance *of = c;
     of->fmu.start_s = start;
-    of->time_s = start;
     return fmi2OK;
 }
 
@@ -124,7 +118,7 @@ FUNCTION(fmi2Status, fmi2EnterInitializationMode, fmi2Component c)
 FUNCTION(fmi2Status, fmi2ExitInitializationMode, fmi2Component c)
 {
     instance *of = c;
-    return well(of, servotwin_fmu_begin(&of->fmu), no_beginning);
+    return well(of, servotwin_fmu_begin(&of->fmu), SERVOTWIN_FMU_NO_BEGINNING);
 }
 
 FUNCTION(fmi2Status, fmi2Terminate, fmi2Component c)
@@ -136,73 +130,49 @@ FUNCTION(fmi2Status, fmi2Reset, fmi2Component c)
 {
     instance *of = c;
     servotwin_fmu_reset(&of->fmu);
-    of->time_s = 0.0;
     return fmi2OK;
 }
 
 FUNCTION(fmi2Status, fmi2GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Real value[])
 {
     instance *of = c;
-    bool is_well = true;
-    for (size_t i = 0U; is_well && (i < count); i++) {
-        is_well = servotwin_fmu_get(&of->fmu, vr[i], &value[i]);
-    }
-    return well(of, is_well, unknown);
+    return well(of, servotwin_fmu_get(&of->fmu, vr, count, value), SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi2Status, fmi2SetReal,
     fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Real value[])
 {
     instance *of = c;
-    bool is_well = true;
-    for (size_t i = 0U; is_well && (i < count); i++) {
-        is_well = servotwin_fmu_set(&of->fmu, vr[i], value[i]);
-    }
-    return well(of, is_well, not_set);
+    return well(of, servotwin_fmu_set(&of->fmu, vr, count, value), SERVOTWIN_FMU_NOT_SET);
 }
 
 /* There are no variables of other types. */
 #define NO_VARIABLES(type) \
     FUNCTION(fmi2Status, fmi2Get##type, fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2##type value[]) \
     { \
-        return well(c, count == 0U, unknown); \
+        return well(c, count == 0U, SERVOTWIN_FMU_UNKNOWN); \
     } \
     FUNCTION(fmi2Status, fmi2Set##type, fmi2Component c, const fmi2ValueReference vr[], size_t count, \
         const fmi2##type value[]) \
     { \
-        return well(c, count == 0U, unknown); \
+        return well(c, count == 0U, SERVOTWIN_FMU_UNKNOWN); \
     }
 
 NO_VARIABLES(Integer)
 NO_VARIABLES(Boolean)
 NO_VARIABLES(String)
 
-/* The complete state of an instance. */
-typedef struct {
-    servotwin_fmu fmu;
-    double time_s;
-} state;
-
 FUNCTION(fmi2Status, fmi2GetFMUstate, fmi2Component c, fmi2FMUstate *into)
 {
     const instance *of = c;
-    if (*into == NULL) {
-        *into = malloc(sizeof(state));
-    }
-    if (*into != NULL) {
-        state *saved = *into;
-        saved->fmu = of->fmu;
-        saved->time_s = of->time_s;
-    }
-    return well(of, *into != NULL, "there is no memory for the state");
+    *into = servotwin_fmu_copied(&of->fmu, *into);
+    return well(of, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
 FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate from)
 {
     instance *of = c;
-    const state *saved = from;
-    of->fmu = saved->fmu;
-    of->time_s = saved->time_s;
+    (void)servotwin_fmu_copied(from, &of->fmu);
     return fmi2OK;
 }
 
@@ -215,32 +185,22 @@ FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *saved)
 
 FUNCTION(fmi2Status, fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate saved, size_t *size)
 {
-    *size = sizeof(state);
+    *size = sizeof(servotwin_fmu);
     return fmi2OK;
 }
 
 FUNCTION(fmi2Status, fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate saved, fmi2Byte bytes[], size_t size)
 {
-    const bool fits = size >= sizeof(state);
-    if (fits) {
-        (void)memcpy(bytes, saved, sizeof(state));
-    }
-    return well(c, fits, "the list of bytes is too short for a state");
+    return well(c, servotwin_fmu_serialize(saved, bytes, size), SERVOTWIN_FMU_TOO_SHORT);
 }
 
-FUNCTION(fmi2Status, fmi2DeSerializeFMUstate,
-    fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *into)
+FUNCTION(fmi2Status, fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *into)
 {
-    if (size != sizeof(state)) {
-        return failed(c, "the bytes are no state of this FMU");
+    if (size != sizeof(servotwin_fmu)) {
+        return failed(c, SERVOTWIN_FMU_NO_STATE);
     }
-    if (*into == NULL) {
-        *into = malloc(sizeof(state));
-    }
-    if (*into != NULL) {
-        (void)memcpy(*into, bytes, sizeof(state));
-    }
-    return well(c, *into != NULL, "there is no memory for the state");
+    *into = servotwin_fmu_copied(bytes, *into);
+    return well(c, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
 FUNCTION(fmi2Status, fmi2GetDirectionalDerivative,
@@ -250,7 +210,7 @@ FUNCTION(fmi2Status, fmi2GetDirectionalDerivative,
     instance *of = c;
     return well(of,
         servotwin_fmu_directional(&of->fmu, unknowns, unknown_count, knowns, known_count, seeds, sensitivities),
-        "derivatives are known for states' derivatives and outputs with respect to states and inputs");
+        SERVOTWIN_FMU_NO_DERIVATIVE);
 }
 
 /* ------------------------------------------------------------ Model exchange. */
@@ -291,18 +251,13 @@ FUNCTION(fmi2Status, fmi2SetTime, fmi2Component c, fmi2Real time_s)
 FUNCTION(fmi2Status, fmi2SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t count)
 {
     instance *of = c;
-    if (count != (size_t)SERVOTWIN_TWIN_STATES) {
-        return failed(of, "the number of states differs");
-    }
-    servotwin_fmu_set_states(&of->fmu, x);
-    return fmi2OK;
+    return well(of, servotwin_fmu_set_states(&of->fmu, x, count), SERVOTWIN_FMU_OTHER_LENGTH);
 }
 
 FUNCTION(fmi2Status, fmi2GetDerivatives, fmi2Component c, fmi2Real derivatives[], size_t count)
 {
     instance *of = c;
-    const bool fits = count == (size_t)SERVOTWIN_TWIN_STATES;
-    return well(of, fits && servotwin_fmu_derivatives(&of->fmu, derivatives), unknown);
+    return well(of, servotwin_fmu_derivatives(&of->fmu, derivatives, count), SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi2Status, fmi2GetEventIndicators, fmi2Component c, fmi2Real indicators[], size_t count)
@@ -313,18 +268,12 @@ FUNCTION(fmi2Status, fmi2GetEventIndicators, fmi2Component c, fmi2Real indicator
 FUNCTION(fmi2Status, fmi2GetContinuousStates, fmi2Component c, fmi2Real x[], size_t count)
 {
     instance *of = c;
-    bool is_well = count == (size_t)SERVOTWIN_TWIN_STATES;
-    for (uint32_t i = 0U; is_well && (i < (uint32_t)count); i++) {
-        is_well = servotwin_fmu_get(&of->fmu, i, &x[i]);
-    }
-    return well(of, is_well, unknown);
+    return well(of, servotwin_fmu_states(&of->fmu, x, count), SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi2Status, fmi2GetNominalsOfContinuousStates, fmi2Component c, fmi2Real nominals[], size_t count)
 {
-    for (size_t i = 0U; i < count; i++) {
-        nominals[i] = 1.0 / servotwin_twin_scales[i];
-    }
+    servotwin_fmu_nominals(nominals, count);
     return fmi2OK;
 }
 
@@ -345,11 +294,7 @@ FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives,
 FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time_s, fmi2Real step_s, fmi2Boolean no_set_before)
 {
     instance *of = c;
-    const bool is_well = (step_s >= 0.0) && servotwin_fmu_advance(&of->fmu, time_s + step_s);
-    if (is_well) {
-        of->time_s = time_s + step_s;
-    }
-    return well(of, is_well, no_step);
+    return well(of, servotwin_fmu_advance(&of->fmu, time_s, step_s), SERVOTWIN_FMU_NO_STEP);
 }
 
 FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)
@@ -365,7 +310,7 @@ FUNCTION(fmi2Status, fmi2GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2St
 FUNCTION(fmi2Status, fmi2GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value)
 {
     const instance *of = c;
-    *value = of->time_s;
+    *value = servotwin_fmu_time_s(&of->fmu);
     return (kind == fmi2LastSuccessfulTime) ? fmi2OK : fmi2Discard;
 }
 

@@ -58,11 +58,6 @@ static fmi3Status well(const instance *of, bool is_well, const char *why)
     return is_well ? fmi3OK : failed(of, why);
 }
 
-static const char no_beginning[] = "there is no steady state or motion to begin with for these inputs and parameters";
-static const char no_step[] = "the step cannot be simulated: a value became infinite, or the error stayed too large";
-static const char unknown[] = "there is no variable with this reference that has a value";
-static const char not_set[] = "this variable cannot be set, or the value is out of its range";
-static const char other_length[] = "the number of values differs";
 static const char no_clock[] = "there are no clocks";
 
 FUNCTION(const char *, fmi3GetVersion, void)
@@ -126,7 +121,7 @@ FUNCTION(fmi3Status, fmi3EnterInitializationMode, fmi3Instance c, fmi3Boolean ha
 FUNCTION(fmi3Status, fmi3ExitInitializationMode, fmi3Instance c)
 {
     instance *of = c;
-    return well(of, servotwin_fmu_begin(&of->fmu), no_beginning);
+    return well(of, servotwin_fmu_begin(&of->fmu), SERVOTWIN_FMU_NO_BEGINNING);
 }
 
 FUNCTION(fmi3Status, fmi3Reset, fmi3Instance c)
@@ -155,27 +150,16 @@ FUNCTION(fmi3Status, fmi3GetFloat64, fmi3Instance c, const fmi3ValueReference vr
     size_t value_count)
 {
     instance *of = c;
-    bool is_well = count == value_count;
-    for (size_t i = 0U; is_well && (i < count); i++) {
-        /* The independent variable is the time. */
-        if (vr[i] == SERVOTWIN_FMU_TIME) {
-            values[i] = of->fmu.twin.time_s + of->fmu.start_s;
-        } else {
-            is_well = servotwin_fmu_get(&of->fmu, vr[i], &values[i]);
-        }
-    }
-    return well(of, is_well, unknown);
+    const bool fits = count == value_count;
+    return well(of, fits && servotwin_fmu_get(&of->fmu, vr, count, values), SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi3Status, fmi3SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t count,
     const fmi3Float64 values[], size_t value_count)
 {
     instance *of = c;
-    bool is_well = count == value_count;
-    for (size_t i = 0U; is_well && (i < count); i++) {
-        is_well = servotwin_fmu_set(&of->fmu, vr[i], values[i]);
-    }
-    return well(of, is_well, not_set);
+    const bool fits = count == value_count;
+    return well(of, fits && servotwin_fmu_set(&of->fmu, vr, count, values), SERVOTWIN_FMU_NOT_SET);
 }
 
 /* There are no variables of other types. */
@@ -183,12 +167,12 @@ FUNCTION(fmi3Status, fmi3SetFloat64, fmi3Instance c, const fmi3ValueReference vr
     FUNCTION(fmi3Status, fmi3Get##type, fmi3Instance c, const fmi3ValueReference vr[], size_t count, \
         fmi3##type values[], size_t value_count) \
     { \
-        return well(c, count == 0U, unknown); \
+        return well(c, count == 0U, SERVOTWIN_FMU_UNKNOWN); \
     } \
     FUNCTION(fmi3Status, fmi3Set##type, fmi3Instance c, const fmi3ValueReference vr[], size_t count, \
         const fmi3##type values[], size_t value_count) \
     { \
-        return well(c, count == 0U, unknown); \
+        return well(c, count == 0U, SERVOTWIN_FMU_UNKNOWN); \
     }
 
 NO_VARIABLES(Float32)
@@ -206,13 +190,13 @@ NO_VARIABLES(String)
 FUNCTION(fmi3Status, fmi3GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t count, size_t sizes[],
     fmi3Binary values[], size_t value_count)
 {
-    return well(c, count == 0U, unknown);
+    return well(c, count == 0U, SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi3Status, fmi3SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t count, const size_t sizes[],
     const fmi3Binary values[], size_t value_count)
 {
-    return well(c, count == 0U, unknown);
+    return well(c, count == 0U, SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi3Status, fmi3GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t count, fmi3Clock values[])
@@ -241,19 +225,14 @@ FUNCTION(fmi3Status, fmi3GetVariableDependencies, fmi3Instance c, fmi3ValueRefer
 FUNCTION(fmi3Status, fmi3GetFMUState, fmi3Instance c, fmi3FMUState *into)
 {
     const instance *of = c;
-    if (*into == NULL) {
-        *into = malloc(sizeof of->fmu);
-    }
-    if (*into != NULL) {
-        (void)memcpy(*into, &of->fmu, sizeof of->fmu);
-    }
-    return well(of, *into != NULL, "there is no memory for the state");
+    *into = servotwin_fmu_copied(&of->fmu, *into);
+    return well(of, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
 FUNCTION(fmi3Status, fmi3SetFMUState, fmi3Instance c, fmi3FMUState from)
 {
     instance *of = c;
-    (void)memcpy(&of->fmu, from, sizeof of->fmu);
+    (void)servotwin_fmu_copied(from, &of->fmu);
     return fmi3OK;
 }
 
@@ -272,25 +251,16 @@ FUNCTION(fmi3Status, fmi3SerializedFMUStateSize, fmi3Instance c, fmi3FMUState sa
 
 FUNCTION(fmi3Status, fmi3SerializeFMUState, fmi3Instance c, fmi3FMUState saved, fmi3Byte bytes[], size_t size)
 {
-    const bool fits = size >= sizeof(servotwin_fmu);
-    if (fits) {
-        (void)memcpy(bytes, saved, sizeof(servotwin_fmu));
-    }
-    return well(c, fits, "the list of bytes is too short for a state");
+    return well(c, servotwin_fmu_serialize(saved, bytes, size), SERVOTWIN_FMU_TOO_SHORT);
 }
 
 FUNCTION(fmi3Status, fmi3DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *into)
 {
     if (size != sizeof(servotwin_fmu)) {
-        return failed(c, "the bytes are no state of this FMU");
+        return failed(c, SERVOTWIN_FMU_NO_STATE);
     }
-    if (*into == NULL) {
-        *into = malloc(size);
-    }
-    if (*into != NULL) {
-        (void)memcpy(*into, bytes, size);
-    }
-    return well(c, *into != NULL, "there is no memory for the state");
+    *into = servotwin_fmu_copied(bytes, *into);
+    return well(c, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
 FUNCTION(fmi3Status, fmi3GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknowns[],
@@ -301,7 +271,7 @@ FUNCTION(fmi3Status, fmi3GetDirectionalDerivative, fmi3Instance c, const fmi3Val
     const bool fits = (unknown_count == sensitivity_count) && (known_count == seed_count);
     return well(of,
         fits && servotwin_fmu_directional(&of->fmu, unknowns, unknown_count, knowns, known_count, seeds, sensitivities),
-        "derivatives are known for states' derivatives and outputs with respect to states and inputs");
+        SERVOTWIN_FMU_NO_DERIVATIVE);
 }
 
 FUNCTION(fmi3Status, fmi3GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknowns[], size_t unknown_count,
@@ -364,40 +334,29 @@ FUNCTION(fmi3Status, fmi3SetTime, fmi3Instance c, fmi3Float64 time_s)
 FUNCTION(fmi3Status, fmi3SetContinuousStates, fmi3Instance c, const fmi3Float64 states[], size_t count)
 {
     instance *of = c;
-    if (count != (size_t)SERVOTWIN_TWIN_STATES) {
-        return failed(of, other_length);
-    }
-    servotwin_fmu_set_states(&of->fmu, states);
-    return fmi3OK;
+    return well(of, servotwin_fmu_set_states(&of->fmu, states, count), SERVOTWIN_FMU_OTHER_LENGTH);
 }
 
 FUNCTION(fmi3Status, fmi3GetContinuousStateDerivatives, fmi3Instance c, fmi3Float64 derivatives[], size_t count)
 {
     instance *of = c;
-    const bool fits = count == (size_t)SERVOTWIN_TWIN_STATES;
-    return well(of, fits && servotwin_fmu_derivatives(&of->fmu, derivatives), unknown);
+    return well(of, servotwin_fmu_derivatives(&of->fmu, derivatives, count), SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi3Status, fmi3GetEventIndicators, fmi3Instance c, fmi3Float64 indicators[], size_t count)
 {
-    return well(c, count == 0U, other_length);
+    return well(c, count == 0U, SERVOTWIN_FMU_OTHER_LENGTH);
 }
 
 FUNCTION(fmi3Status, fmi3GetContinuousStates, fmi3Instance c, fmi3Float64 states[], size_t count)
 {
     instance *of = c;
-    bool is_well = count == (size_t)SERVOTWIN_TWIN_STATES;
-    for (uint32_t i = 0U; is_well && (i < (uint32_t)count); i++) {
-        is_well = servotwin_fmu_get(&of->fmu, i, &states[i]);
-    }
-    return well(of, is_well, unknown);
+    return well(of, servotwin_fmu_states(&of->fmu, states, count), SERVOTWIN_FMU_UNKNOWN);
 }
 
 FUNCTION(fmi3Status, fmi3GetNominalsOfContinuousStates, fmi3Instance c, fmi3Float64 nominals[], size_t count)
 {
-    for (size_t i = 0U; i < count; i++) {
-        nominals[i] = 1.0 / servotwin_twin_scales[i];
-    }
+    servotwin_fmu_nominals(nominals, count);
     return fmi3OK;
 }
 
@@ -428,7 +387,7 @@ FUNCTION(fmi3Status, fmi3DoStep, fmi3Instance c, fmi3Float64 time_s, fmi3Float64
     *needs_event = false;
     *terminate = false;
     *returns_early = false;
-    const bool is_well = (step_s >= 0.0) && servotwin_fmu_advance(&of->fmu, time_s + step_s);
-    *last_time_s = is_well ? (time_s + step_s) : (of->fmu.twin.time_s + of->fmu.start_s);
-    return well(of, is_well, no_step);
+    const bool is_well = servotwin_fmu_advance(&of->fmu, time_s, step_s);
+    *last_time_s = is_well ? (time_s + step_s) : servotwin_fmu_time_s(&of->fmu);
+    return well(of, is_well, SERVOTWIN_FMU_NO_STEP);
 }

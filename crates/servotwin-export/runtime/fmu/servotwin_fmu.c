@@ -1,6 +1,7 @@
 #include "servotwin_fmu.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define FIRST_INPUT SERVOTWIN_TWIN_STATES
@@ -72,10 +73,17 @@ bool servotwin_fmu_begin(servotwin_fmu *fmu)
     return is_well;
 }
 
-bool servotwin_fmu_get(servotwin_fmu *fmu, uint32_t reference, double *value)
+double servotwin_fmu_time_s(const servotwin_fmu *fmu)
+{
+    return fmu->twin.time_s + fmu->start_s;
+}
+
+static bool get(servotwin_fmu *fmu, uint32_t reference, double *value)
 {
     bool is_known = true;
-    if (reference < (uint32_t)SERVOTWIN_TWIN_SUMS_END) {
+    if (reference == SERVOTWIN_FMU_TIME) {
+        *value = servotwin_fmu_time_s(fmu);
+    } else if (reference < (uint32_t)SERVOTWIN_TWIN_SUMS_END) {
         const bool is_input = (reference >= (uint32_t)FIRST_INPUT) && (reference < (uint32_t)END_OF_INPUTS);
         is_known = is_input || refresh(fmu);
         *value = is_input ? fmu->inputs[reference - (uint32_t)FIRST_INPUT] : fmu->twin.variables[reference];
@@ -89,7 +97,16 @@ bool servotwin_fmu_get(servotwin_fmu *fmu, uint32_t reference, double *value)
     return is_known;
 }
 
-bool servotwin_fmu_set(servotwin_fmu *fmu, uint32_t reference, double value)
+bool servotwin_fmu_get(servotwin_fmu *fmu, const uint32_t *references, size_t count, double *values)
+{
+    bool is_well = true;
+    for (size_t i = 0U; is_well && (i < count); i++) {
+        is_well = get(fmu, references[i], &values[i]);
+    }
+    return is_well;
+}
+
+static bool set(servotwin_fmu *fmu, uint32_t reference, double value)
 {
     bool is_set = isfinite(value) != 0;
     const uint32_t input = reference - (uint32_t)FIRST_INPUT;
@@ -113,12 +130,23 @@ bool servotwin_fmu_set(servotwin_fmu *fmu, uint32_t reference, double value)
     return is_set;
 }
 
-bool servotwin_fmu_advance(servotwin_fmu *fmu, double to_s)
+bool servotwin_fmu_set(servotwin_fmu *fmu, const uint32_t *references, size_t count, const double *values)
 {
-    take_parameters(fmu);
-    fmu->is_stale = true;
-    const bool is_well = servotwin_twin_advance(&fmu->twin, fmu->inputs, to_s - fmu->start_s);
-    fmu->is_stale = !is_well;
+    bool is_well = true;
+    for (size_t i = 0U; is_well && (i < count); i++) {
+        is_well = set(fmu, references[i], values[i]);
+    }
+    return is_well;
+}
+
+bool servotwin_fmu_advance(servotwin_fmu *fmu, double time_s, double step_s)
+{
+    bool is_well = step_s >= 0.0;
+    if (is_well) {
+        take_parameters(fmu);
+        is_well = servotwin_twin_advance(&fmu->twin, fmu->inputs, (time_s + step_s) - fmu->start_s);
+        fmu->is_stale = !is_well;
+    }
     return is_well;
 }
 
@@ -127,17 +155,44 @@ void servotwin_fmu_set_time(servotwin_fmu *fmu, double time_s)
     fmu->twin.time_s = time_s - fmu->start_s;
 }
 
-void servotwin_fmu_set_states(servotwin_fmu *fmu, const double *states)
+static bool is_of_states(size_t count)
 {
-    (void)memcpy(fmu->twin.states, states, sizeof fmu->twin.states);
-    fmu->is_stale = true;
+    return count == (size_t)SERVOTWIN_TWIN_STATES;
 }
 
-bool servotwin_fmu_derivatives(servotwin_fmu *fmu, double *derivatives)
+bool servotwin_fmu_set_states(servotwin_fmu *fmu, const double *states, size_t count)
 {
-    const bool is_well = refresh(fmu);
-    (void)memcpy(derivatives, &fmu->twin.variables[FIRST_DERIVATIVE], sizeof fmu->twin.states);
+    const bool fits = is_of_states(count);
+    if (fits) {
+        (void)memcpy(fmu->twin.states, states, sizeof fmu->twin.states);
+        fmu->is_stale = true;
+    }
+    return fits;
+}
+
+bool servotwin_fmu_states(servotwin_fmu *fmu, double *states, size_t count)
+{
+    const bool is_well = is_of_states(count) && refresh(fmu);
+    if (is_well) {
+        (void)memcpy(states, fmu->twin.variables, sizeof fmu->twin.states);
+    }
     return is_well;
+}
+
+bool servotwin_fmu_derivatives(servotwin_fmu *fmu, double *derivatives, size_t count)
+{
+    const bool is_well = is_of_states(count) && refresh(fmu);
+    if (is_well) {
+        (void)memcpy(derivatives, &fmu->twin.variables[FIRST_DERIVATIVE], sizeof fmu->twin.states);
+    }
+    return is_well;
+}
+
+void servotwin_fmu_nominals(double *nominals, size_t count)
+{
+    for (size_t i = 0U; i < count; i++) {
+        nominals[i] = 1.0 / servotwin_twin_scales[i];
+    }
 }
 
 bool servotwin_fmu_tick(servotwin_fmu *fmu, double *next_s)
@@ -149,13 +204,13 @@ bool servotwin_fmu_tick(servotwin_fmu *fmu, double *next_s)
     return isfinite(next) != 0;
 }
 
-bool servotwin_fmu_directional(servotwin_fmu *fmu, const uint32_t *unknowns, uint64_t unknown_count,
-    const uint32_t *knowns, uint64_t known_count, const double *seeds, double *sensitivities)
+bool servotwin_fmu_directional(servotwin_fmu *fmu, const uint32_t *unknowns, size_t unknown_count,
+    const uint32_t *knowns, size_t known_count, const double *seeds, double *sensitivities)
 {
     double directions[END_OF_INPUTS] = { 0.0 };
     double tangents[SERVOTWIN_TWIN_VARIABLES] = { 0.0 };
     bool is_well = refresh(fmu);
-    for (uint64_t i = 0U; is_well && (i < known_count); i++) {
+    for (size_t i = 0U; is_well && (i < known_count); i++) {
         is_well = knowns[i] < (uint32_t)END_OF_INPUTS;
         if (is_well) {
             directions[knowns[i]] = seeds[i];
@@ -165,11 +220,29 @@ bool servotwin_fmu_directional(servotwin_fmu *fmu, const uint32_t *unknowns, uin
         servotwin_twin_tangent(fmu->twin.constants, fmu->twin.variables, directions, tangents);
         (void)memcpy(tangents, directions, sizeof directions);
     }
-    for (uint64_t i = 0U; is_well && (i < unknown_count); i++) {
+    for (size_t i = 0U; is_well && (i < unknown_count); i++) {
         is_well = unknowns[i] < (uint32_t)SERVOTWIN_TWIN_SUMS_END;
         if (is_well) {
             sensitivities[i] = tangents[unknowns[i]];
         }
     }
     return is_well;
+}
+
+void *servotwin_fmu_copied(const void *state, void *into)
+{
+    void *copy = (into != NULL) ? into : malloc(sizeof(servotwin_fmu));
+    if (copy != NULL) {
+        (void)memcpy(copy, state, sizeof(servotwin_fmu));
+    }
+    return copy;
+}
+
+bool servotwin_fmu_serialize(const void *state, void *bytes, size_t size)
+{
+    const bool fits = size >= sizeof(servotwin_fmu);
+    if (fits) {
+        (void)memcpy(bytes, state, sizeof(servotwin_fmu));
+    }
+    return fits;
 }

@@ -34,6 +34,15 @@ pub(crate) fn numbers(c: &mut String, name: &str, items: impl IntoIterator<Item 
     array(c, "double", name, items.into_iter().map(hexadecimal));
 }
 
+/// A header with `#define PREFIX_NAME SIZE` for every size.
+pub(crate) fn sizes(head: &str, prefix: &str, sizes: &[(&str, usize)]) -> String {
+    let mut h = format!("{head}#ifndef {prefix}_SIZES_H\n#define {prefix}_SIZES_H\n\n");
+    for (name, size) in sizes {
+        let _ = writeln!(h, "#define {prefix}_{name} {size}");
+    }
+    h + "\n#endif\n"
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -63,6 +63,11 @@ runtime! {
     "servotwin_equations.h",
     "servotwin_twin.h",
     "servotwin_twin.c",
+}
+
+runtime! {
+    /// Those that run a twin beside a diagnosis.
+    HYBRID:
     "servotwin_hybrid.h",
     "servotwin_hybrid.c",
     "main.c",
@@ -77,7 +82,7 @@ const PRINTED_OF_TWIN: [&str; 3] =
 
 /// The names of all files of a diagnosis and a twin.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    let written = DIAGNOSIS.iter().chain(TWIN).map(|(name, _)| *name);
+    let written = DIAGNOSIS.iter().chain(TWIN).chain(HYBRID).map(|(name, _)| *name);
     written.chain(PRINTED).chain(PRINTED_OF_TWIN)
 }
 
@@ -107,7 +112,16 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
     Ok(together(DIAGNOSIS, PRINTED, printed))
 }
 
-/// The files of a twin, which a diagnosis is compiled with.
+/// All files of a diagnoser with a twin beside it.
+///
+/// # Errors
+/// The errors of [`files`] and [`files_of_twin`].
+pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<CFile>, ExportError> {
+    let hybrid = written(HYBRID);
+    Ok([files(diagnoser)?, files_of_twin(twin)?, hybrid.collect()].concat())
+}
+
+/// The files of a twin alone.
 ///
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
@@ -116,11 +130,15 @@ pub fn files_of_twin(twin: &Twin) -> Result<Vec<CFile>, ExportError> {
 }
 
 fn together(
-    written: &[(&'static str, &str)],
+    list: &[(&'static str, &str)],
     names: [&'static str; 3],
     printed: impl IntoIterator<Item = String>,
 ) -> Vec<CFile> {
-    let written = written.iter().map(|&(name, text)| CFile { name, text: text.to_owned() });
     let printed = names.into_iter().zip(printed).map(|(name, text)| CFile { name, text });
-    written.chain(printed).collect()
+    written(list).chain(printed).collect()
+}
+
+/// The hand-written files of a list.
+fn written(list: &[(&'static str, &str)]) -> impl Iterator<Item = CFile> {
+    list.iter().map(|&(name, text)| CFile { name, text: text.to_owned() })
 }

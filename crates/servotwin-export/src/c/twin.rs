@@ -1,8 +1,10 @@
 //! The virtual twin as C: its equations, and the tables of its steps.
 
+use super::literal;
 use crate::error::ExportError;
-use servotwin_model::c_source::{hexadecimal, write_twin};
+use servotwin_model::c_source::{described, hexadecimal, write_twin};
 use servotwin_model::program::{Program, Slot};
+use servotwin_model::solver::tableau::Tableau;
 use servotwin_model::solver::{Between, Control, Settings};
 use servotwin_model::spec::Start;
 use std::fmt::Write;
@@ -35,9 +37,11 @@ const HEAD: &str = "/* Written by servotwin; do not edit. */\n";
 
 /// `servotwin_twin_sizes.h`, `servotwin_twin_tables.c` and `servotwin_equations.c`.
 pub(super) fn texts(twin: &Twin) -> Result<[String; 3], ExportError> {
+    let method = twin.settings.method;
+    let implicit = method.tableau().zip(write_twin(twin.program, method));
     let explicit = ExportError::Unsupported("an explicit method has no C counterpart");
-    let equations = write_twin(twin.program, twin.settings.method).ok_or(explicit)?;
-    Ok([sizes(twin), tables(twin), equations])
+    let (tableau, equations) = implicit.ok_or(explicit)?;
+    Ok([sizes(twin.program, tableau), tables(twin, tableau), equations])
 }
 
 /// Parameters without a fault, with their names and units.
@@ -46,16 +50,15 @@ fn parameters(program: &Program) -> impl Iterator<Item = (String, f64)> {
     let components = program.network().components.iter().zip(values);
     components.flat_map(|(instance, values)| {
         let declared = instance.component.spec().parameters.iter();
-        let named = declared.map(|p| format!("{}.{}, {}", instance.id, p.name, p.unit.symbol()));
+        let named =
+            declared.map(|p| described(&format!("{}.{}", instance.id, p.name), p.unit.symbol()));
         named.zip(values).collect::<Vec<_>>()
     })
 }
 
-fn sizes(twin: &Twin) -> String {
-    let program = twin.program;
+fn sizes(program: &Program, tableau: &Tableau) -> String {
     let clocks = program.clock_periods_s().count();
-    let tableau = twin.settings.method.tableau();
-    let sizes = [
+    let all = [
         ("STATES", program.states().len()),
         ("INPUTS", program.externals().len()),
         ("HELD", program.stand_ins().end - program.externals().start),
@@ -66,25 +69,21 @@ fn sizes(twin: &Twin) -> String {
         ("CONSTANTS", program.constants()),
         ("GRADIENTS", program.jacobian().slots()),
         ("FACTORS", program.lu().slots()),
-        ("STAGES", tableau.map_or(0, |tableau| tableau.stages())),
+        ("STAGES", tableau.stages()),
         ("CLOCKS", clocks),
         ("MOST_CLOCKS", clocks.max(1)),
     ];
-    let mut h = format!("{HEAD}#ifndef SERVOTWIN_TWIN_SIZES_H\n#define SERVOTWIN_TWIN_SIZES_H\n\n");
-    for (name, size) in sizes {
-        let _ = writeln!(h, "#define SERVOTWIN_TWIN_{name} {size}");
-    }
-    h + "\n#endif\n"
+    literal::sizes(HEAD, "SERVOTWIN_TWIN", &all)
 }
 
-fn tables(twin: &Twin) -> String {
+fn tables(twin: &Twin, tableau: &Tableau) -> String {
     let mut c = format!("{HEAD}#include \"servotwin_twin.h\"\n");
-    control(&mut c, twin);
+    control(&mut c, twin, tableau);
     states(&mut c, twin.program);
     inputs(&mut c, twin);
     let periods = twin.program.clock_periods_s();
     entries(&mut c, "double", "clock_periods_s[SERVOTWIN_TWIN_MOST_CLOCKS]", periods.map(plain));
-    let parameters = parameters(twin.program).map(|(name, value)| described(&name, value));
+    let parameters = parameters(twin.program).map(|(name, value)| (hexadecimal(value), name));
     entries(&mut c, "double", "parameters[SERVOTWIN_TWIN_PARAMETERS]", parameters);
     let sensors = twin.sensors.iter().map(|slot| (slot.to_string(), String::new()));
     let _ = writeln!(c, "\nextern const int32_t servotwin_twin_sensors[];");
@@ -97,12 +96,7 @@ fn plain(value: f64) -> (String, String) {
     (hexadecimal(value), String::new())
 }
 
-/// A number with what it is.
-fn described(name: &str, value: f64) -> (String, String) {
-    (hexadecimal(value), format!(" /* {} */", name.trim_end_matches(", ")))
-}
-
-/// Writes `const KIND servotwin_twin_NAME = { … };`: one line for each entry, with its comment.
+/// Writes `const KIND servotwin_twin_NAME = { … };`: one line for each entry, with its comment if it has one.
 fn entries(
     c: &mut String,
     kind: &str,
@@ -110,7 +104,11 @@ fn entries(
     entries: impl Iterator<Item = (String, String)>,
 ) {
     let _ = writeln!(c, "\nconst {kind} servotwin_twin_{name} = {{");
-    let mut lines = entries.map(|(entry, comment)| format!("    {entry},{comment}\n")).peekable();
+    let line = |(entry, comment): (String, String)| match comment.is_empty() {
+        true => format!("    {entry},\n"),
+        false => format!("    {entry}, /* {comment} */\n"),
+    };
+    let mut lines = entries.map(line).peekable();
     if lines.peek().is_none() {
         c.push_str("    0\n");
     }
@@ -118,9 +116,7 @@ fn entries(
     c.push_str("};\n");
 }
 
-fn control(c: &mut String, twin: &Twin) {
-    let tableau = twin.settings.method.tableau();
-    let (gamma, order) = tableau.map_or((1.0, 1), |tableau| (tableau.gamma, tableau.order));
+fn control(c: &mut String, twin: &Twin, tableau: &Tableau) {
     let list = |numbers: &[f64]| {
         let numbers: Vec<String> = numbers.iter().map(|&number| hexadecimal(number)).collect();
         format!("{{ {} }}", numbers.join(", "))
@@ -131,15 +127,15 @@ fn control(c: &mut String, twin: &Twin) {
             (false, 0.0, tolerance, max_step_s, attempt_rate_limit_per_s.min(f64::MAX))
         }
     };
-    let numbers = [step_s, tolerance, max_step_s, limit, 1.0 / gamma, -1.0 / f64::from(order)];
+    let growth_exponent = -1.0 / f64::from(tableau.order);
+    let numbers = [step_s, tolerance, max_step_s, limit, 1.0 / tableau.gamma, growth_exponent];
     let numbers = numbers.map(hexadecimal).join(", ");
-    let (alpha, gamma_sum) = tableau.map_or((&[][..], &[][..]), |t| (t.alpha, t.gamma_sum));
     let _ = writeln!(
         c,
         "\nconst servotwin_step_control servotwin_twin_control = {{\n    {}, {is_fixed}, {numbers},\n    {},\n    {}\n}};",
         hexadecimal(twin.period_s),
-        list(alpha),
-        list(gamma_sum)
+        list(tableau.alpha),
+        list(tableau.gamma_sum)
     );
 }
 
@@ -158,7 +154,7 @@ fn states(c: &mut String, program: &Program) {
                 format!("{{ {}, 0x0p+0 }}", first_parameter(state.component) + place)
             }
         };
-        (guess, format!(" /* {}, {} */", state.name, state.unit.symbol()))
+        (guess, described(&state.name, state.unit.symbol()))
     });
     entries(c, "servotwin_guess", "guesses[SERVOTWIN_TWIN_STATES]", guesses);
     let reciprocal = |number: f64| plain(1.0 / number);
@@ -176,7 +172,7 @@ fn inputs(c: &mut String, twin: &Twin) {
     let inputs = &twin.program.network().inputs;
     let defaults = inputs.iter().map(|input| {
         let knot = format!("{{ {}, 0x0p+0 }}", hexadecimal(input.default));
-        (knot, format!(" /* {}, {} */", input.id, input.unit.symbol()))
+        (knot, described(&input.id, input.unit.symbol()))
     });
     entries(c, "servotwin_knot", "defaults[SERVOTWIN_TWIN_INPUTS]", defaults);
     let course = |between: &Between| match between {

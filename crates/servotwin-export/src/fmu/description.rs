@@ -33,7 +33,7 @@ pub(super) struct Description<'d> {
     pub title: &'d str,
     /// The importing tool must show this text to the binary.
     pub token: &'d str,
-    pub sources: &'d [&'static str],
+    pub sources: &'d [&'d str],
     pub program: &'d Program,
     pub variables: &'d Variables,
     pub period_s: f64,

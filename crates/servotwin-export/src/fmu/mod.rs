@@ -10,19 +10,23 @@ mod variables;
 pub use description::Version;
 
 use crate::c::{self, CFile, Twin};
-use crate::compile::{Workplace, compilers};
+use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use description::Description;
-use servotwin_io::files::{FileError, write_atomically};
+use servotwin_io::files::write_atomically;
 use servotwin_io::manifest::sha256_of_text;
+use servotwin_model::c_source::write_tangent;
 use std::io::{Cursor, Write};
 use std::path::Path;
 use variables::Variables;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-/// Files of a twin that an FMU does not need.
-const NOT_IN_FMU: [&str; 3] = ["servotwin_hybrid.h", "servotwin_hybrid.c", "main.c"];
+/// The hand-written files of both versions: name and text.
+const COMMON: [(&str, &str); 2] = [
+    ("servotwin_fmu.h", include_str!("../../runtime/fmu/servotwin_fmu.h")),
+    ("servotwin_fmu.c", include_str!("../../runtime/fmu/servotwin_fmu.c")),
+];
 
 /// Writes an FMU of a system; returns the number of its variables. `name` becomes a C identifier.
 ///
@@ -44,8 +48,7 @@ pub fn write(
         text: format!("/* Written by servotwin. */\n#define SERVOTWIN_TOKEN \"{token}\"\n"),
     });
     let variables = Variables::new(twin);
-    let compiled: Vec<&'static str> =
-        sources.iter().map(|file| file.name).filter(|name| name.ends_with(".c")).collect();
+    let compiled: Vec<&str> = compiled(&sources).collect();
     let description = Description {
         version,
         name: &name,
@@ -58,27 +61,20 @@ pub fn write(
     };
     let binary = binary(&sources)?;
     let parts = parts(version, &name, description.text(), &sources, binary);
-    let archive = archive(&parts).map_err(|cause| problem(path, cause))?;
+    let archive = archive(&parts).map_err(|cause| ExportError::from_io(path, cause))?;
     write_atomically(path, |out| out.write_all(&archive))?;
     Ok(variables.all.len())
 }
 
-macro_rules! fmu_files {
-    ($($name:literal,)*) => {
-        [$(($name, include_str!(concat!("../../runtime/fmu/", $name))),)*]
-    };
-}
-
 /// The C files of an FMU, without the token.
 fn sources(twin: &Twin, version: Version) -> Result<Vec<CFile>, ExportError> {
+    let interface = match version {
+        Version::Two => ("fmi2.c", include_str!("../../runtime/fmu/fmi2.c")),
+        Version::Three => ("fmi3.c", include_str!("../../runtime/fmu/fmi3.c")),
+    };
     let mut files = c::files_of_twin(twin)?;
-    files.retain(|file| !NOT_IN_FMU.contains(&file.name));
-    let text = servotwin_model::c_source::write_tangent(twin.program);
-    files.push(CFile { name: "servotwin_tangent.c", text });
-    let interface = if version == Version::Two { "fmi2.c" } else { "fmi3.c" };
-    let written = fmu_files!["servotwin_fmu.h", "servotwin_fmu.c", "fmi2.c", "fmi3.c",];
-    let written =
-        written.into_iter().filter(|(name, _)| !name.starts_with("fmi") || *name == interface);
+    files.push(CFile { name: "servotwin_tangent.c", text: write_tangent(twin.program) });
+    let written = COMMON.into_iter().chain([interface]);
     files.extend(written.map(|(name, text)| CFile { name, text: text.into() }));
     Ok(files)
 }
@@ -99,8 +95,7 @@ fn binary(sources: &[CFile]) -> Result<Vec<u8>, ExportError> {
         "-o",
         "system.so",
     ];
-    let names = sources.iter().map(|file| file.name).filter(|name| name.ends_with(".c"));
-    workplace.run(compiler, compiler, flags.into_iter().chain(names))?;
+    workplace.run(compiler, compiler, flags.into_iter().chain(compiled(sources)))?;
     workplace.read("system.so")
 }
 
@@ -129,9 +124,8 @@ fn parts(
 
 /// How an importing tool compiles the sources (version 3 only).
 fn build_description(name: &str, sources: &[CFile]) -> Vec<u8> {
-    let files = sources.iter().filter(|file| file.name.ends_with(".c"));
-    let files: String =
-        files.map(|file| format!("      <SourceFile name=\"{}\"/>\n", file.name)).collect();
+    let file = |name| format!("      <SourceFile name=\"{name}\"/>\n");
+    let files: String = compiled(sources).map(file).collect();
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiBuildDescription fmiVersion=\"3.0\">\n  \
          <BuildConfiguration modelIdentifier=\"{name}\">\n    <SourceFileSet language=\"C99\">\n{files}    </SourceFileSet>\n  \
@@ -156,8 +150,4 @@ fn identifier(name: &str) -> String {
     let text: String = name.chars().map(legal).collect();
     let starts_well = text.starts_with(|c: char| c.is_ascii_alphabetic());
     if starts_well { text } else { format!("system_{text}") }
-}
-
-fn problem(path: &Path, cause: std::io::Error) -> ExportError {
-    FileError::from_io(path, cause).into()
 }

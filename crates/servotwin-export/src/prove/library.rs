@@ -3,7 +3,7 @@
 use super::chain::Said;
 use super::samples::Sample;
 use crate::c::CFile;
-use crate::compile::{Workplace, compilers};
+use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use libloading::{Library, Symbol};
 use servotwin_model::program::Program;
@@ -110,8 +110,7 @@ impl<'b> Objects<'b> {
             proving.extend(PROVE_TWIN.map(|(name, text)| CFile { name, text: text.into() }));
         }
         let sources = files.iter().chain(&proving);
-        let is_compiled = |name: &&str| name.ends_with(".c") && *name != "main.c";
-        let names = sources.clone().map(|file| file.name).filter(is_compiled).collect();
+        let names = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
         let objects = Objects { workplace: Workplace::new(sources)?, build, names };
         objects.names.iter().try_for_each(|name| objects.compile(name))?;
         Ok(objects)
@@ -153,6 +152,13 @@ impl Compiled {
     /// Compiles the files and loads them.
     pub fn new(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
         Objects::new(files, build)?.load("export.so")
+    }
+
+    /// Memory for a struct of the C text, in whole words, so that any member is aligned.
+    fn memory(&self, size: &[u8]) -> Result<Vec<u64>, ExportError> {
+        // SAFETY: see below.
+        let size = unsafe { self.library.get::<unsafe extern "C" fn() -> u64>(size) }?;
+        Ok(vec![0; unsafe { size() }.div_ceil(8) as usize])
     }
 
     pub fn rounds_twice(&self) -> Result<bool, ExportError> {
@@ -240,7 +246,6 @@ impl Compiled {
 
 /// A session of a compiled export.
 pub(super) struct RunningSession<'c> {
-    /// Whole words, so that any member is aligned.
     memory: Vec<u64>,
     push: Symbol<
         'c,
@@ -255,11 +260,9 @@ impl Compiled {
     pub fn session(&self) -> Result<RunningSession<'_>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library says.
         unsafe {
-            let size: Symbol<unsafe extern "C" fn() -> u64> =
-                self.library.get(b"prove_session_size")?;
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
                 self.library.get(b"prove_start")?;
-            let mut memory = vec![0; size().div_ceil(8) as usize];
+            let mut memory = self.memory(b"prove_session_size")?;
             start(memory.as_mut_ptr());
             Ok(RunningSession {
                 memory,
@@ -330,7 +333,6 @@ impl PointOf {
 
 /// A twin of a compiled export.
 pub(super) struct RunningTwin<'c> {
-    /// Whole words, so that any member is aligned.
     memory: Vec<u64>,
     parameters: Vec<f64>,
     pairs: Vec<f64>,
@@ -349,10 +351,8 @@ impl Compiled {
     pub fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library says.
         unsafe {
-            let size: Symbol<unsafe extern "C" fn() -> u64> =
-                self.library.get(b"prove_twin_size")?;
             Ok(RunningTwin {
-                memory: vec![0; size().div_ceil(8) as usize],
+                memory: self.memory(b"prove_twin_size")?,
                 parameters: vec![0.0; program.parameters(&[]).iter().map(Vec::len).sum()],
                 pairs: vec![0.0; 2 * program.externals().len()],
                 variables_count: program.slots(),
@@ -428,7 +428,6 @@ impl RunningTwin<'_> {
 
 /// A hybrid twin of a compiled export.
 pub(super) struct RunningHybrid<'c> {
-    /// Whole words, so that any member is aligned.
     memory: Vec<u64>,
     push: Symbol<
         'c,
@@ -441,11 +440,9 @@ impl Compiled {
     pub fn hybrid(&self) -> Result<RunningHybrid<'_>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library says.
         unsafe {
-            let size: Symbol<unsafe extern "C" fn() -> u64> =
-                self.library.get(b"prove_hybrid_size")?;
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
                 self.library.get(b"prove_hybrid_start")?;
-            let mut memory = vec![0; size().div_ceil(8) as usize];
+            let mut memory = self.memory(b"prove_hybrid_size")?;
             start(memory.as_mut_ptr());
             Ok(RunningHybrid { memory, push: self.library.get(b"prove_hybrid_push")? })
         }

@@ -129,7 +129,7 @@ pub struct Subject<'s> {
     pub twin: &'s Twin<'s>,
 }
 
-/// What is proven, and on how much.
+/// The scope of a proof.
 pub struct Plan<'p> {
     /// The diagnoser.
     pub diagnoser: &'p Arc<Diagnoser>,

@@ -18,8 +18,8 @@
 //! The array of parameters lists the components one after the other, with faults applied ([`Program::parameters`]).
 
 use super::helpers::{Helper, print_helpers};
-use super::parameter_symbols;
 use super::printer::{Dialect, Printer, Stores, line, needed_expressions};
+use super::{described, parameter_symbols};
 use crate::program::{Observable, Program};
 use crate::scalar::Scalar;
 use crate::symbol::{Binary, Expression, Graph, Operand, Symbol, Unary};
@@ -235,12 +235,6 @@ impl Names {
         };
         names.get(index).map(String::as_str)
     }
-}
-
-/// A name with its unit, safe inside a comment.
-fn described(name: &str, unit: &str) -> String {
-    let name = name.replace("*/", "* /");
-    if unit.is_empty() { name } else { format!("{name}, {unit}") }
 }
 
 fn heading(c: &mut String, program: &Program, prefix: &str, names: &Names, outputs: &[Observable]) {

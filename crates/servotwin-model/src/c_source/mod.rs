@@ -24,7 +24,15 @@ pub use twin::{write_tangent, write_twin};
 
 use crate::program::Program;
 use crate::symbol::{Graph, Symbol};
+use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
+
+/// A name with its unit, safe inside a comment.
+pub fn described(name: &str, unit: &str) -> String {
+    let name = name.replace("*/", "* /");
+    if unit.is_empty() { name } else { format!("{name}, {unit}") }
+}
 
 /// Returns the parameters of all components as variables of the array `parameters`.
 fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {

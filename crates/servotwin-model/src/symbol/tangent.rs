@@ -1,4 +1,4 @@
-//! What a trace depends on, and how it changes with that: directional derivatives of traced values.
+//! Dependencies and directional derivatives of traced values.
 
 use super::{Binary, Expression, Function, Graph, Operand, Symbol, Truth, Unary};
 use crate::scalar::Scalar;

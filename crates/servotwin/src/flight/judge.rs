@@ -190,7 +190,7 @@ pub struct FlightMetrics {
     /// Training flights that began without a steady state; they are excluded from training.
     #[serde(default)]
     pub on_the_move_to_learn: Vec<MovingFlight>,
-    /// What held-out healthy flights showed after training; `None` if none were flown.
+    /// The evidence of held-out healthy flights after training; `None` if none were flown.
     #[serde(default)]
     pub healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.

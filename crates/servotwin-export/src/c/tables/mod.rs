@@ -5,6 +5,7 @@ mod length;
 mod stage;
 mod system;
 
+use super::literal;
 use crate::error::ExportError;
 use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
 use std::fmt::Write;
@@ -37,7 +38,7 @@ fn sizes(diagnoser: &Diagnoser) -> String {
     let pairs = common_mode::corresponding(&diagnoser.sensors_seen(), diagnoser.watched());
     let panes = diagnoser.lengths.iter().filter_map(|length| length.span.panes).max();
     let boundaries = diagnoser.boundaries.len();
-    let sizes = [
+    let all = [
         ("SENSORS", diagnoser.sensors.len()),
         ("WATCHED", diagnoser.watched()),
         ("INPUTS", diagnoser.environment.inputs.len()),
@@ -53,9 +54,5 @@ fn sizes(diagnoser: &Diagnoser) -> String {
         ("BOUNDARIES", boundaries),
         ("MOST_BOUNDARIES", boundaries.max(1)),
     ];
-    let mut h = format!("{HEAD}#ifndef SERVOTWIN_SIZES_H\n#define SERVOTWIN_SIZES_H\n\n");
-    for (name, size) in sizes {
-        let _ = writeln!(h, "#define SERVOTWIN_{name} {size}");
-    }
-    h + "\n#endif\n"
+    literal::sizes(HEAD, "SERVOTWIN", &all)
 }
