@@ -1,42 +1,12 @@
 """The diagnosis beside an actuator, with a diagnoser that the command line has learned."""
 
-import os
 import pickle
-import subprocess
 
 import numpy as np
 import pytest
-from tiny import STUDY
+from flown import flight
 
 import servotwin
-
-
-@pytest.fixture(scope="module")
-def learned(tmp_path_factory):
-    binary = os.environ.get("SERVOTWIN_BINARY")
-    if not binary:
-        pytest.skip("SERVOTWIN_BINARY names no command line")
-    folder = tmp_path_factory.mktemp("flights")
-    (folder / "tiny.toml").write_text(STUDY)
-    command = [binary, "flights", str(folder / "tiny.toml"), "--out", str(folder / "out")]
-    subprocess.run(command, check=True, capture_output=True)
-    return folder / "out" / "diagnoser-noise.json"
-
-
-def flight(diagnoser, fault=None, samples=300):
-    """Inputs, what the plant's sensors show and what its twin expects."""
-    system = servotwin.System()
-    period = diagnoser.sample_period_s
-    labels = dict(zip(system.sensors["label"], system.sensors["id"]))
-    record = [labels[name] for name in diagnoser.sensors]
-    command = 0.05 * np.sin(2 * np.pi * 0.5 * period * np.arange(samples))
-    inputs = np.tile(system.inputs["default"], (samples, 1))
-    inputs[:, list(system.inputs["id"]).index("command")] = command
-    options = {"record": record, "sample_period_s": period, "between": {"command": "cubic"}}
-    tables = [
-        servotwin.Twin(system, faults=faults, **options).run(inputs) for faults in (fault, None)
-    ]
-    return [inputs, *(np.column_stack([t[c] for c in t.columns[1:]]) for t in tables)]
 
 
 def test_a_whole_table_says_what_one_sample_after_the_other_does(learned):

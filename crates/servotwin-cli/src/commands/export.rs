@@ -32,16 +32,21 @@ enum Target {
     Fmu(FmuOptions),
 }
 
-/// Write a system with its faults as a Functional Mock-up Unit.
+/// Write a system with its faults, or a hybrid twin, as a Functional Mock-up Unit.
 ///
 /// The FMU serves co-simulation and model exchange in any tool with FMI 2.0 or 3.0. Each fault is a tunable parameter from
-/// 0 to 1 (fault.COMPONENT.NAME), so the tool can inject it while it simulates. The FMU holds C sources and a binary for
-/// 64-bit Linux, for which gcc or clang is needed.
+/// 0 to 1 (fault.COMPONENT.NAME), so the tool can inject it while it simulates. With --model the FMU is the hybrid twin
+/// instead: it takes inputs and measured values and says what the diagnosis says; it serves co-simulation. The FMU holds C
+/// sources and a binary for 64-bit Linux, for which gcc or clang is needed.
 #[derive(clap::Args)]
 struct FmuOptions {
-    /// The study, whose system is exported: a file, a built-in study, or a folder with results [default: paper].
+    /// The study, whose system is exported: a file, a built-in study, or a folder with results [default: that of the
+    /// folder of the diagnoser, or paper].
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
+    /// Export the hybrid twin with this diagnoser, a file written by 'servotwin flights'.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
     /// The version of the Functional Mock-up Interface.
     #[arg(long, value_name = "VERSION", default_value = "2")]
     fmi: Fmi,
@@ -90,7 +95,9 @@ impl Options {
         match &self.target {
             Target::C(options) => Paths::default()
                 .read("the diagnoser", [options.model.clone().unwrap_or_else(usual_diagnoser)]),
-            Target::Fmu(options) => Paths::default().write("--out", Format::Any, &options.out),
+            Target::Fmu(options) => Paths::default()
+                .read("the diagnoser", options.model.clone())
+                .write("--out", Format::Any, &options.out),
         }
     }
 }
@@ -104,19 +111,22 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
-    let study = find_study(options.study.as_deref())?;
-    let network = study.system.network();
-    let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
-    let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
-    let twin = twin(&study, Settings::campaign(), study.sample_period_s, ranges.collect(), sensors);
-    let twin = twin.map_err(ExportError::from)?;
+    let file = options.model.as_deref();
+    let diagnoser = file.map(model_file::read_diagnoser).transpose()?;
+    let place = options.study.clone().or_else(|| file.map(study_beside));
+    let study = find_study(place.as_deref())?;
+    let twin = match (&diagnoser, file) {
+        (Some(diagnoser), Some(file)) => twin_of(&study, diagnoser, false).map_err(unfit(file))?,
+        _ => twin_alone(&study).map_err(ExportError::from)?,
+    };
     let version = match options.fmi {
         Fmi::Two => Version::Two,
         Fmi::Three => Version::Three,
     };
     let name = study.system.name.as_str();
     let out = options.out.clone().unwrap_or_else(|| format!("{name}.fmu").into());
-    let variables = fmu::write(&twin, version, (name, &study.system.title), &out)?;
+    let title = (name, study.system.title.as_str());
+    let variables = fmu::write(&twin, diagnoser.as_ref(), version, title, &out)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!({ "file": out, "variables": variables })),
         Global { quiet: true, .. } => String::new(),
@@ -167,6 +177,14 @@ pub fn twin_of<'s>(
     let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
     let settings = if has_fixed_step { Settings::real_time() } else { Settings::campaign() };
     twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)
+}
+
+/// A twin with all sensors of its study.
+fn twin_alone(study: &Study) -> Result<Twin<'_>, RuntimeError> {
+    let network = study.system.network();
+    let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
+    let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
+    twin(study, Settings::campaign(), study.sample_period_s, ranges.collect(), sensors)
 }
 
 /// A twin of a study with these sensors, by label.

@@ -61,7 +61,6 @@ static fmi2Status well(const instance *of, bool is_well, const char *why)
     return is_well ? fmi2OK : failed(of, why);
 }
 
-
 FUNCTION(const char *, fmi2GetTypesPlatform, void)
 {
     return "default";
@@ -83,7 +82,8 @@ FUNCTION(fmi2Component, fmi2Instantiate,
     fmi2Boolean visible, fmi2Boolean logging)
 {
     instance *of = NULL;
-    if ((token != NULL) && (strcmp(token, SERVOTWIN_TOKEN) == 0)) {
+    const bool is_provided = (type == fmi2CoSimulation) || SERVOTWIN_FMU_HAS_MODEL_EXCHANGE;
+    if (is_provided && (token != NULL) && (strcmp(token, SERVOTWIN_TOKEN) == 0)) {
         of = calloc(1U, sizeof *of);
     }
     if (of != NULL) {

@@ -87,7 +87,7 @@ static fmi3Instance instantiate(fmi3String token, fmi3InstanceEnvironment enviro
 FUNCTION(fmi3Instance, fmi3InstantiateModelExchange, fmi3String name, fmi3String token, fmi3String resources,
     fmi3Boolean visible, fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
-    return instantiate(token, environment, log);
+    return SERVOTWIN_FMU_HAS_MODEL_EXCHANGE ? instantiate(token, environment, log) : NULL;
 }
 
 FUNCTION(fmi3Instance, fmi3InstantiateCoSimulation, fmi3String name, fmi3String token, fmi3String resources,
@@ -368,7 +368,7 @@ FUNCTION(fmi3Status, fmi3GetNumberOfEventIndicators, fmi3Instance c, size_t *cou
 
 FUNCTION(fmi3Status, fmi3GetNumberOfContinuousStates, fmi3Instance c, size_t *count)
 {
-    *count = (size_t)SERVOTWIN_TWIN_STATES;
+    *count = (size_t)SERVOTWIN_FMU_STATES;
     return fmi3OK;
 }
 

@@ -1,8 +1,8 @@
-/* The common core of the interfaces of FMI 2.0 and 3.0: one instance of the system with its faults. */
+/* What the interfaces of FMI 2.0 and 3.0 share. servotwin_fmu_core.h says what an instance is: a system or a hybrid twin. */
 #ifndef SERVOTWIN_FMU_H
 #define SERVOTWIN_FMU_H
 
-#include "servotwin_twin.h"
+#include "servotwin_fmu_core.h"
 
 #include <stddef.h>
 
@@ -12,8 +12,6 @@
     type name(__VA_ARGS__)
 
 /* Messages for the host's log. */
-#define SERVOTWIN_FMU_NO_BEGINNING "there is no steady state or motion to begin with for these inputs and parameters"
-#define SERVOTWIN_FMU_NO_STEP "the step cannot be simulated: a value became infinite, or the error stayed too large"
 #define SERVOTWIN_FMU_UNKNOWN "there is no variable with this reference that has a value"
 #define SERVOTWIN_FMU_NOT_SET "this variable cannot be set, or the value is out of its range"
 #define SERVOTWIN_FMU_OTHER_LENGTH "the number of values differs"
@@ -23,43 +21,23 @@
 #define SERVOTWIN_FMU_NO_DERIVATIVE \
     "derivatives are known for states' derivatives and outputs with respect to states and inputs"
 
-/*
- * References of variables: places in the array of variables, then parameters without a fault, then intensities of faults,
- * then the time.
- */
-#define SERVOTWIN_FMU_PARAMETER 100000U
-#define SERVOTWIN_FMU_FAULT 200000U
-#define SERVOTWIN_FMU_TIME 300000U
-
-/* No member is a pointer, so a copy is a complete state. */
-typedef struct {
-    servotwin_twin twin;
-    double parameters[SERVOTWIN_TWIN_PARAMETERS];
-    double intensities[SERVOTWIN_TWIN_FAULTS];
-    double inputs[SERVOTWIN_TWIN_INPUTS];
-    double start_s; /* the host's time at the beginning */
-    bool is_settled; /* the steady state for the inputs and parameters has been found */
-    bool is_started; /* the host has left the initialization */
-    bool is_stale; /* the variables are older than states or inputs */
-    bool has_new_parameters;
-} servotwin_fmu;
-
-/* The directional derivatives of all variables for those of states and inputs; see servotwin_tangent.c. */
-void servotwin_twin_tangent(const double *constants, const double *variables, const double *seeds, double *tangents);
-
 /* As after instantiation. */
 void servotwin_fmu_reset(servotwin_fmu *fmu);
 
-/* Ends the initialization at the steady state. Returns false if there is no beginning for these inputs and parameters. */
+/* Ends the initialization. Returns false if there is no beginning for these inputs and parameters. */
 bool servotwin_fmu_begin(servotwin_fmu *fmu);
 
 /* The time of the host. */
 double servotwin_fmu_time_s(const servotwin_fmu *fmu);
 
-/* The values of variables; false if there is none with a reference, or none can be computed. */
-bool servotwin_fmu_get(servotwin_fmu *fmu, const uint32_t *references, size_t count, double *values);
+/* The value of a variable; false if there is none with the reference, or none can be computed. */
+bool servotwin_fmu_value(servotwin_fmu *fmu, uint32_t reference, double *value);
 
-/* Sets inputs, parameters and intensities; false for any other variable and for values out of range. */
+/* Sets an input, a parameter or a state; false for any other variable and for a value out of range. */
+bool servotwin_fmu_change(servotwin_fmu *fmu, uint32_t reference, double value);
+
+/* The same for a list. */
+bool servotwin_fmu_get(servotwin_fmu *fmu, const uint32_t *references, size_t count, double *values);
 bool servotwin_fmu_set(servotwin_fmu *fmu, const uint32_t *references, size_t count, const double *values);
 
 /* Simulates a step from a time of the host. */

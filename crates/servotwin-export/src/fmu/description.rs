@@ -3,8 +3,8 @@
 use super::units;
 use super::variables::{Kind, Variable, Variables};
 use servotwin_io::text::escaped;
-use servotwin_model::program::Program;
 use servotwin_model::spec::Unit;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// A version of the Functional Mock-up Interface.
@@ -34,8 +34,10 @@ pub(super) struct Description<'d> {
     /// The importing tool must show this text to the binary.
     pub token: &'d str,
     pub sources: &'d [&'d str],
-    pub program: &'d Program,
     pub variables: &'d Variables,
+    /// The states and inputs that each slot of a program depends on; a host may integrate its states. Without them the FMU
+    /// serves co-simulation only.
+    pub dependencies: Option<&'d [BTreeSet<usize>]>,
     pub period_s: f64,
 }
 
@@ -69,14 +71,18 @@ impl Description<'_> {
             Version::Two => ("FMUstate", "providesDirectionalDerivative"),
             Version::Three => ("FMUState", "providesDirectionalDerivatives"),
         };
+        let is_model = self.dependencies.is_some();
         for (interface, more) in [
             ("ModelExchange", ""),
             ("CoSimulation", " canHandleVariableCommunicationStepSize=\"true\""),
         ] {
+            if interface == "ModelExchange" && !is_model {
+                continue;
+            }
             let _ = write!(
                 xml,
                 "  <{interface} modelIdentifier=\"{}\" canGetAndSet{state}=\"true\" canSerialize{state}=\"true\"\n    \
-                 {derivative}=\"true\"{more}",
+                 {derivative}=\"{is_model}\"{more}",
                 self.name
             );
             if self.version == Version::Three {
@@ -133,9 +139,11 @@ impl Description<'_> {
 
     /// Which states and inputs an output or a derivative depends on.
     fn write_structure(&self, xml: &mut String) {
-        let dependencies = self.program.dependencies();
         let Variables { all, .. } = self.variables;
         let known = |place: usize| {
+            let Some(dependencies) = self.dependencies else {
+                return String::new();
+            };
             let slots = dependencies.get(all[place].reference).into_iter().flatten();
             let of_slots = slots.filter_map(|&slot| self.variables.of_slot(slot));
             let known: Vec<String> = of_slots.map(|place| self.reference(place)).collect();
@@ -152,7 +160,7 @@ impl Description<'_> {
             ("Derivatives", "ContinuousStateDerivative", derivatives),
             ("InitialUnknowns", "InitialUnknown", initial),
         ];
-        for (group, single, entries) in groups {
+        for (group, single, entries) in groups.into_iter().filter(|group| !group.2.is_empty()) {
             if self.version == Version::Two {
                 let _ = writeln!(xml, "    <{group}>");
             }
@@ -185,6 +193,7 @@ fn identity(variable: &Variable) -> String {
     let kind = match variable.kind {
         Kind::Input => "causality=\"input\" variability=\"continuous\"",
         Kind::Output => "causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
+        Kind::Sampled => "causality=\"output\" variability=\"discrete\" initial=\"calculated\"",
         Kind::Local => "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
         Kind::Tunable => "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
     };

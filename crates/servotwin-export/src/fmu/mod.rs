@@ -1,7 +1,8 @@
-//! A system with its faults as a Functional Mock-up Unit, for other simulation tools.
+//! A system with its faults, or a hybrid twin, as a Functional Mock-up Unit for other simulation tools.
 //!
-//! The FMU holds C sources and a binary for 64-bit Linux. Faults and parameters are tunable parameters, so any tool can
-//! inject a fault while it simulates. The binary needs nothing but the C library.
+//! The FMU holds C sources and a binary for 64-bit Linux, which needs nothing but the C library. Faults and parameters of a
+//! system are tunable parameters, so any tool can inject a fault while it simulates. A hybrid twin takes inputs and measured
+//! values, and its outputs are what the diagnosis says.
 
 mod description;
 mod units;
@@ -13,6 +14,7 @@ use crate::c::{self, CFile, Twin};
 use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use description::Description;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::write_atomically;
 use servotwin_io::manifest::sha256_of_text;
 use servotwin_model::c_source::write_tangent;
@@ -22,32 +24,50 @@ use variables::Variables;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-/// The hand-written files of both versions: name and text.
-const COMMON: [(&str, &str); 2] = [
+/// Name and text of hand-written files.
+type Written = [(&'static str, &'static str); 2];
+
+const COMMON: Written = [
     ("servotwin_fmu.h", include_str!("../../runtime/fmu/servotwin_fmu.h")),
     ("servotwin_fmu.c", include_str!("../../runtime/fmu/servotwin_fmu.c")),
 ];
 
-/// Writes an FMU of a system; returns the number of its variables. `name` becomes a C identifier.
+const OF_SYSTEM: Written = [
+    ("servotwin_fmu_core.h", include_str!("../../runtime/fmu/system/servotwin_fmu_core.h")),
+    ("servotwin_fmu_core.c", include_str!("../../runtime/fmu/system/servotwin_fmu_core.c")),
+];
+
+const OF_HYBRID: Written = [
+    ("servotwin_fmu_core.h", include_str!("../../runtime/fmu/hybrid/servotwin_fmu_core.h")),
+    ("servotwin_fmu_core.c", include_str!("../../runtime/fmu/hybrid/servotwin_fmu_core.c")),
+];
+
+/// Writes an FMU of a system, or with a diagnoser of its hybrid twin; returns the number of its variables. `name` becomes a
+/// C identifier.
 ///
 /// # Errors
 /// [`ExportError::NoCompiler`] and [`ExportError::Refused`] if the sources cannot be compiled, and a file that cannot be
-/// written.
+/// written; with a diagnoser also those of [`c::files`].
 pub fn write(
     twin: &Twin,
+    diagnoser: Option<&Diagnoser>,
     version: Version,
     (name, title): (&str, &str),
     path: &Path,
 ) -> Result<usize, ExportError> {
     let name = identifier(name);
-    let mut sources = sources(twin, version)?;
+    let mut sources = sources(twin, diagnoser, version)?;
     let all: String = sources.iter().map(|file| file.text.as_str()).collect();
     let token = sha256_of_text(&format!("{name} {all}"));
     sources.push(CFile {
         name: "servotwin_token.h",
         text: format!("/* Written by servotwin. */\n#define SERVOTWIN_TOKEN \"{token}\"\n"),
     });
-    let variables = Variables::new(twin);
+    let variables = match diagnoser {
+        Some(diagnoser) => Variables::of_hybrid(diagnoser, twin),
+        None => Variables::of_system(twin),
+    };
+    let dependencies = diagnoser.is_none().then(|| twin.program.dependencies());
     let compiled: Vec<&str> = compiled(&sources).collect();
     let description = Description {
         version,
@@ -55,8 +75,8 @@ pub fn write(
         title,
         token: &token,
         sources: &compiled,
-        program: twin.program,
         variables: &variables,
+        dependencies: dependencies.as_deref(),
         period_s: twin.period_s,
     };
     let binary = binary(&sources)?;
@@ -67,14 +87,26 @@ pub fn write(
 }
 
 /// The C files of an FMU, without the token.
-fn sources(twin: &Twin, version: Version) -> Result<Vec<CFile>, ExportError> {
+fn sources(
+    twin: &Twin,
+    diagnoser: Option<&Diagnoser>,
+    version: Version,
+) -> Result<Vec<CFile>, ExportError> {
     let interface = match version {
         Version::Two => ("fmi2.c", include_str!("../../runtime/fmu/fmi2.c")),
         Version::Three => ("fmi3.c", include_str!("../../runtime/fmu/fmi3.c")),
     };
-    let mut files = c::files_of_twin(twin)?;
-    files.push(CFile { name: "servotwin_tangent.c", text: write_tangent(twin.program) });
-    let written = COMMON.into_iter().chain([interface]);
+    let (mut files, core) = match diagnoser {
+        Some(diagnoser) => (c::files_with_twin(diagnoser, twin)?, OF_HYBRID),
+        None => {
+            let mut files = c::files_of_twin(twin)?;
+            files.push(CFile { name: "servotwin_tangent.c", text: write_tangent(twin.program) });
+            (files, OF_SYSTEM)
+        }
+    };
+    // The program that reads standard input has no place in a library.
+    files.retain(|file| file.name != "main.c");
+    let written = COMMON.into_iter().chain(core).chain([interface]);
     files.extend(written.map(|(name, text)| CFile { name, text: text.into() }));
     Ok(files)
 }

@@ -1,7 +1,8 @@
 //! The variables of an FMU. The reference of a variable is its place in the arrays of the C code.
 
 use crate::c::Twin;
-use servotwin_model::program::Program;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::program::{Program, Slot};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
 
@@ -9,11 +10,19 @@ use std::collections::BTreeMap;
 const FIRST_PARAMETER: usize = 100_000;
 const FIRST_FAULT: usize = 200_000;
 
+/// `SERVOTWIN_FMU_MEASURED` and its kin for a hybrid twin.
+const FIRST_MEASURED: usize = 10_000;
+const FIRST_SWITCH: usize = 20_000;
+const FIRST_EXPECTED: usize = 30_000;
+const FIRST_RESULT: usize = 40_000;
+
 /// What a variable is to the importing tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Input,
     Output,
+    /// An output that changes with samples only.
+    Sampled,
     Local,
     /// A parameter that may change during a simulation.
     Tunable,
@@ -45,8 +54,9 @@ pub(super) struct Variables {
 }
 
 impl Variables {
-    /// Inputs, outputs (what the sensors measure), states, all other observables, derivatives, parameters, faults.
-    pub fn new(twin: &Twin) -> Self {
+    /// Of a system: inputs, outputs (what the sensors measure), states, all other observables, derivatives, parameters,
+    /// faults.
+    pub fn of_system(twin: &Twin) -> Self {
         let program = twin.program;
         let mut variables = Variables {
             all: Vec::new(),
@@ -85,6 +95,27 @@ impl Variables {
         variables
     }
 
+    /// Of a hybrid twin: inputs, measured values, switches of the actuators, expected values, the diagnosis, parameters.
+    pub fn of_hybrid(diagnoser: &Diagnoser, twin: &Twin) -> Self {
+        let mut variables =
+            Variables { all: Vec::new(), of_slots: BTreeMap::new(), states: 0, first_derivative: 0 };
+        variables.add_inputs(twin.program);
+        let first_slot = twin.program.externals().start;
+        variables.all.iter_mut().for_each(|input| input.reference -= first_slot);
+        variables.add_sensors(diagnoser, twin);
+        for (actuator, name) in diagnoser.names().actuators.iter().enumerate() {
+            let reference = FIRST_SWITCH + actuator;
+            let switch =
+                variables.add(format!("switched_off.{name}"), reference, Kind::Input, Unit::None);
+            switch.description = "1: the flight control computer has switched it off".into();
+            switch.start = Some(0.0);
+            switch.range = [Some(0.0), Some(1.0)];
+        }
+        variables.add_results(diagnoser);
+        variables.add_parameters(twin.program);
+        variables
+    }
+
     /// The places of the states and of their derivatives, in the order of the states.
     pub fn states(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.states).map(|slot| self.of_slots[&slot])
@@ -96,7 +127,8 @@ impl Variables {
 
     /// The places of the outputs.
     pub fn outputs(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.all.len()).filter(|&place| self.all[place].kind == Kind::Output)
+        (0..self.all.len())
+            .filter(|&place| matches!(self.all[place].kind, Kind::Output | Kind::Sampled))
     }
 
     /// Everything that the initialization computes, in order: outputs, states, derivatives.
@@ -146,6 +178,54 @@ impl Variables {
             let variable = self.add(input.id.clone(), slot, Kind::Input, input.unit);
             variable.start = Some(input.default);
             variable.range = [least, largest].map(finite);
+        }
+    }
+
+    /// What the sensors measure, as an input, and what the twin expects of them.
+    fn add_sensors(&mut self, diagnoser: &Diagnoser, twin: &Twin) {
+        let unit_of = |slot: Slot| {
+            let mut observables = twin.program.observables().iter();
+            observables.find(|o| o.slot == slot).map_or(Unit::None, |o| o.unit)
+        };
+        for (place, (sensor, &slot)) in diagnoser.sensors.iter().zip(&twin.sensors).enumerate() {
+            let (name, unit) = (&sensor.name, unit_of(slot));
+            let reference = FIRST_MEASURED + place;
+            self.add(format!("measured.{name}"), reference, Kind::Input, unit).start = Some(0.0);
+            self.add(format!("expected.{name}"), FIRST_EXPECTED + place, Kind::Sampled, unit);
+        }
+    }
+
+    /// What the diagnosis says, in the order of the C code.
+    fn add_results(&mut self, diagnoser: &Diagnoser) {
+        let names = diagnoser.names();
+        let list = |names: &[String]| {
+            let numbered = names.iter().zip(1..).map(|(name, number)| format!(", {number} {name}"));
+            format!("0 none{}", numbered.collect::<String>())
+        };
+        let sensors: Vec<String> = diagnoser.sensors.iter().map(|s| s.name.clone()).collect();
+        let [actuators, actions, details, sensors] =
+            [&names.actuators, &names.actions, &names.details, &sensors].map(|names| list(names));
+        let findings = "0 not judged, 1 no fault, 2 detected, 3 actuator, 4 action, 5 detail, 6 unknown, 7 input invalid";
+        let alarms = "0 normal, 1 pending, 2 raised, 3 recovering, 4 no data, 5 error";
+        let results = [
+            ("is_simulated", "1: the twin can be simulated for the inputs"),
+            ("finding", findings),
+            ("actuator", &actuators),
+            ("action", &actions),
+            ("detail", &details),
+            ("confidence", "probability of the finding"),
+            ("alarm", alarms),
+            ("raised_actuator", &actuators),
+            ("raised_action", &actions),
+            ("raised_detail", &details),
+            ("largest_residual", "in parts of its band"),
+            ("sensor_of_largest_residual", &sensors),
+            ("lost_sensors", "how many sensors are lost"),
+        ];
+        for (place, (name, description)) in results.into_iter().enumerate() {
+            let name = format!("diagnosis.{name}");
+            let result = self.add(name, FIRST_RESULT + place, Kind::Sampled, Unit::None);
+            result.description = description.into();
         }
     }
 

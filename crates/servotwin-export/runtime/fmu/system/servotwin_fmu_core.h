@@ -1,0 +1,38 @@
+/* An FMU of a system with its faults. */
+#ifndef SERVOTWIN_FMU_CORE_H
+#define SERVOTWIN_FMU_CORE_H
+
+#include "servotwin_twin.h"
+
+/* What a host may integrate. */
+#define SERVOTWIN_FMU_HAS_MODEL_EXCHANGE true
+#define SERVOTWIN_FMU_STATES SERVOTWIN_TWIN_STATES
+
+/*
+ * References of variables: places in the array of variables, then parameters without a fault, then intensities of faults,
+ * then the time.
+ */
+#define SERVOTWIN_FMU_PARAMETER 100000U
+#define SERVOTWIN_FMU_FAULT 200000U
+#define SERVOTWIN_FMU_TIME 300000U
+
+/* No member is a pointer, so a copy is a complete state. */
+typedef struct {
+    servotwin_twin twin;
+    double parameters[SERVOTWIN_TWIN_PARAMETERS];
+    double intensities[SERVOTWIN_TWIN_FAULTS];
+    double inputs[SERVOTWIN_TWIN_INPUTS];
+    double start_s; /* the host's time at the beginning */
+    bool is_settled; /* the steady state for the inputs and parameters has been found */
+    bool is_started; /* the host has left the initialization */
+    bool is_stale; /* the variables are older than states or inputs */
+    bool has_new_parameters;
+} servotwin_fmu;
+
+#define SERVOTWIN_FMU_NO_BEGINNING "there is no steady state or motion to begin with for these inputs and parameters"
+#define SERVOTWIN_FMU_NO_STEP "the step cannot be simulated: a value became infinite, or the error stayed too large"
+
+/* The directional derivatives of all variables for those of states and inputs; see servotwin_tangent.c. */
+void servotwin_twin_tangent(const double *constants, const double *variables, const double *seeds, double *tangents);
+
+#endif
