@@ -80,7 +80,8 @@ double servotwin_exp(double x)
         /* Above half of ln 2: x = power ln 2 + rest. */
         if (high_word >= 0x3ff0a2b2U) {
             const double halves = 1.44269504088896338700e+00 * x;
-            power = (int32_t)(halves + ((x < 0.0) ? -0.5 : 0.5));
+            const double rounded = halves + ((x < 0.0) ? -0.5 : 0.5);
+            power = (int32_t)rounded;
         } else {
             power = (x < 0.0) ? -1 : 1;
         }
@@ -99,7 +100,8 @@ double servotwin_exp(double x)
     const double lowered = quotient - low;
     const double tail = lowered + high;
     const double mantissa = 1.0 + tail;
-    return mantissa * number_of((uint64_t)(1023 + power) << 52);
+    const int32_t exponent = 1023 + power;
+    return mantissa * number_of((uint64_t)exponent << 52);
 }
 
 /* A number as 2^exponent (1 + fraction) with 1 + fraction in sqrt(1/2) .. sqrt(2), and what both logarithms need of it. */
@@ -123,7 +125,8 @@ static reduced_number reduced(double x)
     const uint32_t high_word = (shifted & 0x000fffffU) + 0x3fe6a09eU;
     const double significand = number_of(((uint64_t)high_word << 32) | (bits & 0xffffffffU));
     reduced_number of;
-    of.exponent = (double)((int32_t)(shifted >> 20) - 0x3ff);
+    const uint32_t exponent = shifted >> 20;
+    of.exponent = (double)exponent - 1023.0;
     of.fraction = significand - 1.0;
     const double half = 0.5 * of.fraction;
     of.half_square = half * of.fraction;

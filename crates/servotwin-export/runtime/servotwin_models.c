@@ -2,6 +2,9 @@
 
 #include "servotwin_math.h"
 
+#include <stdbool.h>
+#include <stddef.h>
+
 #ifdef __clang__
 #pragma STDC FP_CONTRACT OFF
 #endif
@@ -15,8 +18,10 @@ int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const d
     for (int32_t test = 0; (test < branches->depth) && (node >= 0); test++) {
         const uint32_t feature = branches->features[node];
         const double value = row[feature & (SERVOTWIN_MISSING_LEFT - 1U)];
-        const int is_missing = (value != value);
-        const int goes_left = is_missing ? ((feature & SERVOTWIN_MISSING_LEFT) != 0U) : (value <= branches->thresholds[node]);
+        bool goes_left = (value <= branches->thresholds[node]);
+        if (value != value) {
+            goes_left = (feature & SERVOTWIN_MISSING_LEFT) != 0U;
+        }
         node = goes_left ? branches->left[node] : branches->right[node];
     }
     return -1 - node;
@@ -70,12 +75,12 @@ void servotwin_shares(const servotwin_stage *stage, const double *row, double *s
 servotwin_answer servotwin_decide(const servotwin_stage *stage, const double *row)
 {
     servotwin_answer answer;
-    if (stage->cart != 0) {
+    if (stage->cart != NULL) {
         const int32_t leaf = servotwin_leaf(&stage->branches, 0, row);
         answer.decided = stage->names[stage->cart->decisions[leaf]];
         answer.probability = stage->cart->probabilities[leaf];
     } else {
-        double shares[SERVOTWIN_MOST_CLASSES];
+        double shares[SERVOTWIN_MOST_CLASSES] = { 0 };
         boost(stage, row, shares);
         const int32_t likeliest = servotwin_largest(shares, stage->classes);
         scale(shares, stage->classes, stage->boosted->inverse_temperature);
@@ -131,7 +136,7 @@ static void share_among_actuators(const servotwin_hierarchy *hierarchy, const do
         into[1] = 1.0;
     } else {
         const servotwin_stage *stage = &hierarchy->stages[hierarchy->actuator_stage];
-        double shares[SERVOTWIN_MOST_CLASSES];
+        double shares[SERVOTWIN_MOST_CLASSES] = { 0 };
         servotwin_shares(stage, views[0], shares);
         for (int32_t class_place = 0; class_place < stage->classes; class_place++) {
             const int32_t actuator = stage->names[class_place];
@@ -153,7 +158,7 @@ static void share_among_actions(
         }
     } else {
         const servotwin_stage *stage = &hierarchy->stages[place];
-        double shares[SERVOTWIN_MOST_CLASSES];
+        double shares[SERVOTWIN_MOST_CLASSES] = { 0 };
         own[0] = 0.0;
         servotwin_shares(stage, views[(stage->reads_own_view != 0) ? actuator : 0], shares);
         for (int32_t class_place = 0; class_place < stage->classes; class_place++) {

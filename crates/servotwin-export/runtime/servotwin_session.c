@@ -6,6 +6,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #ifdef __clang__
 #pragma STDC FP_CONTRACT OFF
@@ -120,6 +121,7 @@ static bool is_same_finding(const servotwin_outcome *a, const servotwin_outcome 
 static servotwin_outcome finding_of(servotwin_finding finding, servotwin_alarm alarm)
 {
     servotwin_outcome said;
+    (void)memset(&said, 0, sizeof said);
     said.finding = finding;
     said.alarm = alarm;
     said.actuator = SERVOTWIN_NONE;

@@ -97,8 +97,12 @@ impl Variables {
 
     /// Of a hybrid twin: inputs, measured values, switches of the actuators, expected values, the diagnosis, parameters.
     pub fn of_hybrid(diagnoser: &Diagnoser, twin: &Twin) -> Self {
-        let mut variables =
-            Variables { all: Vec::new(), of_slots: BTreeMap::new(), states: 0, first_derivative: 0 };
+        let mut variables = Variables {
+            all: Vec::new(),
+            of_slots: BTreeMap::new(),
+            states: 0,
+            first_derivative: 0,
+        };
         variables.add_inputs(twin.program);
         let first_slot = twin.program.externals().start;
         variables.all.iter_mut().for_each(|input| input.reference -= first_slot);
