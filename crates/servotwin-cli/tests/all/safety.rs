@@ -126,7 +126,9 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
             .contains("safety/fmea-flights.csv rows 2, 3")
     );
     assert_eq!(cell(&sheet, fault, "failure_rate_per_h"), "1e-7");
-    assert!(cell(&sheet, fault, "detection_latency").contains("of 2 own flights"));
+    let latency = cell(&sheet, fault, "detection_latency");
+    assert!(latency.contains("of 2 own flights"), "{latency}");
+    assert!(latency.contains("; judged flights, all intensities: visible after "), "{latency}");
     assert_eq!(cell(&sheet, "actuator_1.servo_valve.gain_low", "effect_on_system"), "not flown");
     // The flights are stored: without threads to fly on, the second run gives the same sheet.
     let flights = Path::new(&out).join("safety/fmea-flights.csv");
