@@ -277,7 +277,7 @@ fn an_upgraded_sensor_is_simulated_anew_and_judged_beside_the_sets() {
     let [before, after] = [read(Path::new(&out)), read(&safety.join("upgrades/quiet"))];
     let healthy = |table: &Table, sensor: &str| -> Vec<f64> {
         let (kinds, values) = (table.text("kind").unwrap(), table.f64(sensor).unwrap());
-        kinds.iter().zip(values).filter(|(k, _)| *k == "healthy").map(|(_, v)| *v).collect()
+        kinds.iter().zip(values.iter()).filter(|(k, _)| *k == "healthy").map(|(_, v)| *v).collect()
     };
     assert_eq!(healthy(&before, "largest:x_v"), healthy(&after, "largest:x_v"));
     let [before, after] = [&before, &after].map(|table| healthy(table, "largest:p_S"));
