@@ -6,6 +6,7 @@ use servotwin::flight::runtime::RuntimeError;
 use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
+use servotwin::system::RewriteError;
 use servotwin::table::TableError;
 use std::path::PathBuf;
 
@@ -121,6 +122,9 @@ pub enum SafetyError {
         /// The sensors.
         missing: Vec<String>,
     },
+    /// The system file cannot hold an upgraded parameter.
+    #[error(transparent)]
+    Rewrite(#[from] RewriteError),
     /// A classifier cannot be trained.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),

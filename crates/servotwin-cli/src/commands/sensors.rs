@@ -9,11 +9,12 @@ use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::metrics::Rate;
+use servotwin::job::flights::Crew;
 use servotwin::job::{Among, Folder};
 use servotwin_report::words::percent;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::candidates::SensorMask;
-use servotwin_safety::sensors::{SensorSet, SensorTrade};
+use servotwin_safety::sensors::{SensorSet, SensorTrade, TradeOptions};
 use std::path::PathBuf;
 
 /// Judge every set of sensors that leaves control possible.
@@ -22,6 +23,9 @@ use std::path::PathBuf;
 /// nothing was trained on: which faults they detect, to how many faults they isolate, and which shutdowns are wrong or
 /// missed. Trees are trained again for each set. The command also computes which faults no classifier could separate
 /// with a set, and writes safety/sensors.csv, safety/pairs.csv and the Pareto front as safety/pareto.svg.
+///
+/// With --upgrades, better sensors of the same kind are judged too. All runs are simulated again with each upgrade, in
+/// safety/upgrades; this takes about as long as the campaign of one scenario.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a study with data sets ('servotwin study').
@@ -30,6 +34,10 @@ pub struct Options {
     /// A table of costs: sensor, cost, source. Without one, each sensor costs 1.
     #[arg(long, value_name = "FILE")]
     costs: Option<PathBuf>,
+    /// A table of upgrades: upgrade, sensor, parameter, value (SI), cost (added to the sensor's), source. Rows with one
+    /// name are one upgrade.
+    #[arg(long, value_name = "FILE")]
+    upgrades: Option<PathBuf>,
     /// Keep a sensor in every set; may be repeated.
     #[arg(long, value_name = "SENSOR")]
     keep: Vec<String>,
@@ -44,7 +52,7 @@ pub struct Options {
 impl Options {
     /// The files that the command reads.
     pub fn paths(&self) -> Paths {
-        Paths::default().read("--costs", &self.costs)
+        Paths::default().read("--costs", &self.costs).read("--upgrades", &self.upgrades)
     }
 }
 
@@ -54,11 +62,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let wanted = options.setting.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
-    let costs = options.costs.as_deref();
+    let asked = TradeOptions {
+        keep: &options.keep,
+        costs: options.costs.as_deref(),
+        upgrades: options.upgrades.as_deref(),
+    };
     let stages = Stages::new(global);
-    let progress = |share| stages.show("judging sets of sensors", share);
-    let workers = workers(options.threads);
-    let trade = SensorTrade::new(&results, &options.keep, costs, workers, &progress);
+    let progress = |what: &str, share| stages.show(what, share);
+    let crew = Crew { workers: workers(options.threads), progress: &progress };
+    let trade = SensorTrade::new(&results, &asked, &crew);
     stages.end();
     let trade = trade?;
     let _hold = folder.hold(Among::Nobody)?;
@@ -72,6 +84,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             "scenario": trade.scenario,
             "sets": trade.sets.len(),
             "best_of_sizes": trade.best_of_sizes().iter().map(|set| values(&trade, set)).collect::<Vec<_>>(),
+            "upgrades": (0..trade.upgrades.len()).filter_map(|place| {
+                let values = values(&trade, trade.upgraded(place)?);
+                Some(json!({"upgrade": trade.upgrades[place].name, "with": values}))
+            }).collect::<Vec<_>>(),
             "files": files,
         })),
         Global { quiet: true, .. } => String::new(),
@@ -108,20 +124,35 @@ fn text_of(trade: &SensorTrade) -> String {
     for set in trade.best_of_sizes() {
         text += &row_of(trade, set);
     }
-    let Some(base) = trade.of(candidates.base()) else { return text };
-    text += "\nchange by one sensor, in points\n";
-    text += "                   detected  isolable  isolated   wrong  missed\n";
+    text + &changes_of(trade) + &pairs_of(trade)
+}
+
+/// What each sensor and each upgrade changes.
+fn changes_of(trade: &SensorTrade) -> String {
+    let candidates = &trade.candidates;
+    let Some(base) = trade.of(candidates.base(), None) else { return String::new() };
+    let mut text = "\nchange by one sensor or upgrade, in points\n".to_owned();
+    text += "                            cost  detected  isolable  isolated   wrong  missed\n";
+    let mut row = |how: &str, name: &str, other: &SensorSet, control: &str| {
+        let cost = other.cost - base.cost;
+        text += &format!("  {how:<8} {name:<13} {cost:>+7}{}{control}\n", changes(base, other));
+    };
     for (place, sensor) in candidates.list.iter().enumerate() {
-        let sign = if sensor.is_extra { "with" } else { "without" };
-        let Some(other) = trade.of(candidates.base() ^ (1 << place)) else { continue };
+        let how = if sensor.is_extra { "with" } else { "without" };
+        let Some(other) = trade.of(candidates.base() ^ (1 << place), None) else { continue };
         let control = match (other.keeps_control, &sensor.read_by) {
             (true, _) => "",
             (false, Some(_)) => "  control needs it",
             (false, None) => "  kept",
         };
-        text += &format!("  {sign:<7} {:<9}{}{control}\n", sensor.id, changes(base, other));
+        row(how, &sensor.id, other, control);
     }
-    text + &pairs_of(trade)
+    for (place, upgrade) in trade.upgrades.iter().enumerate() {
+        if let Some(other) = trade.upgraded(place) {
+            row("upgraded", &upgrade.name, other, "");
+        }
+    }
+    text
 }
 
 /// The rates of a set in the order of the columns.

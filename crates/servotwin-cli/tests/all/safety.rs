@@ -2,12 +2,13 @@
 
 use super::flights::learned;
 use super::{Folder, fails, stderr, stdout, succeeds};
+use servotwin::job::flights::Crew;
 use servotwin::parallel::Workers;
 use servotwin::table::Table;
 use servotwin::table::csv::texts::{self, Texts};
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::runs::SensorRuns;
-use servotwin_safety::sensors::{SensorSet, SensorTrade};
+use servotwin_safety::sensors::{SensorSet, SensorTrade, TradeOptions};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -126,7 +127,9 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
             .contains("safety/fmea-flights.csv rows 2, 3")
     );
     assert_eq!(cell(&sheet, fault, "failure_rate_per_h"), "1e-7");
-    assert!(cell(&sheet, fault, "detection_latency").contains("of 2 own flights"));
+    let latency = cell(&sheet, fault, "detection_latency");
+    assert!(latency.contains("of 2 own flights"), "{latency}");
+    assert!(latency.contains("; judged flights, all intensities: visible after "), "{latency}");
     assert_eq!(cell(&sheet, "actuator_1.servo_valve.gain_low", "effect_on_system"), "not flown");
     // The flights are stored: without threads to fly on, the second run gives the same sheet.
     let flights = Path::new(&out).join("safety/fmea-flights.csv");
@@ -209,7 +212,8 @@ fn brute_force_confirms_the_search_over_sensors() {
     assert!(["sensors.csv", "pairs.csv", "pareto.svg"].map(read) == first, "other bytes");
 
     let results = StudyResultsFolder::open(servotwin::job::Folder::new(&out), None).unwrap();
-    let trade = SensorTrade::new(&results, &[], None, Workers::new(1), &|_| ()).unwrap();
+    let crew = Crew { workers: Workers::new(1), progress: &|_, _| () };
+    let trade = SensorTrade::new(&results, &TradeOptions::default(), &crew).unwrap();
     let runs = SensorRuns::read(&results, &trade.candidates).unwrap();
     let table = Table::read(Path::new(&out).join("dataset-realistic.parquet")).unwrap();
     let largest = ["p_A", "p_B", "x_p", "x_v", "p_S"]
@@ -223,7 +227,7 @@ fn brute_force_confirms_the_search_over_sensors() {
     for set in 1_u64..32 {
         let holds = |sensor: &usize| set >> sensor & 1 == 1;
         let is_able = (0..5).all(|sensor| holds(&sensor) || !needed[sensor]);
-        let Some(judged) = trade.of(set) else {
+        let Some(judged) = trade.of(set, None) else {
             assert!(!is_able, "a set that leaves control possible was not judged");
             continue;
         };
@@ -251,6 +255,36 @@ fn brute_force_confirms_the_search_over_sensors() {
         let alike = able.iter().filter(|set| set.set.count_ones() == best.set.count_ones());
         assert!(alike.clone().all(|set| set.errors() >= best.errors()));
     }
+}
+
+#[test]
+fn an_upgraded_sensor_is_simulated_anew_and_judged_beside_the_sets() {
+    let folder = Folder::new("sensor-upgrades");
+    let (out, upgrades) = (small_press(&folder), folder.file("upgrades.csv"));
+    let head = "upgrade,sensor,parameter,value,cost,source\n";
+    fs::write(&upgrades, format!("{head}quiet,p_s,noise_sigma,0.0002,2.5,an offer\n")).unwrap();
+    let printed = succeeds(&["sensors", &out, "--upgrades", &upgrades]);
+    assert!(printed.contains("\n  upgraded quiet            +2.5 "), "{printed}");
+    let safety = Path::new(&out).join("safety");
+    let sets = texts::read(&safety.join("sensors.csv")).unwrap();
+    let [names, sensors, cost] = ["upgrade", "sensors", "cost"].map(|n| sets.column(n).unwrap());
+    let upgraded = sets.rows.iter().filter(|row| row.cells[names] == "quiet");
+    let found: Vec<_> = upgraded.map(|row| [&row.cells[sensors], &row.cells[cost]]).collect();
+    assert_eq!(found, [["p_a p_b x_p p_s", "6.5"], ["p_a p_b x_p x_v p_s", "7.5"]]);
+
+    // Draws are those of the study: the other sensors keep their bits, and the better one is quieter.
+    let read = |folder: &Path| Table::read(folder.join("dataset-realistic.parquet")).unwrap();
+    let [before, after] = [read(Path::new(&out)), read(&safety.join("upgrades/quiet"))];
+    let healthy = |table: &Table, sensor: &str| -> Vec<f64> {
+        let (kinds, values) = (table.text("kind").unwrap(), table.f64(sensor).unwrap());
+        kinds.iter().zip(values.iter()).filter(|(k, _)| *k == "healthy").map(|(_, v)| *v).collect()
+    };
+    assert_eq!(healthy(&before, "largest:x_v"), healthy(&after, "largest:x_v"));
+    let [before, after] = [&before, &after].map(|table| healthy(table, "largest:p_S"));
+    assert!(
+        before.iter().zip(&after).all(|(before, after)| after < before),
+        "{before:?} {after:?}"
+    );
 }
 
 /// Writes a sheet as a program for sheets does: semicolons between cells.

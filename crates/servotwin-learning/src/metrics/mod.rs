@@ -1,11 +1,13 @@
-//! Quality of predictions: counts of right and wrong ones, and rates with intervals.
+//! Quality of predictions: counts of right and wrong ones, rates and medians with intervals.
 
 mod confusion;
+mod median;
 mod rate;
 mod score;
 mod tail;
 
 pub use confusion::Confusion;
+pub use median::MedianTime;
 pub use rate::{
     Rate, Trial, binomial_tail, clopper_pearson_upper, cluster_bootstrap, find_share,
     poisson_at_most, wilson_interval,

@@ -4,18 +4,15 @@ use super::cell::{FmeaCell, rate_in_words, span_in_words};
 use super::effects::{flight_evidence, own_flights};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
-use crate::interval::clopper_pearson;
-use servotwin::flight::judge::{ClassMetrics, Latency};
+use servotwin::flight::judge::KindLatency;
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{number, shown};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
+use servotwin_learning::metrics::MedianTime;
 use servotwin_model::program::FaultAt;
 
 /// The most sensors that a cell names.
 const MAX_SENSORS: usize = 5;
-
-/// The time by which class latencies are quoted, s. One of those in `flights.json`.
-const QUOTED_S: f64 = 1.0;
 
 /// The remedy where a campaign is missing.
 const NO_RUNS: &str =
@@ -50,17 +47,6 @@ fn evaluated<'s>(
     let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RUNS))?;
     let result = results.evaluated().ok_or_else(missing)?;
     Ok((result, format!("evaluation.json {}", result.subject.name())))
-}
-
-/// The judged flights with the fault's action, all intensities.
-fn class_flights<'s>(
-    sources: &'s FmeaSources,
-    subject: &FmeaSubject,
-) -> Option<(&'s ClassMetrics, String)> {
-    let metrics = sources.results?.flown()?;
-    let command = &sources.study.classes[subject.case?.class].command;
-    let class = metrics.classes.iter().find(|class| class.command == *command)?;
-    Some((class, format!("flights.json merits {}, action {command}", metrics.setting)))
 }
 
 pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
@@ -137,44 +123,52 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
         parts.push(event("action", |flown| flown.action_s));
         evidence.push(flight_evidence(flights, &own));
     }
-    if let Some((class, place)) = class_flights(sources, subject) {
-        let visible = class.visible.count;
-        let events = [("detected", &class.detection), ("isolated", &class.isolation)];
-        for (name, latency) in events {
-            if let Some(latency) = latency {
-                parts.push(class_latency(name, latency, visible));
-            }
+    match kind_latencies(sources, subject) {
+        Some((judged, place)) => {
+            parts.extend(judged.into_iter().map(latency_in_words));
+            evidence.push(place);
         }
-        evidence.push(format!("{place} (all faults with this action)"));
+        None => evidence.push("no judged flights: 'servotwin flights FOLDER --out FOLDER'".into()),
     }
     match parts.is_empty() {
         true if subject.case.is_none() => not_in_study("not flown"),
-        true => FmeaCell::missing(
-            "not flown",
-            "no judged flights: 'servotwin flights FOLDER --out FOLDER'",
-        ),
+        true => FmeaCell::missing("not flown", evidence.join("; ")),
         false => FmeaCell::new(parts.join("; "), evidence.join("; ")),
     }
 }
 
-/// A latency of all faults with an action: median, 95 % quantile, and the share by a time with its exact interval.
-fn class_latency(name: &str, latency: &Latency, visible: u64) -> String {
-    let by = latency.by_s.iter().find(|(time_s, _)| *time_s == QUOTED_S);
-    let share = by.map_or(String::new(), |(time_s, share)| {
-        let count = (share * visible as f64).round() as u64;
-        let interval = clopper_pearson(count, visible, 0.95);
-        format!(
-            ", by {time_s} s {:.1} % ({:.1} … {:.1} %) of {visible} visible",
-            100.0 * interval.point,
-            100.0 * interval.low,
-            100.0 * interval.high
-        )
-    });
-    format!(
-        "all faults with this action {name} after {} s (median), {} s (95 %){share}",
-        number(latency.median_s, 3),
-        number(latency.p95_s, 3)
-    )
+/// The latencies of the fault's kind in the judged flights: all intensities, then the strong ones.
+fn kind_latencies<'s>(
+    sources: &'s FmeaSources,
+    subject: &FmeaSubject,
+) -> Option<(Vec<&'s KindLatency>, String)> {
+    let metrics = sources.results?.flown()?;
+    let own: Vec<_> = metrics.kinds.iter().filter(|own| own.kind == subject.kind).collect();
+    let place = format!(
+        "flights.json merits {} kinds {} (medians with order-statistic intervals, 95 %; a flight without the event \
+         counts as the longest)",
+        metrics.setting, subject.kind
+    );
+    (!own.is_empty()).then_some((own, place))
+}
+
+fn latency_in_words(own: &KindLatency) -> String {
+    let flights = match own.least_intensity > 0.0 {
+        true => format!("intensity {} and more", own.least_intensity),
+        false => "all intensities".into(),
+    };
+    let [visible, action] = [&own.detection, &own.isolation].map(median_in_words);
+    format!("judged flights, {flights}: visible {visible}, right action {action}")
+}
+
+/// A median with its interval and its counts.
+fn median_in_words(median: &MedianTime) -> String {
+    let time = |time_s: Option<f64>| match time_s {
+        Some(time_s) => format!("{} s", number(time_s, 3)),
+        None => "the flight's end".into(),
+    };
+    let [middle, low, high] = [median.median_s, median.low_s, median.high_s].map(time);
+    format!("after {middle} ({low} … {high}) in {} of {}", median.events, median.of)
 }
 
 pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {

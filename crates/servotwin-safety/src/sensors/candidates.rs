@@ -70,7 +70,7 @@ impl Candidates {
             return Err(SafetyError::NoSensor { given: given.clone(), known: ids });
         }
         if let Some(path) = costs {
-            read_costs(path, &ids)?.into_iter().zip(&mut list).for_each(|(c, s)| s.cost = c);
+            read_costs(path, &list)?.into_iter().zip(&mut list).for_each(|(c, s)| s.cost = c);
         }
         let is_needed = |s: &CandidateSensor| s.read_by.is_some() || keep.contains(&s.id);
         let free = list.iter().filter(|sensor| !is_needed(sensor)).count();
@@ -79,6 +79,14 @@ impl Candidates {
         }
         let needed = mask(list.iter().map(is_needed));
         Ok(Candidates { list, needed })
+    }
+
+    /// The index of a sensor.
+    ///
+    /// # Errors
+    /// There is none of this name; the message lists all.
+    pub fn place(&self, id: &str) -> Result<usize, String> {
+        place_of(&self.list, id)
     }
 
     /// All candidates.
@@ -148,11 +156,18 @@ fn reader(study: &Study, sensor: usize) -> Option<String> {
     Some(network.components[other.component].id.clone())
 }
 
+/// The index of a sensor, or a message that lists all.
+fn place_of(list: &[CandidateSensor], id: &str) -> Result<usize, String> {
+    let ids: Vec<&str> = list.iter().map(|sensor| sensor.id.as_str()).collect();
+    let place = ids.iter().position(|known| *known == id);
+    place.ok_or_else(|| format!("there is no sensor '{id}'; there are: {}", ids.join(", ")))
+}
+
 /// Reads a table of costs: one number for each sensor, in their order.
-fn read_costs(path: &Path, ids: &[String]) -> Result<Vec<f64>, SafetyError> {
+fn read_costs(path: &Path, list: &[CandidateSensor]) -> Result<Vec<f64>, SafetyError> {
     let table = texts::read(path)?;
     let places = find_columns(path, &table, COLUMNS)?;
-    let mut costs = vec![None; ids.len()];
+    let mut costs = vec![None; list.len()];
     for row in &table.rows {
         let [sensor, cost, source] = places.map(|place| row.cells[place].trim());
         let wrong = |column: usize, problem: String| SafetyError::Cell {
@@ -161,9 +176,7 @@ fn read_costs(path: &Path, ids: &[String]) -> Result<Vec<f64>, SafetyError> {
             column: COLUMNS[column],
             problem,
         };
-        let place = ids.iter().position(|id| id == sensor);
-        let known = || format!("there is no sensor '{sensor}'; there are: {}", ids.join(", "));
-        let place = place.ok_or_else(|| wrong(0, known()))?;
+        let place = place_of(list, sensor).map_err(|problem| wrong(0, problem))?;
         let value = cost.parse().ok().filter(|cost: &f64| cost.is_finite() && *cost >= 0.0);
         let value = value.ok_or_else(|| wrong(1, format!("'{cost}' is no cost of 0 or more")))?;
         if source.is_empty() {
@@ -173,11 +186,11 @@ fn read_costs(path: &Path, ids: &[String]) -> Result<Vec<f64>, SafetyError> {
             return Err(wrong(0, format!("'{sensor}' has a cost already")));
         }
     }
-    let missing: Vec<String> = ids
+    let missing: Vec<String> = list
         .iter()
         .zip(&costs)
         .filter(|(_, cost)| cost.is_none())
-        .map(|(id, _)| id.clone())
+        .map(|(sensor, _)| sensor.id.clone())
         .collect();
     match missing.is_empty() {
         true => Ok(costs.into_iter().flatten().collect()),

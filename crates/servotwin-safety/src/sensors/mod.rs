@@ -1,6 +1,7 @@
 //! The artefact *sensors*: what each sensor buys.
 //!
 //! - [`candidates`]: which sets of sensors leave control possible, and what they cost
+//! - [`upgrades`]: better sensors of the same kind, simulated anew
 //! - [`runs`]: the runs of a scenario, and the features that a set leaves
 //! - [`judged`]: detection, isolation and shutdowns of a set on commands that it was not trained on
 //! - [`structure`]: which faults no classifier could separate with a set
@@ -8,12 +9,13 @@
 //!
 //! Every set that leaves control possible is judged, so the best set of each size and the Pareto front are exact for
 //! these runs. The system's own sensors without each single one are judged too, also where control needs it: that is
-//! what its residual is worth to the diagnosis.
+//! what its residual is worth to the diagnosis. Every upgrade is one more set of runs, on which the same sets are judged.
 
 pub mod candidates;
 pub mod judged;
 pub mod runs;
 pub mod structure;
+pub mod upgrades;
 pub mod written;
 
 use crate::error::SafetyError;
@@ -22,18 +24,22 @@ use candidates::{Candidates, SensorMask};
 use judged::{FaultAnswer, GROUPS, SensorRates};
 use runs::{FaultClass, SensorRuns};
 use servotwin::evaluation::protocol::trial;
-use servotwin::parallel::{self, Workers};
+use servotwin::job::flights::Crew;
+use servotwin::parallel;
 use servotwin_learning::metrics::Rate;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use structure::Isolability;
+use upgrades::SensorUpgrade;
 
 /// What was found of a set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorSet {
     /// The sensors.
     pub set: SensorMask,
+    /// Some of them are upgraded, as an index of [`SensorTrade::upgrades`].
+    pub upgrade: Option<usize>,
     /// Its cost.
     pub cost: f64,
     /// Whether it holds all sensors that control needs, and those that are kept.
@@ -107,7 +113,9 @@ pub struct SensorTrade {
     pub scenario: &'static str,
     /// The sensors.
     pub candidates: Candidates,
-    /// Every judged set, in the order of [`Candidates::sets`].
+    /// The upgrades.
+    pub upgrades: Vec<SensorUpgrade>,
+    /// Every judged set, in the order of [`Candidates::sets`]; then, for each upgrade, those that hold its sensors.
     pub sets: Vec<SensorSet>,
     /// The fault pairs of the system's own sensors and, with an extra sensor, of all.
     pub pairs: Vec<SetPairs>,
@@ -118,65 +126,72 @@ pub struct SensorTrade {
 /// One judged set, with the answers that pairs are counted from.
 type Judged = (SensorSet, Vec<FaultAnswer>, Option<Isolability>);
 
+/// What a user wants to know of sensors.
+#[derive(Debug, Clone, Default)]
+pub struct TradeOptions<'o> {
+    /// Sensors that every set holds.
+    pub keep: &'o [String],
+    /// The table of costs; without one each sensor costs 1.
+    pub costs: Option<&'o Path>,
+    /// The table of upgrades.
+    pub upgrades: Option<&'o Path>,
+}
+
 impl SensorTrade {
-    /// Judges every set of sensors of a study; `progress` gets the share that is done.
+    /// Judges every set of sensors of a study, and those with each upgrade.
     ///
     /// # Errors
-    /// There is no data set; the costs are wrong; too many sensors may be left out; the caller stopped the work.
+    /// There is no data set; a table is wrong; too many sensors may be left out; an upgrade cannot be simulated; the
+    /// caller stopped the work.
     pub fn new(
         results: &StudyResultsFolder,
-        keep: &[String],
-        costs: Option<&Path>,
-        workers: Workers,
-        progress: &(dyn Fn(f64) + Sync),
+        options: &TradeOptions,
+        crew: &Crew,
     ) -> Result<Self, SafetyError> {
         let extra = SensorRuns::have_extra(results);
-        let candidates = Candidates::new(&results.study, extra, keep, costs)?;
+        let candidates = Candidates::new(&results.study, extra, options.keep, options.costs)?;
+        let upgrades =
+            options.upgrades.map(|p| SensorUpgrade::read(p, &results.study, &candidates));
+        let upgrades = upgrades.transpose()?.unwrap_or_default();
         let runs = SensorRuns::read(results, &candidates)?;
-        let sets = candidates.sets();
-        let done = AtomicUsize::new(0);
-        let judge = |&set: &SensorMask| {
-            let judged = judge(&runs, &candidates, set);
-            progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / sets.len() as f64);
-            judged
-        };
-        let judged = parallel::map(&sets, workers, judge).map_err(|_| SafetyError::Cancelled)?;
-        let judged: Vec<Judged> = judged.into_iter().collect::<Result<_, _>>()?;
+        let judged = judge_all((&runs, &candidates), &candidates.sets(), None, crew)?;
         let is_paired = |set: SensorMask| set == candidates.base() || set == candidates.all();
         let paired = judged.iter().filter(|(own, ..)| is_paired(own.set));
         let pairs = paired.map(|judged| SetPairs::count(&runs, judged)).collect();
-        let mut notes = vec![];
-        if judged.iter().any(|(own, ..)| own.isolable.is_none()) {
-            notes.push(format!(
-                "the scenario {} has too few healthy specimens for a covariance of all sensors, so structural \
-                 isolability is missing",
-                results.setting.name()
-            ));
-        }
-        if results.study.extra_sensor.is_some() && !extra {
-            notes.push("the extra sensor is judged in the scenario realistic only".into());
-        }
-        if runs.data.failed > 0 {
-            notes.push(format!(
-                "{} runs were not simulated to the end and are left out",
-                runs.data.failed
-            ));
-        }
+        let is_structural = judged.iter().all(|(own, ..)| own.isolable.is_some());
+        let mut notes = notes(results, is_structural, extra, runs.data.failed);
         let mut sets: Vec<SensorSet> = judged.into_iter().map(|(set, ..)| set).collect();
+        for (place, upgrade) in upgrades.iter().enumerate() {
+            let upgraded = upgrade.simulated(results, crew)?;
+            let candidates = upgrade.priced(&candidates);
+            let runs = SensorRuns::read(&upgraded, &candidates)?;
+            notes.extend(left_out(runs.data.failed, &format!(" with {}", upgrade.name)));
+            let mut wanted = candidates.sets();
+            let is_upgraded = |set: SensorMask| set & upgrade.sensors == upgrade.sensors;
+            wanted.retain(|&set| candidates.keeps_control(set) && is_upgraded(set));
+            let judged = judge_all((&runs, &candidates), &wanted, Some(place), crew)?;
+            sets.extend(judged.into_iter().map(|(set, ..)| set));
+        }
         mark_front(&mut sets);
-        Ok(SensorTrade { scenario: results.setting.name(), candidates, sets, pairs, notes })
+        let scenario = results.setting.name();
+        Ok(SensorTrade { scenario, candidates, upgrades, sets, pairs, notes })
     }
 
-    /// What was found of a set.
-    pub fn of(&self, set: SensorMask) -> Option<&SensorSet> {
-        self.sets.iter().find(|own| own.set == set)
+    /// What was found of a set, without upgrades or with one.
+    pub fn of(&self, set: SensorMask, upgrade: Option<usize>) -> Option<&SensorSet> {
+        self.sets.iter().find(|own| own.set == set && own.upgrade == upgrade)
     }
 
-    /// For every number of sensors, the set with the fewest shutdown errors that leaves control possible. Among equals
-    /// it isolates the most faults, then detects the most, then costs the least.
+    /// The system's own sensors with an upgrade.
+    pub fn upgraded(&self, upgrade: usize) -> Option<&SensorSet> {
+        self.of(self.candidates.base() | self.upgrades[upgrade].sensors, Some(upgrade))
+    }
+
+    /// For every number of sensors, the set with the fewest shutdown errors that leaves control possible, without
+    /// upgrades. Among equals it isolates the most faults, then detects the most, then costs the least.
     pub fn best_of_sizes(&self) -> Vec<&SensorSet> {
         let mut best: BTreeMap<u32, &SensorSet> = BTreeMap::new();
-        for set in self.sets.iter().filter(|set| set.keeps_control) {
+        for set in self.sets.iter().filter(|set| set.keeps_control && set.upgrade.is_none()) {
             let first = best.entry(set.set.count_ones()).or_insert(set);
             let key = |s: &SensorSet| {
                 let Rate { count, .. } = s.rates.isolated[0];
@@ -188,6 +203,47 @@ impl SensorTrade {
         }
         best.into_values().collect()
     }
+}
+
+/// What readers must know of the study's own runs.
+fn notes(
+    results: &StudyResultsFolder,
+    is_structural: bool,
+    has_extra: bool,
+    failed: usize,
+) -> Vec<String> {
+    let too_few = format!(
+        "the scenario {} has too few healthy specimens for a covariance of all sensors, so structural isolability is \
+         missing",
+        results.setting.name()
+    );
+    let extra = results.study.extra_sensor.as_ref().filter(|_| !has_extra);
+    let extra = extra.map(|_| "the extra sensor is judged in the scenario realistic only".into());
+    let too_few = (!is_structural).then_some(too_few);
+    too_few.into_iter().chain(extra).chain(left_out(failed, "")).collect()
+}
+
+fn left_out(failed: usize, how: &str) -> Option<String> {
+    let text = || format!("{failed} runs{how} were not simulated to the end and are left out");
+    (failed > 0).then(text)
+}
+
+/// Judges sets of sensors, on the runs of the study or of an upgrade.
+fn judge_all(
+    (runs, candidates): (&SensorRuns, &Candidates),
+    sets: &[SensorMask],
+    upgrade: Option<usize>,
+    crew: &Crew,
+) -> Result<Vec<Judged>, SafetyError> {
+    let done = AtomicUsize::new(0);
+    let judge = |&set: &SensorMask| {
+        let judged = judge(runs, candidates, set);
+        let share = (1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / sets.len() as f64;
+        (crew.progress)("judging sets of sensors", share);
+        judged.map(|(own, answers, alike)| (SensorSet { upgrade, ..own }, answers, alike))
+    };
+    let judged = parallel::map(sets, crew.workers, judge).map_err(|_| SafetyError::Cancelled)?;
+    judged.into_iter().collect()
 }
 
 fn judge(
@@ -208,6 +264,7 @@ fn judge(
     });
     let found = SensorSet {
         set,
+        upgrade: None,
         cost: candidates.cost(set),
         keeps_control: candidates.keeps_control(set),
         rates: judged::rates(runs, set, &answers),

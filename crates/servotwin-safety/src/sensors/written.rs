@@ -43,6 +43,10 @@ impl SensorTrade {
         Ok(vec![sets, pairs, figure])
     }
 
+    fn upgrade_name(&self, set: &SensorSet) -> String {
+        set.upgrade.map_or_else(String::new, |place| self.upgrades[place].name.clone())
+    }
+
     /// One row for each judged set.
     fn set_table(&self) -> Result<Table, SafetyError> {
         let candidates = &self.candidates;
@@ -53,6 +57,7 @@ impl SensorTrade {
         let left_out = |set: &SensorSet| candidates.names(candidates.all() & !set.set);
         let mut columns = vec![
             column("sensors", "", of(self, |set| candidates.names(set.set)).into()),
+            column("upgrade", "", of(self, |set| self.upgrade_name(set)).into()),
             column("left_out", "", of(self, left_out).into()),
             column("count", "1", of(self, |set| set.set.count_ones()).into()),
             column("cost", "", of(self, |set| set.cost).into()),

@@ -12,7 +12,9 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Outcome, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
-use servotwin_learning::metrics::{Rate, Trial, clopper_pearson_upper, poisson_at_most};
+use servotwin_learning::metrics::{
+    MedianTime, Rate, Trial, clopper_pearson_upper, poisson_at_most,
+};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -64,6 +66,30 @@ pub struct ClassMetrics {
     pub isolation: Option<Latency>,
     /// From visibility to the right command.
     pub isolation_since_visible: Option<Latency>,
+}
+
+/// How fast one kind of fault is noticed, in flights on all actuators.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KindLatency {
+    /// The kind of fault.
+    pub kind: String,
+    /// The least intensity of the counted flights: 0 or [`STRONG`].
+    pub least_intensity: f64,
+    /// From the onset until the fault was visible.
+    pub detection: MedianTime,
+    /// From the onset to the right action.
+    pub isolation: MedianTime,
+}
+
+impl KindLatency {
+    fn of(kind: &str, least_intensity: f64, outcomes: &[FlightOutcome]) -> Self {
+        KindLatency {
+            kind: kind.into(),
+            least_intensity,
+            detection: MedianTime::of(outcomes.iter().map(|outcome| outcome.seen_s)),
+            isolation: MedianTime::of(outcomes.iter().map(|outcome| outcome.isolated_s)),
+        }
+    }
 }
 
 /// Results of flights without a fault, and of the time before faults.
@@ -203,6 +229,9 @@ pub struct FlightMetrics {
     pub in_time_since_visible: Rate,
     /// By command: first all intensities, then the strong ones.
     pub classes: Vec<ClassMetrics>,
+    /// By kind of fault: first all intensities, then the strong ones; empty in results from before this was counted.
+    #[serde(default)]
+    pub kinds: Vec<KindLatency>,
     /// By kind of onset: strong shutdown faults.
     pub onsets: Vec<(String, ClassMetrics)>,
     /// Results without a fault.
@@ -604,6 +633,7 @@ impl Judged<'_> {
             visible_in_time: self.share(off, &|outcome| outcome.seen_s.is_some_and(soon)),
             in_time_since_visible: self.share(off, &|outcome| outcome.waited_s().is_some_and(soon)),
             classes,
+            kinds: [0.0, STRONG].into_iter().flat_map(|least| self.kinds(least)).collect(),
             onsets,
             healthy: self.healthy(0),
             wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
@@ -702,6 +732,17 @@ impl Judged<'_> {
                 of,
             ),
         })
+    }
+
+    /// The latency of every kind of fault from an intensity on, in the order of the study.
+    fn kinds(&self, least_intensity: f64) -> Vec<KindLatency> {
+        let mut kinds: BTreeMap<u32, Vec<FlightOutcome>> = BTreeMap::new();
+        for outcome in self.outcomes(0, |flight| flight.intensity >= least_intensity) {
+            kinds.entry(outcome.kind_number).or_default().push(outcome);
+        }
+        let latency =
+            |own: Vec<FlightOutcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
+        kinds.into_values().map(latency).collect()
     }
 
     /// The share of visible, strong faults of a command that satisfy a condition.

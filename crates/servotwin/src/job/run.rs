@@ -210,6 +210,15 @@ impl<'r> StudyRun<'r> {
         }
     }
 
+    /// Simulates the data sets of one scenario, and nothing else.
+    ///
+    /// # Errors
+    /// As [`Study::run`]; [`CampaignError::Cancelled`].
+    pub fn data_sets(&self, setting: Setting) -> Result<(), JobError> {
+        let _kept = self.folder.keep_study(self.study, self.replace)?;
+        self.study.roles().into_iter().try_for_each(|role| self.simulate(role, vec![setting]))
+    }
+
     fn simulate(&self, role: Role, settings: Vec<Setting>) -> Result<(), JobError> {
         let campaign = Campaign {
             settings: settings.clone(),
