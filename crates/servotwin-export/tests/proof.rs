@@ -8,8 +8,9 @@ mod rig;
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
-use servotwin_export::c::{self, Twin};
+use servotwin_export::c::{self, CFile, Twin};
 use servotwin_export::prove::{Build, Mistakes, Mutant, Plan, mutants, prove};
+use servotwin_export::rust;
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, Settings};
 use std::sync::Arc;
@@ -17,13 +18,19 @@ use std::sync::Arc;
 /// Five minutes of samples.
 const SAMPLES: u64 = 30_000;
 
+/// Proves the exports in C and in Rust.
 fn assert_proven(diagnoser: &Arc<Diagnoser>) {
-    let files = c::files(diagnoser).unwrap();
     let builds = Build::available();
     assert!(builds.iter().any(|build| build.compiler == "gcc"), "the tests need gcc");
-    let plan =
-        Plan { diagnoser, twin: None, study: None, files: &files, samples: SAMPLES, variants: 0 };
-    for evidence in prove(&plan, &builds, &mut |_, _| ()).unwrap() {
+    assert_builds_proven(diagnoser, &c::files(diagnoser).unwrap(), &builds);
+    assert_builds_proven(diagnoser, &rust::files(diagnoser).unwrap(), &Build::rust());
+}
+
+fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[CFile], builds: &[Build]) {
+    let plan = Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+    let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
+    assert!(proven.len() >= 3, "{builds:?}");
+    for evidence in proven {
         assert!(evidence.holds(), "{evidence:#?}");
         assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
         assert!(evidence.samples == SAMPLES && !evidence.raised.is_empty(), "{evidence:#?}");
