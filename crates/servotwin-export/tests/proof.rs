@@ -42,6 +42,33 @@ fn the_export_of_a_trained_diagnoser_decides_the_same_in_every_build() {
     assert_proven(&toy::diagnoser());
 }
 
+#[test]
+fn mistakes_in_the_rust_text_are_found() {
+    let diagnoser = &demanding();
+    let build = Build { level: "opt-level=0", ..Build::rust().remove(0) };
+    let with = |name: &str, old: &str, new: &str| {
+        let mut files = rust::files(diagnoser).unwrap();
+        let text = &mut files.iter_mut().find(|file| file.name == name).unwrap().text;
+        assert!(text.contains(old), "{name} has no {old}");
+        *text = text.replacen(old, new, 1);
+        files
+    };
+    for (name, old, new) in [
+        ("src/models.rs", "value <= self.thresholds", "value < self.thresholds"),
+        ("src/windows.rs", "(count - 1.0) / count", "count / (count - 1.0)"),
+        ("src/boundary.rs", "1.0 / now.information + variance", "1.0 / now.information - variance"),
+        ("src/decision.rs", "self.change / length", "self.change * length"),
+        ("src/judge.rs", "own - common + mean_difference", "own + common + mean_difference"),
+        ("src/session.rs", "(sum - 6.0)", "(sum - 6.5)"),
+    ] {
+        let files = &with(name, old, new);
+        let plan =
+            Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+        let evidence = &prove(&plan, std::slice::from_ref(&build), &mut |_, _| ()).unwrap()[0];
+        assert!(!evidence.holds(), "{name}: {old} -> {new}");
+    }
+}
+
 /// A diagnoser that uses everything: windows beyond a baseline, a boundary, scales, and a temperature.
 fn demanding() -> Arc<Diagnoser> {
     let mut diagnoser = toy::with_baseline();

@@ -64,13 +64,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Language::C => ExportError::NoBuild,
         Language::Rust => ExportError::NoRust,
     })?;
-    let exported = description.twin.clone();
-    let study = exported.as_ref().map(|twin| {
+    let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
+    mistakes.check(first)?;
+    let exported = description.twin.as_ref();
+    let study = exported.map(|twin| {
         let place = options.study.clone().unwrap_or_else(|| twin.study.clone());
         find_study(Some(&place)).map(|study| (study, place))
     });
     let study = study.transpose()?;
-    let twin = study.as_ref().zip(exported.as_ref()).map(|((study, place), exported)| {
+    let twin = study.as_ref().zip(exported).map(|((study, place), exported)| {
         let twin = twin_of(study, &diagnoser, exported.has_fixed_step).map_err(unfit(&file))?;
         folder.check_system(exported, &twin, place)?;
         Ok::<_, Failure>(twin)
@@ -86,7 +88,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     };
     let stages = Stages::new(global);
     let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
-    let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
     let mutants = mutants(&plan, first, mistakes, &mut |done| {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
@@ -112,21 +113,21 @@ fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
     if let Some(first) = certificate.builds.first() {
         text += &format!(
-            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n\
-             twin: {} points, {} variants ({} without a steady state), {} samples\n\
-             twin and diagnosis together: {} samples\n\
-             diagnosis: {} samples\n",
-            first.leaves,
-            first.thresholds,
-            first.rows,
-            first.random_rows,
-            first.points,
-            first.variants,
-            first.unsettled,
-            first.twin_samples,
-            first.hybrid_samples,
-            first.samples,
+            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n",
+            first.leaves, first.thresholds, first.rows, first.random_rows,
         );
+        if certificate.export.twin.is_some() {
+            text += &format!(
+                "twin: {} points, {} variants ({} without a steady state), {} samples\n\
+                 twin and diagnosis together: {} samples\n",
+                first.points,
+                first.variants,
+                first.unsettled,
+                first.twin_samples,
+                first.hybrid_samples,
+            );
+        }
+        text += &format!("diagnosis: {} samples\n", first.samples);
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }

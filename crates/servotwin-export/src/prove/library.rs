@@ -69,6 +69,11 @@ impl Build {
         if starts(CARGO) { builds.into() } else { Vec::new() }
     }
 
+    /// Whether it compiles an export in Rust.
+    pub(super) fn is_rust(&self) -> bool {
+        self.compiler == CARGO
+    }
+
     /// The arguments of cargo.
     fn rust_arguments(&self) -> [String; 5] {
         let profile = if self.level == "opt-level=0" { "dev" } else { "release" };
@@ -78,7 +83,7 @@ impl Build {
 
     /// The command with its flags.
     pub fn command(&self) -> String {
-        match self.compiler == CARGO {
+        match self.is_rust() {
             true => format!("{CARGO} {}", self.rust_arguments().join(" ")),
             false => format!("{} {} {}", self.compiler, FLAGS.join(" "), self.level),
         }
@@ -188,7 +193,7 @@ pub(super) struct Compiled {
 impl Compiled {
     /// Compiles the files and loads them.
     pub fn new(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
-        match build.compiler == CARGO {
+        match build.is_rust() {
             true => Compiled::new_rust(files, build),
             false => Objects::new(files, build)?.load("export.so"),
         }
