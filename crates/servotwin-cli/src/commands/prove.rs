@@ -18,10 +18,11 @@ use std::sync::Arc;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
-/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3; cargo for an export as Rust) is compared bit by bit with the
-/// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
-/// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The twin is
-/// compared with that of the toolkit over variants with random faults. The certificate is written beside the files, as proof.json and proof.html.
+/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3; cargo for an export as Rust) is
+/// compared bit by bit with the diagnoser: every leaf of every tree, both sides of every threshold, missing values at every
+/// test, and random samples through the whole chain with lost sensors, wrong inputs and commands of the flight control
+/// computer. The twin is compared with that of the toolkit over variants with random faults. The certificate is written
+/// beside the files, as proof.json and proof.html.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
