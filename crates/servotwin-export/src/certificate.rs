@@ -1,5 +1,6 @@
 //! What a proof showed, as data and as a page.
 
+use crate::language::Language;
 use crate::prove::{Evidence, Mutant};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
@@ -17,16 +18,26 @@ pub struct Description {
     pub diagnoser: PathBuf,
     /// Its SHA-256.
     pub diagnoser_sha256: String,
+    /// The language of the files.
+    pub language: Language,
+    /// The twin, if it is part of the export.
+    pub twin: Option<TwinDescription>,
+    /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
+    pub sources_sha256: BTreeMap<String, String>,
+    /// The SHA-256 of each file when it was written.
+    pub files_sha256: BTreeMap<String, String>,
+}
+
+/// The twin of an export.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TwinDescription {
     /// The study, by the name or the file that was given.
     pub study: PathBuf,
     /// A number that other equations of the twin do not have.
     pub system: u64,
-    /// Whether the steps of the twin are fixed.
+    /// Whether its steps are fixed.
     pub has_fixed_step: bool,
-    /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
-    pub sources_sha256: BTreeMap<String, String>,
-    /// The SHA-256 of each C file when it was written.
-    pub files_sha256: BTreeMap<String, String>,
 }
 
 /// The result of a proof.
@@ -36,7 +47,7 @@ pub struct Certificate {
     pub holds: bool,
     /// What was exported.
     pub export: Description,
-    /// The SHA-256 of each C file that was compiled.
+    /// The SHA-256 of each file that was compiled.
     pub compiled_sha256: BTreeMap<String, String>,
     /// What each build was compared on.
     pub builds: Vec<Evidence>,

@@ -1,4 +1,4 @@
-//! C compilers, and a temporary folder in which they work.
+//! Compilers, and a temporary folder in which they work.
 
 use crate::c::CFile;
 use crate::error::ExportError;
@@ -7,13 +7,15 @@ use std::path::PathBuf;
 use std::process::Command;
 use tempfile::TempDir;
 
+/// Whether a compiler is installed.
+pub(crate) fn starts(compiler: &str) -> bool {
+    let run = Command::new(compiler).arg("--version").output();
+    run.is_ok_and(|output| output.status.success())
+}
+
 /// The C compilers that are installed.
 pub(crate) fn compilers() -> impl Iterator<Item = &'static str> {
-    let starts = |compiler: &&str| {
-        let run = Command::new(compiler).arg("--version").output();
-        run.is_ok_and(|output| output.status.success())
-    };
-    ["gcc", "clang"].into_iter().filter(starts)
+    ["gcc", "clang"].into_iter().filter(|compiler| starts(compiler))
 }
 
 /// The names of the files that are compiled.
@@ -23,7 +25,7 @@ pub(crate) fn compiled<'f>(
     files.into_iter().map(|file| file.name).filter(|name| name.ends_with(".c"))
 }
 
-/// A temporary folder with C files.
+/// A temporary folder with source files.
 pub(crate) struct Workplace(TempDir);
 
 impl Workplace {
@@ -41,10 +43,12 @@ impl Workplace {
         self.0.path().join(name)
     }
 
-    /// Writes a file.
+    /// Writes a file, with its folder if it has one.
     pub fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
         let path = self.path(name);
-        fs::write(&path, text).map_err(|cause| ExportError::from_io(&path, cause))
+        let written = path.parent().map_or(Ok(()), fs::create_dir_all);
+        let written = written.and_then(|()| fs::write(&path, text));
+        written.map_err(|cause| ExportError::from_io(&path, cause))
     }
 
     /// Reads a file.

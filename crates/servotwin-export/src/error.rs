@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExportError {
-    /// A stage has a classifier without a C counterpart.
+    /// A stage has a classifier without a counterpart in an export.
     #[error("stage {stage} is '{kind}'; the export knows decision trees (CART) and boosted trees")]
     Classifier {
         /// The stage's id.
@@ -28,7 +28,7 @@ pub enum ExportError {
         /// How many there may be.
         most: usize,
     },
-    /// Part of the diagnosis has no C counterpart yet.
+    /// Part of the diagnosis has no counterpart in an export yet.
     #[error("{0}")]
     Unsupported(&'static str),
     /// The diagnoser does not fit together.
@@ -41,7 +41,7 @@ pub enum ExportError {
     #[error(transparent)]
     File(#[from] FileError),
     /// The folder holds something else than an export.
-    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export", .0.display())]
+    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export in the same language", .0.display())]
     FolderInUse(PathBuf),
     /// The folder holds no export.
     #[error("{}: there is no export here; 'servotwin export c --out {}' writes one", .0.display(), .0.display())]
@@ -73,16 +73,19 @@ pub enum ExportError {
     /// There is no C compiler to prove anything with.
     #[error("neither gcc nor clang starts: install one of them")]
     NoBuild,
-    /// The C compiler does not start.
-    #[error("the C compiler '{compiler}' does not start: {cause}")]
+    /// There is no Rust compiler to prove anything with.
+    #[error("cargo does not start: install Rust to prove an export in Rust")]
+    NoRust,
+    /// The compiler does not start.
+    #[error("the compiler '{compiler}' does not start: {cause}")]
     NoCompiler {
         /// Its command.
         compiler: String,
         /// The reason.
         cause: std::io::Error,
     },
-    /// The C compiler refuses the text.
-    #[error("the C compiler '{compiler}' refuses the exported text:\n{messages}")]
+    /// The compiler refuses the text.
+    #[error("the compiler '{compiler}' refuses the exported text:\n{messages}")]
     Refused {
         /// Its command with flags.
         compiler: String,

@@ -1,8 +1,10 @@
-//! An export on disk: the C files, and `export.json`, which says what they were made of.
+//! An export on disk: its files, and `export.json`, which says what they were made of.
 
 use crate::c::{self, CFile, Twin};
-use crate::certificate::{Certificate, Description};
+use crate::certificate::{Certificate, Description, TwinDescription};
 use crate::error::ExportError;
+use crate::language::Language;
+use crate::rust;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
@@ -44,8 +46,8 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. Replaces an earlier export,
-    /// and removes its certificate.
+    /// Writes an export in C of the diagnoser in a file and of a twin of the study of that name. Here and below, an earlier
+    /// export is replaced, and its certificate removed.
     ///
     /// # Errors
     /// [`ExportError::FolderInUse`], the errors of [`c::files_with_twin`], and files that cannot be written.
@@ -54,28 +56,56 @@ impl ExportFolder {
         (diagnoser, file): (&Diagnoser, &Path),
         (twin, study): (&Twin, &Path),
     ) -> Result<Description, ExportError> {
+        let twin_description = TwinDescription {
+            study: study.into(),
+            system: twin.program.identity(),
+            has_fixed_step: twin.has_fixed_step(),
+        };
         let files = c::files_with_twin(diagnoser, twin)?;
+        self.write_files(&files, file, Language::C, Some(twin_description))
+    }
+
+    /// Writes an export in Rust of the diagnoser in a file, without a twin.
+    ///
+    /// # Errors
+    /// [`ExportError::FolderInUse`], the errors of [`rust::files`], and files that cannot be written.
+    pub fn write_rust(
+        &self,
+        (diagnoser, file): (&Diagnoser, &Path),
+    ) -> Result<Description, ExportError> {
+        self.write_files(&rust::files(diagnoser)?, file, Language::Rust, None)
+    }
+
+    fn write_files(
+        &self,
+        files: &[CFile],
+        diagnoser: &Path,
+        language: Language,
+        twin: Option<TwinDescription>,
+    ) -> Result<Description, ExportError> {
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
-        if holds_files && !self.file(DESCRIPTION).exists() {
+        let is_own = |description: Description| description.language == language;
+        let is_earlier = self.description().map_or(self.file(DESCRIPTION).exists(), is_own);
+        if holds_files && !is_earlier {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
-        create_folder(&self.path)?;
         // A certificate of another text is worse than none.
         for name in [CERTIFICATE, PAGE] {
             let _ = std::fs::remove_file(self.file(name));
         }
-        for CFile { name, text } in &files {
-            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+        for CFile { name, text } in files {
+            let path = self.file(name);
+            path.parent().map_or(Ok(()), create_folder)?;
+            write_atomically(path, |out| out.write_all(text.as_bytes()))?;
         }
         let description = Description {
             version: env!("CARGO_PKG_VERSION").into(),
-            diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
-            diagnoser_sha256: sha256(file)?,
-            study: study.into(),
-            system: twin.program.identity(),
-            has_fixed_step: twin.has_fixed_step(),
-            sources_sha256: sources(file)?,
-            files_sha256: c::hashes(&files),
+            diagnoser: std::path::absolute(diagnoser).unwrap_or_else(|_| diagnoser.into()),
+            diagnoser_sha256: sha256(diagnoser)?,
+            language,
+            twin,
+            sources_sha256: sources(diagnoser)?,
+            files_sha256: c::hashes(files),
         };
         self.write_json(DESCRIPTION, &description)?;
         Ok(description)
@@ -98,7 +128,7 @@ impl ExportFolder {
     /// [`ExportError::OtherSystem`] if it is not.
     pub fn check_system(
         &self,
-        exported: &Description,
+        exported: &TwinDescription,
         twin: &Twin,
         study: &Path,
     ) -> Result<(), ExportError> {
@@ -108,7 +138,7 @@ impl ExportFolder {
         Err(ExportError::OtherSystem { study: study.into(), folder: self.path.clone() })
     }
 
-    /// The C files as they are now. `file` must be the exported diagnoser.
+    /// The files as they are now. `file` must be the exported diagnoser.
     ///
     /// # Errors
     /// [`ExportError::OtherDiagnoser`] if it is not, and files that are missing.
@@ -118,7 +148,10 @@ impl ExportFolder {
             return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
         }
         let read = |name| Ok(CFile { name, text: read_text(self.file(name))? });
-        c::names().map(read).collect()
+        match exported.language {
+            Language::C => c::names().map(read).collect(),
+            Language::Rust => rust::names().map(read).collect(),
+        }
     }
 
     /// Writes a certificate as data and as a page; returns their paths.

@@ -1,20 +1,26 @@
 //! A trained diagnosis and its twin for a flight control computer, and a system for other simulation tools.
 //!
-//! - [`c`]: the diagnoser as C99 without allocation or recursion
+//! - [`c`]: the diagnoser and its twin as C99 without allocation or recursion
+//! - [`rust`]: the diagnoser as a crate without the standard library
 //! - [`certificate`]: what a proof showed, as data and as a page
 //! - [`fmu`]: the system with its faults for other simulation tools
 //! - [`folder`]: an export on disk, with what it was made of
 //! - [`prove`]: compiles an export and compares its decisions with those of the diagnoser
 //!
-//! The flight control computer's answer must be the trained one. Therefore nothing is approximated: the C code has the
+//! The flight control computer's answer must be the trained one. Therefore nothing is approximated: the code has the
 //! same operations in the same order, and the comparison demands equal bits.
 
 pub mod c;
 pub mod certificate;
 mod compile;
 mod error;
+mod features;
 pub mod fmu;
 pub mod folder;
+mod language;
 pub mod prove;
+pub mod rust;
+mod tables;
 
 pub use error::ExportError;
+pub use language::Language;

@@ -8,8 +8,9 @@ mod rig;
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
-use servotwin_export::c::{self, Twin};
+use servotwin_export::c::{self, CFile, Twin};
 use servotwin_export::prove::{Build, Mistakes, Mutant, Plan, mutants, prove};
+use servotwin_export::rust;
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, Settings};
 use std::sync::Arc;
@@ -17,13 +18,19 @@ use std::sync::Arc;
 /// Five minutes of samples.
 const SAMPLES: u64 = 30_000;
 
+/// Proves the exports in C and in Rust.
 fn assert_proven(diagnoser: &Arc<Diagnoser>) {
-    let files = c::files(diagnoser).unwrap();
     let builds = Build::available();
     assert!(builds.iter().any(|build| build.compiler == "gcc"), "the tests need gcc");
-    let plan =
-        Plan { diagnoser, twin: None, study: None, files: &files, samples: SAMPLES, variants: 0 };
-    for evidence in prove(&plan, &builds, &mut |_, _| ()).unwrap() {
+    assert_builds_proven(diagnoser, &c::files(diagnoser).unwrap(), &builds);
+    assert_builds_proven(diagnoser, &rust::files(diagnoser).unwrap(), &Build::rust());
+}
+
+fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[CFile], builds: &[Build]) {
+    let plan = Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+    let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
+    assert!(proven.len() >= 3, "{builds:?}");
+    for evidence in proven {
         assert!(evidence.holds(), "{evidence:#?}");
         assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
         assert!(evidence.samples == SAMPLES && !evidence.raised.is_empty(), "{evidence:#?}");
@@ -33,6 +40,33 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
 #[test]
 fn the_export_of_a_trained_diagnoser_decides_the_same_in_every_build() {
     assert_proven(&toy::diagnoser());
+}
+
+#[test]
+fn mistakes_in_the_rust_text_are_found() {
+    let diagnoser = &demanding();
+    let build = Build { level: "opt-level=0", ..Build::rust().remove(0) };
+    let with = |name: &str, old: &str, new: &str| {
+        let mut files = rust::files(diagnoser).unwrap();
+        let text = &mut files.iter_mut().find(|file| file.name == name).unwrap().text;
+        assert!(text.contains(old), "{name} has no {old}");
+        *text = text.replacen(old, new, 1);
+        files
+    };
+    for (name, old, new) in [
+        ("src/models.rs", "value <= self.thresholds", "value < self.thresholds"),
+        ("src/windows.rs", "(count - 1.0) / count", "count / (count - 1.0)"),
+        ("src/boundary.rs", "1.0 / now.information + variance", "1.0 / now.information - variance"),
+        ("src/decision.rs", "self.change / length", "self.change * length"),
+        ("src/judge.rs", "own - common + mean_difference", "own + common + mean_difference"),
+        ("src/session.rs", "(sum - 6.0)", "(sum - 6.5)"),
+    ] {
+        let files = &with(name, old, new);
+        let plan =
+            Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+        let evidence = &prove(&plan, std::slice::from_ref(&build), &mut |_, _| ()).unwrap()[0];
+        assert!(!evidence.holds(), "{name}: {old} -> {new}");
+    }
 }
 
 /// A diagnoser that uses everything: windows beyond a baseline, a boundary, scales, and a temperature.

@@ -13,6 +13,7 @@ use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_export::ExportError;
 use servotwin_export::c::Twin;
+use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
 use servotwin_model::solver::Settings;
@@ -29,6 +30,7 @@ pub struct Options {
 #[derive(clap::Subcommand)]
 enum Target {
     C(COptions),
+    Rust(RustOptions),
     Fmu(FmuOptions),
 }
 
@@ -89,12 +91,31 @@ struct COptions {
     out: PathBuf,
 }
 
+/// Write the diagnosis as a Rust crate without the standard library.
+///
+/// The crate takes inputs, measured values and the values of a twin sample by sample, and answers as the trained diagnosis
+/// does, bit for bit. It allocates nothing, has no unsafe code, and needs only the crate libm. The virtual twin is exported
+/// as C alone. 'servotwin prove' compiles the crate and proves that it decides as it was trained.
+#[derive(clap::Args)]
+struct RustOptions {
+    /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// The folder of the crate: a new or empty one, or that of an earlier export as Rust.
+    #[arg(long, value_name = "FOLDER", default_value = "export-rust")]
+    out: PathBuf,
+}
+
 impl Options {
     /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
+        let diagnoser = |model: &Option<PathBuf>| {
+            let file = model.clone().unwrap_or_else(usual_diagnoser);
+            Paths::default().read("the diagnoser", [file])
+        };
         match &self.target {
-            Target::C(options) => Paths::default()
-                .read("the diagnoser", [options.model.clone().unwrap_or_else(usual_diagnoser)]),
+            Target::C(options) => diagnoser(&options.model),
+            Target::Rust(options) => diagnoser(&options.model),
             Target::Fmu(options) => Paths::default()
                 .read("the diagnoser", options.model.clone())
                 .write("--out", Format::Any, &options.out),
@@ -106,6 +127,7 @@ impl Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
         Target::C(options) => run_c(options, global),
+        Target::Rust(options) => run_rust(options, global),
         Target::Fmu(options) => run_fmu(options, global),
     }
 }
@@ -141,15 +163,26 @@ fn run_c(options: &COptions, global: Global) -> Result<String, Failure> {
     let study = find_study(Some(&place))?;
     let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
     let written = ExportFolder::new(&options.out).write((&diagnoser, &file), (&twin, &place));
-    let description = written?;
-    Ok(match global {
+    Ok(text_of(&written?, &options.out, global))
+}
+
+fn run_rust(options: &RustOptions, global: Global) -> Result<String, Failure> {
+    let file = options.model.clone().unwrap_or_else(usual_diagnoser);
+    let diagnoser = model_file::read_diagnoser(&file)?;
+    let written = ExportFolder::new(&options.out).write_rust((&diagnoser, &file));
+    Ok(text_of(&written?, &options.out, global))
+}
+
+/// What was written to a folder, for standard output.
+fn text_of(description: &Description, out: &Path, global: Global) -> String {
+    match global {
         Global { json: true, .. } => json(&json!(description)),
         Global { quiet: true, .. } => String::new(),
         _ => {
-            let (out, count) = (options.out.display(), description.files_sha256.len());
+            let (out, count) = (out.display(), description.files_sha256.len());
             format!("{out}: {count} files; 'servotwin prove {out}' proves them\n")
         }
-    })
+    }
 }
 
 /// The study of a diagnoser: the folder that it lies in, if that holds one.

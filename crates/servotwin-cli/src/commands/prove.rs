@@ -8,20 +8,21 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::model_file;
-use servotwin_export::ExportError;
 use servotwin_export::c;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{Build, Mistakes, Plan, mutants, prove};
+use servotwin_export::{ExportError, Language};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
-/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
-/// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
-/// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The twin is
-/// compared with that of the toolkit over variants with random faults. The certificate is written beside the C files, as proof.json and proof.html.
+/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3; cargo for an export as Rust) is
+/// compared bit by bit with the diagnoser: every leaf of every tree, both sides of every threshold, missing values at every
+/// test, and random samples through the whole chain with lost sensors, wrong inputs and commands of the flight control
+/// computer. The twin is compared with that of the toolkit over variants with random faults. The certificate is written
+/// beside the files, as proof.json and proof.html.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -39,7 +40,7 @@ pub struct Options {
     /// The duration of the samples through the whole chain, h.
     #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = hours)]
     hours: f64,
-    /// Also make this many mistakes in the C text, one at a time, and prove that each is found.
+    /// Also make this many mistakes in the text of an export as C, one at a time, and prove that each is found.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     mutants: usize,
 }
@@ -56,23 +57,38 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
     let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
     let files = folder.files(&description, &file)?;
-    let builds = Build::available();
-    let Some(first) = builds.first() else { return Err(ExportError::NoBuild.into()) };
-    let place = options.study.clone().unwrap_or_else(|| description.study.clone());
-    let study = find_study(Some(&place))?;
-    let twin = twin_of(&study, &diagnoser, description.has_fixed_step).map_err(unfit(&file))?;
-    folder.check_system(&description, &twin, &place)?;
+    let builds = match description.language {
+        Language::C => Build::available(),
+        Language::Rust => Build::rust(),
+    };
+    let first = builds.first().ok_or(match description.language {
+        Language::C => ExportError::NoBuild,
+        Language::Rust => ExportError::NoRust,
+    })?;
+    let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
+    mistakes.check(first)?;
+    let exported = description.twin.as_ref();
+    let study = exported.map(|twin| {
+        let place = options.study.clone().unwrap_or_else(|| twin.study.clone());
+        find_study(Some(&place)).map(|study| (study, place))
+    });
+    let study = study.transpose()?;
+    let twin = study.as_ref().zip(exported).map(|((study, place), exported)| {
+        let twin = twin_of(study, &diagnoser, exported.has_fixed_step).map_err(unfit(&file))?;
+        folder.check_system(exported, &twin, place)?;
+        Ok::<_, Failure>(twin)
+    });
+    let twin = twin.transpose()?;
     let plan = Plan {
         diagnoser: &diagnoser,
-        twin: Some(&twin),
-        study: Some(&study),
+        twin: twin.as_ref(),
+        study: study.as_ref().map(|(study, _)| study),
         files: &files,
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
         variants: options.variants,
     };
     let stages = Stages::new(global);
     let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
-    let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
     let mutants = mutants(&plan, first, mistakes, &mut |done| {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
@@ -98,21 +114,21 @@ fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
     if let Some(first) = certificate.builds.first() {
         text += &format!(
-            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n\
-             twin: {} points, {} variants ({} without a steady state), {} samples\n\
-             twin and diagnosis together: {} samples\n\
-             diagnosis: {} samples\n",
-            first.leaves,
-            first.thresholds,
-            first.rows,
-            first.random_rows,
-            first.points,
-            first.variants,
-            first.unsettled,
-            first.twin_samples,
-            first.hybrid_samples,
-            first.samples,
+            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n",
+            first.leaves, first.thresholds, first.rows, first.random_rows,
         );
+        if certificate.export.twin.is_some() {
+            text += &format!(
+                "twin: {} points, {} variants ({} without a steady state), {} samples\n\
+                 twin and diagnosis together: {} samples\n",
+                first.points,
+                first.variants,
+                first.unsettled,
+                first.twin_samples,
+                first.hybrid_samples,
+            );
+        }
+        text += &format!("diagnosis: {} samples\n", first.samples);
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }

@@ -170,6 +170,29 @@ fn twin_and_diagnosis_say_in_c_what_the_runtime_says() {
 }
 
 #[test]
+fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
+    let (folder, model, c) = exported("export-rust");
+    let out = folder.file("crate");
+    let text = succeeds(&["export", "rust", "--model", &model, "--out", &out]);
+    assert!(text.contains("14 files"), "{text}");
+    let text = succeeds(&["prove", &out, "--hours", "0.02"]);
+    assert_eq!(text.matches("same bits  cargo").count(), 3, "{text}");
+    assert!(!text.contains("twin:"), "{text}");
+    let message = fails(&["prove", &out, "--hours", "0", "--mutants", "1"], 3);
+    assert!(message.contains("in an export as C alone"), "{message}");
+    let message = fails(&["export", "rust", "--model", &model, "--out", &c], 2);
+    assert!(message.contains("earlier export in the same language"), "{message}");
+
+    let models = Path::new(&out).join("src/models.rs");
+    let whole = fs::read_to_string(&models).unwrap();
+    let changed = whole.replace("value <= self.thresholds", "value < self.thresholds");
+    assert_ne!(whole, changed);
+    fs::write(&models, changed).unwrap();
+    let message = fails(&["prove", &out, "--hours", "0"], 1);
+    assert!(message.contains("decides otherwise than its diagnoser"), "{message}");
+}
+
+#[test]
 fn another_system_is_not_the_exported_one() {
     let (_folder, _, out) = exported("export-study");
     let message = fails(&["prove", &out, "--study", "press_axis"], 3);

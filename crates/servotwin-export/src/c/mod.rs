@@ -3,22 +3,18 @@
 //! Most of the code is written by hand and the same for every diagnoser; it lies in `runtime/`. What was learned is
 //! printed as constant tables, and the features as statements. So the code can be reviewed once.
 
-mod features;
-mod literal;
-mod tables;
 mod twin;
 
 pub use twin::Twin;
 
 use crate::error::ExportError;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Length};
+use crate::language::Language;
+use crate::{features, tables};
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::manifest::sha256_of_text;
 use std::collections::BTreeMap;
 
-/// `SERVOTWIN_MOST_CLASSES` of the C code.
-const MOST_CLASSES: usize = 32;
-
-/// A file of an export.
+/// A file of an export, in C or Rust.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CFile {
     /// Its name.
@@ -97,18 +93,9 @@ pub fn hashes(files: &[CFile]) -> BTreeMap<String, String> {
 /// The errors of [`Diagnoser::check`]; [`ExportError::Classifier`], [`ExportError::TooMany`] and
 /// [`ExportError::Unsupported`] for what the C code does not know.
 pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
-    diagnoser.check()?;
-    if diagnoser.conditional_band.is_some() {
-        let why = "a band that depends on the operating point has no C counterpart yet";
-        return Err(ExportError::Unsupported(why));
-    }
-    let differs = |length: &Length| length.panel.trees.names.features != diagnoser.names().features;
-    if diagnoser.lengths.iter().any(differs) {
-        let why = "window lengths with different features cannot be exported";
-        return Err(ExportError::Unsupported(why));
-    }
-    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names());
-    let printed = tables::texts(diagnoser)?.into_iter().chain([features]);
+    tables::check(diagnoser)?;
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), Language::C);
+    let printed = tables::texts(diagnoser, Language::C)?.into_iter().chain([features]);
     Ok(together(DIAGNOSIS, PRINTED, printed))
 }
 

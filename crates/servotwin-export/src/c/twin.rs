@@ -1,7 +1,7 @@
 //! The virtual twin as C: its equations, and the tables of its steps.
 
-use super::literal;
 use crate::error::ExportError;
+use crate::language::Language;
 use servotwin_model::c_source::{described, hexadecimal, write_twin};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::solver::tableau::Tableau;
@@ -73,7 +73,7 @@ fn sizes(program: &Program, tableau: &Tableau) -> String {
         ("CLOCKS", clocks),
         ("MOST_CLOCKS", clocks.max(1)),
     ];
-    literal::sizes(HEAD, "SERVOTWIN_TWIN", &all)
+    Language::C.sizes(HEAD, "SERVOTWIN_TWIN", &all)
 }
 
 fn tables(twin: &Twin, tableau: &Tableau) -> String {

@@ -3,7 +3,7 @@
 use super::chain::Said;
 use super::samples::Sample;
 use crate::c::CFile;
-use crate::compile::{Workplace, compiled, compilers};
+use crate::compile::{Workplace, compiled, compilers, starts};
 use crate::error::ExportError;
 use libloading::{Library, Symbol};
 use servotwin_model::program::Program;
@@ -24,12 +24,32 @@ const PROVE_TWIN: [(&str, &str); 2] = [
     ("prove_hybrid.c", include_str!("../../runtime/prove_hybrid.c")),
 ];
 
+/// The compiler of a Rust export.
+const CARGO: &str = "cargo";
+
+/// The entry points of a Rust export, in a crate of their own.
+const PROVE_RUST: &str = include_str!("../../runtime/rust/prove.rs");
+
+/// The manifest of that crate, which lies above the export.
+const PROVE_MANIFEST: &str = "[package]
+name = \"prove\"
+edition = \"2024\"
+
+[lib]
+crate-type = [\"cdylib\"]
+
+[dependencies]
+servotwin_flight.path = \"export\"
+
+[workspace]
+";
+
 /// How the text is compiled.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Build {
     /// The compiler's command.
     pub compiler: String,
-    /// Its level of optimization, `-O0` …
+    /// Its level of optimization, `-O0` or `opt-level=0` …
     pub level: &'static str,
 }
 
@@ -42,9 +62,31 @@ impl Build {
             .collect()
     }
 
+    /// cargo, if it is installed, at three levels of optimization; the lowest also checks sums of integers.
+    pub fn rust() -> Vec<Build> {
+        let levels = ["opt-level=0", "opt-level=2", "opt-level=3"];
+        let builds = levels.map(|level| Build { compiler: CARGO.into(), level });
+        if starts(CARGO) { builds.into() } else { Vec::new() }
+    }
+
+    /// Whether it compiles an export in Rust.
+    pub(super) fn is_rust(&self) -> bool {
+        self.compiler == CARGO
+    }
+
+    /// The arguments of cargo.
+    fn rust_arguments(&self) -> [String; 5] {
+        let profile = if self.level == "opt-level=0" { "dev" } else { "release" };
+        let level = format!("profile.{profile}.{}", self.level);
+        ["build", "--profile", profile, "--config", &level].map(String::from)
+    }
+
     /// The command with its flags.
     pub fn command(&self) -> String {
-        format!("{} {} {}", self.compiler, FLAGS.join(" "), self.level)
+        match self.is_rust() {
+            true => format!("{CARGO} {}", self.rust_arguments().join(" ")),
+            false => format!("{} {} {}", self.compiler, FLAGS.join(" "), self.level),
+        }
     }
 
     /// The first line of the compiler's version.
@@ -151,7 +193,30 @@ pub(super) struct Compiled {
 impl Compiled {
     /// Compiles the files and loads them.
     pub fn new(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
-        Objects::new(files, build)?.load("export.so")
+        match build.is_rust() {
+            true => Compiled::new_rust(files, build),
+            false => Objects::new(files, build)?.load("export.so"),
+        }
+    }
+
+    fn new_rust(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
+        let workplace = Workplace::new(&[
+            CFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() },
+            CFile { name: "src/lib.rs", text: PROVE_RUST.into() },
+        ])?;
+        for CFile { name, text } in files {
+            workplace.write(&format!("export/{name}"), text)?;
+        }
+        let arguments = build.rust_arguments();
+        let fixed =
+            ["--quiet", "--target-dir", "target", "--config", "build.rustflags=['-Dwarnings']"];
+        let all = arguments.iter().map(String::as_str).chain(fixed);
+        workplace.run(CARGO, &build.command(), all)?;
+        let folder = if build.level == "opt-level=0" { "debug" } else { "release" };
+        // SAFETY: as in `Objects::load`.
+        let library =
+            unsafe { Library::new(workplace.path(&format!("target/{folder}/libprove.so"))) }?;
+        Ok(Compiled { library })
     }
 
     /// Memory for a struct of the C text, in whole words, so that any member is aligned.

@@ -47,6 +47,18 @@ pub struct Mistakes<'m> {
     pub only: Option<&'m str>,
 }
 
+impl Mistakes<'_> {
+    /// Checks that they can be made in the text of a build.
+    ///
+    /// # Errors
+    /// [`ExportError::Unsupported`] for an export as Rust.
+    pub fn check(&self, build: &Build) -> Result<(), ExportError> {
+        let why = "mistakes are made in an export as C alone: leave '--mutants' out";
+        let can_be_made = self.count == 0 || !build.is_rust();
+        if can_be_made { Ok(()) } else { Err(ExportError::Unsupported(why)) }
+    }
+}
+
 /// A place in a text that can be changed.
 struct Site {
     file: usize,
@@ -58,7 +70,7 @@ struct Site {
 /// Makes mistakes and tries to find each. `tell` hears how many so far.
 ///
 /// # Errors
-/// As [`super::prove`], for the export without a mistake.
+/// Those of [`Mistakes::check`], and as [`super::prove`] for the export without a mistake.
 pub fn mutants(
     plan: &Plan,
     build: &Build,
@@ -66,6 +78,10 @@ pub fn mutants(
     tell: &mut dyn FnMut(u64),
 ) -> Result<Vec<Mutant>, ExportError> {
     let files = plan.files;
+    mistakes.check(build)?;
+    if mistakes.count == 0 {
+        return Ok(Vec::new());
+    }
     let objects = Objects::new(files, build)?;
     let kinds = sites(files, mistakes.only);
     let mut random = Random::new(mistakes.seed);

@@ -279,8 +279,8 @@ struct Equations<'a> {
 }
 
 impl Dialect for Equations<'_> {
-    const NUMBER: &'static str = "double";
-    const TRUTH: &'static str = "int";
+    const NUMBER: &'static str = "const double";
+    const TRUTH: &'static str = "const int";
 
     fn literal(&self, value: f64) -> String {
         literal(value)

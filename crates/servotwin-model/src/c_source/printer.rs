@@ -1,4 +1,4 @@
-//! Prints traced expressions as C; a [`Dialect`] spells each operation.
+//! Prints traced expressions as C or Rust; a [`Dialect`] spells each operation.
 
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Unary};
 use alloc::collections::BTreeMap;
@@ -13,11 +13,11 @@ const ARGUMENT: &str = "x";
 /// For each value, the array entries that receive it.
 pub(super) type Stores = BTreeMap<Operand, Vec<(&'static str, usize)>>;
 
-/// The spelling of operations in C for one kind of number.
+/// The spelling of operations in a language for one kind of number.
 pub(super) trait Dialect {
-    /// The type of a number.
+    /// What stands before the name of a number.
     const NUMBER: &'static str;
-    /// The type of a truth value.
+    /// What stands before the name of a truth value.
     const TRUTH: &'static str;
 
     fn entry(&self, array: &str, index: usize) -> String {
@@ -30,7 +30,7 @@ pub(super) trait Dialect {
 
     fn literal(&self, value: f64) -> String;
     fn unary(&mut self, operation: Unary, a: &str) -> String;
-    /// An operation without a C operator.
+    /// An operation without an operator.
     fn call(&self, operation: Binary, a: &str, b: &str) -> String;
     fn less(&self, a: &str, b: &str) -> String;
     fn select(&self, truth: &str, yes: &str, no: &str) -> String;
@@ -66,7 +66,7 @@ impl<D: Dialect> Printer<'_, D> {
                 let kind = if expression.is_truth() { D::TRUTH } else { D::NUMBER };
                 let value = self.value(expression);
                 let comment = self.dialect.comment(expression);
-                line(c, format_args!("    const {kind} v{node} = {value};{comment}"));
+                line(c, format_args!("    {kind} v{node} = {value};{comment}"));
             }
             self.store(c, Operand::Node(node as u32), stores);
         }

@@ -1,6 +1,6 @@
-//! Any traced expressions as plain C99 statements, for code that is to be proven.
+//! Any traced expressions as plain statements of C99 or Rust, for code that is to be proven.
 //!
-//! One operation per statement, so that no compiler may fuse two, and numbers as hexadecimal literals. The statements
+//! One operation per statement, so that no compiler may fuse two. C has numbers as hexadecimal literals, and its statements
 //! need `sqrt`, `fabs` and the functions of [`helpers`](super::helpers).
 
 use super::printer::{Dialect, Printer, Stores};
@@ -9,23 +9,40 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
+/// The entries of arrays that receive symbols.
+type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
+
 /// Returns the statements that compute symbols and store each in an entry of an array.
 ///
 /// Transcendental functions of this crate are called by the names that [`write_twin`](super::write_twin) gives them.
-pub fn write_statements(graph: &Graph, stored: &[(Symbol, &'static str, usize)]) -> String {
+pub fn write_statements(graph: &Graph, stored: &Stored) -> String {
+    write(Statements, graph, stored)
+}
+
+/// The same in Rust, with `libm` for square roots.
+pub fn write_rust_statements(graph: &Graph, stored: &Stored) -> String {
+    write(RustStatements, graph, stored)
+}
+
+fn write(dialect: impl Dialect, graph: &Graph, stored: &Stored) -> String {
     let mut stores = Stores::new();
     for &(symbol, array, index) in stored {
         stores.entry(symbol.operand()).or_default().push((array, index));
     }
-    let mut c = String::new();
-    print_statements(&mut c, &graph.expressions(), &stores);
-    c
+    let mut text = String::new();
+    print_statements(&mut text, dialect, &graph.expressions(), &stores);
+    text
 }
 
 /// Prints the statements that compute the stored values.
-pub(super) fn print_statements(c: &mut String, expressions: &[Expression], stores: &Stores) {
+pub(super) fn print_statements(
+    text: &mut String,
+    dialect: impl Dialect,
+    expressions: &[Expression],
+    stores: &Stores,
+) {
     let values: Vec<_> = stores.keys().copied().collect();
-    Printer { dialect: Statements, expressions }.statements(c, &values, stores);
+    Printer { dialect, expressions }.statements(text, &values, stores);
 }
 
 /// A finite number as a hexadecimal literal, which C reads back to the same bits.
@@ -51,8 +68,8 @@ pub(super) struct Statements;
 pub(super) const PREFIX: &str = "servotwin_twin";
 
 impl Dialect for Statements {
-    const NUMBER: &'static str = "double";
-    const TRUTH: &'static str = "int";
+    const NUMBER: &'static str = "const double";
+    const TRUTH: &'static str = "const int";
 
     fn literal(&self, value: f64) -> String {
         match value.is_sign_negative() {
@@ -98,6 +115,54 @@ impl Dialect for Statements {
     }
 }
 
+/// Rust for one number of type `f64`.
+struct RustStatements;
+
+impl Dialect for RustStatements {
+    const NUMBER: &'static str = "let";
+    const TRUTH: &'static str = "let";
+
+    fn literal(&self, value: f64) -> String {
+        format!("{value:?}")
+    }
+
+    fn unary(&mut self, operation: Unary, a: &str) -> String {
+        match operation {
+            Unary::Negative => format!("-{a}"),
+            Unary::SquareRoot => format!("libm::sqrt({a})"),
+            Unary::Absolute => format!("f64::abs({a})"),
+            Unary::Round => format!("rounded({a})"),
+            Unary::Mantissa => format!("mantissa({a})"),
+            Unary::Exponent => format!("exponent({a})"),
+            Unary::Call(function) => format!("{}({a})", function.name()),
+        }
+    }
+
+    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
+        match operation {
+            Binary::Smaller => format!("if {a} < {b} {{ {a} }} else {{ {b} }}"),
+            Binary::Larger => format!("if {b} < {a} {{ {a} }} else {{ {b} }}"),
+            _ => format!("scaled({a}, {b})"),
+        }
+    }
+
+    fn less(&self, a: &str, b: &str) -> String {
+        format!("{a} < {b}")
+    }
+
+    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
+        format!("if {truth} {{ {yes} }} else {{ {no} }}")
+    }
+
+    fn has_statement(&self, node: usize, expression: Expression) -> bool {
+        Statements.has_statement(node, expression)
+    }
+
+    fn held_entry(&self, node: usize) -> String {
+        Statements.held_entry(node)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -126,5 +191,14 @@ mod tests {
     into[3] = v6;
 ";
         assert_eq!(c, expected);
+        let rust = write_rust_statements(&graph, &[(larger, "into", 3)]);
+        let expected = "    let v2 = a[0] < a[1];
+    let v3 = a[0] * a[1];
+    let v4 = -2.0 + v3;
+    let v5 = libm::sqrt(v4);
+    let v6 = if v2 { a[1] } else { v5 };
+    into[3] = v6;
+";
+        assert_eq!(rust, expected);
     }
 }

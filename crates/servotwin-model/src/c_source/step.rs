@@ -209,8 +209,8 @@ impl<'a> Lanes<'a> {
 }
 
 impl Dialect for Lanes<'_> {
-    const NUMBER: &'static str = "LANES";
-    const TRUTH: &'static str = "TRUTH";
+    const NUMBER: &'static str = "const LANES";
+    const TRUTH: &'static str = "const TRUTH";
 
     fn entry(&self, array: &str, index: usize) -> String {
         format!("AT({array}, {index})")

@@ -99,7 +99,7 @@ fn print_function(c: &mut String, trace: impl for<'g> FnOnce(&'g Graph) -> Trace
     for name in traced.reads.iter().chain(traced.writes) {
         line(c, format_args!("    (void){name};"));
     }
-    print_statements(c, &graph.expressions(), &traced.stores());
+    print_statements(c, Statements, &graph.expressions(), &traced.stores());
     line(c, format_args!("}}\n"));
 }
 

@@ -1,17 +1,17 @@
-//! The features of a window as C: a trace of the same formulas that the diagnosis runs.
+//! The features of a window in any language: a trace of the same formulas that the diagnosis runs.
 //!
 //! Logarithms stand between two groups of statements. The first group computes what they are taken of, the second
 //! computes the features from them.
 
+use crate::language::Language;
 use servotwin_diagnosis::features::{Sensors, features, values_into};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::number::Number;
 use servotwin_diagnosis::residual::Statistics;
-use servotwin_model::c_source::write_statements;
+use servotwin_model::c_source::{write_rust_statements, write_statements};
 use servotwin_model::scalar::Scalar;
 use servotwin_model::symbol::{Graph, Symbol};
 use std::cell::RefCell;
-use std::fmt::Write;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The expressions of a trace, and what logarithms are taken of.
@@ -88,7 +88,7 @@ impl Number for Traced<'_, '_> {
     }
 }
 
-/// The statistics of `servotwin_window`.
+/// The statistics of a window of the export.
 struct Variables<'t, 'g> {
     trace: &'t Trace<'g>,
     graph: &'g Graph,
@@ -134,8 +134,8 @@ impl<'t, 'g> Statistics for Variables<'t, 'g> {
     }
 }
 
-/// The source of `servotwin_features`, which computes the named features in their order.
-pub(super) fn text(sensors: &Sensors, names: &Names) -> String {
+/// The source that computes the named features in their order.
+pub(crate) fn text(sensors: &Sensors, names: &Names, language: Language) -> String {
     let (graph, trace) = (Graph::new(), Trace::default());
     let window = Variables { trace: &trace, graph: &graph, sensors: sensors.0.len() };
     let (known, mut values) = (features(sensors), Vec::new());
@@ -150,34 +150,46 @@ pub(super) fn text(sensors: &Sensors, names: &Names) -> String {
     let logarithms = trace.logarithms.borrow();
     let arguments = logarithms.iter().enumerate().map(|(i, &symbol)| (symbol, "argument", i));
     let arguments: Vec<_> = arguments.collect();
-    functions(&graph, &arguments, &features)
+    match language {
+        Language::C => c_functions(&graph, &arguments, &features),
+        Language::Rust => rust_functions(&graph, &arguments, &features),
+    }
 }
 
 type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
 
-fn functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
-    let mut c = String::from(
-        "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */\n\
-         #include \"servotwin_features.h\"\n\n#include \"servotwin_math.h\"\n\n#include <math.h>\n\n\
-         #ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#endif\n\n",
-    );
+fn c_functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
+    let (write_arguments, write_row) =
+        (write_statements(graph, arguments), write_statements(graph, features));
     let count = arguments.len().max(1);
     let head = "const double *samples, const double *mean, const double *moments, const double *largest,\n    \
                 const double *stands_in";
     let unused = "    (void)samples;\n    (void)mean;\n    (void)moments;\n    (void)largest;\n    (void)stands_in;\n";
-    let _ = write!(
-        c,
-        "/* What logarithms are taken of. */\nstatic void write_arguments(\n    {head}, double *argument)\n{{\n{unused}{}}}\n\n",
-        write_statements(graph, arguments)
-    );
-    let _ = write!(
-        c,
-        "static void write_row(\n    {head}, const double *logarithm, double *row)\n{{\n{unused}    (void)logarithm;\n{}}}\n\n",
-        write_statements(graph, features)
-    );
-    let _ = write!(
-        c,
-        "void servotwin_features(const servotwin_window *window, const double *stands_in, double *row)
+    format!(
+        "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */
+#include \"servotwin_features.h\"
+
+#include \"servotwin_math.h\"
+
+#include <math.h>
+
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+/* What logarithms are taken of. */
+static void write_arguments(
+    {head}, double *argument)
+{{
+{unused}{write_arguments}}}
+
+static void write_row(
+    {head}, const double *logarithm, double *row)
+{{
+{unused}    (void)logarithm;
+{write_row}}}
+
+void servotwin_features(const servotwin_window *window, const double *stands_in, double *row)
 {{
     double logarithm[{count}] = {{ 1.0 }};
     const double samples[1] = {{ (double)window->samples }};
@@ -188,6 +200,41 @@ fn functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
     write_row(samples, window->mean, window->moments, window->largest, stands_in, logarithm, row);
 }}
 "
-    );
-    c
+    )
+}
+
+fn rust_functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
+    let (write_arguments, write_row) =
+        (write_rust_statements(graph, arguments), write_rust_statements(graph, features));
+    let count = arguments.len();
+    format!(
+        "//! The features that trees read of a window, written by servotwin; do not edit.
+
+use crate::sizes::FEATURES;
+use crate::windows::{{Values, Window}};
+
+/// The features of a window. `stands_in` is 1.0 for each sensor with a stand-in value, else 0.0.
+pub fn features(window: &Window, stands_in: &Values) -> [f64; FEATURES] {{
+    let logarithm = arguments(window, stands_in).map(libm::log10);
+    row(window, stands_in, &logarithm)
+}}
+
+/// What logarithms are taken of.
+fn arguments(window: &Window, stands_in: &Values) -> [f64; {count}] {{
+    let samples = [f64::from(window.samples)];
+    let Window {{ mean, moments, largest, .. }} = window;
+    let _ = (&samples, mean, moments, largest, stands_in);
+    let mut argument = [0.0; {count}];
+{write_arguments}    argument
+}}
+
+fn row(window: &Window, stands_in: &Values, logarithm: &[f64; {count}]) -> [f64; FEATURES] {{
+    let samples = [f64::from(window.samples)];
+    let Window {{ mean, moments, largest, .. }} = window;
+    let _ = (&samples, mean, moments, largest, stands_in, logarithm);
+    let mut row = [0.0; FEATURES];
+{write_row}    row
+}}
+"
+    )
 }

@@ -1,14 +1,12 @@
-//! The tables of one stage: flat arrays without leaves among the nodes, as `servotwin_models.h` reads them.
+//! The tables of one stage: flat arrays without leaves among the nodes.
 
-use super::super::MOST_CLASSES;
-use super::super::literal::{array, numbers};
+use super::MOST_CLASSES;
 use crate::error::ExportError;
+use crate::language::{COUNT, Language};
 use servotwin_diagnosis::calibration;
 use servotwin_diagnosis::classifiers::{Classifier, Model, boosted_trees, cart};
 use servotwin_diagnosis::hierarchy::{Question, Stage};
 use servotwin_diagnosis::tree::Branches;
-use servotwin_model::c_source::hexadecimal;
-use std::fmt::Write;
 
 /// Most nodes of a stage: children are 16-bit numbers with a sign.
 const MOST_NODES: usize = i16::MAX as usize;
@@ -16,7 +14,7 @@ const MOST_NODES: usize = i16::MAX as usize;
 /// Most features: the highest bit of a node's feature says where missing values go.
 const MOST_FEATURES: usize = 1 << 15;
 
-/// `SERVOTWIN_MISSING_LEFT`.
+/// `SERVOTWIN_MISSING_LEFT` and `MISSING_LEFT` of the hand-written code.
 const MISSING_LEFT: u32 = 1 << 15;
 
 /// Score of a class without training rows, far below all others: its share is 0.
@@ -76,27 +74,34 @@ impl Nodes {
         places[0]
     }
 
-    fn write(&self, c: &mut String, prefix: &str) {
-        array(c, "int16_t", &format!("{prefix}_roots"), &self.roots);
-        array(
-            c,
-            "uint16_t",
-            &format!("{prefix}_features"),
-            self.features.iter().map(|f| format!("{f}U")),
-        );
-        numbers(c, &format!("{prefix}_thresholds"), self.thresholds.iter().copied());
-        array(c, "int16_t", &format!("{prefix}_left"), &self.left);
-        array(c, "int16_t", &format!("{prefix}_right"), &self.right);
+    /// Writes the arrays, and returns the struct of them.
+    fn write(&self, text: &mut String, language: Language, prefix: &str) -> String {
+        let name = |what: &str| format!("{prefix}_{what}");
+        language.write_array(text, "i16", &name("roots"), &self.roots);
+        let features = self.features.iter().map(|feature| language.unsigned(feature));
+        language.write_array(text, "u16", &name("features"), features);
+        language.write_numbers(text, &name("thresholds"), self.thresholds.iter().copied());
+        language.write_array(text, "i16", &name("left"), &self.left);
+        language.write_array(text, "i16", &name("right"), &self.right);
+        let counts = [(COUNT, self.roots.len().to_string()), ("depth", self.depth.to_string())];
+        let arrays = ["roots", "features", "thresholds", "left", "right"];
+        let arrays = arrays.map(|what| (what, language.array(&name(what))));
+        language.record("Branches", &[&counts[..], &arrays[..]].concat())
     }
 }
 
 /// Writes the arrays of a stage, and returns its entry in the array of stages.
-pub(super) fn write(c: &mut String, prefix: &str, stage: &Stage) -> Result<String, ExportError> {
-    let (nodes, kind) = match &stage.model {
-        Model::Cart(tree) => (Nodes::of([tree.branches()], &stage.columns), "cart"),
+pub(super) fn write(
+    text: &mut String,
+    language: Language,
+    prefix: &str,
+    stage: &Stage,
+) -> Result<String, ExportError> {
+    let nodes = match &stage.model {
+        Model::Cart(tree) => Nodes::of([tree.branches()], &stage.columns),
         Model::BoostedTrees(model) => {
             let branches = model.trees.iter().map(|tree| &tree.branches);
-            (Nodes::of(branches, &stage.columns), "boosted")
+            Nodes::of(branches, &stage.columns)
         }
         other => {
             return Err(ExportError::Classifier {
@@ -106,25 +111,41 @@ pub(super) fn write(c: &mut String, prefix: &str, stage: &Stage) -> Result<Strin
         }
     };
     check(stage, &nodes)?;
-    nodes.write(c, prefix);
-    array(c, "uint8_t", &format!("{prefix}_names"), &stage.classes);
+    let branches = nodes.write(text, language, prefix);
+    let names = format!("{prefix}_names");
+    language.write_array(text, "u8", &names, &stage.classes);
+    let mut fields = vec![("branches", branches)];
     match &stage.model {
-        Model::Cart(tree) => write_cart(c, prefix, tree, &nodes, stage.temperature),
-        Model::BoostedTrees(model) => write_boosted(c, prefix, model, &nodes, stage.temperature),
+        Model::Cart(tree) => {
+            write_cart(text, language, prefix, tree, &nodes, stage.temperature);
+            fields.extend(rule(language, prefix, "cart"));
+        }
+        Model::BoostedTrees(model) => {
+            write_boosted(text, language, prefix, model, &nodes, stage.temperature);
+            fields.extend(rule(language, prefix, "boosted"));
+        }
         _ => {}
     }
     let own = stage.place.question != Question::Actuator && stage.place.actuator.is_none();
-    let [cart, boosted] =
-        ["cart", "boosted"].map(|k| if k == kind { format!("&{prefix}_{k}") } else { "0".into() });
-    Ok(format!(
-        "    {{ {{ {}, {}, {prefix}_roots, {prefix}_features, {prefix}_thresholds, {prefix}_left, {prefix}_right }}, \
-         {cart}, {boosted}, {}, {prefix}_names, {} }}, /* {} */",
-        nodes.roots.len(),
-        nodes.depth,
-        stage.classes.len(),
-        u8::from(own),
-        stage.id,
-    ))
+    fields.extend([
+        (COUNT, stage.classes.len().to_string()),
+        ("names", language.array(&names)),
+        ("reads_own_view", language.truth(own)),
+    ]);
+    Ok(language.record("Stage", &fields))
+}
+
+/// The fields that hold the rule of a stage: in C one pointer for each kind, in Rust a variant.
+fn rule(language: Language, prefix: &str, kind: &str) -> Vec<(&'static str, String)> {
+    let own = language.pointer(&format!("{prefix}_{kind}"));
+    let is_cart = kind == "cart";
+    match language {
+        Language::C if is_cart => vec![("cart", own), ("boosted", "0".into())],
+        Language::C => vec![("cart", "0".into()), ("boosted", own)],
+        Language::Rust => {
+            vec![("rule", format!("Rule::{}({own})", if is_cart { "Cart" } else { "Boosted" }))]
+        }
+    }
 }
 
 fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
@@ -139,7 +160,14 @@ fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
 }
 
 /// A leaf of a single tree always gives the same answer, so its calibrated probability is a number of the table.
-fn write_cart(c: &mut String, prefix: &str, tree: &cart::Model, nodes: &Nodes, temperature: f64) {
+fn write_cart(
+    text: &mut String,
+    language: Language,
+    prefix: &str,
+    tree: &cart::Model,
+    nodes: &Nodes,
+    temperature: f64,
+) {
     let probability = |node: usize| {
         let weights = tree.weights(node);
         let total: f64 = weights.iter().sum();
@@ -148,16 +176,21 @@ fn write_cart(c: &mut String, prefix: &str, tree: &cart::Model, nodes: &Nodes, t
         shares[tree.decision(node) as usize]
     };
     let leaves = || nodes.leaves.iter().map(|(_, node)| *node);
-    array(c, "uint8_t", &format!("{prefix}_decisions"), leaves().map(|node| tree.decision(node)));
-    numbers(c, &format!("{prefix}_probabilities"), leaves().map(probability));
-    let _ = writeln!(
-        c,
-        "static const servotwin_cart {prefix}_cart = {{ {prefix}_decisions, {prefix}_probabilities }};"
-    );
+    let [decisions, probabilities] =
+        ["decisions", "probabilities"].map(|what| format!("{prefix}_{what}"));
+    language.write_array(text, "u8", &decisions, leaves().map(|node| tree.decision(node)));
+    language.write_numbers(text, &probabilities, leaves().map(probability));
+    let fields = [
+        ("decisions", language.array(&decisions)),
+        ("probabilities", language.array(&probabilities)),
+    ];
+    let record = language.record("Cart", &fields);
+    language.write_private(text, "Cart", &format!("{prefix}_cart"), &record);
 }
 
 fn write_boosted(
-    c: &mut String,
+    text: &mut String,
+    language: Language,
     prefix: &str,
     model: &boosted_trees::Model,
     nodes: &Nodes,
@@ -170,14 +203,18 @@ fn write_boosted(
     let values = nodes.leaves.iter().flat_map(|&(tree, node)| {
         model.trees[tree].values[node * outputs.len()..(node + 1) * outputs.len()].iter().copied()
     });
-    array(c, "uint8_t", &format!("{prefix}_output_classes"), outputs);
-    numbers(c, &format!("{prefix}_start"), start);
-    numbers(c, &format!("{prefix}_values"), values);
-    let _ = writeln!(
-        c,
-        "static const servotwin_boosted {prefix}_boosted = {{ {}, {prefix}_output_classes, {prefix}_start, \
-         {prefix}_values, {} }};",
-        outputs.len(),
-        hexadecimal(1.0 / temperature),
-    );
+    let [of_outputs, of_start, of_values] =
+        ["output_classes", "start", "values"].map(|what| format!("{prefix}_{what}"));
+    language.write_array(text, "u8", &of_outputs, outputs);
+    language.write_numbers(text, &of_start, start);
+    language.write_numbers(text, &of_values, values);
+    let fields = [
+        (COUNT, outputs.len().to_string()),
+        ("output_classes", language.array(&of_outputs)),
+        ("start", language.array(&of_start)),
+        ("values", language.array(&of_values)),
+        ("inverse_temperature", language.number(1.0 / temperature)),
+    ];
+    let record = language.record("Boosted", &fields);
+    language.write_private(text, "Boosted", &format!("{prefix}_boosted"), &record);
 }

@@ -1,0 +1,248 @@
+//! How a language writes the constants of a table.
+
+use serde::{Deserialize, Serialize};
+use servotwin_model::c_source::hexadecimal;
+use std::fmt::{Display, Write};
+
+/// Longest line of an array, in characters.
+const LINE: usize = 110;
+
+/// The name of a field that only C has: a slice of Rust knows its length.
+pub(crate) const COUNT: &str = "";
+
+/// The language of an export.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Language {
+    /// C99.
+    #[default]
+    C,
+    /// Rust without its standard library.
+    Rust,
+}
+
+/// A type name in snake case.
+fn snake_case(name: &str) -> String {
+    let mut text = String::new();
+    for (place, c) in name.chars().enumerate() {
+        if c.is_uppercase() && place > 0 {
+            text.push('_');
+        }
+        text.extend(c.to_lowercase());
+    }
+    text
+}
+
+impl Language {
+    /// A type, given as Rust writes it.
+    fn kind(self, kind: &str) -> String {
+        if self == Language::Rust {
+            return kind.into();
+        }
+        match kind {
+            "f64" => "double".into(),
+            "u8" | "bool" => "uint8_t".into(),
+            "u16" => "uint16_t".into(),
+            "u32" => "int32_t".into(),
+            "i16" => "int16_t".into(),
+            "Option<u8>" => "int8_t".into(),
+            "&str" => "char *const".into(),
+            name => format!("servotwin_{}", snake_case(name)),
+        }
+    }
+
+    /// The name of a constant.
+    fn name(self, name: &str) -> String {
+        match self {
+            Language::C => name.into(),
+            Language::Rust => name.to_uppercase(),
+        }
+    }
+
+    /// A finite number with the same bits.
+    pub fn number(self, number: f64) -> String {
+        match self {
+            Language::C => hexadecimal(number),
+            Language::Rust => format!("{number:?}"),
+        }
+    }
+
+    /// An integer without a sign.
+    pub fn unsigned(self, number: impl Display) -> String {
+        let ending = if self == Language::C { "U" } else { "" };
+        format!("{number}{ending}")
+    }
+
+    /// A truth value of a struct.
+    pub fn truth(self, truth: bool) -> String {
+        match self {
+            Language::C => u8::from(truth).to_string(),
+            Language::Rust => truth.to_string(),
+        }
+    }
+
+    /// An index that may be missing.
+    pub fn place(self, place: Option<usize>) -> String {
+        match (self, place) {
+            (Language::C, None) => "-1".into(),
+            (Language::C, Some(place)) => place.to_string(),
+            (Language::Rust, place) => format!("{place:?}"),
+        }
+    }
+
+    /// A reference to an array.
+    pub fn array(self, name: &str) -> String {
+        match self {
+            Language::C => name.into(),
+            Language::Rust => self.pointer(name),
+        }
+    }
+
+    /// A reference to a struct.
+    pub fn pointer(self, name: &str) -> String {
+        format!("&{}", self.name(name))
+    }
+
+    /// A struct with named fields, which are in the order of the declaration.
+    pub fn record(self, kind: &str, fields: &[(&str, String)]) -> String {
+        match self {
+            Language::C => {
+                let values: Vec<&str> = fields.iter().map(|(_, value)| value.as_str()).collect();
+                format!("{{ {} }}", values.join(", "))
+            }
+            Language::Rust => {
+                let fields = fields.iter().filter(|(name, _)| *name != COUNT);
+                let fields: Vec<String> =
+                    fields.map(|(name, value)| format!("{name}: {value}")).collect();
+                format!("{kind} {{ {} }}", fields.join(", "))
+            }
+        }
+    }
+
+    /// Adds a constant of this file.
+    pub fn write_private(self, text: &mut String, kind: &str, name: &str, value: &str) {
+        let (name, kind) = (self.name(name), self.kind(kind));
+        let _ = match self {
+            Language::C => writeln!(text, "static const {kind} {name} = {value};"),
+            Language::Rust => writeln!(text, "static {name}: {kind} = {value};"),
+        };
+    }
+
+    /// Adds a constant for other files.
+    pub fn write_public(self, text: &mut String, kind: &str, name: &str, value: &str) {
+        let (name, kind) = (self.name(name), self.kind(kind));
+        let _ = match self {
+            Language::C => writeln!(text, "const {kind} servotwin_{name} = {value};"),
+            Language::Rust => writeln!(text, "pub static {name}: {kind} = {value};"),
+        };
+    }
+
+    /// Adds an array for other files, one line for each entry. C has no empty arrays: there `empty` is the only entry.
+    pub fn write_list(
+        self,
+        text: &mut String,
+        kind: &str,
+        name: &str,
+        entries: &[String],
+        empty: &str,
+    ) {
+        let (name, kind) = (self.name(name), self.kind(kind));
+        let _ = match self {
+            Language::C => {
+                let all = if entries.is_empty() { empty.into() } else { entries.join(",\n    ") };
+                let count = entries.len().max(1);
+                writeln!(text, "\nconst {kind} servotwin_{name}[{count}] = {{\n    {all}\n}};")
+            }
+            Language::Rust => {
+                let (count, all) = (entries.len(), entries.join(",\n    "));
+                writeln!(text, "\npub static {name}: [{kind}; {count}] = [\n    {all}\n];")
+            }
+        };
+    }
+
+    /// Adds an array of this file. C has no empty arrays: there it gets one zero.
+    pub fn write_array<T: Display>(
+        self,
+        text: &mut String,
+        kind: &str,
+        name: &str,
+        items: impl IntoIterator<Item = T>,
+    ) {
+        let mut items: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
+        if items.is_empty() && self == Language::C {
+            items.push("0".into());
+        }
+        let (name, kind, count) = (self.name(name), self.kind(kind), items.len());
+        let _ = match self {
+            Language::C => writeln!(text, "static const {kind} {name}[{count}] = {{"),
+            Language::Rust => writeln!(text, "static {name}: [{kind}; {count}] = ["),
+        };
+        let mut line = String::new();
+        for item in items {
+            if !line.is_empty() && line.len() + item.len() + 1 > LINE {
+                let _ = writeln!(text, "   {line}");
+                line.clear();
+            }
+            let _ = write!(line, " {item},");
+        }
+        let end = if self == Language::C { "}" } else { "]" };
+        let _ = writeln!(text, "   {line}\n{end};");
+    }
+
+    /// As [`write_array`](Self::write_array), of numbers.
+    pub fn write_numbers(
+        self,
+        text: &mut String,
+        name: &str,
+        items: impl IntoIterator<Item = f64>,
+    ) {
+        self.write_array(text, "f64", name, items.into_iter().map(|item| self.number(item)));
+    }
+
+    /// A file with the sizes of arrays. `prefix` stands before the names in C.
+    pub fn sizes(self, head: &str, prefix: &str, sizes: &[(&str, usize)]) -> String {
+        let line = |(name, size): &(&str, usize)| match self {
+            Language::C => format!("#define {prefix}_{name} {size}\n"),
+            Language::Rust => format!("pub const {name}: usize = {size};\n"),
+        };
+        let lines: String = sizes.iter().map(line).collect();
+        match self {
+            Language::C => {
+                format!(
+                    "{head}#ifndef {prefix}_SIZES_H\n#define {prefix}_SIZES_H\n\n{lines}\n#endif\n"
+                )
+            }
+            Language::Rust => format!("{head}\n{lines}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_array_is_broken_into_lines() {
+        let mut text = String::new();
+        Language::C.write_array(&mut text, "i16", "roots", 1000..1040);
+        assert!(text.starts_with("static const int16_t roots[40] = {\n    1000, 1001,"), "{text}");
+        assert!(text.lines().all(|line| line.len() <= LINE + 4), "{text}");
+        text.clear();
+        Language::C.write_array(&mut text, "Option<u8>", "none", [0_i8; 0]);
+        assert_eq!(text, "static const int8_t none[1] = {\n    0,\n};\n");
+        text.clear();
+        Language::Rust.write_numbers(&mut text, "bands", [0.1, 1e-7]);
+        assert_eq!(text, "static BANDS: [f64; 2] = [\n    0.1, 1e-7,\n];\n");
+    }
+
+    #[test]
+    fn a_record_of_rust_names_its_fields_and_has_no_counts() {
+        let fields = [
+            ("limit", "1.0".into()),
+            (COUNT, "3".into()),
+            ("lows", Language::Rust.array("lows_0")),
+        ];
+        assert_eq!(Language::Rust.record("Known", &fields), "Known { limit: 1.0, lows: &LOWS_0 }");
+        assert_eq!(Language::C.kind("CommonPair"), "servotwin_common_pair");
+    }
+}

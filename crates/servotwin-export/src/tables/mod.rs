@@ -1,0 +1,86 @@
+//! The tables of a diagnoser, in any language: the sizes of its arrays, and everything that was trained.
+
+mod hierarchy;
+mod length;
+mod stage;
+mod system;
+
+use crate::error::ExportError;
+use crate::language::Language;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Length, common_mode};
+
+/// Most classes of a stage, and most hypotheses: `SERVOTWIN_MOST_CLASSES` and `MOST_CLASSES` of the hand-written code.
+const MOST_CLASSES: usize = 32;
+
+/// The head of each file with trained numbers, and of the tables.
+fn heads(language: Language) -> [&'static str; 2] {
+    match language {
+        Language::C => [
+            "/* Trained by servotwin; do not edit. */\n",
+            "/* Trained by servotwin; do not edit. */\n#include \"servotwin_tables.h\"\n",
+        ],
+        Language::Rust => [
+            "//! Sizes, written by servotwin; do not edit.\n",
+            "//! Trained by servotwin; do not edit.\n\nuse crate::models::*;\nuse crate::trained::*;\n",
+        ],
+    }
+}
+
+/// Checks that a diagnoser can be exported.
+///
+/// # Errors
+/// The errors of [`Diagnoser::check`]; [`ExportError::Unsupported`] for what the exported code does not know.
+pub(crate) fn check(diagnoser: &Diagnoser) -> Result<(), ExportError> {
+    diagnoser.check()?;
+    if diagnoser.conditional_band.is_some() {
+        let why = "a band that depends on the operating point has no counterpart in an export yet";
+        return Err(ExportError::Unsupported(why));
+    }
+    let differs = |length: &Length| length.panel.trees.names.features != diagnoser.names().features;
+    if diagnoser.lengths.iter().any(differs) {
+        let why = "window lengths with different features cannot be exported";
+        return Err(ExportError::Unsupported(why));
+    }
+    Ok(())
+}
+
+/// The texts of both files: sizes and tables.
+pub(crate) fn texts(diagnoser: &Diagnoser, language: Language) -> Result<[String; 2], ExportError> {
+    let [head_of_sizes, head] = heads(language);
+    let mut text = String::from(head);
+    let lengths = 0..diagnoser.lengths.len();
+    let lengths = lengths.map(|place| length::write(&mut text, language, place, diagnoser));
+    let lengths = lengths.collect::<Result<Vec<_>, _>>()?;
+    language.write_list(&mut text, "Length", "lengths", &lengths, "");
+    system::write(&mut text, language, diagnoser);
+    Ok([language.sizes(head_of_sizes, "SERVOTWIN", &sizes(diagnoser)), text])
+}
+
+/// Most views that any length needs.
+fn views(diagnoser: &Diagnoser) -> usize {
+    diagnoser.lengths.iter().map(|length| diagnoser.views_of(length)).max().unwrap_or(1)
+}
+
+/// The sizes of all arrays.
+fn sizes(diagnoser: &Diagnoser) -> [(&'static str, usize); 14] {
+    let names = diagnoser.names();
+    let pairs = common_mode::corresponding(&diagnoser.sensors_seen(), diagnoser.watched());
+    let panes = diagnoser.lengths.iter().filter_map(|length| length.span.panes).max();
+    let boundaries = diagnoser.boundaries.len();
+    [
+        ("SENSORS", diagnoser.sensors.len()),
+        ("WATCHED", diagnoser.watched()),
+        ("INPUTS", diagnoser.environment.inputs.len()),
+        ("DIFFERENCES", diagnoser.environment.differences.len()),
+        ("ACTUATORS", names.actuators.len()),
+        ("ACTIONS", names.actions.len()),
+        ("HYPOTHESES", 1 + names.actuators.len() * names.actions.len()),
+        ("FEATURES", names.features.len()),
+        ("VIEWS", views(diagnoser)),
+        ("LENGTHS", diagnoser.lengths.len()),
+        ("MOST_PANES", panes.unwrap_or(1) as usize),
+        ("COMMON_PAIRS", pairs.len()),
+        ("BOUNDARIES", boundaries),
+        ("MOST_BOUNDARIES", boundaries.max(1)),
+    ]
+}
