@@ -21,7 +21,7 @@ DEVIATIONS = {
     ("misra-c2012-8.7", "servotwin_models.c"): "the proof calls it from another file",
     ("misra-c2012-8.11", "servotwin_tables.h"): "lists of names whose length depends on the system",
     ("misra-c2012-8.11", "servotwin_hybrid.h"): "a list whose length depends on the system",
-    ("misra-c2012-10.6", "servotwin_math.c"): "an essential type that the addon takes for a wider one",
+    ("misra-c2012-10.6", "servotwin_math.c"): "the addon takes 1 and -1 for narrower types than int32_t",
     ("misra-c2012-12.1", "servotwin_judge.c"): "a conditional expression, all of whose parts are in brackets",
     ("misra-c2012-15.5", "servotwin_math.c"): "a series returns early where it is exact",
     ("misra-c2012-15.5", "servotwin_boundary.c"): "nothing is known yet",
@@ -66,15 +66,14 @@ def exported(learned, tmp_path_factory):
     return folder
 
 
-def changed(exported, folder, file, *changes):
-    """A copy of the export in which texts of a file are replaced, each once."""
+def changed(exported, folder, *changes):
+    """A copy of the export in which texts are replaced, each once: file, old text, new text."""
     copy = folder / "changed"
     shutil.copytree(exported, copy)
-    text = (copy / file).read_text()
-    for old, new in changes:
+    for file, old, new in changes:
+        text = (copy / file).read_text()
         assert old in text, old
-        text = text.replace(old, new, 1)
-    (copy / file).write_text(text)
+        (copy / file).write_text(text.replace(old, new, 1))
     return copy
 
 
@@ -88,8 +87,9 @@ def compiled(compiler, folder, *flags):
 def test_compilers_have_no_warning_and_find_a_silent_conversion(compiler, exported, tmp_path):
     assert compiled(compiler, exported, *STRICT).stderr == ""
     # A number that is cut off to an integer.
-    sown = ("    double sum = 0.0;\n", "    double sum = 0.0;\n    const int32_t cut = values[0];\n    sum = cut;\n")
-    broken = compiled(compiler, changed(exported, tmp_path, "servotwin_math.c", sown), *STRICT)
+    begin = "    double sum = 0.0;\n"
+    sown = ("servotwin_math.c", begin, begin + "    const int32_t cut = values[0];\n    sum = cut;\n")
+    broken = compiled(compiler, changed(exported, tmp_path, sown), *STRICT)
     assert "conversion" in broken.stderr, broken.stderr
 
 
@@ -121,7 +121,7 @@ def test_cppcheck_and_misra_find_listed_deviations_only(exported, tmp_path):
     end = "int32_t servotwin_largest("
     recursion = "static int32_t deep(int32_t n) { return (n > 0) ? deep(n - 1) : 0; }\n"
     overrun = "static double beyond(void) { double x[2] = { 0.0, 0.0 }; return x[2]; }\n"
-    sown = changed(exported, tmp_path, "servotwin_math.c", (end, recursion + overrun + end))
+    sown = changed(exported, tmp_path, ("servotwin_math.c", end, recursion + overrun + end))
     new = {name for name, _ in found_by_cppcheck(sown) - set(DEVIATIONS)}
     assert {"misra-c2012-17.2", "arrayIndexOutOfBounds"} <= new, new
 
@@ -146,13 +146,14 @@ def test_frama_c_leaves_listed_properties_open_only(exported):
 
 
 def test_frama_c_finds_what_is_sown(exported, tmp_path):
-    next_pane = ("ring->panes[(ring->next + i) % span->panes]", "ring->panes[ring->next + i]")
-    divided = ("(ring->next + 1) % span->panes", "(ring->next + 1) % (span->panes - ring->ended)")
-    sown = changed(exported, tmp_path, "servotwin_windows.c", next_pane, divided)
-    models = sown / "servotwin_models.c"
-    cleared = "[SERVOTWIN_MOST_CLASSES] = { 0 };"
-    assert cleared in models.read_text()
-    models.write_text(models.read_text().replace(cleared, "[SERVOTWIN_MOST_CLASSES];"))
+    windows = "servotwin_windows.c"
+    sown = changed(
+        exported,
+        tmp_path,
+        (windows, "ring->panes[(ring->next + i) % span->panes]", "ring->panes[ring->next + i]"),
+        (windows, "(ring->next + 1) % span->panes", "(ring->next + 1) % (span->panes - ring->ended)"),
+        ("servotwin_models.c", "[SERVOTWIN_MOST_CLASSES] = { 0 };", "[SERVOTWIN_MOST_CLASSES];"),
+    )
     new = open_properties(sown) - set(OPEN)
     assert {"division_by_zero", "initialization"} <= {kind for _, kind in new}, new
     assert ("merge", "mem_access") in new, new

@@ -69,8 +69,11 @@ class Fmu:
         return model
 
     def set(self, slave, name, value):
+        self.set_all(slave, [name], [value])
+
+    def set_all(self, slave, names, values):
         setter = slave.setReal if self.version == 2 else slave.setFloat64
-        setter([self.references[name]], [value])
+        setter([self.references[name] for name in names], list(values))
 
     def read(self, slave):
         getter = slave.getReal if self.version == 2 else slave.getFloat64
@@ -273,15 +276,13 @@ def test_a_hybrid_twin_says_what_the_diagnosis_says(hybrid, learned):
     period = diagnoser.sample_period_s
     inputs, measured, nominal = flight(diagnoser, {"actuator_1.servo_valve.bias_positive": 1.0})
     measured[150:160, 3] = np.nan
-    known = [hybrid.references[name] for name in diagnoser.inputs]
-    known += [hybrid.references[f"measured.{name}"] for name in diagnoser.sensors]
+    known = [*diagnoser.inputs, *(f"measured.{name}" for name in diagnoser.sensors)]
     slave = hybrid.slave()
-    setter = slave.setReal if hybrid.version == 2 else slave.setFloat64
     names = [variable.name for variable in hybrid.outputs]
     expected = [names.index(f"expected.{name}") for name in diagnoser.sensors]
     rows = []
     for k in range(len(inputs)):
-        setter(known, [*inputs[k], *measured[k]])
+        hybrid.set_all(slave, known, [*inputs[k], *measured[k]])
         slave.doStep(currentCommunicationPoint=k * period, communicationStepSize=period)
         rows.append(hybrid.read(slave))
         said = diagnoser.push(inputs[k], measured[k], rows[-1][expected])

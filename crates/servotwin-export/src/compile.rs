@@ -1,7 +1,7 @@
 //! Compilers, and a temporary folder in which they work.
 
-use crate::c::CFile;
 use crate::error::ExportError;
+use crate::source_file::SourceFile;
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
@@ -20,7 +20,7 @@ pub(crate) fn compilers() -> impl Iterator<Item = &'static str> {
 
 /// The names of the files that are compiled.
 pub(crate) fn compiled<'f>(
-    files: impl IntoIterator<Item = &'f CFile>,
+    files: impl IntoIterator<Item = &'f SourceFile>,
 ) -> impl Iterator<Item = &'static str> {
     files.into_iter().map(|file| file.name).filter(|name| name.ends_with(".c"))
 }
@@ -30,7 +30,7 @@ pub(crate) struct Workplace(TempDir);
 
 impl Workplace {
     /// A folder with these files.
-    pub fn new<'f>(files: impl IntoIterator<Item = &'f CFile>) -> Result<Self, ExportError> {
+    pub fn new<'f>(files: impl IntoIterator<Item = &'f SourceFile>) -> Result<Self, ExportError> {
         let folder = tempfile::tempdir()
             .map_err(|cause| ExportError::from_io(&std::env::temp_dir(), cause))?;
         let workplace = Workplace(folder);

@@ -1,10 +1,11 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
-use crate::c::{self, CFile, Twin};
+use crate::c::{self, Twin};
 use crate::certificate::{Certificate, Description, TwinDescription};
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::rust;
+use crate::source_file::SourceFile;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
@@ -78,7 +79,7 @@ impl ExportFolder {
 
     fn write_files(
         &self,
-        files: &[CFile],
+        files: &[SourceFile],
         diagnoser: &Path,
         language: Language,
         twin: Option<TwinDescription>,
@@ -93,7 +94,7 @@ impl ExportFolder {
         for name in [CERTIFICATE, PAGE] {
             let _ = std::fs::remove_file(self.file(name));
         }
-        for CFile { name, text } in files {
+        for SourceFile { name, text } in files {
             let path = self.file(name);
             path.parent().map_or(Ok(()), create_folder)?;
             write_atomically(path, |out| out.write_all(text.as_bytes()))?;
@@ -105,7 +106,7 @@ impl ExportFolder {
             language,
             twin,
             sources_sha256: sources(diagnoser)?,
-            files_sha256: c::hashes(files),
+            files_sha256: SourceFile::hashes(files),
         };
         self.write_json(DESCRIPTION, &description)?;
         Ok(description)
@@ -142,12 +143,16 @@ impl ExportFolder {
     ///
     /// # Errors
     /// [`ExportError::OtherDiagnoser`] if it is not, and files that are missing.
-    pub fn files(&self, exported: &Description, file: &Path) -> Result<Vec<CFile>, ExportError> {
+    pub fn files(
+        &self,
+        exported: &Description,
+        file: &Path,
+    ) -> Result<Vec<SourceFile>, ExportError> {
         if sha256(file)? != exported.diagnoser_sha256 {
             let folder = self.path.clone();
             return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
         }
-        let read = |name| Ok(CFile { name, text: read_text(self.file(name))? });
+        let read = |name| Ok(SourceFile { name, text: read_text(self.file(name))? });
         match exported.language {
             Language::C => c::names().map(read).collect(),
             Language::Rust => rust::names().map(read).collect(),

@@ -20,7 +20,9 @@ pub mod folder;
 mod language;
 pub mod prove;
 pub mod rust;
+mod source_file;
 mod tables;
 
 pub use error::ExportError;
 pub use language::Language;
+pub use source_file::SourceFile;

@@ -3,9 +3,9 @@
 //! As in [`c`](crate::c), most of the code is written by hand and lies in `runtime/rust/`; what was learned is printed as
 //! constant tables, and the features as statements. The random numbers are the text of `servotwin-diagnosis`.
 
-use crate::c::CFile;
 use crate::error::ExportError;
 use crate::language::Language;
+use crate::source_file::SourceFile;
 use crate::{features, tables};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 
@@ -58,11 +58,11 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 ///
 /// # Errors
 /// As [`c::files`](crate::c::files).
-pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
+pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
     tables::check(diagnoser)?;
     let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), Language::Rust);
     let printed = tables::texts(diagnoser, Language::Rust)?.into_iter().chain([features]);
     let written = WRITTEN.iter().chain(&SHARED).map(|&(name, text)| (name, text.to_owned()));
     let all = written.chain(PRINTED.into_iter().zip(printed));
-    Ok(all.map(|(name, text)| CFile { name, text }).collect())
+    Ok(all.map(|(name, text)| SourceFile { name, text }).collect())
 }

@@ -8,7 +8,8 @@ mod rig;
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
-use servotwin_export::c::{self, CFile, Twin};
+use servotwin_export::SourceFile;
+use servotwin_export::c::{self, Twin};
 use servotwin_export::prove::{Build, Mistakes, Mutant, Plan, mutants, prove};
 use servotwin_export::rust;
 use servotwin_model::program::Program;
@@ -26,7 +27,7 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
     assert_builds_proven(diagnoser, &rust::files(diagnoser).unwrap(), &Build::rust());
 }
 
-fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[CFile], builds: &[Build]) {
+fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[SourceFile], builds: &[Build]) {
     let plan = Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
     let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
     assert!(proven.len() >= 3, "{builds:?}");

@@ -137,9 +137,9 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     let diagnoser = file.map(model_file::read_diagnoser).transpose()?;
     let place = options.study.clone().or_else(|| file.map(study_beside));
     let study = find_study(place.as_deref())?;
-    let twin = match (&diagnoser, file) {
-        (Some(diagnoser), Some(file)) => twin_of(&study, diagnoser, false).map_err(unfit(file))?,
-        _ => twin_alone(&study).map_err(ExportError::from)?,
+    let twin = match diagnoser.as_ref().zip(file) {
+        Some((diagnoser, file)) => twin_of(&study, diagnoser, false).map_err(unfit(file))?,
+        None => twin_alone(&study).map_err(ExportError::from)?,
     };
     let version = match options.fmi {
         Fmi::Two => Version::Two,

@@ -8,11 +8,10 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::model_file;
-use servotwin_export::c;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{Build, Mistakes, Plan, mutants, prove};
-use servotwin_export::{ExportError, Language};
+use servotwin_export::{ExportError, Language, SourceFile};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -93,7 +92,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
     stages.end();
-    let certificate = Certificate::new(description, c::hashes(&files), evidence, mutants);
+    let certificate = Certificate::new(description, SourceFile::hashes(&files), evidence, mutants);
     let written = folder.write_certificate(&certificate)?;
     let output = match global {
         Global { json: true, .. } => json(&json!(certificate)),

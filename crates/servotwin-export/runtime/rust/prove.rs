@@ -189,10 +189,11 @@ fn numbers_of(session: &Session, place: usize) -> Vec<f64> {
     all.extend(session.probabilities(place));
     all.extend((1..HYPOTHESES).map(|claim| evidence.margin(length, claim)));
     for actuator in 0..ACTUATORS {
-        let is_full = ring.is_full(&length.span);
-        let common = || judge::common_mode(actuator, &ring.window, length);
         all.push(evidence.margin_of_actuator(length, actuator));
-        all.push(if is_full { common() } else { 0.0 });
+        all.push(match ring.is_full(&length.span) {
+            true => judge::common_mode(actuator, &ring.window, length),
+            false => 0.0,
+        });
     }
     for boundary in 0..BOUNDARIES {
         let doubt = session.doubt(place, boundary);

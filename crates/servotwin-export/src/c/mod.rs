@@ -9,19 +9,9 @@ pub use twin::Twin;
 
 use crate::error::ExportError;
 use crate::language::Language;
+use crate::source_file::SourceFile;
 use crate::{features, tables};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_io::manifest::sha256_of_text;
-use std::collections::BTreeMap;
-
-/// A file of an export, in C or Rust.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CFile {
-    /// Its name.
-    pub name: &'static str,
-    /// Its text.
-    pub text: String,
-}
 
 macro_rules! runtime {
     ($(#[$note:meta])* $list:ident: $($name:literal,)*) => {
@@ -82,17 +72,12 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     written.chain(PRINTED).chain(PRINTED_OF_TWIN)
 }
 
-/// The SHA-256 of each file.
-pub fn hashes(files: &[CFile]) -> BTreeMap<String, String> {
-    files.iter().map(|file| (file.name.into(), sha256_of_text(&file.text))).collect()
-}
-
 /// All files of a diagnoser, without a twin.
 ///
 /// # Errors
 /// The errors of [`Diagnoser::check`]; [`ExportError::Classifier`], [`ExportError::TooMany`] and
 /// [`ExportError::Unsupported`] for what the C code does not know.
-pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
+pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
     tables::check(diagnoser)?;
     let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), Language::C);
     let printed = tables::texts(diagnoser, Language::C)?.into_iter().chain([features]);
@@ -103,7 +88,7 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<CFile>, ExportError> {
 ///
 /// # Errors
 /// The errors of [`files`] and [`files_of_twin`].
-pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<CFile>, ExportError> {
+pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
     let hybrid = written(HYBRID);
     Ok([files(diagnoser)?, files_of_twin(twin)?, hybrid.collect()].concat())
 }
@@ -112,7 +97,7 @@ pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<CFile>,
 ///
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
-pub fn files_of_twin(twin: &Twin) -> Result<Vec<CFile>, ExportError> {
+pub fn files_of_twin(twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
     Ok(together(TWIN, PRINTED_OF_TWIN, twin::texts(twin)?))
 }
 
@@ -120,12 +105,12 @@ fn together(
     list: &[(&'static str, &str)],
     names: [&'static str; 3],
     printed: impl IntoIterator<Item = String>,
-) -> Vec<CFile> {
-    let printed = names.into_iter().zip(printed).map(|(name, text)| CFile { name, text });
+) -> Vec<SourceFile> {
+    let printed = names.into_iter().zip(printed).map(|(name, text)| SourceFile { name, text });
     written(list).chain(printed).collect()
 }
 
 /// The hand-written files of a list.
-fn written(list: &[(&'static str, &str)]) -> impl Iterator<Item = CFile> {
-    list.iter().map(|&(name, text)| CFile { name, text: text.to_owned() })
+fn written(list: &[(&'static str, &str)]) -> impl Iterator<Item = SourceFile> {
+    list.iter().map(|&(name, text)| SourceFile { name, text: text.to_owned() })
 }

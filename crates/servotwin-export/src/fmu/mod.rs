@@ -10,9 +10,10 @@ mod variables;
 
 pub use description::Version;
 
-use crate::c::{self, CFile, Twin};
+use crate::c::{self, Twin};
 use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
+use crate::source_file::SourceFile;
 use description::Description;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::write_atomically;
@@ -59,7 +60,7 @@ pub fn write(
     let mut sources = sources(twin, diagnoser, version)?;
     let all: String = sources.iter().map(|file| file.text.as_str()).collect();
     let token = sha256_of_text(&format!("{name} {all}"));
-    sources.push(CFile {
+    sources.push(SourceFile {
         name: "servotwin_token.h",
         text: format!("/* Written by servotwin. */\n#define SERVOTWIN_TOKEN \"{token}\"\n"),
     });
@@ -91,7 +92,7 @@ fn sources(
     twin: &Twin,
     diagnoser: Option<&Diagnoser>,
     version: Version,
-) -> Result<Vec<CFile>, ExportError> {
+) -> Result<Vec<SourceFile>, ExportError> {
     let interface = match version {
         Version::Two => ("fmi2.c", include_str!("../../runtime/fmu/fmi2.c")),
         Version::Three => ("fmi3.c", include_str!("../../runtime/fmu/fmi3.c")),
@@ -100,19 +101,22 @@ fn sources(
         Some(diagnoser) => (c::files_with_twin(diagnoser, twin)?, OF_HYBRID),
         None => {
             let mut files = c::files_of_twin(twin)?;
-            files.push(CFile { name: "servotwin_tangent.c", text: write_tangent(twin.program) });
+            files.push(SourceFile {
+                name: "servotwin_tangent.c",
+                text: write_tangent(twin.program),
+            });
             (files, OF_SYSTEM)
         }
     };
     // The program that reads standard input has no place in a library.
     files.retain(|file| file.name != "main.c");
     let written = COMMON.into_iter().chain(core).chain([interface]);
-    files.extend(written.map(|(name, text)| CFile { name, text: text.into() }));
+    files.extend(written.map(|(name, text)| SourceFile { name, text: text.into() }));
     Ok(files)
 }
 
 /// The binary for 64-bit Linux. It may use nothing but the C library, and shows only the functions of the interface.
-fn binary(sources: &[CFile]) -> Result<Vec<u8>, ExportError> {
+fn binary(sources: &[SourceFile]) -> Result<Vec<u8>, ExportError> {
     let compiler = compilers().next().ok_or(ExportError::NoBuild)?;
     let workplace = Workplace::new(sources)?;
     let flags = [
@@ -136,7 +140,7 @@ fn parts(
     version: Version,
     name: &str,
     description: String,
-    sources: &[CFile],
+    sources: &[SourceFile],
     binary: Vec<u8>,
 ) -> Vec<(String, Vec<u8>)> {
     let platform = if version == Version::Two { "linux64" } else { "x86_64-linux" };
@@ -155,7 +159,7 @@ fn parts(
 }
 
 /// How an importing tool compiles the sources (version 3 only).
-fn build_description(name: &str, sources: &[CFile]) -> Vec<u8> {
+fn build_description(name: &str, sources: &[SourceFile]) -> Vec<u8> {
     let file = |name| format!("      <SourceFile name=\"{name}\"/>\n");
     let files: String = compiled(sources).map(file).collect();
     format!(

@@ -104,8 +104,6 @@ impl Variables {
             first_derivative: 0,
         };
         variables.add_inputs(twin.program);
-        let first_slot = twin.program.externals().start;
-        variables.all.iter_mut().for_each(|input| input.reference -= first_slot);
         variables.add_sensors(diagnoser, twin);
         for (actuator, name) in diagnoser.names().actuators.iter().enumerate() {
             let reference = FIRST_SWITCH + actuator;

@@ -2,9 +2,9 @@
 
 use super::chain::Said;
 use super::samples::Sample;
-use crate::c::CFile;
 use crate::compile::{Workplace, compiled, compilers, starts};
 use crate::error::ExportError;
+use crate::source_file::SourceFile;
 use libloading::{Library, Symbol};
 use servotwin_model::program::Program;
 use servotwin_model::solver::Knot;
@@ -145,11 +145,11 @@ pub(super) struct Objects<'b> {
 
 impl<'b> Objects<'b> {
     /// Compiles all files into a temporary folder.
-    pub fn new(files: &[CFile], build: &'b Build) -> Result<Self, ExportError> {
+    pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
         let has = |name: &str| files.iter().any(|file| file.name == name);
-        let mut proving = vec![CFile { name: "prove.c", text: PROVE.into() }];
+        let mut proving = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
         if has("servotwin_twin.c") {
-            proving.extend(PROVE_TWIN.map(|(name, text)| CFile { name, text: text.into() }));
+            proving.extend(PROVE_TWIN.map(|(name, text)| SourceFile { name, text: text.into() }));
         }
         let sources = files.iter().chain(&proving);
         let names = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
@@ -192,19 +192,19 @@ pub(super) struct Compiled {
 
 impl Compiled {
     /// Compiles the files and loads them.
-    pub fn new(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
+    pub fn new(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
         match build.is_rust() {
             true => Compiled::new_rust(files, build),
             false => Objects::new(files, build)?.load("export.so"),
         }
     }
 
-    fn new_rust(files: &[CFile], build: &Build) -> Result<Self, ExportError> {
+    fn new_rust(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
         let workplace = Workplace::new(&[
-            CFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() },
-            CFile { name: "src/lib.rs", text: PROVE_RUST.into() },
+            SourceFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() },
+            SourceFile { name: "src/lib.rs", text: PROVE_RUST.into() },
         ])?;
-        for CFile { name, text } in files {
+        for SourceFile { name, text } in files {
             workplace.write(&format!("export/{name}"), text)?;
         }
         let arguments = build.rust_arguments();

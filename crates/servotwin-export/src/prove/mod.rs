@@ -13,8 +13,9 @@ mod twin;
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
 
-use crate::c::{CFile, Twin};
+use crate::c::Twin;
 use crate::error::ExportError;
+use crate::source_file::SourceFile;
 use library::Compiled;
 use serde::Serialize;
 use servotwin::study::Study;
@@ -138,7 +139,7 @@ pub struct Plan<'p> {
     /// The study, if twin and diagnoser belong to one.
     pub study: Option<&'p Study>,
     /// The export.
-    pub files: &'p [CFile],
+    pub files: &'p [SourceFile],
     /// Samples through the whole chain of the diagnosis.
     pub samples: u64,
     /// Variants of the twin, each of 90 s.

@@ -5,8 +5,8 @@
 
 use super::library::{Build, Objects};
 use super::{Evidence, HYBRID_SAMPLES, Plan, chain, compare_parts, hybrid, points, twin};
-use crate::c::CFile;
 use crate::error::ExportError;
+use crate::source_file::SourceFile;
 use serde::Serialize;
 use servotwin_diagnosis::random::Random;
 use std::slice;
@@ -89,7 +89,7 @@ pub fn mutants(
     for number in 0..mistakes.count {
         let kind = &kinds[number % kinds.len()];
         let Site { file, start, old, new } = &kind[random.index(kind.len())];
-        let CFile { name, text } = &files[*file];
+        let SourceFile { name, text } = &files[*file];
         let changed = [&text[..*start], new, &text[start + old.len()..]].concat();
         let is_found = match objects.replace(name, &changed) {
             Ok(()) => is_found(plan, &objects, number)?,
@@ -125,9 +125,9 @@ fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, Expor
 }
 
 /// All places, by kind of mistake; a kind without places is left out.
-fn sites(files: &[CFile], only: Option<&str>) -> Vec<Vec<Site>> {
+fn sites(files: &[SourceFile], only: Option<&str>) -> Vec<Vec<Site>> {
     let (mut kinds, mut operators) = (Vec::new(), Vec::new());
-    for (file, CFile { name, text }) in files.iter().enumerate() {
+    for (file, SourceFile { name, text }) in files.iter().enumerate() {
         if only.is_some_and(|only| only != *name) {
             continue;
         }

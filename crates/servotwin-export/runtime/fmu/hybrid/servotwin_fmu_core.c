@@ -1,10 +1,11 @@
 #include "servotwin_fmu.h"
 
-#include "servotwin_math.h"
 #include "servotwin_tables.h"
 
 #include <math.h>
 #include <string.h>
+
+#define FIRST_INPUT ((uint32_t)SERVOTWIN_TWIN_STATES)
 
 /* A sample is due this part of a period early, because a host adds up its steps. */
 #define EARLY 1e-6
@@ -12,7 +13,7 @@
 void servotwin_fmu_reset(servotwin_fmu *fmu)
 {
     (void)memset(fmu, 0, sizeof *fmu);
-    (void)servotwin_hybrid_start(&fmu->hybrid);
+    fmu->is_exact = servotwin_hybrid_start(&fmu->hybrid);
     for (int32_t input = 0; input < SERVOTWIN_TWIN_INPUTS; input++) {
         fmu->inputs[input] = servotwin_twin_defaults[input].value;
     }
@@ -21,7 +22,7 @@ void servotwin_fmu_reset(servotwin_fmu *fmu)
 bool servotwin_fmu_begin(servotwin_fmu *fmu)
 {
     fmu->time_s = fmu->start_s;
-    return servotwin_rounds_twice() != 0;
+    return fmu->is_exact;
 }
 
 double servotwin_fmu_time_s(const servotwin_fmu *fmu)
@@ -34,8 +35,8 @@ bool servotwin_fmu_value(servotwin_fmu *fmu, uint32_t reference, double *value)
     bool is_known = true;
     if (reference == SERVOTWIN_FMU_TIME) {
         *value = fmu->time_s;
-    } else if (reference < (uint32_t)SERVOTWIN_TWIN_INPUTS) {
-        *value = fmu->inputs[reference];
+    } else if ((reference - FIRST_INPUT) < (uint32_t)SERVOTWIN_TWIN_INPUTS) {
+        *value = fmu->inputs[reference - FIRST_INPUT];
     } else if ((reference - SERVOTWIN_FMU_MEASURED) < (uint32_t)SERVOTWIN_SENSORS) {
         *value = fmu->measured[reference - SERVOTWIN_FMU_MEASURED];
     } else if ((reference - SERVOTWIN_FMU_SWITCHED_OFF) < (uint32_t)SERVOTWIN_ACTUATORS) {
@@ -65,12 +66,13 @@ static void switch_actuator(servotwin_session *session, int32_t actuator, bool i
 
 bool servotwin_fmu_change(servotwin_fmu *fmu, uint32_t reference, double value)
 {
+    const uint32_t input = reference - FIRST_INPUT;
     const uint32_t measured = reference - SERVOTWIN_FMU_MEASURED;
     const uint32_t actuator = reference - SERVOTWIN_FMU_SWITCHED_OFF;
     const uint32_t parameter = reference - SERVOTWIN_FMU_PARAMETER;
     bool is_set = true;
-    if (reference < (uint32_t)SERVOTWIN_TWIN_INPUTS) {
-        fmu->inputs[reference] = value;
+    if (input < (uint32_t)SERVOTWIN_TWIN_INPUTS) {
+        fmu->inputs[input] = value;
     } else if (measured < (uint32_t)SERVOTWIN_SENSORS) {
         fmu->measured[measured] = value;
     } else if ((actuator < (uint32_t)SERVOTWIN_ACTUATORS) && ((value == 0.0) || (value == 1.0))) {

@@ -12,7 +12,7 @@
 #define SERVOTWIN_FMU_NO_STEP "a step cannot have a negative length"
 
 /*
- * References of variables: inputs of the system from 0 on, then measured values, whether an actuator is switched off,
+ * References of variables: inputs as in the FMU of the system, then measured values, whether an actuator is switched off,
  * expected values, the diagnosis, parameters of the twin, and the time.
  */
 #define SERVOTWIN_FMU_MEASURED 10000U
@@ -49,6 +49,7 @@ typedef struct {
     uint64_t samples; /* taken so far */
     double start_s; /* the host's time at the beginning, at which the first sample is taken */
     double time_s; /* the host's time */
+    bool is_exact; /* this build rounds as in training */
 } servotwin_fmu;
 
 #endif

@@ -1,0 +1,20 @@
+//! The files of an export.
+
+use servotwin_io::manifest::sha256_of_text;
+use std::collections::BTreeMap;
+
+/// A file of an export, in C or Rust.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SourceFile {
+    /// Its name, with its folder if it has one.
+    pub name: &'static str,
+    /// Its text.
+    pub text: String,
+}
+
+impl SourceFile {
+    /// The SHA-256 of each file.
+    pub fn hashes(files: &[Self]) -> BTreeMap<String, String> {
+        files.iter().map(|file| (file.name.into(), sha256_of_text(&file.text))).collect()
+    }
+}
