@@ -128,7 +128,9 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
             parts.extend(judged.into_iter().map(latency_in_words));
             evidence.push(place);
         }
-        None => evidence.push("no judged flights: 'servotwin flights FOLDER --out FOLDER'".into()),
+        None => {
+            evidence.push("no judged latencies: 'servotwin flights FOLDER --out FOLDER'".into())
+        }
     }
     match parts.is_empty() {
         true if subject.case.is_none() => not_in_study("not flown"),
