@@ -333,9 +333,11 @@ function ask(request) {
 
 function showState(next) {
   state = next;
-  document.body.dataset.alarm = state.alarm || "unknown";
+  // A silent stream says nothing of its actuator.
+  const alarm = state.is_silent ? "no_data" : state.alarm;
+  document.body.dataset.alarm = alarm || "unknown";
   document.body.dataset.finding = state.finding || "";
-  $("alarm").textContent = (state.alarm || "…").replaceAll("_", " ");
+  $("alarm").textContent = (alarm || "…").replaceAll("_", " ");
   $("finding").textContent = words(state.finding || "");
   const actions = state.actions || [];
   const last = actions[actions.length - 1];
@@ -362,12 +364,15 @@ function showState(next) {
   showPath(state.path);
 }
 
-/** Speed, pause and length of a replay, which takes no faults; null for a flight. */
+/** Speed, pause and length of a replay, which takes no faults; null for a flight and for a stream, which has no controls. */
 function showPlayback(next) {
   playback = next;
   document.body.dataset.mode = playback ? "replay" : "flight";
   $("playback").hidden = !playback;
-  $("inject").hidden = $("save").hidden = $("hint").hidden = Boolean(playback);
+  const isMeasured = about.kind === "stream";
+  $("inject").hidden = $("hint").hidden = Boolean(playback) || isMeasured;
+  $("pause").hidden = $("restart").hidden = isMeasured;
+  $("save").hidden = Boolean(playback) && about.kind !== "log";
   $("restart").textContent = playback ? "From the beginning" : "New flight";
   if (!playback) return;
   $("speed").value = String(playback.speed);
@@ -427,8 +432,9 @@ function showEvents(list) {
 // ---------------------------------------------------------------- the connection
 
 function connect() {
-  const scheme = location.protocol === "https:" ? "wss" : "ws";
-  socket = new WebSocket(`${scheme}://${location.host}/live${query}`);
+  const target = new URL(`live${query}`, location.href);
+  target.protocol = target.protocol.replace("http", "ws");
+  socket = new WebSocket(target);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     document.body.dataset.connected = "yes";
@@ -440,6 +446,10 @@ function connect() {
     if (said.lost) {
       lost += said.lost;
       $("connection").textContent = `live, ${lost} frames lost: this browser is too slow`;
+    }
+    if (said.all_events) {
+      $("events").replaceChildren();
+      showEvents(said.all_events);
     }
     if (said.events) {
       data = new Samples(about.signals.length, about.period_s);
@@ -469,6 +479,8 @@ async function begin() {
     return;
   }
   $("title").textContent = about.title;
+  $("fleet").hidden = !/^\/\d+\/$/.test(location.pathname);
+  $("fleet").href = `../${query}`;
   document.title = `servotwin: ${about.title}`;
   fillForm();
   schematic.build();

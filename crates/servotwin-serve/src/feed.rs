@@ -4,10 +4,12 @@
 use crate::request::Request;
 use serde_json::Value;
 use servotwin::flight::runtime::RuntimeError;
+use servotwin_watch::WatchError;
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::sync::broadcast::{self, Receiver, Sender};
 
 /// The number of messages that a viewer may be behind before it loses some: about three seconds.
@@ -21,7 +23,17 @@ const MAX_SESSION_TEXTS: usize = 100_000;
 /// Time between frames, s.
 const FRAME_S: f64 = 0.05;
 
-/// What a server shows: a flight, or a session that is replayed.
+/// Why a source ended early.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub enum RunError {
+    /// Plant or twin cannot be simulated.
+    Simulation(#[from] RuntimeError),
+    /// A log or a stream cannot be read.
+    Watch(#[from] WatchError),
+}
+
+/// What a server shows: a flight, a session that is replayed, or a stream.
 pub trait Source: Sync {
     /// Everything that a viewer must know to show frames, and to inject faults.
     fn about(&self) -> Value;
@@ -29,13 +41,13 @@ pub trait Source: Sync {
     /// Fills the feed until `stop` is set.
     ///
     /// # Errors
-    /// Plant or twin cannot be simulated.
+    /// Plant or twin cannot be simulated, or a stream cannot be read.
     fn run(
         &self,
         feed: &Feed,
         requests: &mpsc::Receiver<Request>,
         stop: &AtomicBool,
-    ) -> Result<(), RuntimeError>;
+    ) -> Result<(), RunError>;
 }
 
 /// A message to viewers.
@@ -104,7 +116,52 @@ impl Frame {
     }
 }
 
+/// Collects samples into frames, and publishes each frame that is full.
+pub struct Frames {
+    frame: Frame,
+    period_s: f64,
+}
+
+impl Frames {
+    /// Before the first sample, with the number of signals and the sampling period, s.
+    pub fn new(width: usize, period_s: f64) -> Self {
+        Frames { frame: Frame::new(0, width), period_s }
+    }
+
+    /// The number of the next sample.
+    pub fn next(&self) -> u64 {
+        self.frame.first + self.frame.samples() as u64
+    }
+
+    /// The time of the next sample, s.
+    pub fn next_s(&self) -> f64 {
+        self.next() as f64 * self.period_s
+    }
+
+    /// Takes the values that `fill` appends for one sample. Returns whether a frame was published.
+    pub fn take(&mut self, feed: &Feed, fill: impl FnOnce(&mut Vec<f32>)) -> bool {
+        fill(self.frame.values());
+        let is_full = self.frame.is_full(self.period_s);
+        if is_full {
+            self.publish(feed);
+        }
+        is_full
+    }
+
+    /// Publishes the samples that wait, if there are any.
+    pub fn publish(&mut self, feed: &Feed) {
+        if self.frame.samples() > 0 {
+            feed.frame(&self.frame);
+            self.frame = Frame::new(self.next(), self.frame.width);
+        }
+    }
+}
+
 struct Kept {
+    /// The number of jumps so far.
+    jumps: u64,
+    /// When the last frame was published.
+    frame_at: Option<Instant>,
     /// The frames, events and states of the present flight.
     session: Vec<Message>,
     session_texts: usize,
@@ -116,14 +173,31 @@ struct Kept {
 impl Default for Kept {
     fn default() -> Self {
         let [state, playback] = [(); 2].map(|()| Arc::from("null"));
-        Kept { session: vec![], session_texts: 0, events: VecDeque::new(), state, playback }
+        Kept {
+            jumps: 0,
+            frame_at: None,
+            session: vec![],
+            session_texts: 0,
+            events: VecDeque::new(),
+            state,
+            playback,
+        }
     }
 }
 
 impl Kept {
+    /// What stays when a flight begins or a replay jumps.
+    fn begin_again(&self) -> Self {
+        let (jumps, frame_at, playback) = (self.jumps, self.frame_at, self.playback.clone());
+        Kept { jumps, frame_at, playback, ..Kept::default() }
+    }
+
     fn take(&mut self, message: Message) {
         match &message {
-            Message::Frame(_) => return self.session.push(message),
+            Message::Frame(_) => {
+                self.frame_at = Some(Instant::now());
+                return self.session.push(message);
+            }
             Message::Event(event) => {
                 self.events.push_back(event.clone());
                 if self.events.len() > KEPT_EVENTS {
@@ -163,8 +237,18 @@ pub struct Begin {
     pub state: Arc<str>,
     /// Speed, pause and length of a replay, as JSON; `null` for a flight.
     pub playback: Arc<str>,
+    /// The number of jumps so far: after another jump a viewer must begin anew.
+    pub jumps: u64,
     /// Everything that comes later.
     pub later: Receiver<Message>,
+}
+
+/// A feed at a glance.
+pub struct Glance {
+    /// The present state of the diagnosis, as JSON.
+    pub state: Arc<str>,
+    /// The time since the last frame; `None` before the first.
+    pub since_frame: Option<Duration>,
 }
 
 impl Feed {
@@ -202,14 +286,14 @@ impl Feed {
     /// Forgets the frames and the state of an earlier flight; events stay.
     pub fn begin_flight(&self) {
         let mut kept = self.kept();
-        let (events, playback) = (std::mem::take(&mut kept.events), kept.playback.clone());
-        *kept = Kept { events, playback, ..Kept::default() };
+        let events = std::mem::take(&mut kept.events);
+        *kept = Kept { events, ..kept.begin_again() };
     }
 
     /// Replaces all that is kept by these messages, and lets viewers begin anew.
     pub fn jump(&self, messages: &[Message]) {
         let mut kept = self.kept();
-        *kept = Kept { playback: kept.playback.clone(), ..Kept::default() };
+        *kept = Kept { jumps: kept.jumps + 1, ..kept.begin_again() };
         messages.iter().for_each(|message| kept.take(message.clone()));
         let _ = self.sender.send(Message::Jump);
     }
@@ -229,8 +313,16 @@ impl Feed {
             events: json_list(&kept.events),
             state: kept.state.clone(),
             playback: kept.playback.clone(),
+            jumps: kept.jumps,
             later: self.sender.subscribe(),
         }
+    }
+
+    /// State and age.
+    pub fn glance(&self) -> Glance {
+        let kept = self.kept();
+        let since_frame = kept.frame_at.map(|at| at.elapsed());
+        Glance { state: kept.state.clone(), since_frame }
     }
 
     /// The events that are kept, as a list in JSON.

@@ -1,17 +1,16 @@
 //! The flight that viewers watch: in closed loop and in real time, beside a ghost that flies the same without a
 //! diagnosis.
 
-use crate::feed::{Feed, Frame, Source};
+use crate::feed::{Feed, Frames, RunError, Source};
 use crate::injection::Injection;
 use crate::request::{Refused, Request};
-use crate::signals::Signals;
+use crate::signals::{Sample, Signals};
+use crate::state::{Act, Kind, Known, State, about, event};
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{Action, Flight, Scenario};
+use servotwin::flight::closed_loop::{Flight, Scenario};
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::study::Study;
-use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::diagnoser::{Counts, Diagnoser, Outcome};
-use servotwin_diagnosis::hierarchy::Stage;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::sync::Arc;
@@ -47,25 +46,8 @@ enum End {
 
 impl Source for Live {
     fn about(&self) -> Value {
-        let system = &self.study.system;
-        let faults = system.fault_list();
-        let components = system.network().components.iter().map(|instance| {
-            let own = faults.iter().filter(|fault| fault.component == instance.id);
-            let own = own.map(|fault| json!({ "id": fault.id, "summary": fault.summary }));
-            let spec = instance.component.spec();
-            json!({
-                "id": instance.id, "kind": spec.kind, "summary": spec.summary,
-                "faults": own.collect::<Vec<_>>(),
-            })
-        });
-        json!({
-            "title": system.title,
-            "period_s": self.diagnoser.period_s,
-            "actuators": self.diagnoser.names().actuators,
-            "signals": Signals::of(&self.study, &self.diagnoser).list,
-            "components": components.collect::<Vec<_>>(),
-            "version": env!("CARGO_PKG_VERSION"),
-        })
+        let list = Signals::of_flights(&self.study, &self.diagnoser).list;
+        about(Kind::Flight, &self.study.system.title, &self.study, &self.diagnoser, &list)
     }
 
     /// Flies until `stop` is set, one flight after the other.
@@ -74,8 +56,8 @@ impl Source for Live {
         feed: &Feed,
         requests: &Receiver<Request>,
         stop: &AtomicBool,
-    ) -> Result<(), RuntimeError> {
-        let signals = Signals::of(&self.study, &self.diagnoser);
+    ) -> Result<(), RunError> {
+        let signals = Signals::of_flights(&self.study, &self.diagnoser);
         loop {
             let scenario = |reacts| Scenario {
                 study: &self.study,
@@ -95,9 +77,8 @@ impl Source for Live {
                 injections: vec![],
                 acting: vec![],
                 actions: vec![],
-                frame: Frame::new(0, signals.list.len()),
-                sample: 0,
-                shown: None,
+                frames: Frames::new(signals.list.len(), self.diagnoser.period_s),
+                known: Known::default(),
                 is_paused: false,
             };
             if flown.until_the_end(requests, stop)? == End::Stop {
@@ -118,11 +99,9 @@ struct Flown<'f> {
     injections: Vec<Injection>,
     /// The faults as they act on the plant now.
     acting: Vec<FaultAt>,
-    actions: Vec<Action>,
-    frame: Frame,
-    sample: u64,
-    /// The outcome that viewers know.
-    shown: Option<Outcome>,
+    actions: Vec<Act>,
+    frames: Frames,
+    known: Known,
     is_paused: bool,
 }
 
@@ -170,8 +149,7 @@ impl Flown<'_> {
                     self.tell_state();
                 }
                 Ok(Request::Inject(inject)) => {
-                    let time_s = self.sample as f64 * self.live.diagnoser.period_s;
-                    match inject.injection(&self.live.study.system, time_s) {
+                    match inject.injection(&self.live.study.system, self.frames.next_s()) {
                         Ok(injection) => self.inject(injection),
                         Err(refused) => {
                             self.event("refused", json!({ "why": refused.to_string() }))
@@ -203,7 +181,7 @@ impl Flown<'_> {
     }
 
     fn advance(&mut self) -> Result<(), RuntimeError> {
-        let time_s = self.sample as f64 * self.live.diagnoser.period_s;
+        let time_s = self.frames.next_s();
         let acting: Vec<FaultAt> = self.injections.iter().map(|one| one.at(time_s)).collect();
         if acting != self.acting {
             self.flight.inject(acting.clone());
@@ -213,8 +191,9 @@ impl Flown<'_> {
         let change = self.flight.sample()?;
         self.ghost.sample()?;
         if let Some(action) = self.flight.react()? {
-            self.tell_action(&action);
-            self.actions.push(action);
+            let act = Act { time_s: action.time_s, raised: action.raised };
+            self.tell_action(&act);
+            self.actions.push(act);
         }
         if let Some(change) = change {
             let finding = self.live.diagnoser.describe(change.finding);
@@ -223,12 +202,10 @@ impl Flown<'_> {
             });
             self.event("finding", about);
         }
-        self.signals.fill(&self.flight, &self.ghost, self.frame.values());
-        self.sample += 1;
-        if self.frame.is_full(self.live.diagnoser.period_s) {
-            self.feed.frame(&self.frame);
-            self.frame = Frame::new(self.sample, self.signals.list.len());
-            self.tell_new_outcome();
+        let sample = Sample::of_flights(&self.flight, &self.ghost);
+        let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));
+        if is_sent && self.known.is_new(Some(self.flight.session().outcome())) {
+            self.tell_state();
         }
         Ok(())
     }
@@ -238,92 +215,24 @@ impl Flown<'_> {
         self.injections.iter().map(|one| one.since_s).reduce(f64::min)
     }
 
-    fn tell_action(&self, action: &Action) {
-        let (actuator, command, detail) = self.named(action);
-        let after_s = self.onset_s().map(|onset_s| action.time_s - onset_s);
-        let about = json!({
-            "actuator": actuator, "command": command, "detail": detail, "after_s": after_s,
-        });
+    fn tell_action(&self, act: &Act) {
+        let mut about = act.named(&self.live.diagnoser);
+        about["after_s"] = json!(self.onset_s().map(|onset_s| act.time_s - onset_s));
         self.event("action", about);
     }
 
-    fn named(&self, action: &Action) -> (&str, &str, Option<&str>) {
-        let (names, raised) = (self.live.diagnoser.names(), &action.raised);
-        let detail = raised.detail.map(|detail| names.details[detail as usize].as_str());
-        let actuator = &names.actuators[raised.actuator as usize];
-        (actuator, &names.actions[raised.action as usize], detail)
-    }
-
     fn event(&self, kind: &str, about: Value) {
-        let mut event = json!({ "time_s": self.flight.time_s(), "kind": kind });
-        if let (Some(event), Value::Object(about)) = (event.as_object_mut(), about) {
-            event.extend(about);
-        }
-        self.feed.event(&event);
-    }
-
-    /// Publishes the state if the outcome changed in more than its sample number and its counts: most frames lie within
-    /// a window, and the path through the trees is long.
-    fn tell_new_outcome(&mut self) {
-        let outcome = self.flight.session().outcome();
-        let shown = Some(Outcome { sample: 0, counts: Counts::default(), ..*outcome });
-        if self.shown != shown {
-            self.shown = shown;
-            self.tell_state();
-        }
+        self.feed.event(&event(self.flight.time_s(), kind, about));
     }
 
     fn tell_state(&self) {
-        let outcome = self.flight.session().outcome();
-        let sensors = &self.live.diagnoser.sensors;
-        let injected = self.injections.iter().map(|Injection { name, fault, onset, since_s }| {
-            json!({
-                "fault": name, "intensity": fault.intensity, "onset": onset, "since_s": since_s,
-            })
-        });
-        let actions = self.actions.iter().map(|action| {
-            let (actuator, command, detail) = self.named(action);
-            json!({
-                "time_s": action.time_s, "actuator": actuator, "command": command, "detail": detail,
-            })
-        });
-        // Confidence moves with every window: what a viewer reads needs no more than a percent.
-        let confidence = (100.0 * outcome.confidence).round() / 100.0;
-        self.feed.state(&json!({
-            "alarm": outcome.alarm,
-            "finding": self.live.diagnoser.describe(outcome.finding),
-            "confidence": confidence,
-            "worst_sensor": outcome.worst_sensor.map(|s| &sensors[s as usize].name),
-            "injected": injected.collect::<Vec<_>>(),
-            "actions": actions.collect::<Vec<_>>(),
-            "path": self.path(),
-            "is_paused": self.is_paused,
-        }));
+        let state = State {
+            session: self.flight.session(),
+            is_judged: true,
+            actions: &self.actions,
+            injections: &self.injections,
+            is_paused: self.is_paused,
+        };
+        self.feed.state(&state.json());
     }
-
-    /// The stages that the trees passed through in the window that decided, each with its decisions from root to leaf.
-    fn path(&self) -> Value {
-        let session = self.flight.session();
-        let Some(length) = session.outcome().length else { return Value::Null };
-        let Ok(stages) = session.explain(length as usize) else { return Value::Null };
-        let rows = session.features(length as usize);
-        let features = &self.live.diagnoser.names().features;
-        let stages = stages.into_iter().map(|(stage, nodes)| {
-            // Actuators share stages, each with its own view; the view of the path is the one that leads along it.
-            let row = rows.iter().find(|row| stage.path(row) == nodes);
-            json!({ "stage": stage.id, "steps": steps(stage, &nodes, row, features) })
-        });
-        stages.collect()
-    }
-}
-
-/// The decisions of a stage along a path.
-fn steps(stage: &Stage, nodes: &[usize], row: Option<&Vec<f64>>, features: &[String]) -> Value {
-    let (Model::Cart(tree), Some(row)) = (&stage.model, row) else { return json!([]) };
-    let splits = nodes.iter().filter_map(|&node| tree.split(node));
-    let step = |(column, threshold): (usize, f64)| {
-        let place = stage.columns[column] as usize;
-        json!({ "feature": features[place], "value": row[place], "threshold": threshold })
-    };
-    splits.map(step).collect()
 }

@@ -1,12 +1,14 @@
 //! A web page beside the running twin: inject a fault and see residuals, diagnosis, command and surface answer.
 //!
 //! ```text
-//! browser ── requests ──> server ──> flight or replay (its own thread, in real time) ──> feed ──> server ──> browsers
+//! browser ── requests ──> server ──> flight, replay or stream (its own thread) ──> feed ──> server ──> browsers
 //! ```
 //!
 //! - [`flight`]: the flight in closed loop, with a ghost that flies the same without a diagnosis
+//! - [`measured`]: a log or a stream beside its twin
 //! - [`injection`]: faults as they are injected by hand: a step, a ramp, or intermittent
 //! - [`signals`]: what a frame contains, with names, units and bands
+//! - [`state`]: what viewers are told besides samples
 //! - [`session`]: a flight as viewers saw it, as one file, and its replay
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
 //! - [`request`]: what a viewer may ask for
@@ -18,12 +20,15 @@
 pub mod feed;
 pub mod flight;
 pub mod injection;
+pub mod measured;
 pub mod request;
 pub mod server;
 pub mod session;
 pub mod signals;
+pub mod state;
 
-pub use feed::Source;
+pub use feed::{RunError, Source};
 pub use flight::Live;
+pub use measured::{Measured, Stream};
 pub use server::{Access, ServeError, Server};
 pub use session::{Session, SessionError};

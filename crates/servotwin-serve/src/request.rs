@@ -79,6 +79,9 @@ pub enum Refused {
     /// A session has flown already.
     #[error("a replay takes no faults")]
     Replayed,
+    /// An actuator that is measured cannot be changed from here.
+    #[error("what is measured takes no requests")]
+    Measured,
     /// More requests came than the flight takes between two samples.
     #[error("too many requests at once")]
     TooMany,

@@ -9,12 +9,20 @@
 //! | `/session` | the present flight as a Parquet file, to be saved |
 //! | `/counts` | viewers, lost frames and refusals |
 //!
+//! With several sources these paths stand below the number of each (`/1/`, `/2/`, …), and two more lead there:
+//!
+//! | path | gives |
+//! |---|---|
+//! | `/` | the page of the fleet, with a row for each source |
+//! | `/fleet` | state and age of each source |
+//!
 //! A browser tells where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
 
-use crate::feed::{Begin, Feed, Message, Source};
+use crate::feed::{Begin, Feed, Glance, Message, RunError, Source};
 use crate::request::{LONGEST, Refused, Request, Requests, requests};
 use crate::session::{Session, SessionError};
+use crate::state::event;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
@@ -27,13 +35,14 @@ use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use servotwin::flight::runtime::RuntimeError;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::Receiver;
+use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::sync::broadcast::Receiver;
+use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 
 /// The number of requests that one viewer may have refused before it is sent away.
@@ -44,6 +53,8 @@ const STOP_CHECK: Duration = Duration::from_millis(100);
 const MOST_VIEWERS: u64 = 256;
 
 const HTML: &str = include_str!("../page/index.html");
+const FLEET: &str = include_str!("../page/fleet.html");
+const FLEET_SCRIPT: &str = include_str!("../page/fleet.js");
 const SCRIPT: &str = include_str!("../page/page.js");
 const STYLE: &str = include_str!("../page/page.css");
 const CHARTS: &str = include_str!("../page/uplot.js");
@@ -60,9 +71,9 @@ pub enum ServeError {
         /// The reason.
         error: std::io::Error,
     },
-    /// The flight ended.
-    #[error("{0}")]
-    Flight(#[from] RuntimeError),
+    /// A source ended early.
+    #[error(transparent)]
+    Run(#[from] RunError),
     /// A file holds no session.
     #[error(transparent)]
     Session(#[from] SessionError),
@@ -159,14 +170,38 @@ impl Counts {
     }
 }
 
+/// What a server knows of one source.
 struct Shared {
-    access: Access,
+    access: Arc<Access>,
     feed: Feed,
     requests: Requests,
     about: Value,
     /// One session is saved at a time: each takes memory and a file.
     saving: tokio::sync::Mutex<()>,
     counts: Counts,
+}
+
+impl Shared {
+    fn new(access: &Arc<Access>, source: &dyn Source) -> (Arc<Self>, Receiver<Request>) {
+        let (requests, waiting) = requests();
+        let shared = Shared {
+            access: access.clone(),
+            feed: Feed::default(),
+            requests,
+            about: source.about(),
+            saving: tokio::sync::Mutex::default(),
+            counts: Counts::default(),
+        };
+        (Arc::new(shared), waiting)
+    }
+
+    /// The row of a fleet: title, state and the time since the last frame, s.
+    fn row(&self) -> String {
+        let Glance { state, since_frame } = self.feed.glance();
+        let title = &self.about["title"];
+        let age_s = json!(since_frame.map(|age| age.as_secs_f64()));
+        format!("{{\"title\":{title},\"age_s\":{age_s},\"state\":{state}}}")
+    }
 }
 
 /// A server that listens, before its flight begins.
@@ -202,52 +237,64 @@ impl Server {
         }
     }
 
-    /// Runs a source and serves it until `stop` is set.
+    /// Runs sources, one or a fleet, and serves them until `stop` is set or all have ended.
     ///
     /// # Errors
-    /// The flight cannot be simulated, or the system gives no thread.
-    pub fn run(self, source: &impl Source, stop: &AtomicBool) -> Result<(), ServeError> {
-        let (requests, waiting) = requests();
-        let shared = Arc::new(Shared {
-            access: self.access,
-            feed: Feed::default(),
-            requests,
-            about: source.about(),
-            saving: tokio::sync::Mutex::default(),
-            counts: Counts::default(),
-        });
+    /// A source ended early, or the system gives no thread. In a fleet the others go on first.
+    pub fn run(self, sources: &[&dyn Source], stop: &AtomicBool) -> Result<(), ServeError> {
+        let access = Arc::new(self.access);
+        let (members, waiting): (Vec<_>, Vec<_>) =
+            sources.iter().map(|source| Shared::new(&access, *source)).unzip();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(ServeError::System)?;
-        let (ended, feed) = (&AtomicBool::new(false), &shared.feed);
+        let under_way = &AtomicUsize::new(members.len());
         std::thread::scope(|scope| {
-            let flown = scope.spawn(move || {
-                let flown = source.run(feed, &waiting, stop);
-                ended.store(true, Ordering::Relaxed);
-                flown
-            });
-            let must_stop = || stop.load(Ordering::Relaxed) || ended.load(Ordering::Relaxed);
-            let served = runtime.block_on(serve(self.listener, shared.clone(), must_stop));
-            // Without a server nobody can end the flight.
+            let mut threads = vec![];
+            for ((source, member), waiting) in sources.iter().zip(&members).zip(waiting) {
+                let member = member.clone();
+                threads.push(scope.spawn(move || {
+                    let ended = run_member(*source, &member, &waiting, stop);
+                    under_way.fetch_sub(1, Ordering::Relaxed);
+                    ended
+                }));
+            }
+            let must_stop =
+                || stop.load(Ordering::Relaxed) || under_way.load(Ordering::Relaxed) == 0;
+            let served = runtime.block_on(serve(self.listener, &members, must_stop));
+            // Without a server nobody can end the sources.
             stop.store(true, Ordering::Relaxed);
-            let flown = flown.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            let join = |thread: ScopedJoinHandle<'_, Result<(), RunError>>| {
+                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            };
+            let ended: Vec<_> = threads.into_iter().map(join).collect();
             served.map_err(ServeError::System)?;
-            Ok(flown?)
+            Ok(ended.into_iter().collect::<Result<(), _>>()?)
         })
     }
 }
 
+/// Runs a source of a server; its viewers read why it ended early.
+fn run_member(
+    source: &dyn Source,
+    member: &Shared,
+    waiting: &Receiver<Request>,
+    stop: &AtomicBool,
+) -> Result<(), RunError> {
+    let ended = source.run(&member.feed, waiting, stop);
+    if let Err(error) = &ended {
+        member.feed.event(&event(0.0, "failed", json!({ "why": error.to_string() })));
+        member.feed.state(&json!({ "alarm": "error", "finding": error.to_string() }));
+    }
+    ended
+}
+
 async fn serve(
     listener: std::net::TcpListener,
-    shared: Arc<Shared>,
+    members: &[Arc<Shared>],
     must_stop: impl Fn() -> bool,
 ) -> std::io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let router = Router::new()
-        .route("/", get(page))
-        .route("/{file}", get(file))
-        .route("/live", get(join))
-        .with_state(shared);
-    let server = axum::serve(listener, router);
+    let server = axum::serve(listener, router(members));
     let stopped = async {
         while !must_stop() {
             tokio::time::sleep(STOP_CHECK).await;
@@ -257,6 +304,26 @@ async fn serve(
         served = server => served,
         () = stopped => Ok(()),
     }
+}
+
+/// The paths of one source, or those of a fleet above those of each.
+fn router(members: &[Arc<Shared>]) -> Router {
+    let below = |prefix: &str, member: &Arc<Shared>| {
+        Router::new()
+            .route(&format!("{prefix}/"), get(page))
+            .route(&format!("{prefix}/{{file}}"), get(file))
+            .route(&format!("{prefix}/live"), get(join))
+            .with_state(member.clone())
+    };
+    if let [member] = members {
+        return below("", member);
+    }
+    let fleet = Router::new()
+        .route("/", get(fleet_page))
+        .route("/{file}", get(fleet_file))
+        .with_state(Arc::from(members));
+    let numbered = members.iter().zip(1..);
+    numbered.fold(fleet, |all, (member, number)| all.merge(below(&format!("/{number}"), member)))
 }
 
 #[derive(Deserialize)]
@@ -270,15 +337,75 @@ fn refused(shared: &Shared, why: &'static str) -> Response {
     (StatusCode::FORBIDDEN, why).into_response()
 }
 
+/// Lets a visit in, or answers why not.
+fn let_in(shared: &Shared, pass: &Pass, headers: &HeaderMap) -> Result<(), Box<Response>> {
+    match shared.access.refusal(headers, pass.token.as_deref()) {
+        Some(why) => Err(Box::new(refused(shared, why))),
+        None => Ok(()),
+    }
+}
+
 async fn page(
     State(shared): State<Arc<Shared>>,
     Query(pass): Query<Pass>,
     headers: HeaderMap,
 ) -> Response {
-    match shared.access.refusal(&headers, pass.token.as_deref()) {
-        Some(why) => refused(&shared, why),
-        None => typed("text/html; charset=utf-8", HTML),
+    match let_in(&shared, &pass, &headers) {
+        Ok(()) => typed("text/html; charset=utf-8", HTML),
+        Err(refused) => *refused,
     }
+}
+
+type Members = Arc<[Arc<Shared>]>;
+
+async fn fleet_page(
+    State(members): State<Members>,
+    Query(pass): Query<Pass>,
+    headers: HeaderMap,
+) -> Response {
+    match let_in(&members[0], &pass, &headers) {
+        Ok(()) => typed("text/html; charset=utf-8", FLEET),
+        Err(refused) => *refused,
+    }
+}
+
+async fn fleet_file(
+    State(members): State<Members>,
+    Query(pass): Query<Pass>,
+    axum::extract::Path(name): axum::extract::Path<String>,
+    headers: HeaderMap,
+) -> Response {
+    if let Some(public) = public(&name) {
+        return public;
+    }
+    if let Err(refused) = let_in(&members[0], &pass, &headers) {
+        return *refused;
+    }
+    match name.as_str() {
+        "fleet" => {
+            let rows: Vec<String> = members.iter().map(|member| member.row()).collect();
+            typed("application/json", format!("[{}]", rows.join(",")))
+        }
+        _ => nothing_there(),
+    }
+}
+
+fn nothing_there() -> Response {
+    (StatusCode::NOT_FOUND, "there is no such page").into_response()
+}
+
+/// Scripts and styles are no secret, and a page that has none shows nothing.
+fn public(name: &str) -> Option<Response> {
+    Some(match name {
+        "page.js" => typed("text/javascript", SCRIPT),
+        "fleet.js" => typed("text/javascript", FLEET_SCRIPT),
+        "page.css" => typed("text/css", STYLE),
+        "uplot.js" => typed("text/javascript", CHARTS),
+        "uplot.css" => typed("text/css", CHART_STYLE),
+        // Every browser asks for one.
+        "favicon.ico" => StatusCode::NO_CONTENT.into_response(),
+        _ => return None,
+    })
 }
 
 fn typed(kind: &'static str, text: impl Into<axum::body::Body>) -> Response {
@@ -294,25 +421,18 @@ async fn file(
     axum::extract::Path(name): axum::extract::Path<String>,
     headers: HeaderMap,
 ) -> Response {
-    // Scripts and styles are no secret, and a page that has none shows nothing.
-    match name.as_str() {
-        "page.js" => return typed("text/javascript", SCRIPT),
-        "page.css" => return typed("text/css", STYLE),
-        "uplot.js" => return typed("text/javascript", CHARTS),
-        "uplot.css" => return typed("text/css", CHART_STYLE),
-        // Every browser asks for one.
-        "favicon.ico" => return StatusCode::NO_CONTENT.into_response(),
-        _ => {}
+    if let Some(public) = public(&name) {
+        return public;
     }
-    if let Some(why) = shared.access.refusal(&headers, pass.token.as_deref()) {
-        return refused(&shared, why);
+    if let Err(refused) = let_in(&shared, &pass, &headers) {
+        return *refused;
     }
     match name.as_str() {
         "about" => typed("application/json", shared.about.to_string()),
         "events" => typed("application/json", shared.feed.events()),
         "session" => session(shared).await,
         "counts" => typed("application/json", json!(shared.counts.now()).to_string()),
-        _ => (StatusCode::NOT_FOUND, "there is no such page").into_response(),
+        _ => nothing_there(),
     }
 }
 
@@ -343,8 +463,8 @@ async fn join(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    if let Some(why) = shared.access.refusal(&headers, pass.token.as_deref()) {
-        return refused(&shared, why);
+    if let Err(refused) = let_in(&shared, &pass, &headers) {
+        return *refused;
     }
     if shared.counts.viewers.load(Ordering::Relaxed) >= MOST_VIEWERS {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many viewers").into_response();
@@ -357,26 +477,28 @@ async fn join(
     })
 }
 
+type ToViewer = SplitSink<WebSocket, ws::Message>;
+
 /// Serves one viewer until it leaves.
 async fn view(socket: WebSocket, shared: &Shared) {
     let (mut to_viewer, mut from_viewer) = socket.split();
     let mut refused_here = 0;
-    let Some(mut later) = welcome(&mut to_viewer, shared).await else { return };
+    let Some(mut seen) = welcome(&mut to_viewer, shared).await else { return };
     loop {
         let message = tokio::select! {
-            message = later.recv() => match message {
+            message = seen.later.recv() => match message {
                 Ok(Message::Frame(bytes)) => binary(&bytes),
                 Ok(Message::Event(event)) => text(&format!("{{\"event\":{event}}}")),
                 Ok(Message::State(state)) => text(&format!("{{\"state\":{state}}}")),
                 Ok(Message::Playback(playback)) => text(&format!("{{\"playback\":{playback}}}")),
                 Ok(Message::Jump) => match welcome(&mut to_viewer, shared).await {
-                    Some(anew) => { later = anew; continue }
+                    Some(anew) => { seen = anew; continue }
                     None => return,
                 },
-                Err(RecvError::Lagged(lost)) => {
-                    shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
-                    text(&format!("{{\"lost\":{lost},\"state\":{}}}", shared.feed.state_now()))
-                }
+                Err(RecvError::Lagged(lost)) => match catch_up(&mut to_viewer, shared, seen, lost).await {
+                    Some(now) => { seen = now; continue }
+                    None => return,
+                },
                 Err(RecvError::Closed) => return,
             },
             request = from_viewer.next() => match request {
@@ -398,18 +520,43 @@ async fn view(socket: WebSocket, shared: &Shared) {
     }
 }
 
-/// Sends all that is kept to a viewer, and returns what comes later; `None` if the viewer has left.
-async fn welcome(
-    to_viewer: &mut SplitSink<WebSocket, ws::Message>,
-    shared: &Shared,
-) -> Option<Receiver<Message>> {
-    let Begin { frames, events, state, playback, later } = shared.feed.begin();
+/// What a viewer has seen, and what comes later.
+struct Seen {
+    jumps: u64,
+    later: broadcast::Receiver<Message>,
+}
+
+/// Sends all that is kept to a viewer; `None` if the viewer has left.
+async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Seen> {
+    let Begin { frames, events, state, playback, jumps, later } = shared.feed.begin();
     let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":{playback}}}");
     to_viewer.send(text(&first)).await.ok()?;
     for frame in frames {
         to_viewer.send(binary(&frame)).await.ok()?;
     }
-    Some(later)
+    Some(Seen { jumps, later })
+}
+
+/// Brings a viewer that was too slow up to date; `None` if it has left. It loses the frames that wait, too: sending them
+/// would only make it later.
+async fn catch_up(
+    to_viewer: &mut ToViewer,
+    shared: &Shared,
+    seen: Seen,
+    lost: u64,
+) -> Option<Seen> {
+    let lost = lost + seen.later.len() as u64;
+    shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
+    let Begin { events, state, playback, jumps, later, .. } = shared.feed.begin();
+    if jumps != seen.jumps {
+        to_viewer.send(text(&format!("{{\"lost\":{lost}}}"))).await.ok()?;
+        return welcome(to_viewer, shared).await;
+    }
+    let now = format!(
+        "{{\"lost\":{lost},\"all_events\":{events},\"state\":{state},\"playback\":{playback}}}"
+    );
+    to_viewer.send(text(&now)).await.ok()?;
+    Some(Seen { jumps, later })
 }
 
 /// The answer to a refused request, which is counted.

@@ -1,12 +1,11 @@
 //! A session: everything that viewers of one flight were sent, in this order, as one table. A replay sends the same
 //! bytes again.
 
-use crate::feed::{Feed, Frame, Message, Source};
+use crate::feed::{Feed, Frame, Message, RunError, Source};
 use crate::request::{Refused, Request, SPEEDS};
 use serde::de::IgnoredAny;
 use serde_json::{Value, json};
 use servotwin::files::{FileError, read_bytes};
-use servotwin::flight::runtime::RuntimeError;
 use servotwin::table::{Column, Table, TableError, parquet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -175,7 +174,7 @@ impl Source for Session {
         feed: &Feed,
         requests: &Receiver<Request>,
         stop: &AtomicBool,
-    ) -> Result<(), RuntimeError> {
+    ) -> Result<(), RunError> {
         let mut player = Player::new(self, feed);
         player.tell(None);
         let mut next = Instant::now();

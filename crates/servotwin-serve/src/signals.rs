@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 use servotwin::flight::closed_loop::Flight;
+use servotwin::flight::runtime::Runtime;
 use servotwin::flight::tracking::{TrackedQuantities, force_fight_n};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
@@ -71,6 +72,7 @@ enum Source {
     Input(usize, Unit),
     Plant(Slot, Unit),
     Ghost(Slot, Unit),
+    Twin(Slot, Unit),
     Fight,
     GhostFight,
     Reading(usize, Unit),
@@ -79,7 +81,71 @@ enum Source {
     Fluid(usize),
 }
 
-/// The signals of a study's flights.
+/// A sample of which a frame shows the signals. All values are SI.
+pub struct Sample<'s> {
+    /// The inputs, in the order of the system.
+    pub inputs: &'s [f64],
+    /// The sensor values, in the order of the diagnoser.
+    pub measured: &'s [f64],
+    /// The values that the twin expects, in the same order.
+    pub expected: &'s [f64],
+    /// The diagnosis.
+    pub session: &'s Session,
+    /// Where the other quantities come from.
+    pub beside: Beside<'s>,
+}
+
+/// What there is besides inputs, sensors and the diagnosis.
+pub enum Beside<'s> {
+    /// A simulated flight and its ghost, which know every quantity of the plant.
+    Flights(&'s Flight<'s>, &'s Flight<'s>),
+    /// The twin of an actuator that is measured.
+    Twin(&'s Runtime<'s>),
+}
+
+impl<'s> Sample<'s> {
+    /// The last sample of a flight and its ghost.
+    pub fn of_flights(flight: &'s Flight, ghost: &'s Flight) -> Self {
+        Sample {
+            inputs: flight.inputs(),
+            measured: flight.measured(),
+            expected: flight.expected(),
+            session: flight.session(),
+            beside: Beside::Flights(flight, ghost),
+        }
+    }
+
+    /// A variable of the plant; NaN where none is simulated.
+    fn plant(&self, slot: Slot) -> f64 {
+        match self.beside {
+            Beside::Flights(flight, _) => flight.plant(slot),
+            Beside::Twin(_) => f64::NAN,
+        }
+    }
+
+    fn ghost(&self, slot: Slot) -> f64 {
+        match self.beside {
+            Beside::Flights(_, ghost) => ghost.plant(slot),
+            Beside::Twin(_) => f64::NAN,
+        }
+    }
+
+    fn twin(&self, slot: Slot) -> f64 {
+        match self.beside {
+            Beside::Flights(..) => f64::NAN,
+            Beside::Twin(runtime) => runtime.value(slot),
+        }
+    }
+
+    fn fluid_m3(&self, reservoir: usize) -> f64 {
+        match self.beside {
+            Beside::Flights(flight, _) => flight.fluid_m3().nth(reservoir).unwrap_or(f64::NAN),
+            Beside::Twin(_) => f64::NAN,
+        }
+    }
+}
+
+/// The signals of a frame.
 pub struct Signals {
     /// The signals in the order of a frame.
     pub list: Vec<Signal>,
@@ -91,15 +157,10 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// The signals of a study with a diagnoser.
-    pub fn of(study: &Study, diagnoser: &Diagnoser) -> Self {
-        let mut signals = Signals {
-            list: vec![],
-            sources: vec![],
-            rods: vec![],
-            scales: diagnoser.scales(),
-            lengths: diagnoser.lengths.len(),
-        };
+    /// The signals of simulated flights.
+    pub fn of_flights(study: &Study, diagnoser: &Diagnoser) -> Self {
+        let mut signals = Signals::empty(diagnoser);
+        signals.command(study);
         signals.motion(study);
         signals.sensors(study, diagnoser);
         signals.evidence(diagnoser);
@@ -108,22 +169,49 @@ impl Signals {
         signals
     }
 
+    /// The signals of an actuator that is measured.
+    pub fn of_measured(study: &Study, diagnoser: &Diagnoser) -> Self {
+        let mut signals = Signals::empty(diagnoser);
+        signals.command(study);
+        signals.expected_answer(study);
+        signals.sensors(study, diagnoser);
+        signals.evidence(diagnoser);
+        signals.modes(study);
+        signals
+    }
+
+    fn empty(diagnoser: &Diagnoser) -> Self {
+        let (scales, lengths) = (diagnoser.scales(), diagnoser.lengths.len());
+        Signals { list: vec![], sources: vec![], rods: vec![], scales, lengths }
+    }
+
     fn push(&mut self, signal: Signal, source: Source) {
         self.list.push(signal);
         self.sources.push(source);
     }
 
-    fn motion(&mut self, study: &Study) {
+    fn command(&mut self, study: &Study) {
         let input = &study.system.network().inputs[study.command_input];
-        let shown =
-            |id: &str, label: &str, group| Signal::new(id, label, input.unit.shown(), group);
-        let source = Source::Input(study.command_input, input.unit);
-        self.push(shown("command", "command", Group::Motion), source);
+        let signal = Signal::new("command", "command", input.unit.shown(), Group::Motion);
+        self.push(signal, Source::Input(study.command_input, input.unit));
+    }
+
+    fn expected_answer(&mut self, study: &Study) {
+        let unit = study.system.network().inputs[study.command_input].unit;
+        if let Some(slot) = TrackedQuantities::of(study).following_slot() {
+            let label = "answer expected by the twin";
+            let signal = Signal::new("position_twin", label, unit.shown(), Group::Motion);
+            self.push(signal, Source::Twin(slot, unit));
+        }
+    }
+
+    fn motion(&mut self, study: &Study) {
+        let unit = study.system.network().inputs[study.command_input].unit;
+        let shown = |id: &str, label: &str| Signal::new(id, label, unit.shown(), Group::Motion);
         let tracked = TrackedQuantities::of(study);
         if let Some(slot) = tracked.following_slot() {
-            self.push(shown("position", "answer", Group::Motion), Source::Plant(slot, input.unit));
-            let ghost = Source::Ghost(slot, input.unit);
-            self.push(shown("position_ghost", "without diagnosis", Group::Motion), ghost);
+            self.push(shown("position", "answer"), Source::Plant(slot, unit));
+            self.push(shown("position_ghost", "without diagnosis"), Source::Ghost(slot, unit));
         }
         self.rods = tracked.rod_slots(study).unwrap_or_default();
         if self.rods.len() > 1 {
@@ -194,29 +282,29 @@ impl Signals {
         }
     }
 
-    /// Appends the values of the last sample of a flight and of its ghost, in shown units.
-    pub fn fill(&self, flight: &Flight, ghost: &Flight, out: &mut Vec<f32>) {
-        let fight_kn = |flown: &Flight| {
-            let rods: Vec<f64> = self.rods.iter().map(|&rod| flown.plant(rod)).collect();
+    /// Appends the values of a sample, in shown units.
+    pub fn fill(&self, sample: &Sample, out: &mut Vec<f32>) {
+        let fight_kn = |rod: &dyn Fn(Slot) -> f64| {
+            let rods: Vec<f64> = self.rods.iter().map(|&slot| rod(slot)).collect();
             force_fight_n(&rods).map_or(f64::NAN, |newtons| newtons / 1e3)
         };
-        let fluids_m3: Vec<f64> = flight.fluid_m3().collect();
         let value = |source: &Source| match *source {
-            Source::Input(input, unit) => unit.to_shown(flight.inputs()[input]),
-            Source::Plant(slot, unit) => unit.to_shown(flight.plant(slot)),
-            Source::Ghost(slot, unit) => unit.to_shown(ghost.plant(slot)),
-            Source::Fight => fight_kn(flight),
-            Source::GhostFight => fight_kn(ghost),
-            Source::Reading(sensor, unit) => unit.to_shown(flight.measured()[sensor]),
+            Source::Input(input, unit) => unit.to_shown(sample.inputs[input]),
+            Source::Plant(slot, unit) => unit.to_shown(sample.plant(slot)),
+            Source::Ghost(slot, unit) => unit.to_shown(sample.ghost(slot)),
+            Source::Twin(slot, unit) => unit.to_shown(sample.twin(slot)),
+            Source::Fight => fight_kn(&|slot| sample.plant(slot)),
+            Source::GhostFight => fight_kn(&|slot| sample.ghost(slot)),
+            Source::Reading(sensor, unit) => unit.to_shown(sample.measured[sensor]),
             Source::Residual(sensor) => {
-                let left = flight.measured()[sensor] - flight.expected()[sensor];
+                let left = sample.measured[sensor] - sample.expected[sensor];
                 100.0 * left / self.scales[sensor]
             }
             Source::Evidence(actuator, action) => {
-                let of = |length| flight.session().evidence(length, actuator, action);
+                let of = |length| sample.session.evidence(length, actuator, action);
                 (0..self.lengths).map(of).fold(0.0, f64::max)
             }
-            Source::Fluid(reservoir) => 1e3 * fluids_m3[reservoir],
+            Source::Fluid(reservoir) => 1e3 * sample.fluid_m3(reservoir),
         };
         out.extend(self.sources.iter().map(|source| value(source) as f32));
     }

@@ -37,6 +37,16 @@ pub struct WatchdogRules {
     pub heartbeat: Option<Duration>,
 }
 
+impl WatchdogRules {
+    /// The usual rules for a sampling period, s: ten periods may pass without data, and at least the usual time.
+    pub fn of_period(period_s: f64) -> Self {
+        let usual = WatchdogRules::default();
+        let ten_periods = Duration::try_from_secs_f64(10.0 * period_s);
+        let no_data_after = usual.no_data_after.max(ten_periods.unwrap_or_default());
+        WatchdogRules { no_data_after, ..usual }
+    }
+}
+
 impl Default for WatchdogRules {
     /// No data after 2 s, a heartbeat every 10 s.
     fn default() -> Self {

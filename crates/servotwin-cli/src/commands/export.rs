@@ -1,7 +1,7 @@
 //! `servotwin export`: a trained diagnosis and its twin for other programs.
 
 use super::find_study;
-use super::watch::usual_diagnoser;
+use super::watch::input::usual_diagnoser;
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};

@@ -4,7 +4,7 @@ use super::fit::{chosen_faults, read_study, tell};
 use super::log_folder::LogFolder;
 use super::note;
 use super::progress::Stages;
-use super::watch::read_diagnoser;
+use super::watch::input::read_diagnoser;
 use super::{SpanOptions, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};

@@ -124,6 +124,12 @@ impl StudyOptions {
         Ok(study.full()?)
     }
 
+    /// Whether the user named a study.
+    #[cfg(feature = "serve")]
+    fn is_named(&self) -> bool {
+        self.study.is_some()
+    }
+
     fn find(&self) -> Result<Study, Failure> {
         find_study(self.study.as_deref())
     }

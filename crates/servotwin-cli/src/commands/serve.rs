@@ -1,8 +1,13 @@
 //! `servotwin serve`: a web page beside the running twin.
 
+#[cfg(feature = "serve")]
+mod sources;
+
 use super::StudyOptions;
+use super::watch::input::InputOptions;
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::Paths;
 use servotwin::signal::Signal;
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -10,7 +15,8 @@ use std::path::PathBuf;
 /// Open a web page on which you inject faults into a flying actuator and watch residuals, diagnosis and reaction live.
 ///
 /// The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
-/// flies the same without them. The page is at 127.0.0.1 unless you name another address; then the printed link has a
+/// flies the same without them. --source shows a log, which is read and replayed, or a live stream instead; several make
+/// a fleet, with a row for each. The page is at 127.0.0.1 unless you name another address; then the printed link has a
 /// token, without which nobody comes in. Ctrl-C ends it. If the diagnoser is missing, the command trains it first, which
 /// takes about two minutes.
 #[derive(clap::Args)]
@@ -23,11 +29,17 @@ pub struct Options {
     /// The port; 0 takes a free one.
     #[arg(long, value_name = "PORT", default_value_t = 8470)]
     port: u16,
+    /// Show this log or stream instead of a flight: a log (.csv, .parquet, .mcap, .jsonl), - for lines from standard
+    /// input, udp://HOST:PORT to listen on, or mqtt://HOST/TOPIC to subscribe to. Repeat the option for a fleet.
+    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["command", "specimen", "replay"])]
+    source: Vec<String>,
+    #[command(flatten)]
+    input: InputOptions,
     /// The command signal [default: noise that moves the surface all the time].
     #[arg(long, value_name = "SIGNAL")]
     command: Option<Signal>,
     /// Replay a session that was saved on the page, instead of a flight.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen", "model", "band", "map"])]
     replay: Option<PathBuf>,
     /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
     /// twin].
@@ -43,34 +55,71 @@ pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
     ))
 }
 
-#[cfg(feature = "serve")]
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    use servotwin_serve::{Access, Server, Session};
-
-    crate::stop::heed();
-    let access = || Access::to((options.address, options.port).into());
-    if let Some(path) = &options.replay {
-        let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
-        return show(Server::listen(access()?)?, &session);
+impl Options {
+    /// The files that the command reads.
+    pub fn paths(&self) -> Paths {
+        let InputOptions { model, band, map, .. } = &self.input;
+        Paths::default()
+            .read("--replay", &self.replay)
+            .read("--model", model)
+            .read("--band", band)
+            .read("--map", map)
     }
-    let study = options.study.read(global)?;
-    let server = Server::listen(access()?)?;
-    show(server, &live(options, study, global)?)
 }
 
-/// Prints the link and serves a source until Ctrl-C.
+#[cfg(feature = "serve")]
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    use servotwin_serve::{Access, Server, Session, Source};
+
+    crate::stop::heed();
+    let listen = || Server::listen(Access::to((options.address, options.port).into())?);
+    if let Some(path) = &options.replay {
+        let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
+        return show(listen()?, &[&session]);
+    }
+    let study = options.study.read(global)?;
+    let server = listen()?;
+    if options.source.is_empty() {
+        return show(server, &[&live(options, study, global)?]);
+    }
+    let measured = sources::open(options, &study, global)?;
+    let sources: Vec<&dyn Source> = measured.iter().map(|source| &**source).collect();
+    show(server, &sources)
+}
+
+/// Prints the link and serves sources until Ctrl-C.
 #[cfg(feature = "serve")]
 fn show(
     server: servotwin_serve::Server,
-    source: &impl servotwin_serve::Source,
+    sources: &[&dyn servotwin_serve::Source],
 ) -> Result<String, Failure> {
     use std::io::Write;
 
     // The link is the result, and whoever started the command waits for it.
     let _ = writeln!(crate::out::stdout(), "{}", server.link());
     let _ = crate::out::stdout().flush();
-    server.run(source, crate::stop::flag())?;
+    server.run(sources, crate::stop::flag())?;
     Ok(String::new())
+}
+
+/// The diagnoser that the options name, or that of the folder, which is learned first if it is missing.
+#[cfg(feature = "serve")]
+fn diagnoser(
+    options: &Options,
+    study: &servotwin::study::Study,
+    setting: servotwin::study::Setting,
+    global: Global,
+) -> Result<std::sync::Arc<servotwin_diagnosis::diagnoser::Diagnoser>, Failure> {
+    use super::watch::input::{read_diagnoser, with_band};
+    use std::sync::Arc;
+
+    let band = options.input.band.as_deref();
+    if let Some(path) = &options.input.model {
+        return Ok(Arc::new(read_diagnoser(Some(path), band)?));
+    }
+    let folder = servotwin::job::Folder::new(&options.study.out);
+    let diagnoser = super::fly::diagnoser(&options.study, &folder, study, setting, global)?;
+    Ok(Arc::new(with_band(Arc::unwrap_or_clone(diagnoser), band)?))
 }
 
 /// The flight of a study.
@@ -80,15 +129,13 @@ fn live(
     study: servotwin::study::Study,
     global: Global,
 ) -> Result<servotwin_serve::Live, Failure> {
-    use servotwin::job::Folder;
     use servotwin::study::Setting;
 
     /// The duration of a flight; then the next one begins, s.
     const DURATION_S: f64 = 3600.0;
 
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
-    let folder = Folder::new(&options.study.out);
-    let diagnoser = super::fly::diagnoser(&options.study, &folder, &study, setting, global)?;
+    let diagnoser = diagnoser(options, &study, setting, global)?;
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
     let signal = options.command.clone().unwrap_or_else(|| usual_command(unit));

@@ -1,34 +1,28 @@
 //! `servotwin watch`: runs the twin and the diagnosis on a log or a live stream.
 
+pub mod input;
 mod outputs;
 
 use super::{note, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, stop};
+use input::{
+    InputOptions, accepted_ranges, foreign, needed, nothing, observer, read_diagnoser, told,
+    usual_diagnoser, warn_of_lacking,
+};
 use outputs::{Outputs, Totals};
 use serde_json::json;
-use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::files;
-use servotwin::flight::band::BandMerit;
 use servotwin::flight::watcher::Watcher;
-use servotwin::job::{Folder, flights};
-use servotwin::sanitize;
 use servotwin::signal::Quantity;
-use servotwin::study::{Setting, Study};
-use servotwin::system::System;
-use servotwin::units;
-use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::diagnoser::environment::Input;
+use servotwin::study::Study;
 use servotwin_model::spec::Unit;
 use servotwin_watch::checkpoint::Checkpoint;
-use servotwin_watch::counts::{Counts, Kind};
-use servotwin_watch::cut::Cut;
-use servotwin_watch::map::{Guess, Map, Trust, guess};
+use servotwin_watch::counts::Counts;
+use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::sink::{Scene, SinkError};
-use servotwin_watch::source::udp::Allowed;
-use servotwin_watch::source::{Address, LogColumn, Source, SourceError};
-use servotwin_watch::span::Span;
+use servotwin_watch::source::{Address, Source};
 use servotwin_watch::watchdog::WatchdogRules;
 use servotwin_watch::{Checkpoints, End, Observer, State, Watch};
 use std::path::{Path, PathBuf};
@@ -49,24 +43,8 @@ pub struct Options {
     /// A study file, which names the system [default: paper, the paper's study of the aileron].
     #[arg(long, value_name = "FILE")]
     study: Option<PathBuf>,
-    /// The diagnoser, a file written by `servotwin flights` [default: out/diagnoser-realistic.json].
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
-    /// A confidence band written by `servotwin band`, to use instead of the diagnoser's own. Outcomes outside the range
-    /// of its training are marked.
-    #[arg(long, value_name = "FILE")]
-    band: Option<PathBuf>,
-    /// The map file, which assigns columns to signals.
-    #[arg(long, value_name = "FILE")]
-    map: Option<PathBuf>,
-    /// For a file: read it from this time on, in seconds after its first sample (12.5, 2min) or as a date
-    /// (2026-11-21T08:15:02). For udp://: accept datagrams only from this sender, IP or IP:PORT; repeat the option for
-    /// several senders. With 'any', accept all [default: the first sender of a sample, until it is silent for 2 s].
-    #[arg(long, value_name = "TIME|ADDRESS")]
-    from: Vec<String>,
-    /// For a file: read it up to this time.
-    #[arg(long, value_name = "TIME")]
-    to: Option<String>,
+    #[command(flatten)]
+    input: InputOptions,
     /// Write a map file for the columns of the source, and exit.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
@@ -111,9 +89,9 @@ impl Options {
         Paths::default()
             .read("the log", log)
             .read_study(self.study.as_ref())
-            .read("the diagnoser", [self.model.clone().unwrap_or_else(usual_diagnoser)])
-            .read("--band", &self.band)
-            .read("--map", &self.map)
+            .read("the diagnoser", [self.input.model.clone().unwrap_or_else(usual_diagnoser)])
+            .read("--band", &self.input.band)
+            .read("--map", &self.input.map)
             .write("--make-map", Format::TOML, &self.make_map)
             .write("--html", Format::HTML, &self.html)
             .write("--mcap", Format::MCAP, files)
@@ -129,26 +107,20 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         None => Study::default(),
     };
     let system = &study.system;
-    let address = address(options)?;
+    let input = &options.input;
+    let address = input.address(&options.source)?;
     if let Some(path) = &options.make_map {
         return make_map(options, &address, &study, path, global);
     }
-    let map = map(options, &address, &study, global)?;
-    let opened = address.open(map.wanted());
-    let mut source = match opened.map_err(|error| map.explain(error)) {
-        Ok(source) => source,
-        Err(Ok(mistakes)) => return Err(mistakes.into()),
-        Err(Err(error)) => return Err(error.into()),
-    };
-    let span = span(options, &address)?;
-    if !span.is_whole() {
-        source = Box::new(Cut::new(source, address.to_string(), &map, span));
-    }
-    let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
+    let (map, mut source) = input.open(&address, &study, options.study.is_some(), global)?;
+    let diagnoser = Arc::new(read_diagnoser(input.model.as_deref(), input.band.as_deref())?);
     let needed = needed(&diagnoser, system);
     let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
     let accepted_ranges = accepted_ranges(&diagnoser, system);
-    let (mut observer, period_s) = observer(options, &study, diagnoser, &map, &needed, global)?;
+    let period_s = diagnoser.period_s;
+    let path = input.model.clone().unwrap_or_else(usual_diagnoser);
+    warn_of_lacking(&map, &needed, global);
+    let mut observer = observer(&study, (&path, diagnoser))?;
     let watchdog = watchdog(options, period_s)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
@@ -163,42 +135,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     setup.conclude(watched, &needed, shortest_s)
 }
 
-/// The source, restricted to the allowed senders.
-fn address(options: &Options) -> Result<Address, Failure> {
-    let address = Address::parse(&options.source)?;
-    if options.from.is_empty() || !address.is_live() {
-        return Ok(address);
-    }
-    let range = || "any, an IP address or IP:PORT".into();
-    let allowed = Allowed::parse(&options.from);
-    let allowed =
-        allowed.map_err(|given| Failure::OutOfRange { option: "--from", given, range: range() })?;
-    let none = "--from names the senders of a udp:// source; this source has none";
-    address.from_senders(allowed).ok_or(Failure::Options(none))
-}
-
-/// The part of a file to read.
-fn span(options: &Options, address: &Address) -> Result<Span, Failure> {
-    match (address.is_live(), options.from.len(), &options.to) {
-        (true, _, None) => Ok(Span::default()),
-        (true, _, Some(_)) => Err(Failure::Options("--to is for files: a live stream has no part")),
-        (false, 2.., _) => {
-            Err(Failure::Options("--from of a file is one time; several are senders of a stream"))
-        }
-        (false, _, to) => {
-            let from = options.from.first().map(String::as_str);
-            Ok(Span::parse(from, to.as_deref()).map_err(SourceError::Cut)?)
-        }
-    }
-}
-
 /// The time until a live source counts as silent, and the interval of heartbeats.
 fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> {
-    let usual = WatchdogRules::default().no_data_after;
-    let ten_periods = Duration::try_from_secs_f64(10.0 * period_s).unwrap_or(usual);
     let no_data_after = match &options.no_data_after {
         Some(text) => Duration::from_secs_f64(seconds("--no-data-after", text, 0.1)?),
-        None => usual.max(ten_periods),
+        None => WatchdogRules::of_period(period_s).no_data_after,
     };
     let heartbeat = Duration::from_secs_f64(seconds("--heartbeat", &options.heartbeat, 0.0)?);
     Ok(WatchdogRules { no_data_after, heartbeat: Some(heartbeat).filter(|every| !every.is_zero()) })
@@ -353,194 +294,6 @@ fn gaps(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String 
     }
 }
 
-/// The range of each input of the system that the diagnoser accepts.
-fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
-    let known = |id: &str| diagnoser.environment.inputs.iter().find(|input| input.name == id);
-    let inputs = system.network().inputs.iter().map(|input| known(&input.id));
-    let range = |input: Option<&Input>| input.map(|input| (input.least, input.largest));
-    inputs.map(|input| range(input).unwrap_or((f64::NEG_INFINITY, f64::INFINITY))).collect()
-}
-
-/// Explains why a log gave no sample to judge.
-fn nothing(address: &Address, counts: &Counts) -> Failure {
-    let timeless = counts.of(Kind::NoTime);
-    let reason = match counts.frames {
-        0 => "nothing stands below the names of its columns".to_owned(),
-        frames if timeless.count == frames => format!(
-            "no row has a time ({}); a date needs unit = \"date\" below [time] in a map file, which --make-map writes",
-            counts.place(timeless)
-        ),
-        _ => {
-            let met = counts.met().map(|(kind, tally)| {
-                format!("{} in {}, first {}", kind.words().1, tally.count, counts.place(tally))
-            });
-            format!("no row is a sample: {}", met.collect::<Vec<_>>().join("; "))
-        }
-    };
-    Failure::NoSample { log: address.to_string(), reason }
-}
-
-/// Builds the twin and the diagnosis, and returns them with their sample period, s.
-fn observer<'s>(
-    options: &Options,
-    study: &'s Study,
-    diagnoser: Diagnoser,
-    map: &Map,
-    needed: &[&str],
-    global: Global,
-) -> Result<(Watcher<'s>, f64), Failure> {
-    let lacking: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
-    if !lacking.is_empty() {
-        warn(
-            global,
-            &[format!(
-                "less can be judged without {}, which the diagnoser reads; a map file says which columns they are, --make-map writes one",
-                lacking.join(", ")
-            )],
-        );
-    }
-    let period_s = diagnoser.period_s;
-    let path = options.model.clone().unwrap_or_else(usual_diagnoser);
-    let unfit = |error| Failure::Diagnoser { path, error };
-    let watcher = Watcher::new(study, Arc::new(diagnoser)).map_err(unfit)?;
-    Ok((watcher, period_s))
-}
-
-/// The sensors that a diagnoser reads.
-fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
-    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
-    let sensors = system.sensors.iter().filter(|sensor| read(&sensor.label));
-    sensors.map(|sensor| sensor.id.as_str()).collect()
-}
-
-/// The path of the default diagnoser.
-pub fn usual_diagnoser() -> PathBuf {
-    Folder::new("out").diagnoser(Setting::Realistic)
-}
-
-/// Reads a diagnoser from a file or from the default output folder, and replaces its band if one is named.
-pub fn read_diagnoser(model: Option<&Path>, band: Option<&Path>) -> Result<Diagnoser, Failure> {
-    let diagnoser = match model {
-        Some(path) => model_file::read_diagnoser(path)?,
-        None => flights::diagnoser(&Folder::new("out"), Setting::Realistic)?,
-    };
-    let Some(path) = band else { return Ok(diagnoser) };
-    let band: BandMerit = model_file::read(path)?;
-    let corrupt = |source| EvaluationError::CorruptModel { path: path.into(), source };
-    Ok(band.put_into(diagnoser).map_err(corrupt)?)
-}
-
-/// Reads the given map, or makes one from the names of the columns.
-fn map(
-    options: &Options,
-    address: &Address,
-    study: &Study,
-    global: Global,
-) -> Result<Map, Failure> {
-    let system = &study.system;
-    if let Some(path) = &options.map {
-        let map = Map::read(path, system)?;
-        let unmeasured: Vec<&str> = map.unmeasured().collect();
-        if !unmeasured.is_empty() {
-            note(global, &format!("without a column: {}", unmeasured.join(", ")));
-        }
-        commanded(&map, address, study)?;
-        return Ok(map);
-    }
-    if address.is_live() {
-        return Err(Failure::Options("a live stream needs --map FILE; --make-map FILE writes one"));
-    }
-    let columns = address.columns()?;
-    let guess = guess(&columns, study, Trust::Certain);
-    if guess.sensors.len() == system.sensors.len() {
-        return Err(foreign(options, address, study, &columns));
-    }
-    let map = Map::parse(&guess.text, "the columns as they were found", system)?;
-    told(&guess, global);
-    commanded(&map, address, study)?;
-    Ok(map)
-}
-
-/// Checks that the log or the map provides the study's command. Without it, the twin would stand still next to a moving
-/// actuator, and the diagnosis would report false faults.
-fn commanded(map: &Map, address: &Address, study: &Study) -> Result<(), Failure> {
-    let command = study.command_input;
-    if !map.is_default(command) {
-        return Ok(());
-    }
-    let input = &study.system.network().inputs[command];
-    let unused = match address.is_live() {
-        true => String::new(),
-        false => unused(map, address)?,
-    };
-    let (id, unit) = (&input.id, units::word(input.unit));
-    let reason = format!(
-        "no column is the input '{id}', which the study '{}' commands, and without it the twin stands still{unused}; \
-         name its column in a map file (--make-map writes one) below [inputs], {id} = {{ column = \"…\", unit = \"{unit}\" }}, \
-         or say that it is the same always, {id} = {{ value = {:?}, unit = \"{unit}\" }}",
-        study.name, input.default
-    );
-    Err(Failure::NoSample { log: address.to_string(), reason })
-}
-
-/// Names the columns of a file that the map does not read, as part of a sentence.
-fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
-    let columns = address.columns()?;
-    let names = columns.iter().map(|column| column.name.as_str());
-    let unused: Vec<&str> =
-        names.filter(|name| !map.wanted().names.iter().any(|wanted| wanted == name)).collect();
-    Ok(match unused.is_empty() {
-        true => ", and no column is left that may be it".into(),
-        false => format!("; columns that nothing was found for: {}", sanitize::list(&unused)),
-    })
-}
-
-/// The failure for a log without any sensor of the study.
-fn foreign(options: &Options, address: &Address, study: &Study, columns: &[LogColumn]) -> Failure {
-    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    let names = sanitize::list(&names);
-    let (name, system) = (&study.name, &study.system.name);
-    let what = match options.study {
-        Some(_) => "--study names another, --make-map writes a map to be filled in",
-        None => "it is taken where --study names none",
-    };
-    let reason = format!(
-        "no column is a sensor of the study '{name}' of the system '{system}': {what}; the columns are {names}"
-    );
-    Failure::NoSample { log: address.to_string(), reason }
-}
-
-/// Warns about uncertain entries of a map.
-fn told(guess: &Guess, global: Global) {
-    let list = |names: &[String]| names.join(", ");
-    let mut warnings = vec![];
-    if !guess.time {
-        warnings.push("no column with the time: 100 rows for a second are assumed".to_owned());
-    }
-    if !guess.assumed.is_empty() {
-        let assumed = sanitize::list(&guess.assumed);
-        warnings.push(format!("no unit is given for {assumed}: look at what is assumed"));
-    }
-    warnings.extend(guess.doubts.iter().cloned());
-    if !guess.likely.is_empty() {
-        warnings.push(format!("likely by their names: {}; look them over", list(&guess.likely)));
-    }
-    warn(global, &warnings);
-    if !guess.sensors.is_empty() {
-        note(global, &format!("no column for the sensors {}", list(&guess.sensors)));
-    }
-    if !guess.inputs.is_empty() {
-        let text =
-            format!("no column for the inputs {}: they are at their defaults", list(&guess.inputs));
-        note(global, &text);
-    }
-    let is_lacking = !guess.sensors.is_empty() || !guess.inputs.is_empty();
-    if is_lacking && !guess.unused.is_empty() {
-        let unused = sanitize::list(&guess.unused);
-        note(global, &format!("columns that are no input and no sensor: {unused}"));
-    }
-}
-
 /// Writes a map file for the columns of a source.
 fn make_map(
     options: &Options,
@@ -563,7 +316,7 @@ fn make_map(
         // With a named study, the user can fill the map in by hand. The default study may be the wrong one, so its
         // map would be useless.
         if options.study.is_none() {
-            return Err(foreign(options, address, study, &columns));
+            return Err(foreign(options.study.is_some(), address, study, &columns));
         }
         let text = format!("no column is a sensor of the study '{}': fill them in", study.name);
         warn(global, &[text]);

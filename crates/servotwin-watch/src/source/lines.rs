@@ -20,7 +20,7 @@ const BEGINNING: usize = 400;
 /// An open text file with its parser.
 pub struct Lines {
     path: PathBuf,
-    reader: Box<dyn BufRead>,
+    reader: Box<dyn BufRead + Send>,
     frames: Frames,
     line: Vec<u8>,
     place: u64,
@@ -70,7 +70,11 @@ impl Source for Lines {
 }
 
 /// Checks that a file has the wanted columns, unless the map names them.
-fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(), SourceError> {
+fn require(
+    path: &Path,
+    reader: Box<dyn BufRead + Send>,
+    wanted: &Wanted,
+) -> Result<(), SourceError> {
     if !wanted.columns.is_empty() {
         return Ok(());
     }
@@ -138,14 +142,14 @@ fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColu
     Ok(found.finish())
 }
 
-fn open(path: &Path) -> Result<Box<dyn BufRead>, SourceError> {
+fn open(path: &Path) -> Result<Box<dyn BufRead + Send>, SourceError> {
     Ok(encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0)
 }
 
 /// The first `count` lines of a file; an error if they are empty.
 fn first_lines(
     path: &Path,
-    mut reader: Box<dyn BufRead>,
+    mut reader: Box<dyn BufRead + Send>,
     count: usize,
 ) -> Result<Vec<Vec<u8>>, SourceError> {
     let (mut line, mut found) = (vec![], vec![]);

@@ -161,7 +161,7 @@ pub struct Dropped {
 }
 
 /// Returns the rows of a log or stream.
-pub trait Source {
+pub trait Source: Send {
     /// Reads the next item. `row` is overwritten.
     ///
     /// # Errors

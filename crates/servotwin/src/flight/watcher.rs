@@ -121,6 +121,37 @@ impl<'s> Watcher<'s> {
         self.last.is_some_and(|outcome| outcome.outside > 0.0)
     }
 
+    /// The outcome of the last sample; `None` if there is none, or if the twin could not be simulated.
+    pub fn outcome(&self) -> Option<&Outcome> {
+        self.last.as_ref()
+    }
+
+    /// The sensor values of the last sample, SI, in the order of the diagnoser; NaN means missing.
+    pub fn measured(&self) -> &[f64] {
+        &self.measured
+    }
+
+    /// The sampling period, s.
+    pub fn period_s(&self) -> f64 {
+        self.diagnoser.period_s
+    }
+
+    /// The twin and the session of the diagnosis.
+    pub fn runtime(&self) -> &Runtime<'s> {
+        &self.runtime
+    }
+
+    /// The result of the last sample.
+    pub fn observation(&self) -> Observation<'_> {
+        Observation {
+            twin: &self.twin,
+            residuals: &self.residuals,
+            bands: &self.bands,
+            features: &[],
+            finding: &self.finding,
+        }
+    }
+
     /// A line if healthy-looking stretches are wider than the scatter that the diagnoser was trained for.
     pub fn wider_than_trained(&self) -> Option<String> {
         let scatter = self.diagnoser.scatter.as_ref().filter(|_| self.scatter.is_wider)?;
@@ -289,13 +320,7 @@ impl Observer for Watcher<'_> {
             self.finding = Finding { evidence, ..Finding::default() };
             self.last = None;
         }
-        Observation {
-            twin: &self.twin,
-            residuals: &self.residuals,
-            bands: &self.bands,
-            features: &[],
-            finding: &self.finding,
-        }
+        self.observation()
     }
 
     fn restart(&mut self) {

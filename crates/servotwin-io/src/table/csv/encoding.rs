@@ -19,7 +19,7 @@ pub enum Encoding {
 }
 
 /// Opens a file at its first character. UTF-16 files are read whole and converted to UTF-8.
-pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead>, Encoding)> {
+pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead + Send>, Encoding)> {
     let mut reader = BufReader::with_capacity(BUFFER, File::open(path)?);
     let beginning = reader.fill_buf()?;
     let (skip, big_endian) = match beginning {

@@ -1,153 +1,17 @@
 //! The server as a viewer meets it: who may come in, what it sends, what it takes, and what a bad viewer cannot do.
 
+use crate::viewer::{
+    FAULT, ask, event_of, frame, get, inject_request, join, live, own, save, served, served_from,
+    wait_for,
+};
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{Flight, Scenario};
-use servotwin::job::Folder;
-use servotwin::job::flights::{Crew, learn};
-use servotwin::parallel::Workers;
-use servotwin::study::{Setting, Study};
-use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_serve::feed::{Frame, Message as Said};
-use servotwin_serve::signals::Signals;
-use servotwin_serve::{Access, Live, Server, Session, Source};
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
-use std::time::Duration;
-use tungstenite::client::IntoClientRequest;
-use tungstenite::{Message, WebSocket};
-
-const FAULT: &str = "actuator_1.servo_valve.bias_positive";
-/// No answer within this time is none.
-const PATIENCE: Duration = Duration::from_secs(30);
-
-fn study() -> Study {
-    let head = include_str!("../../servotwin/tests/tiny.toml");
-    let rest = include_str!("../../servotwin/tests/tiny_flights.toml");
-    Study::parse(&format!("{head}{rest}"), "tiny.toml").unwrap()
-}
-
-fn diagnoser() -> Arc<Diagnoser> {
-    static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
-    let make = || {
-        let path = std::env::temp_dir().join(format!("servotwin-serve-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        let (study, crew) = (study(), Crew { workers: Workers::new(2), progress: &|_, _| () });
-        let flights = study.flights().unwrap().unwrap();
-        let learned = learn(&Folder::new(&path), &study, &flights, Setting::Noise, &crew).unwrap();
-        std::fs::remove_dir_all(&path).unwrap();
-        Arc::new(learned.0)
-    };
-    MADE.get_or_init(make).clone()
-}
-
-fn live() -> Live {
-    let study = study();
-    let mut inputs = study.system.default_inputs();
-    let unit = study.system.network().inputs[study.command_input].unit;
-    let signal: servotwin::signal::Signal = "noise:rms=3deg,bandwidth=1Hz,seed=4".parse().unwrap();
-    inputs[study.command_input] = signal.build(unit, 600.0).unwrap();
-    Live { study, diagnoser: diagnoser(), inputs, duration_s: 600.0, specimen: None }
-}
-
-/// Serves a flight on a free port while `visit` runs.
-fn served(visit: impl FnOnce(SocketAddr)) {
-    served_from(&live(), visit);
-}
-
-/// Serves a source on a free port while `visit` runs.
-fn served_from(source: &impl Source, visit: impl FnOnce(SocketAddr)) {
-    let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
-    let server = Server::listen(access).unwrap();
-    let link = server.link();
-    let address = link.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
-    let stop = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        let run = scope.spawn(|| server.run(source, &stop));
-        // A failed visit must end the server, too.
-        let visited = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| visit(address)));
-        stop.store(true, Ordering::Relaxed);
-        run.join().unwrap().unwrap();
-        visited.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-    });
-}
-
-/// The status and the body of a page, asked for with further header lines.
-fn get(address: SocketAddr, path: &str, host: &str, more: &str) -> (u16, String) {
-    let (status, body) = get_bytes(address, path, host, more);
-    (status, String::from_utf8(body).unwrap())
-}
-
-fn get_bytes(address: SocketAddr, path: &str, host: &str, more: &str) -> (u16, Vec<u8>) {
-    let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n")
-        .unwrap();
-    let mut answer = vec![];
-    stream.read_to_end(&mut answer).unwrap();
-    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
-    let status = std::str::from_utf8(&answer[9..12]).unwrap().parse().unwrap();
-    (status, answer.split_off(end + 4))
-}
-
-/// Saves the session of a server and reads it.
-fn save(address: SocketAddr) -> Session {
-    let (status, bytes) = get_bytes(address, "/session", &address.to_string(), "");
-    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
-    let name = format!("servotwin-saved-{}-{}.parquet", std::process::id(), address.port());
-    let path = std::env::temp_dir().join(name);
-    std::fs::write(&path, bytes).unwrap();
-    let session = Session::read(&path).unwrap();
-    std::fs::remove_file(&path).unwrap();
-    session
-}
-
-fn own(address: SocketAddr, path: &str) -> Value {
-    let (status, body) = get(address, path, &address.to_string(), "");
-    assert_eq!(status, 200, "{path}");
-    serde_json::from_str(&body).unwrap()
-}
-
-fn join(address: SocketAddr) -> WebSocket<TcpStream> {
-    let stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    let request = format!("ws://{address}/live").into_client_request().unwrap();
-    tungstenite::client(request, stream).unwrap().0
-}
-
-fn ask(viewer: &mut WebSocket<TcpStream>, request: &Value) {
-    viewer.send(Message::text(request.to_string())).unwrap();
-}
-
-fn inject_request() -> Value {
-    json!({ "inject": { "fault": FAULT, "intensity": 1.0, "onset": "step" } })
-}
-
-/// The first text in which `wanted` finds something.
-fn wait_for<T>(viewer: &mut WebSocket<TcpStream>, wanted: impl Fn(&Value) -> Option<T>) -> T {
-    loop {
-        if let Message::Text(text) = viewer.read().unwrap()
-            && let Some(found) = wanted(&serde_json::from_str(&text).unwrap())
-        {
-            return found;
-        }
-    }
-}
-
-fn event_of(said: &Value, kind: &str) -> Option<Value> {
-    Some(said["event"].clone()).filter(|event| event["kind"] == kind)
-}
-
-/// The first sample, the number of samples and of signals of a frame.
-fn frame(message: &Message) -> Option<(u64, u32, u32)> {
-    let Message::Binary(bytes) = message else { return None };
-    let four = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    let first = u64::from_le_bytes(bytes[..8].try_into().unwrap());
-    assert_eq!(bytes.len(), 16 + 4 * (four(8) * four(12)) as usize);
-    Some((first, four(8), four(12)))
-}
+use servotwin_serve::signals::{Sample, Signals};
+use servotwin_serve::{Access, Live, Session};
+use std::sync::OnceLock;
+use tungstenite::Message;
 
 #[test]
 fn the_page_and_everything_beside_it_are_in_the_server() {
@@ -311,7 +175,7 @@ fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32
     let (with, without) = (scenario(true), scenario(false));
     let mut flight = Flight::new(&with, &live.diagnoser).unwrap();
     let mut ghost = Flight::new(&without, &live.diagnoser).unwrap();
-    let signals = Signals::of(&live.study, &live.diagnoser);
+    let signals = Signals::of_flights(&live.study, &live.diagnoser);
     let (component, fault) = live.study.system.find_fault(FAULT).unwrap();
     let mut values = vec![];
     for sample in 0..samples as u64 {
@@ -323,7 +187,7 @@ fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32
         flight.sample().unwrap();
         ghost.sample().unwrap();
         flight.react().unwrap();
-        signals.fill(&flight, &ghost, &mut values);
+        signals.fill(&Sample::of_flights(&flight, &ghost), &mut values);
     }
     values.into_iter().map(f32::to_bits).collect()
 }

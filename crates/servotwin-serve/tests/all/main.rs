@@ -1,0 +1,5 @@
+//! The server as its viewers meet it.
+
+mod live;
+mod measured;
+mod viewer;

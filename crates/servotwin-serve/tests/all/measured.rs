@@ -1,0 +1,261 @@
+//! Logs and streams on the page: the same samples, the same action, gaps that stay gaps, and several in a fleet.
+
+use crate::viewer::{
+    FAULT, diagnoser, event_of, get, join_at, live, own, served_from_all, study, wait_for,
+};
+use serde_json::json;
+use servotwin::flight::closed_loop::{Flight, Scenario};
+use servotwin::study::Study;
+use servotwin::units;
+use servotwin_model::program::FaultAt;
+use servotwin_serve::feed::{Frame, Message};
+use servotwin_serve::{Measured, Session, Stream};
+use servotwin_watch::End;
+use servotwin_watch::map::Map;
+use servotwin_watch::source::{Read, Row, Source, SourceError};
+use servotwin_watch::watchdog::WatchdogRules;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// The sample at which the fault begins.
+const ONSET: usize = 200;
+
+/// A map whose columns have the names of inputs and sensors, in SI.
+fn map(study: &Study) -> Map {
+    let line =
+        |id: &str, unit| format!("{id} = {{ column = {id:?}, unit = {:?} }}\n", units::word(unit));
+    let network = study.system.network();
+    let inputs = network
+        .inputs
+        .iter()
+        .map(|input| line(&format!("{:?}", input.id).replace('"', ""), input.unit));
+    let sensors = study.system.sensors.iter().map(|sensor| line(&sensor.id, sensor.unit));
+    let quoted = |lines: String| lines.lines().map(quote).collect::<String>();
+    let (inputs, sensors) = (quoted(inputs.collect()), quoted(sensors.collect()));
+    let text = format!(
+        "format = 1\n[time]\ncolumn = \"time\"\nunit = \"s\"\n[inputs]\n{inputs}[sensors]\n{sensors}"
+    );
+    Map::parse(&text, "map.toml", &study.system).unwrap()
+}
+
+/// A line of a map whose key may have a dot.
+fn quote(line: &str) -> String {
+    let (key, rest) = line.split_once(" = ").unwrap();
+    format!("{key:?} = {rest}\n")
+}
+
+/// The rows of a flight with a fault, in the order of the map's columns.
+fn flown(study: &Study, map: &Map, samples: usize) -> Vec<Vec<f64>> {
+    let (live, diagnoser) = (live(), diagnoser());
+    let scenario = Scenario {
+        study,
+        inputs: live.inputs,
+        faults: vec![],
+        duration_s: live.duration_s,
+        specimen: None,
+        reacts: false,
+    };
+    let mut flight = Flight::new(&scenario, &diagnoser).unwrap();
+    let (component, fault) = study.system.find_fault(FAULT).unwrap();
+    let column = |name: &str, flight: &Flight, k: usize| {
+        let input = study.system.network().inputs.iter().position(|input| input.id == name);
+        let sensor =
+            study.measured.iter().position(|&place| study.system.sensors[place].id == name);
+        match (input, sensor) {
+            (Some(input), _) => flight.inputs()[input],
+            (_, Some(sensor)) => flight.measured()[sensor],
+            _ if name == "time" => k as f64 * diagnoser.period_s,
+            _ => f64::NAN,
+        }
+    };
+    let row = |k: usize| {
+        if k == ONSET {
+            flight.inject(vec![FaultAt { component, fault, intensity: 1.0 }]);
+        }
+        flight.sample().unwrap();
+        map.wanted().names.iter().map(|name| column(name, &flight, k)).collect()
+    };
+    (0..samples).map(row).collect()
+}
+
+/// Rows one after the other.
+struct Rows(std::vec::IntoIter<Vec<f64>>, u64);
+
+impl Source for Rows {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        let Some(values) = self.0.next() else { return Ok(Read::End) };
+        self.1 += 1;
+        *row = Row { place: self.1, values, ..Row::default() };
+        Ok(Read::Row)
+    }
+
+    fn counted(&self) -> &'static str {
+        "row"
+    }
+}
+
+/// Rows as a sender sends them.
+struct Sent(Receiver<Vec<f64>>, u64);
+
+impl Source for Sent {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        match self.0.recv_timeout(Duration::from_millis(20)) {
+            Ok(values) => {
+                self.1 += 1;
+                *row = Row { place: self.1, values, ..Row::default() };
+                Ok(Read::Row)
+            }
+            Err(RecvTimeoutError::Timeout) => Ok(Read::Pause),
+            Err(RecvTimeoutError::Disconnected) => Ok(Read::End),
+        }
+    }
+
+    fn counted(&self) -> &'static str {
+        "row"
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+}
+
+fn measured<'s>(study: &'s Study, title: &str) -> Measured<'s> {
+    let ranges = vec![(f64::NEG_INFINITY, f64::INFINITY); study.system.network().inputs.len()];
+    Measured {
+        title: title.into(),
+        study,
+        diagnoser: diagnoser(),
+        map: map(study),
+        accepted_ranges: ranges,
+    }
+}
+
+fn read(study: &Study, rows: Vec<Vec<f64>>) -> Session {
+    let mut source = Rows(rows.into_iter(), 0);
+    let log = measured(study, "log").read(&mut source, &AtomicBool::new(false), &mut |_, _| ());
+    let log = log.unwrap();
+    assert_eq!(log.end, End::Complete);
+    log.session.unwrap()
+}
+
+/// The values of one signal.
+fn signal(session: &Session, id: &str) -> Vec<f32> {
+    let signals = session.about["signals"].as_array().unwrap();
+    let place = signals.iter().position(|signal| signal["id"] == id).unwrap();
+    let frames = session.messages.iter().filter_map(|message| match message {
+        Message::Frame(bytes) => Some(bytes),
+        _ => None,
+    });
+    let values: Vec<f32> = frames.flat_map(|bytes| Frame::values_in(bytes)).collect();
+    values.chunks(signals.len()).map(|sample| sample[place]).collect()
+}
+
+fn events(session: &Session) -> Vec<serde_json::Value> {
+    let event = |message: &Message| match message {
+        Message::Event(text) => Some(serde_json::from_str(text).unwrap()),
+        _ => None,
+    };
+    session.messages.iter().filter_map(event).collect()
+}
+
+#[test]
+fn a_log_is_shown_sample_by_sample_with_the_action_of_its_fault() {
+    let study = study();
+    let map = map(&study);
+    let rows = flown(&study, &map, 500);
+    let session = read(&study, rows.clone());
+    let place = map.wanted().names.iter().position(|name| name == "p_a_1").unwrap();
+    // Pressures are shown in bar.
+    let logged: Vec<f32> = rows.iter().map(|row| (row[place] / 1e5) as f32).collect();
+    let shown = signal(&session, "p_a_1.reading");
+    assert_eq!(shown.len(), logged.len());
+    assert!(shown.iter().zip(&logged).all(|(one, other)| (one - other).abs() < 1e-4 * other.abs()));
+    let residual = signal(&session, "x_v_1.residual");
+    let largest = |part: &[f32]| part.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    assert!(largest(&residual[ONSET..]) > 3.0 * largest(&residual[..ONSET]));
+    let events = events(&session);
+    let action = events.iter().find(|event| event["kind"] == "action").unwrap();
+    assert_eq!(
+        (&action["actuator"], &action["command"]),
+        (&json!("actuator_1"), &json!("shut_down"))
+    );
+    let at_s = action["time_s"].as_f64().unwrap();
+    assert!(at_s > ONSET as f64 * diagnoser().period_s && at_s < 10.0, "{action}");
+    assert_eq!(
+        (&events[0]["kind"], &events[events.len() - 1]["kind"]),
+        (&json!("begin"), &json!("end"))
+    );
+    assert_eq!(session.about["kind"], "log");
+    let faults = session.about["components"].as_array().unwrap().iter();
+    assert!(faults.map(|one| one["faults"].as_array().unwrap()).all(Vec::is_empty));
+}
+
+#[test]
+fn a_gap_of_a_log_stays_one_and_a_longer_one_begins_anew() {
+    let study = study();
+    let rows = flown(&study, &map(&study), ONSET);
+    let (time, period_s) = (map(&study).wanted().time.unwrap(), diagnoser().period_s);
+    let without = |from: usize, to: usize, later_s: f64| -> Vec<Vec<f64>> {
+        let kept = rows.iter().enumerate().filter(|(k, _)| !(from..to).contains(k));
+        let moved = |(k, row): (usize, &Vec<f64>)| {
+            let mut row = row.clone();
+            row[time] += if k >= to { later_s } else { 0.0 };
+            row
+        };
+        kept.map(moved).collect()
+    };
+    let gap = read(&study, without(60, 70, 0.0));
+    let shown = signal(&gap, "p_a_1.reading");
+    let missing: Vec<usize> = (0..shown.len()).filter(|&k| shown[k].is_nan()).collect();
+    assert_eq!((shown.len(), missing), (ONSET, (60..70).collect()));
+    let long = read(&study, without(60, 70, 100.0));
+    let shown = signal(&long, "p_a_1.reading");
+    let missing: Vec<usize> = (0..shown.len()).filter(|&k| shown[k].is_nan()).collect();
+    assert_eq!((shown.len(), missing), (ONSET - 9, vec![60]));
+    let events = events(&long);
+    let begins: Vec<&str> = events
+        .iter()
+        .filter(|event| event["kind"] == "begin")
+        .map(|event| event["at"].as_str().unwrap())
+        .collect();
+    assert_eq!(begins.len(), 2, "{begins:?}");
+    assert!(period_s > 0.0 && begins[0] != begins[1]);
+}
+
+#[test]
+fn streams_are_watched_as_they_come_and_silence_is_no_health() {
+    let study = study();
+    let rows = flown(&study, &map(&study), 400);
+    let (sender, sent) = channel();
+    let (other, idle) = channel::<Vec<f64>>();
+    let silence =
+        WatchdogRules { no_data_after: Duration::from_millis(300), ..WatchdogRules::default() };
+    let stream = |title: &str, receiver| {
+        Stream::new(measured(&study, title), Box::new(Sent(receiver, 0)), silence)
+    };
+    let (first, second) = (stream("<left>", sent), stream("right", idle));
+    served_from_all(&[&first, &second], |address| {
+        let mut viewer = join_at(address, "/1/live");
+        rows.into_iter().for_each(|row| sender.send(row).unwrap());
+        let action = wait_for(&mut viewer, |said| event_of(said, "action"));
+        assert_eq!(action["command"], "shut_down");
+        wait_for(&mut viewer, |said| (said["state"]["is_silent"] == true).then_some(()));
+        let fleet = own(address, "/fleet");
+        assert_eq!((&fleet[0]["title"], &fleet[1]["title"]), (&json!("<left>"), &json!("right")));
+        assert_eq!(fleet[0]["state"]["actions"][0]["actuator"], "actuator_1");
+        assert!(fleet[0]["age_s"].is_number() && fleet[1]["age_s"].is_null());
+        assert_eq!(own(address, "/2/about")["kind"], "stream");
+        let host = address.to_string();
+        for (path, status) in [("/", 200), ("/fleet.js", 200), ("/1/", 200), ("/1/page.js", 200)] {
+            assert_eq!(get(address, path, &host, "").0, status, "{path}");
+        }
+        for path in ["/3/", "/about", "/1/fleet"] {
+            assert_eq!(get(address, path, &host, "").0, 404, "{path}");
+        }
+        assert_eq!(get(address, "/fleet", "evil.example", "").0, 403);
+        drop(sender);
+        wait_for(&mut viewer, |said| event_of(said, "end"));
+        drop(other);
+    });
+}
