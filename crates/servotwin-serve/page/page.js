@@ -373,6 +373,7 @@ function showPlayback(next) {
   $("inject").hidden = $("hint").hidden = Boolean(playback) || isMeasured;
   $("pause").hidden = $("restart").hidden = isMeasured;
   $("save").hidden = Boolean(playback) && about.kind !== "log";
+  $("save-mcap").hidden = $("save").hidden || !about.formats.includes("session.mcap");
   $("restart").textContent = playback ? "From the beginning" : "New flight";
   if (!playback) return;
   $("speed").value = String(playback.speed);
@@ -479,6 +480,7 @@ async function begin() {
     return;
   }
   $("title").textContent = about.title;
+  $("save-mcap").href = `session.mcap${query}`;
   $("fleet").hidden = !/^\/\d+\/$/.test(location.pathname);
   $("fleet").href = `../${query}`;
   document.title = `servotwin: ${about.title}`;

@@ -406,7 +406,7 @@ mod tests {
         feed.event(&json!("one more"));
         assert_eq!(feed.session(), None);
         feed.begin_flight();
-        assert_eq!(feed.session(), Some(vec![]));
+        assert_eq!((feed.session(), feed.begin().jumps), (Some(vec![]), 0));
     }
 
     #[test]
@@ -418,6 +418,7 @@ mod tests {
         feed.jump(&earlier);
         assert_eq!(begin.later.try_recv(), Ok(Message::Jump));
         let again = feed.begin();
+        assert_eq!((begin.jumps, again.jumps), (0, 1), "who missed the jump sees it in the count");
         assert_eq!((again.events.as_str(), again.frames.len()), ("[1]", 1));
     }
 }

@@ -7,6 +7,7 @@
 //! | `/live` | the WebSocket: frames and events to the viewer, requests from it |
 //! | `/events` | all events so far |
 //! | `/session` | the present flight as a Parquet file, to be saved |
+//! | `/session.mcap` | the same as MCAP, if the program was built with it |
 //! | `/counts` | viewers, lost frames and refusals |
 //!
 //! With several sources these paths stand below the number of each (`/1/`, `/2/`, …), and two more lead there:
@@ -36,6 +37,7 @@ use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
@@ -173,6 +175,8 @@ impl Counts {
 /// What a server knows of one source.
 struct Shared {
     access: Arc<Access>,
+    /// Its number in the fleet, from 1.
+    number: usize,
     feed: Feed,
     requests: Requests,
     about: Value,
@@ -182,13 +186,20 @@ struct Shared {
 }
 
 impl Shared {
-    fn new(access: &Arc<Access>, source: &dyn Source) -> (Arc<Self>, Receiver<Request>) {
+    fn new(
+        access: &Arc<Access>,
+        number: usize,
+        source: &dyn Source,
+    ) -> (Arc<Self>, Receiver<Request>) {
         let (requests, waiting) = requests();
+        let mut about = source.about();
+        about["formats"] = json!(Saved::BUILT);
         let shared = Shared {
             access: access.clone(),
+            number,
             feed: Feed::default(),
             requests,
-            about: source.about(),
+            about,
             saving: tokio::sync::Mutex::default(),
             counts: Counts::default(),
         };
@@ -244,7 +255,7 @@ impl Server {
     pub fn run(self, sources: &[&dyn Source], stop: &AtomicBool) -> Result<(), ServeError> {
         let access = Arc::new(self.access);
         let (members, waiting): (Vec<_>, Vec<_>) =
-            sources.iter().map(|source| Shared::new(&access, *source)).unzip();
+            sources.iter().zip(1..).map(|(source, k)| Shared::new(&access, k, *source)).unzip();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(ServeError::System)?;
         let under_way = &AtomicUsize::new(members.len());
@@ -322,8 +333,10 @@ fn router(members: &[Arc<Shared>]) -> Router {
         .route("/", get(fleet_page))
         .route("/{file}", get(fleet_file))
         .with_state(Arc::from(members));
-    let numbered = members.iter().zip(1..);
-    numbered.fold(fleet, |all, (member, number)| all.merge(below(&format!("/{number}"), member)))
+    let add = |all: Router, member: &Arc<Shared>| {
+        all.merge(below(&format!("/{}", member.number), member))
+    };
+    members.iter().fold(fleet, add)
 }
 
 #[derive(Deserialize)]
@@ -430,26 +443,61 @@ async fn file(
     match name.as_str() {
         "about" => typed("application/json", shared.about.to_string()),
         "events" => typed("application/json", shared.feed.events()),
-        "session" => session(shared).await,
+        "session" => session(shared, Saved::Parquet).await,
+        "session.mcap" if Saved::BUILT.contains(&"session.mcap") => {
+            session(shared, Saved::Mcap).await
+        }
         "counts" => typed("application/json", json!(shared.counts.now()).to_string()),
         _ => nothing_there(),
     }
 }
 
+/// A format in which a session is saved.
+#[derive(Clone, Copy)]
+enum Saved {
+    Parquet,
+    Mcap,
+}
+
+impl Saved {
+    /// The formats that this program was built with, by the path that gives them.
+    const BUILT: &'static [&'static str] =
+        if cfg!(feature = "mcap") { &["session", "session.mcap"] } else { &["session"] };
+
+    fn bytes(self, session: &Session, path: &Path) -> Result<Vec<u8>, SessionError> {
+        match self {
+            Saved::Parquet => session.bytes(path),
+            #[cfg(feature = "mcap")]
+            Saved::Mcap => session.mcap(path),
+            #[cfg(not(feature = "mcap"))]
+            Saved::Mcap => unreachable!("it is no page of this program"),
+        }
+    }
+
+    /// The type and the end of the name of its file.
+    fn kind(self) -> (&'static str, &'static str) {
+        match self {
+            Saved::Parquet => ("application/vnd.apache.parquet", "parquet"),
+            Saved::Mcap => ("application/octet-stream", "mcap"),
+        }
+    }
+}
+
 /// The present flight as a file. It is made on a thread of its own, so that viewers need not wait.
-async fn session(shared: Arc<Shared>) -> Response {
+async fn session(shared: Arc<Shared>, saved: Saved) -> Response {
     let _saving = shared.saving.lock().await;
     let Some(messages) = shared.feed.session() else {
         let why = "the flight has too many events to be saved; begin a new one";
         return (StatusCode::INSUFFICIENT_STORAGE, why).into_response();
     };
     let session = Session { about: shared.about.clone(), messages };
-    let name = format!("servotwin-session-{}.parquet", shared.access.address.port());
-    let made = tokio::task::spawn_blocking(move || session.bytes(&std::env::temp_dir().join(name)));
-    let headers = [
-        (CONTENT_TYPE, "application/vnd.apache.parquet"),
-        (CONTENT_DISPOSITION, "attachment; filename=\"session.parquet\""),
-    ];
+    let (kind, end) = saved.kind();
+    let name =
+        format!("servotwin-session-{}-{}.{end}", shared.access.address.port(), shared.number);
+    let path = std::env::temp_dir().join(name);
+    let made = tokio::task::spawn_blocking(move || saved.bytes(&session, &path));
+    let disposition = format!("attachment; filename=\"session.{end}\"");
+    let headers = [(CONTENT_TYPE, kind.to_owned()), (CONTENT_DISPOSITION, disposition)];
     match made.await {
         Ok(Ok(bytes)) => (headers, bytes).into_response(),
         Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),

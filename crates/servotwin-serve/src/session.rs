@@ -28,6 +28,9 @@ pub enum SessionError {
     /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
+    /// An MCAP cannot be written.
+    #[error(transparent)]
+    Mcap(#[from] servotwin_watch::sink::SinkError),
     /// The table is something else.
     #[error("{}: not a saved session: {problem}", .path.display())]
     NotASession {
@@ -54,6 +57,46 @@ impl Session {
     /// The file cannot be written.
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
         parquet::write(path, &self.table()?)?;
+        let bytes = read_bytes(path);
+        // A file that stays behind in the folder of temporary files is overwritten next time.
+        let _ = std::fs::remove_file(path);
+        Ok(bytes?)
+    }
+
+    /// The session as the bytes of an MCAP file, written to a path that is removed again: a topic for each part of the
+    /// page, and `/events` and `/states`.
+    ///
+    /// # Errors
+    /// The file cannot be written; the program is built without MCAP.
+    #[cfg(feature = "mcap")]
+    pub fn mcap(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
+        use servotwin_watch::sink::mcap::recording::{Note, Recording};
+
+        let groups = Groups::of(&self.about);
+        let mut recording = Recording::create(path, &groups.topics)?;
+        let (period_s, width) = (period_s(&self.about), groups.width);
+        let mut time_s = 0.0;
+        let mut samples = 0;
+        for message in &self.messages {
+            match message {
+                Message::Event(text) => {
+                    recording.note(&Note { topic: "/events", time_s, text: text.to_string() })?;
+                }
+                Message::State(text) => {
+                    recording.note(&Note { topic: "/states", time_s, text: text.to_string() })?;
+                }
+                Message::Frame(bytes) => {
+                    let values: Vec<f64> = Frame::values_in(bytes).map(f64::from).collect();
+                    for sample in values.chunks_exact(width) {
+                        time_s = f64::from(samples) * period_s;
+                        recording.sample(time_s, &groups.split(sample))?;
+                        samples += 1;
+                    }
+                }
+                Message::Playback(_) | Message::Jump => {}
+            }
+        }
+        recording.finish()?;
         let bytes = read_bytes(path);
         // A file that stays behind in the folder of temporary files is overwritten next time.
         let _ = std::fs::remove_file(path);
@@ -143,6 +186,46 @@ impl Session {
             end_s <= time_s
         };
         self.messages.iter().take_while(is_before).count()
+    }
+}
+
+/// The topics of the signals, one for each part of the page.
+#[cfg(feature = "mcap")]
+struct Groups {
+    topics: Vec<servotwin_watch::sink::mcap::recording::Topic>,
+    /// For each topic, the places of its signals in a frame.
+    places: Vec<Vec<usize>>,
+    /// The number of signals in a frame.
+    width: usize,
+}
+
+#[cfg(feature = "mcap")]
+impl Groups {
+    fn of(about: &Value) -> Self {
+        let mut groups = Groups { topics: vec![], places: vec![], width: ids(about).len() };
+        for place in 0..groups.width {
+            let signal = &about["signals"][place];
+            let text = |key: &str| signal[key].as_str().unwrap_or_default().to_owned();
+            let (topic, number) = (format!("/{}", text("group")), (text("id"), text("unit")));
+            let known = groups.topics.iter().position(|known| known.name == topic);
+            let at = known.unwrap_or_else(|| {
+                let numbers = vec![];
+                groups
+                    .topics
+                    .push(servotwin_watch::sink::mcap::recording::Topic { name: topic, numbers });
+                groups.places.push(vec![]);
+                groups.topics.len() - 1
+            });
+            groups.topics[at].numbers.push(number);
+            groups.places[at].push(place);
+        }
+        groups
+    }
+
+    /// The values of a sample, topic by topic.
+    fn split(&self, sample: &[f64]) -> Vec<Vec<f64>> {
+        let of = |places: &Vec<usize>| places.iter().map(|&place| sample[place]).collect();
+        self.places.iter().map(of).collect()
     }
 }
 
@@ -354,5 +437,33 @@ mod tests {
             answers.collect::<Vec<_>>(),
             [(Some(1.0), Some(speed)), (Some(4.0), None), (Some(4.0), Some(faults))]
         );
+    }
+
+    #[cfg(feature = "mcap")]
+    #[test]
+    fn a_session_as_mcap_is_a_log_of_its_signals() {
+        use servotwin_watch::source::{Address, Read, Row, Wanted};
+
+        let path = path("mcap").with_extension("mcap");
+        let mut session = session();
+        session.about["signals"][0]["group"] = "fight".into();
+        let bytes = session.mcap(&path).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let address = Address::File(path.clone());
+        let names: Vec<String> = address.columns().unwrap().into_iter().map(|c| c.name).collect();
+        let name = names.iter().find(|name| name.ends_with('a')).expect("the signal is a column");
+        let wanted = Wanted { names: vec![name.clone()], ..Wanted::default() };
+        let mut source = address.open(&wanted).unwrap();
+        let (mut row, mut read) = (Row::default(), vec![]);
+        loop {
+            match source.read(&mut row).unwrap() {
+                Read::Row => read.push(row.values[0] as f32),
+                Read::End => break,
+                _ => {}
+            }
+        }
+        std::fs::remove_file(&path).unwrap();
+        let expected = (0..10).map(|k| if k == 3 { f32::NAN } else { 0.1 * k as f32 });
+        assert_eq!(format!("{read:?}"), format!("{:?}", expected.collect::<Vec<_>>()), "{names:?}");
     }
 }

@@ -17,8 +17,8 @@ use std::path::PathBuf;
 /// The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
 /// flies the same without them. --source shows a log, which is read and replayed, or a live stream instead; several make
 /// a fleet, with a row for each. The page is at 127.0.0.1 unless you name another address; then the printed link has a
-/// token, without which nobody comes in. Ctrl-C ends it. If the diagnoser is missing, the command trains it first, which
-/// takes about two minutes.
+/// token, without which nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with the
+/// program; for anything else the command trains one first if it is missing, which takes about two minutes.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
@@ -102,7 +102,8 @@ fn show(
     Ok(String::new())
 }
 
-/// The diagnoser that the options name, or that of the folder, which is learned first if it is missing.
+/// The diagnoser that the options name, or that of the folder. If it is missing, the built-in aileron has a shipped one,
+/// and any other is learned first.
 #[cfg(feature = "serve")]
 fn diagnoser(
     options: &Options,
@@ -110,7 +111,10 @@ fn diagnoser(
     setting: servotwin::study::Setting,
     global: Global,
 ) -> Result<std::sync::Arc<servotwin_diagnosis::diagnoser::Diagnoser>, Failure> {
+    use super::note;
     use super::watch::input::{read_diagnoser, with_band};
+    use servotwin::study::Setting;
+    use servotwin_serve::shipped;
     use std::sync::Arc;
 
     let band = options.input.band.as_deref();
@@ -118,6 +122,13 @@ fn diagnoser(
         return Ok(Arc::new(read_diagnoser(Some(path), band)?));
     }
     let folder = servotwin::job::Folder::new(&options.study.out);
+    let is_first_look = setting == Setting::Noise && !folder.diagnoser(setting).exists();
+    if let Some(shipped) = shipped::diagnoser(study).filter(|_| is_first_look && !study.is_full) {
+        let text =
+            "the diagnosis comes with the program; servotwin fly --out FOLDER learns one anew";
+        note(global, text);
+        return Ok(Arc::new(with_band(shipped, band)?));
+    }
     let diagnoser = super::fly::diagnoser(&options.study, &folder, study, setting, global)?;
     Ok(Arc::new(with_band(Arc::unwrap_or_clone(diagnoser), band)?))
 }

@@ -9,6 +9,7 @@
 //! samples. If the connection is lost, the watch continues.
 
 mod live;
+pub mod recording;
 
 use super::{Lost, Sample, Scene, Sink, SinkError, Trace};
 use crate::watchdog::{Notice, WatchEvent};

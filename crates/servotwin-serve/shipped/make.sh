@@ -1,0 +1,11 @@
+#!/bin/sh
+# Learns the shipped diagnosis anew: the quick study of the built-in aileron, whose plant equals its twin but for noise.
+# Takes about two minutes. Run it when the test `the_shipped_diagnosis_is_that_of_the_built_in_study` fails.
+set -eu
+cd "$(dirname "$0")/../../.."
+out=target/shipped
+rm -rf "$out"
+cargo run --release --quiet -- fly --out "$out"
+gzip -9 -n -c "$out/diagnoser-noise.json" > crates/servotwin-serve/shipped/aileron.json.gz
+cat "$out/study.toml" "$out/system.toml" | sha256sum | cut -c 1-64 | tr -d '\n' \
+    > crates/servotwin-serve/shipped/learned-from.txt
