@@ -148,6 +148,7 @@ impl Command {
             Command::History(options) => options.paths(),
             Command::Band(options) => options.paths(),
             Command::Watch(options) => options.paths(),
+            Command::Serve(options) => options.paths(),
             Command::Report(options) => options.paths(),
             Command::Fmea(options) => options.paths(),
             Command::Faulttree(options) => options.paths(),

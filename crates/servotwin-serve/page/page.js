@@ -367,7 +367,7 @@ function showPlayback(next) {
   playback = next;
   document.body.dataset.mode = playback ? "replay" : "flight";
   $("playback").hidden = !playback;
-  $("inject").hidden = $("save").hidden = $("hint").hidden = Boolean(playback);
+  $("inject").hidden = $("save").hidden = $("save-page").hidden = $("hint").hidden = Boolean(playback);
   $("restart").textContent = playback ? "From the beginning" : "New flight";
   if (!playback) return;
   $("speed").value = String(playback.speed);
@@ -489,6 +489,7 @@ $("pause").addEventListener("click", () => ask({ pause: !(playback || state).is_
 $("speed").addEventListener("change", () => ask({ speed: Number($("speed").value) }));
 $("position").addEventListener("change", () => { ask({ jump: Number($("position").value) }); $("position").blur(); });
 $("save").href = `session${query}`;
+$("save-page").href = `page.html${query}`;
 $("restart").addEventListener("click", () => ask({ restart: true }));
 $("hold").addEventListener("click", () => {
   isHeld = !isHeld;

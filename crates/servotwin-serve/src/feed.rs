@@ -2,12 +2,14 @@
 //! whole flight as a session.
 
 use crate::request::Request;
+use serde::Serialize;
 use serde_json::Value;
 use servotwin::flight::runtime::RuntimeError;
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
 use tokio::sync::broadcast::{self, Receiver, Sender};
 
 /// The number of messages that a viewer may be behind before it loses some: about three seconds.
@@ -104,6 +106,24 @@ impl Frame {
     }
 }
 
+/// The newest sample that viewers were sent, for measuring how late they show it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Newest {
+    /// The number of the sample in its flight.
+    pub sample: u64,
+    /// When it was published, ms since 1970. It is no part of a session.
+    pub unix_ms: f64,
+}
+
+impl Newest {
+    fn of(frame: &[u8]) -> Self {
+        let first = frame[..8].iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte));
+        let sample = (first + u64::from(Frame::samples_in(frame))).saturating_sub(1);
+        let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        Newest { sample, unix_ms: since_1970.map_or(f64::NAN, |time| 1e3 * time.as_secs_f64()) }
+    }
+}
+
 struct Kept {
     /// The frames, events and states of the present flight.
     session: Vec<Message>,
@@ -111,19 +131,24 @@ struct Kept {
     events: VecDeque<Arc<str>>,
     state: Arc<str>,
     playback: Arc<str>,
+    newest: Option<Newest>,
 }
 
 impl Default for Kept {
     fn default() -> Self {
         let [state, playback] = [(); 2].map(|()| Arc::from("null"));
-        Kept { session: vec![], session_texts: 0, events: VecDeque::new(), state, playback }
+        let (session, events) = (vec![], VecDeque::new());
+        Kept { session, session_texts: 0, events, state, playback, newest: None }
     }
 }
 
 impl Kept {
     fn take(&mut self, message: Message) {
         match &message {
-            Message::Frame(_) => return self.session.push(message),
+            Message::Frame(bytes) => {
+                self.newest = Some(Newest::of(bytes));
+                return self.session.push(message);
+            }
             Message::Event(event) => {
                 self.events.push_back(event.clone());
                 if self.events.len() > KEPT_EVENTS {
@@ -243,6 +268,11 @@ impl Feed {
         self.kept().state.clone()
     }
 
+    /// The newest sample; `None` before the first frame of a flight.
+    pub fn newest(&self) -> Option<Newest> {
+        self.kept().newest
+    }
+
     /// Frames, events and states of the present flight; `None` if there were more events and states than a session
     /// holds.
     pub fn session(&self) -> Option<Vec<Message>> {
@@ -295,6 +325,16 @@ mod tests {
         (0..BEHIND as u64 + 10).for_each(|k| feed.frame(&frame(k)));
         assert!(matches!(begin.later.try_recv(), Err(TryRecvError::Lagged(10))));
         assert_eq!(feed.begin().frames.len(), BEHIND + 10, "the flight lost none");
+    }
+
+    #[test]
+    fn the_newest_sample_is_the_last_one_of_the_last_frame() {
+        let feed = Feed::default();
+        assert_eq!(feed.newest(), None);
+        [0, 2].into_iter().for_each(|first| feed.frame(&frame(first)));
+        assert!(feed.newest().is_some_and(|newest| newest.sample == 3 && newest.unix_ms > 1.7e12));
+        feed.begin_flight();
+        assert_eq!(feed.newest(), None);
     }
 
     #[test]

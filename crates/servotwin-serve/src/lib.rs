@@ -9,6 +9,7 @@
 //! - [`signals`]: what a frame contains, with names, units and bands
 //! - [`session`]: a flight as viewers saw it, as one file, and its replay
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
+//! - [`page`]: the page, and one file that holds it with a session
 //! - [`request`]: what a viewer may ask for
 //! - [`server`]: HTTP and WebSocket, and who may come in
 //!
@@ -18,6 +19,7 @@
 pub mod feed;
 pub mod flight;
 pub mod injection;
+pub mod page;
 pub mod request;
 pub mod server;
 pub mod session;
@@ -25,5 +27,6 @@ pub mod signals;
 
 pub use feed::Source;
 pub use flight::Live;
+pub use page::saved_page;
 pub use server::{Access, ServeError, Server};
 pub use session::{Session, SessionError};

@@ -7,21 +7,25 @@
 //! | `/live` | the WebSocket: frames and events to the viewer, requests from it |
 //! | `/events` | all events so far |
 //! | `/session` | the present flight as a Parquet file, to be saved |
-//! | `/counts` | viewers, lost frames and refusals |
+//! | `/page.html` | the present flight as a page that needs no server, to be saved |
+//! | `/counts` | viewers, lost frames and refusals, and when the newest sample was made |
 //!
 //! A browser tells where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
 
-use crate::feed::{Begin, Feed, Message, Source};
+use crate::feed::{Begin, Feed, Message, Newest, Source};
+use crate::page::{HTML, PARTS, saved_page};
 use crate::request::{LONGEST, Refused, Request, Requests, requests};
 use crate::session::{Session, SessionError};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
-use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE, HOST, ORIGIN};
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::header::{
+    CONTENT_DISPOSITION, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN,
+};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::response::{AppendHeaders, IntoResponse, Response};
 use axum::routing::get;
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
@@ -42,12 +46,6 @@ const MOST_REFUSED: u64 = 100;
 const STOP_CHECK: Duration = Duration::from_millis(100);
 /// Viewers at the same time.
 const MOST_VIEWERS: u64 = 256;
-
-const HTML: &str = include_str!("../page/index.html");
-const SCRIPT: &str = include_str!("../page/page.js");
-const STYLE: &str = include_str!("../page/page.css");
-const CHARTS: &str = include_str!("../page/uplot.js");
-const CHART_STYLE: &str = include_str!("../page/uplot.css");
 
 /// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -144,10 +142,11 @@ struct Counted {
     frames_lost: u64,
     refused_requests: u64,
     refused_visits: u64,
+    newest: Option<Newest>,
 }
 
 impl Counts {
-    fn now(&self) -> Counted {
+    fn now(&self, feed: &Feed) -> Counted {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
         Counted {
             viewers: of(&self.viewers),
@@ -155,6 +154,7 @@ impl Counts {
             frames_lost: of(&self.frames_lost),
             refused_requests: of(&self.refused_requests),
             refused_visits: of(&self.refused_visits),
+            newest: feed.newest(),
         }
     }
 }
@@ -277,8 +277,19 @@ async fn page(
 ) -> Response {
     match shared.access.refusal(&headers, pass.token.as_deref()) {
         Some(why) => refused(&shared, why),
-        None => typed("text/html; charset=utf-8", HTML),
+        None => framed(&shared.access, typed("text/html; charset=utf-8", HTML)),
     }
+}
+
+/// Says which pages may show this one inside of them, as Jupyter does. Only pages of this machine may, so that no page
+/// from elsewhere can lead a click to *Inject*. Where a token is needed, a page that knows none shows nothing.
+fn framed(access: &Access, page: Response) -> Response {
+    if access.token.is_some() {
+        return page;
+    }
+    let ancestors = "frame-ancestors 'self' http://localhost:* https://localhost:* \
+                     http://127.0.0.1:* https://127.0.0.1:*";
+    (AppendHeaders([(CONTENT_SECURITY_POLICY, ancestors)]), page).into_response()
 }
 
 fn typed(kind: &'static str, text: impl Into<axum::body::Body>) -> Response {
@@ -296,13 +307,13 @@ async fn file(
 ) -> Response {
     // Scripts and styles are no secret, and a page that has none shows nothing.
     match name.as_str() {
-        "page.js" => return typed("text/javascript", SCRIPT),
-        "page.css" => return typed("text/css", STYLE),
-        "uplot.js" => return typed("text/javascript", CHARTS),
-        "uplot.css" => return typed("text/css", CHART_STYLE),
         // Every browser asks for one.
         "favicon.ico" => return StatusCode::NO_CONTENT.into_response(),
-        _ => {}
+        name => {
+            if let Some(part) = PARTS.iter().find(|part| part.name == name) {
+                return typed(part.media_type, part.text);
+            }
+        }
     }
     if let Some(why) = shared.access.refusal(&headers, pass.token.as_deref()) {
         return refused(&shared, why);
@@ -310,14 +321,42 @@ async fn file(
     match name.as_str() {
         "about" => typed("application/json", shared.about.to_string()),
         "events" => typed("application/json", shared.feed.events()),
-        "session" => session(shared).await,
-        "counts" => typed("application/json", json!(shared.counts.now()).to_string()),
+        "session" => session(shared, SavedAs::Table).await,
+        "page.html" => session(shared, SavedAs::Page).await,
+        "counts" => typed("application/json", json!(shared.counts.now(&shared.feed)).to_string()),
         _ => (StatusCode::NOT_FOUND, "there is no such page").into_response(),
     }
 }
 
+/// The file that a session is saved as.
+#[derive(Clone, Copy)]
+enum SavedAs {
+    Table,
+    Page,
+}
+
+impl SavedAs {
+    fn headers(self) -> [(HeaderName, &'static str); 2] {
+        let (kind, name) = match self {
+            SavedAs::Table => {
+                ("application/vnd.apache.parquet", "attachment; filename=\"session.parquet\"")
+            }
+            SavedAs::Page => ("text/html; charset=utf-8", "attachment; filename=\"session.html\""),
+        };
+        [(CONTENT_TYPE, kind), (CONTENT_DISPOSITION, name)]
+    }
+
+    /// The bytes of the file; `name` is that of a temporary file.
+    fn bytes(self, session: &Session, name: &str) -> Result<Vec<u8>, SessionError> {
+        match self {
+            SavedAs::Table => session.bytes(&std::env::temp_dir().join(name)),
+            SavedAs::Page => Ok(saved_page(session).into_bytes()),
+        }
+    }
+}
+
 /// The present flight as a file. It is made on a thread of its own, so that viewers need not wait.
-async fn session(shared: Arc<Shared>) -> Response {
+async fn session(shared: Arc<Shared>, saved_as: SavedAs) -> Response {
     let _saving = shared.saving.lock().await;
     let Some(messages) = shared.feed.session() else {
         let why = "the flight has too many events to be saved; begin a new one";
@@ -325,13 +364,8 @@ async fn session(shared: Arc<Shared>) -> Response {
     };
     let session = Session { about: shared.about.clone(), messages };
     let name = format!("servotwin-session-{}.parquet", shared.access.address.port());
-    let made = tokio::task::spawn_blocking(move || session.bytes(&std::env::temp_dir().join(name)));
-    let headers = [
-        (CONTENT_TYPE, "application/vnd.apache.parquet"),
-        (CONTENT_DISPOSITION, "attachment; filename=\"session.parquet\""),
-    ];
-    match made.await {
-        Ok(Ok(bytes)) => (headers, bytes).into_response(),
+    match tokio::task::spawn_blocking(move || saved_as.bytes(&session, &name)).await {
+        Ok(Ok(bytes)) => (saved_as.headers(), bytes).into_response(),
         Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
         Err(panic) => std::panic::resume_unwind(panic.into_panic()),
     }

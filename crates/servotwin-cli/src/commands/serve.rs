@@ -3,6 +3,7 @@
 use super::StudyOptions;
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use servotwin::signal::Signal;
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -29,10 +30,23 @@ pub struct Options {
     /// Replay a session that was saved on the page, instead of a flight.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen"])]
     replay: Option<PathBuf>,
+    /// Write the replayed session as one page that any browser plays without a server, instead of serving it.
+    #[arg(long, value_name = "FILE", requires = "replay")]
+    html: Option<PathBuf>,
+    /// End when standard input closes, as a program does that started this command and ends.
+    #[arg(long)]
+    end_with_stdin: bool,
     /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
     /// twin].
     #[arg(long, value_name = "NUMBER")]
     specimen: Option<usize>,
+}
+
+impl Options {
+    /// The files of the command.
+    pub fn paths(&self) -> Paths {
+        Paths::default().read("--replay", &self.replay).write("--html", Format::HTML, &self.html)
+    }
 }
 
 #[cfg(not(feature = "serve"))]
@@ -48,14 +62,47 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     use servotwin_serve::{Access, Server, Session};
 
     crate::stop::heed();
+    if options.end_with_stdin {
+        end_with_stdin();
+    }
     let access = || Access::to((options.address, options.port).into());
     if let Some(path) = &options.replay {
         let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
+        if let Some(html) = &options.html {
+            return save_page(&session, html, global);
+        }
         return show(Server::listen(access()?)?, &session);
     }
     let study = options.study.read(global)?;
     let server = Server::listen(access()?)?;
     show(server, &live(options, study, global)?)
+}
+
+/// Writes the page that plays a session without a server.
+#[cfg(feature = "serve")]
+fn save_page(
+    session: &servotwin_serve::Session,
+    path: &std::path::Path,
+    global: Global,
+) -> Result<String, Failure> {
+    let html = servotwin_serve::saved_page(session);
+    servotwin::files::write_atomically(path, |out| out.write_all(html.as_bytes()))?;
+    let path = path.display().to_string();
+    Ok(match global {
+        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": path })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{path}\n"),
+    })
+}
+
+/// Stops the command when standard input closes. The thread ends with the process.
+#[cfg(feature = "serve")]
+fn end_with_stdin() {
+    std::thread::spawn(|| {
+        // An input that cannot be read is as good as closed.
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        crate::stop::flag().store(true, std::sync::atomic::Ordering::Relaxed);
+    });
 }
 
 /// Prints the link and serves a source until Ctrl-C.

@@ -1,0 +1,231 @@
+//! The page: its parts, which the server sends one by one, and one file that holds all of them with a session.
+//!
+//! The file plays its session in any browser without a server: `saved.js` stands in for it. Its content security policy
+//! allows no request to anywhere and no script but those of this page. Nothing of the session is HTML: all of it is
+//! base64, and the page shows names and titles as text.
+//!
+//! The session in the file is gzip of: the length of a header in bytes (u32), the header as JSON, and the samples. The
+//! header holds `about`, the number of samples of each frame, and events and states, each with the number of the frame
+//! that follows it. The samples are, signal by signal, the first byte of all values, then the second one, and so on; a
+//! value is the difference of its bits to those of the sample before, because smooth signals then become small numbers.
+//! All numbers are little-endian.
+
+use crate::feed::{Frame, Message};
+use crate::session::Session;
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use std::io::Write;
+
+/// A file beside the page.
+pub struct Part {
+    /// The name by which the page loads it.
+    pub name: &'static str,
+    /// The media type.
+    pub media_type: &'static str,
+    /// The content.
+    pub text: &'static str,
+}
+
+/// The page itself. It loads each of [`PARTS`] by one tag.
+pub const HTML: &str = include_str!("../page/index.html");
+/// Styles and scripts of the page.
+pub const PARTS: [Part; 4] = [
+    style("uplot.css", include_str!("../page/uplot.css")),
+    style("page.css", include_str!("../page/page.css")),
+    script("uplot.js", include_str!("../page/uplot.js")),
+    script("page.js", include_str!("../page/page.js")),
+];
+/// What replaces the server in a file.
+const STAND_IN: &str = include_str!("../page/saved.js");
+
+const fn style(name: &'static str, text: &'static str) -> Part {
+    Part { name, media_type: "text/css", text }
+}
+
+const fn script(name: &'static str, text: &'static str) -> Part {
+    Part { name, media_type: "text/javascript", text }
+}
+
+/// A page that holds a session and plays it without a server.
+pub fn saved_page(session: &Session) -> String {
+    let mut html = HTML.to_owned();
+    let mut policy = "default-src 'none'; base-uri 'none'; form-action 'none'; \
+                      style-src 'unsafe-inline'; script-src"
+        .to_owned();
+    for Part { name, media_type, text } in PARTS {
+        let (linked, inlined) = match media_type {
+            "text/css" => {
+                let link = format!("<link rel=\"stylesheet\" href=\"{name}\">");
+                (link, format!("<style>{text}</style>"))
+            }
+            _ => (format!("<script src=\"{name}\"></script>"), inlined(text, &mut policy)),
+        };
+        html = html.replacen(&linked, &inlined, 1);
+    }
+    let data = BASE64_STANDARD.encode(packed(session));
+    let data =
+        format!("<script type=\"application/octet-stream\" id=\"session\">{data}</script>\n");
+    let stand_in = inlined(STAND_IN, &mut policy);
+    // Browsers run scripts in their order, and the stand-in must be there before the page asks for a server.
+    let html = html.replacen("<script>", &format!("{data}{stand_in}\n<script>"), 1);
+    let charset = "<meta charset=\"utf-8\">\n";
+    let policy =
+        format!("{charset}<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n");
+    html.replacen(charset, &policy, 1)
+}
+
+/// A script as an element, which the policy allows by its hash.
+fn inlined(script: &str, policy: &mut String) -> String {
+    let hash = BASE64_STANDARD.encode(Sha256::digest(script));
+    policy.push_str(&format!(" 'sha256-{hash}'"));
+    format!("<script>{script}</script>")
+}
+
+/// The session as the file holds it, before base64.
+fn packed(session: &Session) -> Vec<u8> {
+    let (mut frames, mut texts, mut values) = (vec![], vec![], vec![]);
+    for message in &session.messages {
+        let text = match message {
+            Message::Frame(bytes) => {
+                frames.push(Frame::samples_in(bytes));
+                values.extend(Frame::values_in(bytes).map(f32::to_bits));
+                continue;
+            }
+            Message::Event(event) => format!("{{\"event\":{event}}}"),
+            Message::State(state) => format!("{{\"state\":{state}}}"),
+            Message::Playback(_) | Message::Jump => continue,
+        };
+        texts.push(json!([frames.len(), text]));
+    }
+    let header = json!({ "about": session.about, "frames": frames, "texts": texts }).to_string();
+    let width = session.about["signals"].as_array().map_or(0, Vec::len);
+    let mut gzip = GzEncoder::new(vec![], Compression::default());
+    let written = gzip
+        .write_all(&(header.len() as u32).to_le_bytes())
+        .and_then(|()| gzip.write_all(header.as_bytes()))
+        .and_then(|()| gzip.write_all(&planes(&values, width)))
+        .and_then(|()| gzip.finish());
+    written.expect("a vector takes all that is written")
+}
+
+/// Values that are given sample by sample, as bytes signal by signal: see the module.
+fn planes(values: &[u32], width: usize) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(4 * values.len());
+    for signal in 0..width {
+        let mut last = 0;
+        let own = values.iter().skip(signal).step_by(width);
+        let steps: Vec<u32> =
+            own.map(|&bits| bits.wrapping_sub(std::mem::replace(&mut last, bits))).collect();
+        for plane in 0..4 {
+            bytes.extend(steps.iter().map(|step| step.to_le_bytes()[plane]));
+        }
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::read::GzDecoder;
+    use serde_json::Value;
+    use std::io::Read;
+
+    const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=alert(2)>";
+
+    /// Five samples of two signals in frames of three and two, with events and states around them.
+    fn session() -> Session {
+        let signal = |id: &str| json!({ "id": id, "label": HOSTILE, "unit": "kN" });
+        let about =
+            json!({ "title": HOSTILE, "period_s": 0.01, "signals": [signal("a"), signal("b")] });
+        let frame = |first: u64, values: &[f32]| {
+            let mut frame = Frame::new(first, 2);
+            frame.values().extend(values);
+            Message::Frame(frame.bytes())
+        };
+        let event = || Message::Event(json!({ "kind": HOSTILE }).to_string().into());
+        let messages = vec![
+            event(),
+            frame(0, &[0.1, -0.0, f32::NAN, 1e30, 0.3, -1e-40]),
+            Message::State(r#"{"confidence":0.30000000000000004}"#.into()),
+            frame(3, &[f32::MAX, f32::MIN, f32::INFINITY, 5.0]),
+            event(),
+        ];
+        Session { about, messages }
+    }
+
+    fn header_and_planes(html: &str) -> (Value, Vec<u8>) {
+        let (_, rest) = html.split_once("id=\"session\">").unwrap();
+        let packed = BASE64_STANDARD.decode(rest.split_once('<').unwrap().0).unwrap();
+        let mut bytes = vec![];
+        GzDecoder::new(&packed[..]).read_to_end(&mut bytes).unwrap();
+        let planes =
+            bytes.split_off(4 + u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize);
+        (serde_json::from_slice(&bytes[4..]).unwrap(), planes)
+    }
+
+    /// The inverse of [`planes`], as `saved.js` has it.
+    fn values_of(planes: &[u8], width: usize) -> Vec<u32> {
+        let samples = planes.len() / (4 * width);
+        let mut values = vec![0; width * samples];
+        for signal in 0..width {
+            let mut last = 0u32;
+            for sample in 0..samples {
+                let at = |plane| planes[(4 * signal + plane) * samples + sample];
+                last = last.wrapping_add(u32::from_le_bytes([0, 1, 2, 3].map(at)));
+                values[sample * width + signal] = last;
+            }
+        }
+        values
+    }
+
+    #[test]
+    fn a_saved_page_holds_the_session_to_the_bit() {
+        let session = session();
+        let (header, planes) = header_and_planes(&saved_page(&session));
+        assert_eq!((&header["about"], &header["frames"]), (&session.about, &json!([3, 2])));
+        let texts = header["texts"].as_array().unwrap();
+        assert_eq!(texts.iter().map(|text| text[0].clone()).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(texts[1][1], r#"{"state":{"confidence":0.30000000000000004}}"#);
+        let sent = session.messages.iter().filter_map(|message| match message {
+            Message::Frame(bytes) => Some(Frame::values_in(bytes).map(f32::to_bits)),
+            _ => None,
+        });
+        assert_eq!(values_of(&planes, 2), sent.flatten().collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_saved_page_loads_nothing_and_no_text_of_the_session_is_html() {
+        let html = saved_page(&session());
+        assert!(!html.contains("alert"), "texts of the session are packed");
+        for Part { name, text, .. } in PARTS {
+            assert!(html.contains(text), "{name} is inside");
+        }
+        for loaded in ["src=\"", "href=\"", "@import", "url("] {
+            assert!(!html.contains(loaded), "{loaded}");
+        }
+        let scripts: Vec<&str> = html.split("<script>").skip(1).collect();
+        assert_eq!(scripts.len(), 3, "the stand-in, the charts and the page");
+        for script in scripts {
+            let script = script.split_once("</script>").unwrap().0;
+            let hash = BASE64_STANDARD.encode(Sha256::digest(script));
+            assert!(html.contains(&format!("'sha256-{hash}'")), "the policy allows it");
+        }
+        assert!(html.contains("default-src 'none'"));
+        assert!(scripts_before_the_page(&html), "the stand-in comes first");
+    }
+
+    fn scripts_before_the_page(html: &str) -> bool {
+        html.find(STAND_IN).zip(html.find(PARTS[3].text)).is_some_and(|(first, then)| first < then)
+    }
+
+    #[test]
+    fn a_session_without_a_sample_is_a_page_too() {
+        let session = Session { messages: vec![], ..session() };
+        let (header, planes) = header_and_planes(&saved_page(&session));
+        assert_eq!((&header["frames"], planes.len()), (&json!([]), 0));
+    }
+}
