@@ -11,6 +11,7 @@ if [ "$browser" = firefox ]; then package=firefox-esr; else package=chromium; fi
 command -v "$package" > /dev/null || apt-get install --yes --quiet "$package"
 npm install --silent --no-save --prefix "$out" puppeteer-core@25.16.0
 cargo build --release --quiet --features serve
+look() { NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$2" "$out" "$1"; }
 # Serves the page with these arguments, and visits it.
 visit() {
     visit_what=$1
@@ -19,10 +20,12 @@ visit() {
     server=$!
     trap 'kill "$server"' EXIT
     until grep -q http "$out/link"; do kill -0 "$server"; sleep 0.2; done
-    NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$(cat "$out/link")" "$out" "$visit_what"
+    look "$visit_what" "$(cat "$out/link")"
     kill "$server"
     wait "$server" || true
     trap - EXIT
 }
 visit flight --out "$out/study"
+visit embedded --out "$out/study"
+look saved ''
 visit replay --replay "$out/$browser.parquet"
