@@ -16,22 +16,13 @@
     return new Response(stream).arrayBuffer();
   }
 
-  /**
-   * The values of all signals, sample by sample, as bits of 32-bit floats. `planes` holds for each signal the first byte
-   * of all samples, then the second one, and so on; each value is the difference of its bits to those of the sample
-   * before.
-   */
-  function valuesOf(planes, width, samples) {
-    const bits = new Uint32Array(width * samples);
+  /** The bits of all values sample by sample, of bytes that hold them signal by signal. */
+  function valuesOf(bytes, width) {
+    const words = new Uint32Array(bytes);
+    const samples = words.length / width;
+    const bits = new Uint32Array(words.length);
     for (let signal = 0; signal < width; signal++) {
-      const at = 4 * signal * samples;
-      let last = 0;
-      for (let k = 0; k < samples; k++) {
-        const own = at + k;
-        last += planes[own] | planes[own + samples] << 8 | planes[own + 2 * samples] << 16 | planes[own + 3 * samples] << 24;
-        bits[k * width + signal] = last;
-        last |= 0;
-      }
+      for (let k = 0; k < samples; k++) bits[k * width + signal] = words[signal * samples + k];
     }
     return bits;
   }
@@ -43,8 +34,7 @@
       const { about, frames, texts } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
       this.about = about;
       this.width = about.signals.length;
-      const samples = frames.reduce((sum, count) => sum + count, 0);
-      this.values = valuesOf(new Uint8Array(buffer, 4 + length), this.width, samples);
+      this.values = valuesOf(buffer.slice(4 + length), this.width);
       this.messages = [];
       let first = 0, text = 0;
       frames.forEach((count, frame) => {
@@ -53,7 +43,7 @@
         first += count;
       });
       while (text < texts.length) this.messages.push({ text: texts[text++][1], count: 0 });
-      this.durationS = samples * about.period_s;
+      this.durationS = first * about.period_s;
     }
 
     /** What the server would send for a message: text, or the bytes of a frame. */

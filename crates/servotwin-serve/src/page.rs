@@ -6,9 +6,9 @@
 //!
 //! The session in the file is gzip of: the length of a header in bytes (u32), the header as JSON, and the samples. The
 //! header holds `about`, the number of samples of each frame, and events and states, each with the number of the frame
-//! that follows it. The samples are, signal by signal, the first byte of all values, then the second one, and so on; a
-//! value is the difference of its bits to those of the sample before, because smooth signals then become small numbers.
-//! All numbers are little-endian.
+//! that follows it. The samples are 32-bit floats, signal by signal, which takes a fifth less than sample by sample;
+//! differences between samples or bytes sorted by place save nothing more, because noise fills the values. All numbers
+//! are little-endian.
 
 use crate::feed::{Frame, Message};
 use crate::session::Session;
@@ -92,7 +92,7 @@ fn packed(session: &Session) -> Vec<u8> {
         let text = match message {
             Message::Frame(bytes) => {
                 frames.push(Frame::samples_in(bytes));
-                values.extend(Frame::values_in(bytes).map(f32::to_bits));
+                values.extend(Frame::values_in(bytes));
                 continue;
             }
             Message::Event(event) => format!("{{\"event\":{event}}}"),
@@ -107,24 +107,15 @@ fn packed(session: &Session) -> Vec<u8> {
     let written = gzip
         .write_all(&(header.len() as u32).to_le_bytes())
         .and_then(|()| gzip.write_all(header.as_bytes()))
-        .and_then(|()| gzip.write_all(&planes(&values, width)))
+        .and_then(|()| gzip.write_all(&by_signal(&values, width)))
         .and_then(|()| gzip.finish());
     written.expect("a vector takes all that is written")
 }
 
-/// Values that are given sample by sample, as bytes signal by signal: see the module.
-fn planes(values: &[u32], width: usize) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(4 * values.len());
-    for signal in 0..width {
-        let mut last = 0;
-        let own = values.iter().skip(signal).step_by(width);
-        let steps: Vec<u32> =
-            own.map(|&bits| bits.wrapping_sub(std::mem::replace(&mut last, bits))).collect();
-        for plane in 0..4 {
-            bytes.extend(steps.iter().map(|step| step.to_le_bytes()[plane]));
-        }
-    }
-    bytes
+/// The bytes of values that are given sample by sample, signal by signal.
+fn by_signal(values: &[f32], width: usize) -> Vec<u8> {
+    let signals = (0..width).flat_map(|signal| values.iter().skip(signal).step_by(width));
+    signals.flat_map(|value| value.to_le_bytes()).collect()
 }
 
 #[cfg(test)]
@@ -157,35 +148,27 @@ mod tests {
         Session { about, messages }
     }
 
-    fn header_and_planes(html: &str) -> (Value, Vec<u8>) {
+    fn header_and_values(html: &str) -> (Value, Vec<u8>) {
         let (_, rest) = html.split_once("id=\"session\">").unwrap();
         let packed = BASE64_STANDARD.decode(rest.split_once('<').unwrap().0).unwrap();
         let mut bytes = vec![];
         GzDecoder::new(&packed[..]).read_to_end(&mut bytes).unwrap();
         let planes =
             bytes.split_off(4 + u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize);
-        (serde_json::from_slice(&bytes[4..]).unwrap(), planes)
+        (serde_json::from_slice(&bytes[4..]).unwrap(), values)
     }
 
-    /// The inverse of [`planes`], as `saved.js` has it.
-    fn values_of(planes: &[u8], width: usize) -> Vec<u32> {
-        let samples = planes.len() / (4 * width);
-        let mut values = vec![0; width * samples];
-        for signal in 0..width {
-            let mut last = 0u32;
-            for sample in 0..samples {
-                let at = |plane| planes[(4 * signal + plane) * samples + sample];
-                last = last.wrapping_add(u32::from_le_bytes([0, 1, 2, 3].map(at)));
-                values[sample * width + signal] = last;
-            }
-        }
-        values
+    /// The inverse of [`by_signal`], as `saved.js` has it.
+    fn values_of(bytes: &[u8], width: usize) -> Vec<u32> {
+        let (words, _) = bytes.as_chunks::<4>();
+        let at = |place: usize| words[place % width * (words.len() / width) + place / width];
+        (0..words.len()).map(|place| u32::from_le_bytes(at(place))).collect()
     }
 
     #[test]
     fn a_saved_page_holds_the_session_to_the_bit() {
         let session = session();
-        let (header, planes) = header_and_planes(&saved_page(&session));
+        let (header, values) = header_and_values(&saved_page(&session));
         assert_eq!((&header["about"], &header["frames"]), (&session.about, &json!([3, 2])));
         let texts = header["texts"].as_array().unwrap();
         assert_eq!(texts.iter().map(|text| text[0].clone()).collect::<Vec<_>>(), [0, 1, 2]);
@@ -194,7 +177,7 @@ mod tests {
             Message::Frame(bytes) => Some(Frame::values_in(bytes).map(f32::to_bits)),
             _ => None,
         });
-        assert_eq!(values_of(&planes, 2), sent.flatten().collect::<Vec<_>>());
+        assert_eq!(values_of(&values, 2), sent.flatten().collect::<Vec<_>>());
     }
 
     #[test]
@@ -225,7 +208,7 @@ mod tests {
     #[test]
     fn a_session_without_a_sample_is_a_page_too() {
         let session = Session { messages: vec![], ..session() };
-        let (header, planes) = header_and_planes(&saved_page(&session));
-        assert_eq!((&header["frames"], planes.len()), (&json!([]), 0));
+        let (header, values) = header_and_values(&saved_page(&session));
+        assert_eq!((&header["frames"], values.len()), (&json!([]), 0));
     }
 }
