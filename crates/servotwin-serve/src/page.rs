@@ -153,7 +153,7 @@ mod tests {
         let packed = BASE64_STANDARD.decode(rest.split_once('<').unwrap().0).unwrap();
         let mut bytes = vec![];
         GzDecoder::new(&packed[..]).read_to_end(&mut bytes).unwrap();
-        let planes =
+        let values =
             bytes.split_off(4 + u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize);
         (serde_json::from_slice(&bytes[4..]).unwrap(), values)
     }

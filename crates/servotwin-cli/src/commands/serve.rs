@@ -45,7 +45,7 @@ pub struct Options {
 impl Options {
     /// The files of the command.
     pub fn paths(&self) -> Paths {
-        Paths::default().read("--replay", &self.replay).write("--html", Format::HTML, &self.html)
+        Paths::default().read("the session", &self.replay).write("--html", Format::HTML, &self.html)
     }
 }
 
