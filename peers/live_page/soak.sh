@@ -16,5 +16,5 @@ binary="${SERVOTWIN_BINARY:-target/release/servotwin}"
 "$binary" serve --port 0 --out "$out/study" > "$out/soak-$browser.link" 2> "$out/soak-$browser.log" &
 server=$!
 trap 'kill "$server"' EXIT
-until grep -q http "$out/soak-$browser.link"; do kill -0 "$server"; sleep 0.2; done
+until grep -qs http "$out/soak-$browser.link"; do kill -0 "$server"; sleep 0.2; done
 NODE_PATH="$out/node_modules" node peers/live_page/soak.cjs "$browser" "$(cat "$out/soak-$browser.link")" "$server" "${2:-60}"
