@@ -13,6 +13,7 @@ command -v "$package" > /dev/null || apt-get install --yes --quiet "$package" > 
 [ -d "$out/node_modules/puppeteer-core" ] || npm install --silent --no-save --prefix "$out" puppeteer-core@25.16.0
 binary="${SERVOTWIN_BINARY:-target/release/servotwin}"
 [ -n "${SERVOTWIN_BINARY:-}" ] || cargo build --release --quiet --features serve
+rm -f "$out/soak-$browser.link"
 "$binary" serve --port 0 --out "$out/study" > "$out/soak-$browser.link" 2> "$out/soak-$browser.log" &
 server=$!
 trap 'kill "$server"' EXIT

@@ -110,6 +110,14 @@ async function visit(browser) {
   console.log(`${name}: action after ${latency} s as the server says; ink: gap ${inGap}, line ${onLine}, peak ${atPeak}`);
 }
 
+/** Holds a replay and returns to its beginning: one that goes on is soon at its action again. */
+async function holdAtTheBeginning(page) {
+  await page.click("#pause");
+  await page.waitForFunction(() => document.getElementById("pause").textContent === "Go on");
+  await page.click("#restart");
+  await page.waitForSelector('body[data-action=""]');
+}
+
 /** Looks at a saved session. */
 async function replay(browser) {
   const page = await browser.newPage();
@@ -123,8 +131,7 @@ async function replay(browser) {
   const latency = await page.$eval("body", (body) => body.dataset.latency);
   assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
   await page.screenshot({ path: `${out}/${name}-replay.png` });
-  await page.click("#restart");
-  await page.waitForSelector('body[data-action=""]');
+  await holdAtTheBeginning(page);
   await page.setViewport({ width: 390, height: 844 });
   await pause(500);
   const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
@@ -159,10 +166,7 @@ async function saved(browser) {
   assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
   await page.screenshot({ path: `${out}/${name}-saved.png` });
 
-  await page.click("#restart");
-  await page.waitForSelector('body[data-action=""]');
-  await page.click("#pause");
-  await page.waitForFunction(() => document.getElementById("pause").textContent === "Go on");
+  await holdAtTheBeginning(page);
   const [held, later] = await page.evaluate(async () => {
     const held = data.next;
     await new Promise((done) => setTimeout(done, 300));
