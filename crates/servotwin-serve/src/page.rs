@@ -14,6 +14,7 @@ use crate::feed::{Frame, Message};
 use crate::session::Session;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
+use base64::write::EncoderStringWriter;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde_json::json;
@@ -66,16 +67,16 @@ pub fn saved_page(session: &Session) -> String {
         };
         html = html.replacen(&linked, &inlined, 1);
     }
-    let data = BASE64_STANDARD.encode(packed(session));
-    let data =
-        format!("<script type=\"application/octet-stream\" id=\"session\">{data}</script>\n");
     let stand_in = inlined(STAND_IN, &mut policy);
-    // Browsers run scripts in their order, and the stand-in must be there before the page asks for a server.
-    let html = html.replacen("<script>", &format!("{data}{stand_in}\n<script>"), 1);
     let charset = "<meta charset=\"utf-8\">\n";
     let policy =
         format!("{charset}<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n");
-    html.replacen(charset, &policy, 1)
+    let html = html.replacen(charset, &policy, 1);
+    // Browsers run scripts in their order, and the stand-in must be there before the page asks for a server.
+    let (head, scripts) = html.split_once("<script>").expect("the page has a script");
+    let data = packed(session);
+    let opened = "<script type=\"application/octet-stream\" id=\"session\">";
+    [head, opened, &data, "</script>\n", &stand_in, "\n<script>", scripts].concat()
 }
 
 /// A script as an element, which the policy allows by its hash.
@@ -85,8 +86,8 @@ fn inlined(script: &str, policy: &mut String) -> String {
     format!("<script>{script}</script>")
 }
 
-/// The session as the file holds it, before base64.
-fn packed(session: &Session) -> Vec<u8> {
+/// The session as the file holds it: base64 of gzip. An hour has 60 MB of values, which are not copied as a whole.
+fn packed(session: &Session) -> String {
     let (mut frames, mut texts, mut values) = (vec![], vec![], vec![]);
     for message in &session.messages {
         let text = match message {
@@ -103,19 +104,21 @@ fn packed(session: &Session) -> Vec<u8> {
     }
     let header = json!({ "about": session.about, "frames": frames, "texts": texts }).to_string();
     let width = session.about["signals"].as_array().map_or(0, Vec::len);
-    let mut gzip = GzEncoder::new(vec![], Compression::default());
-    let written = gzip
-        .write_all(&(header.len() as u32).to_le_bytes())
-        .and_then(|()| gzip.write_all(header.as_bytes()))
-        .and_then(|()| gzip.write_all(&by_signal(&values, width)))
-        .and_then(|()| gzip.finish());
-    written.expect("a vector takes all that is written")
+    let base64 = EncoderStringWriter::new(&BASE64_STANDARD);
+    let mut gzip = GzEncoder::new(base64, Compression::default());
+    let mut write = || {
+        gzip.write_all(&(header.len() as u32).to_le_bytes())?;
+        gzip.write_all(header.as_bytes())?;
+        (0..width).try_for_each(|signal| gzip.write_all(&values_of(signal, &values, width)))
+    };
+    let written = write().and_then(|()| gzip.finish());
+    written.expect("a string takes all that is written").into_inner()
 }
 
-/// The bytes of values that are given sample by sample, signal by signal.
-fn by_signal(values: &[f32], width: usize) -> Vec<u8> {
-    let signals = (0..width).flat_map(|signal| values.iter().skip(signal).step_by(width));
-    signals.flat_map(|value| value.to_le_bytes()).collect()
+/// The bytes of one signal, of values that are given sample by sample.
+fn values_of(signal: usize, values: &[f32], width: usize) -> Vec<u8> {
+    let own = values.iter().skip(signal).step_by(width);
+    own.flat_map(|value| value.to_le_bytes()).collect()
 }
 
 #[cfg(test)]
@@ -158,8 +161,8 @@ mod tests {
         (serde_json::from_slice(&bytes[4..]).unwrap(), values)
     }
 
-    /// The inverse of [`by_signal`], as `saved.js` has it.
-    fn values_of(bytes: &[u8], width: usize) -> Vec<u32> {
+    /// The values sample by sample, as `saved.js` sorts them.
+    fn by_sample(bytes: &[u8], width: usize) -> Vec<u32> {
         let (words, _) = bytes.as_chunks::<4>();
         let at = |place: usize| words[place % width * (words.len() / width) + place / width];
         (0..words.len()).map(|place| u32::from_le_bytes(at(place))).collect()
@@ -177,7 +180,7 @@ mod tests {
             Message::Frame(bytes) => Some(Frame::values_in(bytes).map(f32::to_bits)),
             _ => None,
         });
-        assert_eq!(values_of(&values, 2), sent.flatten().collect::<Vec<_>>());
+        assert_eq!(by_sample(&values, 2), sent.flatten().collect::<Vec<_>>());
     }
 
     #[test]
