@@ -62,9 +62,10 @@
   const savedSession = unpacked().then((buffer) => new SavedSession(buffer));
 
   globalThis.fetch = async (path) => {
-    if (path !== "about") throw new Error("a saved page has no server");
+    if (!path.startsWith("about")) throw new Error("a saved page has no server");
     const { about } = await savedSession;
-    return { ok: true, json: async () => about };
+    // Whatever it was when it was saved, it is now a session that is replayed.
+    return { ok: true, json: async () => ({ ...about, kind: "session" }) };
   };
 
   /** The WebSocket of the page: plays the session with speed, pause and jump. */
