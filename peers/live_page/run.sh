@@ -2,6 +2,7 @@
 # Drives the live page in real browsers as a user would. Needs node, npm and Debian's chromium or firefox-esr; what is
 # missing is installed with apt-get. Writes screenshots into target/live_page.
 #   peers/live_page/run.sh [chromium|firefox]
+# SERVOTWIN_BINARY names a command line that is built already.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 browser="${1:-chromium}"
@@ -10,19 +11,24 @@ mkdir -p "$out"
 if [ "$browser" = firefox ]; then package=firefox-esr; else package=chromium; fi
 command -v "$package" > /dev/null || apt-get install --yes --quiet "$package"
 npm install --silent --no-save --prefix "$out" puppeteer-core@25.16.0
-cargo build --release --quiet --features serve
+binary="${SERVOTWIN_BINARY:-target/release/servotwin}"
+[ -n "${SERVOTWIN_BINARY:-}" ] || cargo build --release --quiet --features serve
+look() { NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$2" "$out" "$1"; }
 # Serves the page with these arguments, and visits it.
 visit() {
     visit_what=$1
     shift
-    target/release/servotwin serve --port 0 "$@" > "$out/link" 2> "$out/server.log" &
+    rm -f "$out/link" # the one of an earlier visit leads nowhere
+    "$binary" serve --port 0 "$@" > "$out/link" 2> "$out/server.log" &
     server=$!
     trap 'kill "$server"' EXIT
-    until grep -q http "$out/link"; do kill -0 "$server"; sleep 0.2; done
-    NODE_PATH="$out/node_modules" node peers/live_page/test.cjs "$browser" "$(cat "$out/link")" "$out" "$visit_what"
+    until grep -qs http "$out/link"; do kill -0 "$server"; sleep 0.2; done
+    look "$visit_what" "$(cat "$out/link")"
     kill "$server"
     wait "$server" || true
     trap - EXIT
 }
 visit flight --out "$out/study"
+visit embedded --out "$out/study"
+look saved ''
 visit replay --replay "$out/$browser.parquet"

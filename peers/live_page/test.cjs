@@ -1,10 +1,14 @@
 "use strict";
 // A first visit to the live page: inject a leak, wait for the action by an attribute, compare page and server, and look
 // at gaps, peaks, keyboard, dark mode and narrow screens. The flight is saved; with "replay" a second visit looks at that
-// session, which has to end with the same action after the same time.
+// session, which has to end with the same action after the same time. With "saved" the page that holds the session is
+// opened from its file, and with "embedded" the page is shown inside of others, as Jupyter does.
 const { launch } = require("puppeteer-core");
 const assert = require("node:assert");
 const fs = require("node:fs");
+const http = require("node:http");
+const { pathToFileURL } = require("node:url");
+const zlib = require("node:zlib");
 
 const [, , name, link, out, what] = process.argv;
 const path = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" }[name];
@@ -59,6 +63,11 @@ async function visit(browser) {
   });
   fs.writeFileSync(`${out}/${name}.parquet`, Buffer.from(bytes));
   fs.writeFileSync(`${out}/${name}.latency`, latency);
+  await page.waitForFunction(() => data.next > 500);
+  const shown = await page.evaluate(() => data.columns.map((column) => column.slice(-500)));
+  fs.writeFileSync(`${out}/${name}.shown.json`, JSON.stringify(shown));
+  const html = await page.evaluate(async () => (await fetch(document.getElementById("save-page").href)).text());
+  fs.writeFileSync(`${out}/${name}.html`, html);
 
   // A gap is a gap, and a peak of one sample is seen at any zoom.
   await page.evaluate(() => {
@@ -101,6 +110,14 @@ async function visit(browser) {
   console.log(`${name}: action after ${latency} s as the server says; ink: gap ${inGap}, line ${onLine}, peak ${atPeak}`);
 }
 
+/** Holds a replay and returns to its beginning: one that goes on is soon at its action again. */
+async function holdAtTheBeginning(page) {
+  await page.click("#pause");
+  await page.waitForFunction(() => document.getElementById("pause").textContent === "Go on");
+  await page.click("#restart");
+  await page.waitForSelector('body[data-action=""]');
+}
+
 /** Looks at a saved session. */
 async function replay(browser) {
   const page = await browser.newPage();
@@ -114,8 +131,7 @@ async function replay(browser) {
   const latency = await page.$eval("body", (body) => body.dataset.latency);
   assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
   await page.screenshot({ path: `${out}/${name}-replay.png` });
-  await page.click("#restart");
-  await page.waitForSelector('body[data-action=""]');
+  await holdAtTheBeginning(page);
   await page.setViewport({ width: 390, height: 844 });
   await pause(500);
   const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
@@ -124,8 +140,127 @@ async function replay(browser) {
   console.log(`${name}: the replayed session has its action after ${latency} s too`);
 }
 
+/** Opens a page from a file and waits for its replay; what it asked for and what went wrong is collected. */
+async function openSaved(browser, file) {
+  const page = await browser.newPage();
+  await page.setViewport({ width: 1280, height: 720 });
+  page.setDefaultTimeout(PATIENCE_MS);
+  const asked = [];
+  const problems = [];
+  page.on("request", (request) => asked.push(request.url()));
+  page.on("console", (message) => { if (message.type() === "error") problems.push(message.text()); });
+  page.on("pageerror", (error) => problems.push(error.message));
+  await page.goto(pathToFileURL(file).href);
+  await page.waitForSelector('body[data-connected="yes"][data-mode="replay"]');
+  return { page, asked, problems };
+}
+
+/** Looks at a session in a page of its own, without a server. */
+async function saved(browser) {
+  const file = `${out}/${name}.html`;
+  const { page, asked, problems } = await openSaved(browser, file);
+  for (const id of ["inject", "save", "save-page"]) assert.ok(await page.$eval(`#${id}`, (one) => one.hidden), id);
+  await page.select("#speed", "16");
+  await page.waitForSelector('body[data-action="actuator_1 shut_down"]');
+  const latency = await page.$eval("body", (body) => body.dataset.latency);
+  assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
+  await page.screenshot({ path: `${out}/${name}-saved.png` });
+
+  await holdAtTheBeginning(page);
+  const [held, later] = await page.evaluate(async () => {
+    const held = data.next;
+    await new Promise((done) => setTimeout(done, 300));
+    return [held, data.next];
+  });
+  assert.equal(held, later, "a held replay stays");
+  const jump = async (seconds) => page.$eval("#position", (slider, time) => {
+    slider.value = time;
+    slider.dispatchEvent(new Event("change"));
+  }, seconds);
+  await jump(1.5);
+  assert.equal(await page.evaluate(() => data.next), 150, "a jump goes to its time");
+  await jump(1e6);
+  const shown = JSON.parse(fs.readFileSync(`${out}/${name}.shown.json`, "utf8"));
+  const replayed = await page.evaluate((from, length) => {
+    const at = data.columns[0].indexOf(from);
+    return data.columns.map((column) => column.slice(at, at + length));
+  }, shown[0][0], shown[0].length);
+  assert.deepEqual(replayed, shown, "the values that the live page had");
+
+  const blocked = await page.evaluate(() => {
+    const seen = new Set();
+    document.addEventListener("securitypolicyviolation", (event) => seen.add(event.effectiveDirective));
+    const script = document.createElement("script");
+    script.textContent = "globalThis.isBreached = true";
+    const image = document.createElement("img");
+    image.src = "http://127.0.0.1:9/image";
+    document.body.append(script, image);
+    return new Promise((done) => setTimeout(() => done([...seen].sort()), 300));
+  });
+  assert.deepEqual(blocked, ["img-src", "script-src-elem"]);
+  assert.equal(await page.evaluate(() => globalThis.isBreached), undefined);
+  const elsewhere = asked.filter((url) => /^(http|ws)/.test(url) && !url.endsWith(":9/image"));
+  assert.deepEqual(elsewhere, [], `asked is ${elsewhere}`);
+  assert.deepEqual(problems.filter((problem) => !/Content.Security.Policy/i.test(problem)), []);
+  await hostile(browser, file);
+  console.log(`${name}: the page from a file has its action after ${latency} s and ${shown.length * shown[0].length} equal values`);
+}
+
+/** Opens the same page with texts that try to be HTML. */
+async function hostile(browser, file) {
+  const text = "</script><script>globalThis.isBreached = true</script><img src=x onerror='globalThis.isBreached = true'>";
+  const html = fs.readFileSync(file, "utf8");
+  const [, packed] = html.match(/id="session">([^<]*)</);
+  const bytes = zlib.gunzipSync(Buffer.from(packed, "base64"));
+  const end = 4 + bytes.readUInt32LE(0);
+  const header = JSON.parse(bytes.subarray(4, end).toString());
+  header.about.title = text;
+  for (const signal of header.about.signals) { signal.label = text; signal.unit = text; }
+  for (const one of header.about.components) one.faults.forEach((fault) => { fault.summary = text; });
+  header.texts.unshift([0, JSON.stringify({ event: { time_s: 0, kind: text, why: text } })]);
+  header.texts.unshift([0, JSON.stringify({ state: { alarm: text, finding: text, path: [] } })]);
+  const again = Buffer.from(JSON.stringify(header));
+  const length = Buffer.alloc(4);
+  length.writeUInt32LE(again.length);
+  const repacked = zlib.gzipSync(Buffer.concat([length, again, bytes.subarray(end)])).toString("base64");
+  const spoiled = `${out}/${name}-hostile.html`;
+  fs.writeFileSync(spoiled, html.replace(packed, () => repacked));
+  const { page, problems } = await openSaved(browser, spoiled);
+  await page.waitForFunction((words) => document.getElementById("title").textContent === words, {}, text);
+  await page.waitForFunction(() => data.next > 20 && document.getElementById("events").childElementCount > 0);
+  assert.equal(await page.$$eval("img, #events script, #plots script", (list) => list.length), 0);
+  assert.equal(await page.evaluate(() => globalThis.isBreached), undefined);
+  assert.deepEqual(problems, []);
+}
+
+/** Shows the page inside of a page of another port, as Jupyter does, and inside of one that is not of this machine. */
+async function embedded(browser) {
+  const outer = http.createServer((request, answer) => {
+    answer.setHeader("content-type", "text/html");
+    answer.end(`<!doctype html><iframe src="${link}" width="1200" height="700"></iframe>`);
+  });
+  await new Promise((done) => outer.listen(0, "127.0.0.1", done));
+  const { port } = outer.address();
+  const inner = async (host) => {
+    const page = await browser.newPage();
+    page.setDefaultTimeout(PATIENCE_MS);
+    await page.goto(`http://${host}:${port}/`);
+    await page.waitForFunction(() => document.readyState === "complete");
+    return page.frames().find((frame) => frame !== page.mainFrame());
+  };
+  const shown = await inner("127.0.0.1");
+  await shown.waitForSelector('body[data-connected="yes"][data-finding="healthy"]');
+  const refused = await inner("elsewhere.localhost");
+  await pause(2000);
+  assert.equal(await refused.evaluate(() => document.getElementById("title")).catch(() => null), null);
+  outer.close();
+  console.log(`${name}: shown inside of a page of this machine, refused inside of another one`);
+}
+
+const VISITS = { flight: visit, replay, saved, embedded };
+
 (async () => {
   const args = name === "chromium" ? ["--no-sandbox"] : [];
   const browser = await launch({ browser: name === "chromium" ? "chrome" : name, executablePath: path, headless: true, args });
-  try { await (what === "replay" ? replay : visit)(browser); } finally { await browser.close(); }
+  try { await VISITS[what](browser); } finally { await browser.close(); }
 })().catch((error) => { console.error(error); process.exit(1); });

@@ -44,6 +44,7 @@ from .errors import (
     StageError,
     UnknownNameError,
 )
+from .live_page import Live, live
 from .study import (
     Ran,
     Report,
@@ -65,6 +66,7 @@ __all__ = [
     "FileError",
     "Fitted",
     "InputError",
+    "Live",
     "MissingFileError",
     "Mistake",
     "MistakesError",
@@ -88,6 +90,7 @@ __all__ = [
     "features",
     "fit_record",
     "flights",
+    "live",
     "merge",
     "report",
     "simulate",

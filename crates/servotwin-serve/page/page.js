@@ -372,8 +372,8 @@ function showPlayback(next) {
   const isMeasured = about.kind === "stream";
   $("inject").hidden = $("hint").hidden = Boolean(playback) || isMeasured;
   $("pause").hidden = $("restart").hidden = isMeasured;
-  $("save").hidden = Boolean(playback) && about.kind !== "log";
-  $("save-mcap").hidden = $("save").hidden || !about.formats.includes("session.mcap");
+  $("save").hidden = $("save-page").hidden = Boolean(playback) && about.kind !== "log";
+  $("save-mcap").hidden = $("save").hidden || !about.formats?.includes("session.mcap");
   $("restart").textContent = playback ? "From the beginning" : "New flight";
   if (!playback) return;
   $("speed").value = String(playback.speed);
@@ -503,6 +503,7 @@ $("pause").addEventListener("click", () => ask({ pause: !(playback || state).is_
 $("speed").addEventListener("change", () => ask({ speed: Number($("speed").value) }));
 $("position").addEventListener("change", () => { ask({ jump: Number($("position").value) }); $("position").blur(); });
 $("save").href = `session${query}`;
+$("save-page").href = `page.html${query}`;
 $("restart").addEventListener("click", () => ask({ restart: true }));
 $("hold").addEventListener("click", () => {
   isHeld = !isHeld;

@@ -2,6 +2,7 @@
 //! whole flight as a session.
 
 use crate::request::Request;
+use serde::Serialize;
 use serde_json::Value;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin_watch::WatchError;
@@ -9,7 +10,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::SystemTime;
 use tokio::sync::broadcast::{self, Receiver, Sender};
 
 /// The number of messages that a viewer may be behind before it loses some: about three seconds.
@@ -157,17 +158,44 @@ impl Frames {
     }
 }
 
+/// The newest sample that viewers were sent, for measuring how late they show it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Newest {
+    /// The number of the sample in its flight.
+    pub sample: u64,
+    /// When it was published, ms since 1970. It is no part of a session.
+    pub unix_ms: f64,
+}
+
+impl Newest {
+    fn of(frame: &[u8]) -> Self {
+        let first = frame[..8].iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte));
+        let sample = (first + u64::from(Frame::samples_in(frame))).saturating_sub(1);
+        Newest { sample, unix_ms: unix_ms() }
+    }
+
+    /// The time since it was published, s; never negative, though the clock may be set.
+    pub fn age_s(self) -> f64 {
+        (1e-3 * (unix_ms() - self.unix_ms)).max(0.0)
+    }
+}
+
+/// The time of the clock, ms since 1970.
+fn unix_ms() -> f64 {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since_1970.map_or(f64::NAN, |time| 1e3 * time.as_secs_f64())
+}
+
 struct Kept {
     /// The number of jumps so far.
     jumps: u64,
-    /// When the last frame was published.
-    frame_at: Option<Instant>,
     /// The frames, events and states of the present flight.
     session: Vec<Message>,
     session_texts: usize,
     events: VecDeque<Arc<str>>,
     state: Arc<str>,
     playback: Arc<str>,
+    newest: Option<Newest>,
 }
 
 impl Default for Kept {
@@ -175,12 +203,12 @@ impl Default for Kept {
         let [state, playback] = [(); 2].map(|()| Arc::from("null"));
         Kept {
             jumps: 0,
-            frame_at: None,
             session: vec![],
             session_texts: 0,
             events: VecDeque::new(),
             state,
             playback,
+            newest: None,
         }
     }
 }
@@ -188,14 +216,13 @@ impl Default for Kept {
 impl Kept {
     /// What stays when a flight begins or a replay jumps.
     fn begin_again(&self) -> Self {
-        let (jumps, frame_at, playback) = (self.jumps, self.frame_at, self.playback.clone());
-        Kept { jumps, frame_at, playback, ..Kept::default() }
+        Kept { jumps: self.jumps, playback: self.playback.clone(), ..Kept::default() }
     }
 
     fn take(&mut self, message: Message) {
         match &message {
-            Message::Frame(_) => {
-                self.frame_at = Some(Instant::now());
+            Message::Frame(bytes) => {
+                self.newest = Some(Newest::of(bytes));
                 return self.session.push(message);
             }
             Message::Event(event) => {
@@ -241,14 +268,6 @@ pub struct Begin {
     pub jumps: u64,
     /// Everything that comes later.
     pub later: Receiver<Message>,
-}
-
-/// A feed at a glance.
-pub struct Glance {
-    /// The present state of the diagnosis, as JSON.
-    pub state: Arc<str>,
-    /// The time since the last frame; `None` before the first.
-    pub since_frame: Option<Duration>,
 }
 
 impl Feed {
@@ -318,13 +337,6 @@ impl Feed {
         }
     }
 
-    /// State and age.
-    pub fn glance(&self) -> Glance {
-        let kept = self.kept();
-        let since_frame = kept.frame_at.map(|at| at.elapsed());
-        Glance { state: kept.state.clone(), since_frame }
-    }
-
     /// The events that are kept, as a list in JSON.
     pub fn events(&self) -> String {
         json_list(&self.kept().events)
@@ -333,6 +345,11 @@ impl Feed {
     /// The present state of the diagnosis, as JSON.
     pub fn state_now(&self) -> Arc<str> {
         self.kept().state.clone()
+    }
+
+    /// The newest sample; `None` before the first frame of a flight.
+    pub fn newest(&self) -> Option<Newest> {
+        self.kept().newest
     }
 
     /// Frames, events and states of the present flight; `None` if there were more events and states than a session
@@ -387,6 +404,16 @@ mod tests {
         (0..BEHIND as u64 + 10).for_each(|k| feed.frame(&frame(k)));
         assert!(matches!(begin.later.try_recv(), Err(TryRecvError::Lagged(10))));
         assert_eq!(feed.begin().frames.len(), BEHIND + 10, "the flight lost none");
+    }
+
+    #[test]
+    fn the_newest_sample_is_the_last_one_of_the_last_frame() {
+        let feed = Feed::default();
+        assert_eq!(feed.newest(), None);
+        [0, 2].into_iter().for_each(|first| feed.frame(&frame(first)));
+        assert!(feed.newest().is_some_and(|newest| newest.sample == 3 && newest.unix_ms > 1.7e12));
+        feed.begin_flight();
+        assert_eq!(feed.newest(), None);
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //! - [`state`]: what viewers are told besides samples
 //! - [`session`]: a flight as viewers saw it, as one file, and its replay
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
+//! - [`page`]: the page, and one file that holds it with a session
 //! - [`request`]: what a viewer may ask for
 //! - [`server`]: HTTP and WebSocket, and who may come in
 //!
@@ -22,6 +23,7 @@ pub mod feed;
 pub mod flight;
 pub mod injection;
 pub mod measured;
+pub mod page;
 pub mod request;
 pub mod server;
 pub mod session;
@@ -32,5 +34,6 @@ pub mod state;
 pub use feed::{RunError, Source};
 pub use flight::Live;
 pub use measured::{Measured, Stream};
+pub use page::saved_page;
 pub use server::{Access, ServeError, Server};
 pub use session::{Session, SessionError};

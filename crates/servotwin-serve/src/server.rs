@@ -8,7 +8,8 @@
 //! | `/events` | all events so far |
 //! | `/session` | the present flight as a Parquet file, to be saved |
 //! | `/session.mcap` | the same as MCAP, if the program was built with it |
-//! | `/counts` | viewers, lost frames and refusals |
+//! | `/page.html` | the present flight as a page that needs no server, to be saved |
+//! | `/counts` | viewers, lost frames and refusals, and when the newest sample was made |
 //!
 //! With several sources these paths stand below the number of each (`/1/`, `/2/`, …), and two more lead there:
 //!
@@ -20,7 +21,8 @@
 //! A browser tells where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
 
-use crate::feed::{Begin, Feed, Glance, Message, RunError, Source};
+use crate::feed::{Begin, Feed, Message, Newest, RunError, Source};
+use crate::page::{FLEET, HTML, PARTS, saved_page};
 use crate::request::{LONGEST, Refused, Request, Requests, requests};
 use crate::session::{Session, SessionError};
 use crate::state::event;
@@ -28,16 +30,17 @@ use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
-use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE, HOST, ORIGIN};
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::header::{
+    CONTENT_DISPOSITION, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN,
+};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::response::{AppendHeaders, IntoResponse, Response};
 use axum::routing::get;
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
@@ -53,14 +56,6 @@ const MOST_REFUSED: u64 = 100;
 const STOP_CHECK: Duration = Duration::from_millis(100);
 /// Viewers at the same time.
 const MOST_VIEWERS: u64 = 256;
-
-const HTML: &str = include_str!("../page/index.html");
-const FLEET: &str = include_str!("../page/fleet.html");
-const FLEET_SCRIPT: &str = include_str!("../page/fleet.js");
-const SCRIPT: &str = include_str!("../page/page.js");
-const STYLE: &str = include_str!("../page/page.css");
-const CHARTS: &str = include_str!("../page/uplot.js");
-const CHART_STYLE: &str = include_str!("../page/uplot.css");
 
 /// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -157,10 +152,11 @@ struct Counted {
     frames_lost: u64,
     refused_requests: u64,
     refused_visits: u64,
+    newest: Option<Newest>,
 }
 
 impl Counts {
-    fn now(&self) -> Counted {
+    fn now(&self, feed: &Feed) -> Counted {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
         Counted {
             viewers: of(&self.viewers),
@@ -168,6 +164,7 @@ impl Counts {
             frames_lost: of(&self.frames_lost),
             refused_requests: of(&self.refused_requests),
             refused_visits: of(&self.refused_visits),
+            newest: feed.newest(),
         }
     }
 }
@@ -193,7 +190,7 @@ impl Shared {
     ) -> (Arc<Self>, Receiver<Request>) {
         let (requests, waiting) = requests();
         let mut about = source.about();
-        about["formats"] = json!(Saved::BUILT);
+        about["formats"] = json!(SavedAs::BUILT);
         let shared = Shared {
             access: access.clone(),
             number,
@@ -208,9 +205,8 @@ impl Shared {
 
     /// The row of a fleet: title, state and the time since the last frame, s.
     fn row(&self) -> String {
-        let Glance { state, since_frame } = self.feed.glance();
-        let title = &self.about["title"];
-        let age_s = json!(since_frame.map(|age| age.as_secs_f64()));
+        let (title, state) = (&self.about["title"], self.feed.state_now());
+        let age_s = json!(self.feed.newest().map(Newest::age_s));
         format!("{{\"title\":{title},\"age_s\":{age_s},\"state\":{state}}}")
     }
 }
@@ -364,7 +360,7 @@ async fn page(
     headers: HeaderMap,
 ) -> Response {
     match let_in(&shared, &pass, &headers) {
-        Ok(()) => typed("text/html; charset=utf-8", HTML),
+        Ok(()) => framed(&shared.access, typed("text/html; charset=utf-8", HTML)),
         Err(refused) => *refused,
     }
 }
@@ -409,16 +405,23 @@ fn nothing_there() -> Response {
 
 /// Scripts and styles are no secret, and a page that has none shows nothing.
 fn public(name: &str) -> Option<Response> {
-    Some(match name {
-        "page.js" => typed("text/javascript", SCRIPT),
-        "fleet.js" => typed("text/javascript", FLEET_SCRIPT),
-        "page.css" => typed("text/css", STYLE),
-        "uplot.js" => typed("text/javascript", CHARTS),
-        "uplot.css" => typed("text/css", CHART_STYLE),
-        // Every browser asks for one.
-        "favicon.ico" => StatusCode::NO_CONTENT.into_response(),
-        _ => return None,
-    })
+    // Every browser asks for one.
+    if name == "favicon.ico" {
+        return Some(StatusCode::NO_CONTENT.into_response());
+    }
+    let part = PARTS.iter().find(|part| part.name == name)?;
+    Some(typed(part.media_type, part.text))
+}
+
+/// Says which pages may show this one inside of them, as Jupyter does. Only pages of this machine may, so that no page
+/// from elsewhere can lead a click to *Inject*. Where a token is needed, a page that knows none shows nothing.
+fn framed(access: &Access, page: Response) -> Response {
+    if access.token.is_some() {
+        return page;
+    }
+    let ancestors = "frame-ancestors 'self' http://localhost:* https://localhost:* \
+                     http://127.0.0.1:* https://127.0.0.1:*";
+    (AppendHeaders([(CONTENT_SECURITY_POLICY, ancestors)]), page).into_response()
 }
 
 fn typed(kind: &'static str, text: impl Into<axum::body::Body>) -> Response {
@@ -443,63 +446,68 @@ async fn file(
     match name.as_str() {
         "about" => typed("application/json", shared.about.to_string()),
         "events" => typed("application/json", shared.feed.events()),
-        "session" => session(shared, Saved::Parquet).await,
-        "session.mcap" if Saved::BUILT.contains(&"session.mcap") => {
-            session(shared, Saved::Mcap).await
+        "session" => session(shared, SavedAs::Table).await,
+        "session.mcap" if SavedAs::BUILT.contains(&"session.mcap") => {
+            session(shared, SavedAs::Mcap).await
         }
-        "counts" => typed("application/json", json!(shared.counts.now()).to_string()),
+        "page.html" => session(shared, SavedAs::Page).await,
+        "counts" => typed("application/json", json!(shared.counts.now(&shared.feed)).to_string()),
         _ => nothing_there(),
     }
 }
 
-/// A format in which a session is saved.
+/// The file that a session is saved as.
 #[derive(Clone, Copy)]
-enum Saved {
-    Parquet,
+enum SavedAs {
+    Table,
     Mcap,
+    Page,
 }
 
-impl Saved {
+impl SavedAs {
     /// The formats that this program was built with, by the path that gives them.
-    const BUILT: &'static [&'static str] =
-        if cfg!(feature = "mcap") { &["session", "session.mcap"] } else { &["session"] };
+    const BUILT: &'static [&'static str] = if cfg!(feature = "mcap") {
+        &["session", "session.mcap", "page.html"]
+    } else {
+        &["session", "page.html"]
+    };
 
-    fn bytes(self, session: &Session, path: &Path) -> Result<Vec<u8>, SessionError> {
-        match self {
-            Saved::Parquet => session.bytes(path),
-            #[cfg(feature = "mcap")]
-            Saved::Mcap => session.mcap(path),
-            #[cfg(not(feature = "mcap"))]
-            Saved::Mcap => unreachable!("it is no page of this program"),
-        }
+    fn headers(self) -> [(HeaderName, &'static str); 2] {
+        let (kind, name) = match self {
+            SavedAs::Table => {
+                ("application/vnd.apache.parquet", "attachment; filename=\"session.parquet\"")
+            }
+            SavedAs::Mcap => ("application/octet-stream", "attachment; filename=\"session.mcap\""),
+            SavedAs::Page => ("text/html; charset=utf-8", "attachment; filename=\"session.html\""),
+        };
+        [(CONTENT_TYPE, kind), (CONTENT_DISPOSITION, name)]
     }
 
-    /// The type and the end of the name of its file.
-    fn kind(self) -> (&'static str, &'static str) {
+    /// The bytes of the file; `name` is that of a temporary file.
+    fn bytes(self, session: &Session, name: &str) -> Result<Vec<u8>, SessionError> {
+        let path = std::env::temp_dir().join(name);
         match self {
-            Saved::Parquet => ("application/vnd.apache.parquet", "parquet"),
-            Saved::Mcap => ("application/octet-stream", "mcap"),
+            SavedAs::Table => session.bytes(&path),
+            #[cfg(feature = "mcap")]
+            SavedAs::Mcap => session.mcap(&path),
+            #[cfg(not(feature = "mcap"))]
+            SavedAs::Mcap => unreachable!("it is no page of this program"),
+            SavedAs::Page => Ok(saved_page(session).into_bytes()),
         }
     }
 }
 
 /// The present flight as a file. It is made on a thread of its own, so that viewers need not wait.
-async fn session(shared: Arc<Shared>, saved: Saved) -> Response {
+async fn session(shared: Arc<Shared>, saved_as: SavedAs) -> Response {
     let _saving = shared.saving.lock().await;
     let Some(messages) = shared.feed.session() else {
         let why = "the flight has too many events to be saved; begin a new one";
         return (StatusCode::INSUFFICIENT_STORAGE, why).into_response();
     };
     let session = Session { about: shared.about.clone(), messages };
-    let (kind, end) = saved.kind();
-    let name =
-        format!("servotwin-session-{}-{}.{end}", shared.access.address.port(), shared.number);
-    let path = std::env::temp_dir().join(name);
-    let made = tokio::task::spawn_blocking(move || saved.bytes(&session, &path));
-    let disposition = format!("attachment; filename=\"session.{end}\"");
-    let headers = [(CONTENT_TYPE, kind.to_owned()), (CONTENT_DISPOSITION, disposition)];
-    match made.await {
-        Ok(Ok(bytes)) => (headers, bytes).into_response(),
+    let name = format!("servotwin-session-{}-{}", shared.access.address.port(), shared.number);
+    match tokio::task::spawn_blocking(move || saved_as.bytes(&session, &name)).await {
+        Ok(Ok(bytes)) => (saved_as.headers(), bytes).into_response(),
         Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
         Err(panic) => std::panic::resume_unwind(panic.into_panic()),
     }

@@ -7,7 +7,7 @@ use super::StudyOptions;
 use super::watch::input::InputOptions;
 use crate::Global;
 use crate::failure::Failure;
-use crate::paths::Paths;
+use crate::paths::{Format, Paths};
 use servotwin::signal::Signal;
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -41,10 +41,23 @@ pub struct Options {
     /// Replay a session that was saved on the page, instead of a flight.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen", "model", "band", "map"])]
     replay: Option<PathBuf>,
+    /// Write the replayed session as one page that any browser plays without a server, instead of serving it.
+    #[arg(long, value_name = "FILE", requires = "replay")]
+    html: Option<PathBuf>,
+    /// End when standard input closes, as a program does that started this command and ends.
+    #[arg(long)]
+    end_with_stdin: bool,
     /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
     /// twin].
     #[arg(long, value_name = "NUMBER")]
     specimen: Option<usize>,
+}
+
+impl Options {
+    /// The files of the command.
+    pub fn paths(&self) -> Paths {
+        Paths::default().read("the session", &self.replay).write("--html", Format::HTML, &self.html)
+    }
 }
 
 #[cfg(not(feature = "serve"))]
@@ -56,7 +69,7 @@ pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
 }
 
 impl Options {
-    /// The files that the command reads.
+    /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let InputOptions { model, band, map, .. } = &self.input;
         Paths::default()
@@ -64,6 +77,7 @@ impl Options {
             .read("--model", model)
             .read("--band", band)
             .read("--map", map)
+            .write("--html", Format::HTML, &self.html)
     }
 }
 
@@ -72,10 +86,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     use servotwin_serve::{Access, Server, Session, Source};
 
     crate::stop::heed();
+    if options.end_with_stdin {
+        end_with_stdin();
+    }
     let listen = || Server::listen(Access::to((options.address, options.port).into())?);
     if let Some(path) = &options.replay {
         let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
-        return show(listen()?, &[&session]);
+        return match &options.html {
+            Some(html) => save_page(&session, html, global),
+            None => show(listen()?, &[&session]),
+        };
     }
     let study = options.study.read(global)?;
     let server = listen()?;
@@ -85,6 +105,33 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let measured = sources::open(options, &study, global)?;
     let sources: Vec<&dyn Source> = measured.iter().map(|source| &**source).collect();
     show(server, &sources)
+}
+
+/// Writes the page that plays a session without a server.
+#[cfg(feature = "serve")]
+fn save_page(
+    session: &servotwin_serve::Session,
+    path: &std::path::Path,
+    global: Global,
+) -> Result<String, Failure> {
+    let html = servotwin_serve::saved_page(session);
+    servotwin::files::write_atomically(path, |out| out.write_all(html.as_bytes()))?;
+    let path = path.display().to_string();
+    Ok(match global {
+        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": path })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{path}\n"),
+    })
+}
+
+/// Stops the command when standard input closes. The thread ends with the process.
+#[cfg(feature = "serve")]
+fn end_with_stdin() {
+    std::thread::spawn(|| {
+        // An input that cannot be read is as good as closed.
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        crate::stop::flag().store(true, std::sync::atomic::Ordering::Relaxed);
+    });
 }
 
 /// Prints the link and serves sources until Ctrl-C.

@@ -15,6 +15,8 @@ mod public_tables;
 mod reading;
 mod readme;
 mod safety;
+#[cfg(feature = "serve")]
+mod serve;
 mod study;
 mod tables;
 mod units;

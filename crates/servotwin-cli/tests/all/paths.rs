@@ -48,6 +48,8 @@ fn no_output_overwrites_an_input_or_another_output() {
         ("report A/a.csv --label K --out A/a.csv", "--out A/a.csv would overwrite INPUT A/a.csv"),
         ("features A/a.csv --study A/study.toml --out A/a.csv", "overwrite INPUT A/a.csv"),
         ("describe A/own.toml --schematic A/own.toml", "would overwrite SYSTEM A/own.toml"),
+        ("serve --replay A/b.html --html A/b.html", "--html A/b.html would overwrite the session"),
+        ("serve --replay A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
         ("train A/a.csv --label K --out A/x.csv", "--out must end in .json, not as A/x.csv does"),

@@ -2,4 +2,5 @@
 
 mod live;
 mod measured;
+mod page;
 mod viewer;
