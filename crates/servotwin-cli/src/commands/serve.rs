@@ -4,7 +4,7 @@
 mod sources;
 
 use super::StudyOptions;
-use super::watch::input::InputOptions;
+use super::watch::input::{InputOptions, log_of};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -53,13 +53,6 @@ pub struct Options {
     specimen: Option<usize>,
 }
 
-impl Options {
-    /// The files of the command.
-    pub fn paths(&self) -> Paths {
-        Paths::default().read("the session", &self.replay).write("--html", Format::HTML, &self.html)
-    }
-}
-
 #[cfg(not(feature = "serve"))]
 pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
     Err(Failure::Options(
@@ -72,9 +65,11 @@ impl Options {
     /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
         let InputOptions { model, band, map, .. } = &self.input;
+        let logs = self.source.iter().filter_map(|source| log_of(source));
         Paths::default()
-            .read("--replay", &self.replay)
-            .read("--model", model)
+            .read("the session", &self.replay)
+            .read("the log", logs)
+            .read("the diagnoser", model)
             .read("--band", band)
             .read("--map", map)
             .write("--html", Format::HTML, &self.html)

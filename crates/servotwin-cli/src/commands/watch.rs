@@ -8,8 +8,8 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, stop};
 use input::{
-    InputOptions, accepted_ranges, foreign, needed, nothing, observer, read_diagnoser, told,
-    usual_diagnoser, warn_of_lacking,
+    InputOptions, accepted_ranges, foreign, log_of, needed, nothing, observer, read_diagnoser,
+    told, usual_diagnoser, warn_of_lacking,
 };
 use outputs::{Outputs, Totals};
 use serde_json::json;
@@ -80,14 +80,10 @@ const CHECKPOINT_S: f64 = 60.0;
 impl Options {
     /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
-        let log = match Address::parse(&self.source) {
-            Ok(Address::File(path)) => Some(path),
-            _ => None,
-        };
         let is_file = |target: &&PathBuf| !target.to_string_lossy().contains("://");
         let files = self.mcap.iter().filter(is_file);
         Paths::default()
-            .read("the log", log)
+            .read("the log", log_of(&self.source))
             .read_study(self.study.as_ref())
             .read("the diagnoser", [self.input.model.clone().unwrap_or_else(usual_diagnoser)])
             .read("--band", &self.input.band)

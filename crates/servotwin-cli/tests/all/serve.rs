@@ -53,3 +53,19 @@ fn a_server_ends_with_its_standard_input_if_it_is_to() {
     drop(server.stdin.take());
     assert!(server.wait().unwrap().success());
 }
+
+#[test]
+fn a_source_that_cannot_be_shown_says_why_before_anything_is_trained() {
+    let folder = Folder::new("serve-source");
+    let log = folder.file("other.csv");
+    std::fs::write(&log, "a,b\n1,2\n").unwrap();
+    for (arguments, code, reason) in [
+        (vec!["--source", "nothing.csv"], 3, "nothing.csv: no such file"),
+        (vec!["--source", &log], 3, "no column is a sensor"),
+        (vec!["--source", "udp://127.0.0.1:0"], 2, "a live stream needs --map"),
+        (vec!["--source", "-", "--specimen", "1"], 2, "cannot be used with"),
+    ] {
+        let message = fails(&[&["serve", "--port", "0"], &arguments[..]].concat(), code);
+        assert!(message.contains(reason), "{message}");
+    }
+}

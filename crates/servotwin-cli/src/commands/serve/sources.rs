@@ -9,11 +9,19 @@ use crate::{Global, stop};
 use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_serve::measured::Log;
-use servotwin_serve::{Measured, ServeError, Source, Stream};
+use servotwin_serve::{Measured, ServeError, Session, Source, Stream};
 use servotwin_watch::End;
-use servotwin_watch::source::Address;
+use servotwin_watch::map::Map;
+use servotwin_watch::source::{Address, Source as Rows};
 use servotwin_watch::watchdog::WatchdogRules;
 use std::sync::Arc;
+
+/// A source that can be read.
+struct Opened {
+    address: Address,
+    map: Map,
+    rows: Box<dyn Rows>,
+}
 
 /// Opens all sources. A log is read to its end first, so that its replay can jump.
 pub fn open<'s>(
@@ -21,22 +29,23 @@ pub fn open<'s>(
     study: &'s Study,
     global: Global,
 ) -> Result<Vec<Box<dyn Source + 's>>, Failure> {
-    let addresses = options.source.iter().map(|source| options.input.address(source));
-    let addresses = addresses.collect::<Result<Vec<_>, _>>()?;
-    // All sources are found before training takes its time.
+    let opened = |source: &String| -> Result<Opened, Failure> {
+        let address = options.input.address(source)?;
+        let (map, rows) = options.input.open(&address, study, options.study.is_named(), global)?;
+        Ok(Opened { address, map, rows })
+    };
+    // A source that cannot be opened says so before training takes its time.
+    let opened = options.source.iter().map(opened).collect::<Result<Vec<_>, _>>()?;
     let diagnoser = diagnoser(options, study, Setting::Realistic, global)?;
-    let one = |address: &Address| source(options, study, (address, &diagnoser), global);
-    addresses.iter().map(one).collect()
+    opened.into_iter().map(|opened| source(study, opened, &diagnoser, global)).collect()
 }
 
 fn source<'s>(
-    options: &Options,
     study: &'s Study,
-    (address, diagnoser): (&Address, &Arc<Diagnoser>),
+    Opened { address, map, mut rows }: Opened,
+    diagnoser: &Arc<Diagnoser>,
     global: Global,
 ) -> Result<Box<dyn Source + 's>, Failure> {
-    let is_study_named = options.study.is_named();
-    let (map, mut rows) = options.input.open(address, study, is_study_named, global)?;
     warn_of_lacking(&map, &needed(diagnoser, &study.system), global);
     let measured = Measured {
         title: format!("{}: {address}", study.system.title),
@@ -49,11 +58,21 @@ fn source<'s>(
         let silence = WatchdogRules::of_period(diagnoser.period_s);
         return Ok(Box::new(Stream::new(measured, rows, silence)));
     }
+    Ok(Box::new(log(&address, &measured, &mut *rows, global)?))
+}
+
+/// Reads a log.
+fn log(
+    address: &Address,
+    measured: &Measured,
+    rows: &mut dyn Rows,
+    global: Global,
+) -> Result<Session, Failure> {
     let stages = Stages::new(global);
     let mut show = |_: f64, share: Option<f64>| {
         stages.show(&format!("reading {address}"), share.unwrap_or(0.0));
     };
-    let log = measured.read(&mut *rows, stop::flag(), &mut show);
+    let log = measured.read(rows, stop::flag(), &mut show);
     stages.end();
     let Log { session, end, counts } = log.map_err(ServeError::from)?;
     if end == End::Stopped {
@@ -67,5 +86,5 @@ fn source<'s>(
     }
     let too_long =
         "the log has too many events for one page: show a part of it with --from and --to";
-    Ok(Box::new(session.ok_or(Failure::Options(too_long))?))
+    session.ok_or(Failure::Options(too_long))
 }

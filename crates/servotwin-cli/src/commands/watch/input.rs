@@ -45,6 +45,14 @@ pub struct InputOptions {
     pub to: Option<String>,
 }
 
+/// The path of a source that is a file.
+pub fn log_of(source: &str) -> Option<PathBuf> {
+    match Address::parse(source) {
+        Ok(Address::File(path)) => Some(path),
+        _ => None,
+    }
+}
+
 impl InputOptions {
     /// The source, restricted to the allowed senders.
     pub fn address(&self, source: &str) -> Result<Address, Failure> {
