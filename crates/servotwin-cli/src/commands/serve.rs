@@ -6,6 +6,8 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use servotwin::signal::Signal;
 use std::net::IpAddr;
+#[cfg(feature = "serve")]
+use std::path::Path;
 use std::path::PathBuf;
 
 /// Open a web page on which you inject faults into a flying actuator and watch residuals, diagnosis and reaction live.
@@ -33,7 +35,8 @@ pub struct Options {
     /// Write the replayed session as one page that any browser plays without a server, instead of serving it.
     #[arg(long, value_name = "FILE", requires = "replay")]
     html: Option<PathBuf>,
-    /// End when standard input closes, as a program does that started this command and ends.
+    /// End when standard input closes. A program that starts this command ends it that way, also when the program is
+    /// killed.
     #[arg(long)]
     end_with_stdin: bool,
     /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
@@ -61,6 +64,9 @@ pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     use servotwin_serve::{Access, Server, Session};
 
+    if let (Some(session), Some(html)) = (&options.replay, &options.html) {
+        return save_page(session, html, global);
+    }
     crate::stop::heed();
     if options.end_with_stdin {
         end_with_stdin();
@@ -68,9 +74,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let access = || Access::to((options.address, options.port).into());
     if let Some(path) = &options.replay {
         let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
-        if let Some(html) = &options.html {
-            return save_page(&session, html, global);
-        }
         return show(Server::listen(access()?)?, &session);
     }
     let study = options.study.read(global)?;
@@ -78,20 +81,19 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     show(server, &live(options, study, global)?)
 }
 
-/// Writes the page that plays a session without a server.
+/// Writes a saved session as a page that plays it without a server.
 #[cfg(feature = "serve")]
-fn save_page(
-    session: &servotwin_serve::Session,
-    path: &std::path::Path,
-    global: Global,
-) -> Result<String, Failure> {
-    let html = servotwin_serve::saved_page(session);
-    servotwin::files::write_atomically(path, |out| out.write_all(html.as_bytes()))?;
-    let path = path.display().to_string();
+fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Failure> {
+    use servotwin::files::write_atomically;
+    use servotwin_serve::{ServeError, Session, saved_page};
+
+    let html = saved_page(&Session::read(session).map_err(ServeError::from)?);
+    write_atomically(page, |out| out.write_all(html.as_bytes()))?;
+    let page = page.display().to_string();
     Ok(match global {
-        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": path })),
+        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": page })),
         Global { quiet: true, .. } => String::new(),
-        _ => format!("{path}\n"),
+        _ => format!("{page}\n"),
     })
 }
 
