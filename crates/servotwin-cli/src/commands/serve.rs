@@ -100,10 +100,16 @@ fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Fail
 /// Stops the command when standard input closes. The thread ends with the process.
 #[cfg(feature = "serve")]
 fn end_with_stdin() {
+    /// The time that the command has to end by itself. Training would take longer.
+    const GRACE: std::time::Duration = std::time::Duration::from_secs(5);
+
     std::thread::spawn(|| {
         // An input that cannot be read is as good as closed.
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
         crate::stop::flag().store(true, std::sync::atomic::Ordering::Relaxed);
+        std::thread::sleep(GRACE);
+        // As at a second Ctrl-C: files are replaced only when they are complete.
+        std::process::exit(i32::from(Failure::Stopped.exit_code()));
     });
 }
 
