@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import urllib.error
 import urllib.request
 from collections import deque
 from pathlib import Path as _Path
@@ -114,6 +115,10 @@ class Live:
             with opener.open(self.url + what) as answer, open(part, "wb") as file:
                 shutil.copyfileobj(answer, file)
             os.replace(part, target)
+        except urllib.error.HTTPError as error:
+            raise StageError(error.read().decode("utf-8", "replace")) from None
+        except OSError as error:
+            raise FileError(f"{target}: {error}", file=str(target)) from error
         finally:
             part.unlink(missing_ok=True)
         return target
@@ -177,10 +182,12 @@ def live(
     MissingFileError
         There is no command `servotwin`.
     InputError
-        The system has no study.
+        The system has no study, or a system and a session are both given.
     StageError
         The page did not start; the message is that of the command.
     """
+    if system is not None and replay is not None:
+        raise InputError("a session that is replayed has its system: give one of the two")
     with tempfile.TemporaryDirectory(prefix="servotwin-live-") as folder:
         arguments = [_binary(), "serve", "--port", "0", "--end-with-stdin"]
         if replay is not None:

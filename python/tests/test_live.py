@@ -91,6 +91,8 @@ def test_a_session_is_saved_replayed_and_made_a_page(page, tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["session.html", "session.parquet"]
     with pytest.raises(servotwin.FileError, match="folder"):
         page.to_html(tmp_path)
+    with pytest.raises(servotwin.FileError, match="nowhere"):
+        page.save(tmp_path / "nowhere" / "session.parquet")
 
 
 def test_a_study_in_memory_flies(study):
@@ -126,6 +128,8 @@ def test_what_cannot_fly_is_refused_with_the_reason(tmp_path, monkeypatch):
     own = servotwin.System.parse(text.replace("title = ", 'title = "My own" #', 1))
     with pytest.raises(servotwin.InputError, match="give a Study"):
         servotwin.live(own)
+    with pytest.raises(servotwin.InputError, match="one of the two"):
+        servotwin.live(servotwin.System(), replay="session.parquet")
     with pytest.raises(servotwin.StageError, match="did not start"):
         servotwin.live(tmp_path / "nothing.toml")
 

@@ -633,3 +633,23 @@ fn text(words: &str) -> ws::Message {
 fn binary(bytes: &Arc<[u8]>) -> ws::Message {
     ws::Message::Binary(Bytes::copy_from_slice(bytes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_pages_of_this_machine_may_show_the_page_inside() {
+        let policies = |ip: [u8; 4]| {
+            let page = typed("text/html", HTML);
+            let page = framed(&Access::to((ip, 80).into()).unwrap(), page);
+            let policies = page.headers().get_all(CONTENT_SECURITY_POLICY).iter();
+            policies.map(|policy| policy.to_str().unwrap().to_owned()).collect::<Vec<_>>()
+        };
+        let local = policies([127, 0, 0, 1]);
+        assert!(local[0].starts_with("default-src 'self'"), "{local:?}");
+        assert!(local[1].starts_with("frame-ancestors 'self' http://localhost:*"), "{local:?}");
+        assert!(!local[1].contains("http://*"), "{local:?}");
+        assert_eq!(policies([0, 0, 0, 0]).len(), 1, "the token protects");
+    }
+}

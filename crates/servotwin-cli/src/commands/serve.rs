@@ -10,6 +10,8 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use servotwin::signal::Signal;
 use std::net::IpAddr;
+#[cfg(feature = "serve")]
+use std::path::Path;
 use std::path::PathBuf;
 
 /// Open a web page on which you inject faults into a flying actuator and watch residuals, diagnosis and reaction live.
@@ -44,7 +46,8 @@ pub struct Options {
     /// Write the replayed session as one page that any browser plays without a server, instead of serving it.
     #[arg(long, value_name = "FILE", requires = "replay")]
     html: Option<PathBuf>,
-    /// End when standard input closes, as a program does that started this command and ends.
+    /// End when standard input closes. A program that starts this command ends it that way, also when the program is
+    /// killed.
     #[arg(long)]
     end_with_stdin: bool,
     /// The number of the specimen that flies. Each number has its own tolerances [default: a specimen that equals the
@@ -80,6 +83,9 @@ impl Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     use servotwin_serve::{Access, Server, Session, Source};
 
+    if let (Some(session), Some(html)) = (&options.replay, &options.html) {
+        return save_page(session, html, global);
+    }
     crate::stop::heed();
     if options.end_with_stdin {
         end_with_stdin();
@@ -87,10 +93,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let listen = || Server::listen(Access::to((options.address, options.port).into())?);
     if let Some(path) = &options.replay {
         let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
-        return match &options.html {
-            Some(html) => save_page(&session, html, global),
-            None => show(listen()?, &[&session]),
-        };
+        return show(listen()?, &[&session]);
     }
     let study = options.study.read(global)?;
     let server = listen()?;
@@ -102,30 +105,35 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     show(server, &sources)
 }
 
-/// Writes the page that plays a session without a server.
+/// Writes a saved session as a page that plays it without a server.
 #[cfg(feature = "serve")]
-fn save_page(
-    session: &servotwin_serve::Session,
-    path: &std::path::Path,
-    global: Global,
-) -> Result<String, Failure> {
-    let html = servotwin_serve::saved_page(session);
-    servotwin::files::write_atomically(path, |out| out.write_all(html.as_bytes()))?;
-    let path = path.display().to_string();
+fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Failure> {
+    use servotwin::files::write_atomically;
+    use servotwin_serve::{ServeError, Session, saved_page};
+
+    let html = saved_page(&Session::read(session).map_err(ServeError::from)?);
+    write_atomically(page, |out| out.write_all(html.as_bytes()))?;
+    let page = page.display().to_string();
     Ok(match global {
-        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": path })),
+        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": page })),
         Global { quiet: true, .. } => String::new(),
-        _ => format!("{path}\n"),
+        _ => format!("{page}\n"),
     })
 }
 
 /// Stops the command when standard input closes. The thread ends with the process.
 #[cfg(feature = "serve")]
 fn end_with_stdin() {
+    /// The time that the command has to end by itself. Training would take longer.
+    const GRACE: std::time::Duration = std::time::Duration::from_secs(5);
+
     std::thread::spawn(|| {
         // An input that cannot be read is as good as closed.
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
         crate::stop::flag().store(true, std::sync::atomic::Ordering::Relaxed);
+        std::thread::sleep(GRACE);
+        // As at a second Ctrl-C: files are replaced only when they are complete.
+        std::process::exit(i32::from(Failure::Stopped.exit_code()));
     });
 }
 

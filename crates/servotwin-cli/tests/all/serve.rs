@@ -29,7 +29,7 @@ fn a_session_becomes_one_page_and_never_a_folder() {
     let html = std::fs::read_to_string(&page).unwrap();
     assert!(html.starts_with("<!doctype html>") && html.contains("id=\"session\">"));
     std::fs::create_dir(folder.file("folder.html")).unwrap();
-    let message = fails(&["serve", "--replay", &session, "--html", &folder.file("folder.html")], 3);
+    let message = fails(&["serve", "--replay", &session, "--html", &folder.file("folder.html")], 1);
     assert!(message.contains("this is a folder"), "{message}");
     let message = fails(&["serve", "--html", &page], 2);
     assert!(message.contains("--replay"), "{message}");

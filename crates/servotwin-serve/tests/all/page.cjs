@@ -1,7 +1,8 @@
 "use strict";
 // Runs scripts of the page without a browser: everything that belongs to a document is a stand-in that accepts
 // anything. `node page.cjs hour SCRIPT` sends an hour of frames, and reports how many samples the page keeps and draws.
-// `node page.cjs saved HTML` plays the session of a page, and reports what it shows, as JSON.
+// `node page.cjs saved HTML` plays the session of a page, and reports what it shows, as JSON: values, and texts with
+// the number of samples before them.
 const fs = require("node:fs");
 const vm = require("node:vm");
 
@@ -70,7 +71,7 @@ async function saved(file) {
       const first = Number(new DataView(data).getBigUint64(0, true));
       if (first === 0) { values.length = 0; restarted++; }
       values.push(...new Uint32Array(data, 16));
-    } else texts.push(JSON.parse(data));
+    } else texts.push([JSON.parse(data), values.length / about.signals.length]);
   };
   await new Promise((done) => setTimeout(done, 100));
   socket.send(JSON.stringify({ jump: 1e9 }));
@@ -81,7 +82,7 @@ async function saved(file) {
   const width = about.signals.length;
   const end = Date.now() + 20_000;
   while (values.length < jumped && Date.now() < end) await new Promise((done) => setTimeout(done, 20));
-  const isRefused = texts.some((one) => one.playback?.refused);
+  const isRefused = texts.some(([one]) => one.playback?.refused);
   return { title: about.title, width, jumped, values, texts, isRefused, restarted };
 }
 
