@@ -102,12 +102,14 @@ function color(name) {
 }
 
 let plots = [];
+/** What the charts show: they are drawn anew when this changes. */
+let drawn = "";
 
 function indices(group) {
   return about.signals.map((signal, k) => [signal, k]).filter(([signal]) => signal.group === group).map(([, k]) => k);
 }
 
-function chart(title, signals, { band = null, limit = null, colors = ["--command", "--own", "--ghost"] } = {}) {
+function chart(title, signals, { band = null, limit = null, isCentered = true, colors = ["--command", "--own", "--ghost"] } = {}) {
   const unit = about.signals[signals[0]].unit;
   const axis = { stroke: color("--faint"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line") } };
   const lines = signals.map((signal, k) => ({
@@ -137,6 +139,10 @@ function chart(title, signals, { band = null, limit = null, colors = ["--command
   };
   const widest = (u, low, high) => {
     if (limit !== null) return [0, Math.max(1.6 * limit, 1.1 * (high ?? 0))];
+    if (!isCentered) {
+      const pad = Math.max(0.1 * ((high ?? 0) - (low ?? 0)), 1e-3);
+      return [(low ?? 0) - pad, (high ?? 0) + pad];
+    }
     const least = band === null ? 1e-3 : 1.3 * band;
     const top = Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0), least);
     return [-1.1 * top, 1.1 * top];
@@ -161,23 +167,35 @@ function makeCharts() {
   plots.forEach(({ plot }) => plot.destroy());
   $("plots").replaceChildren();
   plots = [];
+  drawn = "";
   if (!about) return;
   const motion = indices("motion");
   if (motion.length) plots.push(chart("Command and answer", motion));
   const fight = indices("fight");
   if (fight.length) plots.push(chart("Force fight", fight, { colors: ["--own", "--ghost"] }));
-  const chosen = Number($("residual").value);
-  if (about.signals[chosen]) {
-    const signal = about.signals[chosen];
-    plots.push(chart(`Residual of ${signal.label}`, [chosen], { band: signal.band, colors: ["--own"] }));
+  for (const k of chosen()) {
+    const { group, label, band } = about.signals[k];
+    const isCentered = group === "residual";
+    const title = isCentered ? `Residual of ${label}` : label;
+    plots.push(chart(title, [k], { band, isCentered, colors: ["--own"] }));
   }
   const evidence = indices("evidence");
   const hues = ["--own", "--ghost", "--bad", "--band", "--second", "--third"];
   if (evidence.length) plots.push(chart("Evidence", evidence, { limit: 1, colors: hues }));
 }
 
+/** Whether there is something else to draw than last time. */
+function isNew() {
+  if (isHeld || !data || !data.columns[0].length) return false;
+  const times = data.columns[0];
+  const now = `${times.length} ${times[times.length - 1]} ${$("span").value}`;
+  const before = drawn;
+  drawn = now;
+  return now !== before;
+}
+
 function draw() {
-  if (!isHeld && data && data.columns[0].length) {
+  if (isNew()) {
     const times = data.columns[0];
     const from = times.findIndex((time) => time >= times[times.length - 1] - Number($("span").value));
     for (const { plot, signals } of plots) {
@@ -314,9 +332,33 @@ function fillForm() {
   $("component").replaceChildren(...faulty.map((component) => option(component.id, words(component.id))));
   const first = faulty.find((component) => component.id.endsWith("leakage_a")) || faulty[0];
   if (first) chooseComponent(first.id, false);
-  const residuals = indices("residual");
-  $("residual").replaceChildren(...residuals.map((k) => option(k, about.signals[k].label)));
+  fillChooser();
 }
+
+/** A box for each residual and each reading; the first residual is chosen. */
+function fillChooser() {
+  const fields = [["residual", "Residuals"], ["reading", "Readings"]].map(([group, title]) => {
+    const field = document.createElement("fieldset");
+    const legend = document.createElement("legend");
+    legend.textContent = title;
+    const boxes = indices(group).map((k, place) => {
+      const label = document.createElement("label");
+      const box = document.createElement("input");
+      box.type = "checkbox";
+      box.value = k;
+      box.checked = group === "residual" && place === 0;
+      box.addEventListener("change", makeCharts);
+      label.append(box, ` ${about.signals[k].label}`);
+      return label;
+    });
+    field.append(legend, ...boxes);
+    return field;
+  });
+  $("choices").replaceChildren(...fields);
+}
+
+/** The signals whose boxes are checked. */
+const chosen = () => [...$("choices").querySelectorAll("input:checked")].map((box) => Number(box.value));
 
 function chooseComponent(id, isFocused = true) {
   const component = about.components.find((one) => one.id === id);
@@ -361,6 +403,7 @@ function showState(next) {
     return item;
   }));
   if (!playback) $("pause").textContent = state.is_paused ? "Go on" : "Pause";
+  if (data) schematic.update();
   showPath(state.path);
 }
 
@@ -510,7 +553,6 @@ $("hold").addEventListener("click", () => {
   $("hold").setAttribute("aria-pressed", String(isHeld));
   $("hold").textContent = isHeld ? "Let the charts go on" : "Hold the charts";
 });
-$("residual").addEventListener("change", makeCharts);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", makeCharts);
 new ResizeObserver(() => plots.forEach(({ plot }) => plot.setSize({ width: $("plots").clientWidth, height: HEIGHT })))
   .observe($("plots"));

@@ -10,6 +10,8 @@ use servotwin_model::program::FaultAt;
 use servotwin_serve::feed::{Frame, Message as Said};
 use servotwin_serve::signals::{Sample, Signals};
 use servotwin_serve::{Access, Live, Session};
+use std::io::{Read, Write};
+use std::net::TcpStream;
 use std::sync::OnceLock;
 use tungstenite::Message;
 
@@ -144,6 +146,20 @@ fn garbage_is_refused_counted_and_without_effect() {
         });
         later.sort_unstable();
         assert!(later[0].0 < later[1].0, "the flight goes on");
+    });
+}
+
+#[test]
+fn a_huge_header_gets_no_answer_but_a_refusal() {
+    served(|address| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let head = format!("GET /about HTTP/1.1\r\nHost: {address}\r\nX: ");
+        // The server may hang up before all of it is sent.
+        let _ = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(&[b'a'; 1 << 20]));
+        let mut answer = vec![];
+        let _ = stream.read_to_end(&mut answer);
+        assert!(answer.is_empty() || answer.starts_with(b"HTTP/1.1 4"), "{answer:?}");
+        assert_eq!(own(address, "/about")["kind"], "flight");
     });
 }
 
