@@ -18,6 +18,7 @@ import threading
 import urllib.error
 import urllib.request
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path as _Path
 from typing import IO, Optional, Union
 
@@ -144,6 +145,9 @@ def live(
     system: Union[_native.System, _native.Study, Path, None] = None,
     *,
     replay: Optional[Path] = None,
+    source: Union[Path, Sequence[Path], None] = None,
+    map: Optional[Path] = None,
+    model: Optional[Path] = None,
     out: Path = "out",
     command: Optional[str] = None,
     specimen: Optional[int] = None,
@@ -152,8 +156,9 @@ def live(
 ) -> Live:
     """Fly an actuator and its twin in real time, and show both on a page in the notebook.
 
-    The page lets you inject faults and watch residuals, diagnosis and reaction. Without a trained diagnosis in
-    `out`, the first call trains one, which takes about two minutes. The page ends with `stop`, with the
+    The page lets you inject faults and watch residuals, diagnosis and reaction. With `source` it shows a log or a
+    live stream instead. The built-in aileron flies with a diagnosis that comes with the program; for anything else,
+    the first call trains one if `out` has none, which takes about two minutes. The page ends with `stop`, with the
     interpreter, and with a kernel that is killed.
 
     Parameters
@@ -162,6 +167,12 @@ def live(
         A study, its file or name, or a built-in system; the aileron with two actuators by default.
     replay : path, optional
         A saved session to be shown instead of a flight.
+    source : path or sequence of path, optional
+        A log, or a stream as `servotwin serve --source` takes it; several are a fleet.
+    map : path, optional
+        The map file that assigns the columns of the source to signals; a stream needs one.
+    model : path, optional
+        A diagnoser of your own.
     out : path
         The folder of the trained diagnosis.
     command : str, optional
@@ -194,6 +205,11 @@ def live(
             arguments += ["--replay", os.fspath(replay)]
         else:
             arguments += [*_study(system, _Path(folder)), "--out", os.fspath(out)]
+        for one in [source] if isinstance(source, (str, os.PathLike)) else source or []:
+            arguments += ["--source", os.fspath(one)]
+        for option, file in (("--map", map), ("--model", model)):
+            if file is not None:
+                arguments += [option, os.fspath(file)]
         if command is not None:
             arguments += ["--command", command]
         if specimen is not None:

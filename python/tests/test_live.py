@@ -9,9 +9,11 @@ import time
 import urllib.error
 import urllib.request
 
+import numpy as np
 import pytest
 
 import servotwin
+from flown import flight
 
 PATIENCE_S = 60
 
@@ -99,6 +101,29 @@ def test_a_study_in_memory_flies(study):
     given = servotwin.Study(study["system"])
     with servotwin.live(given, out=study["out"]) as page:
         assert json.loads(asked(page.url + "about")[0])["title"] == given.system.title
+
+
+def test_logs_are_shown_one_alone_or_several_as_a_fleet(study, learned, tmp_path):
+    diagnoser = servotwin.Diagnoser(learned)
+    inputs, measured, _ = flight(diagnoser)
+    system = servotwin.System()
+    labels = dict(zip(system.sensors["label"], system.sensors["id"]))
+    names = [*system.inputs["id"], *(labels[name] for name in diagnoser.sensors)]
+    units = dict(zip([*system.inputs["id"], *system.sensors["id"]],
+                     [*system.inputs["unit"], *system.sensors["unit"]]))
+    log = tmp_path / "log.csv"
+    rows = np.column_stack([diagnoser.sample_period_s * np.arange(len(inputs)), inputs, measured])
+    titles = [f"{name} [{units[name]}]" if units[name] else name for name in names]
+    header = ",".join(["time_s", *titles])
+    np.savetxt(log, rows, delimiter=",", header=header, comments="")
+    with servotwin.live(study["system"], source=log, model=learned) as page:
+        about = json.loads(asked(page.url + "about")[0])
+    assert about["kind"] == "log" and about["title"].endswith("log.csv")
+    with servotwin.live(study["system"], source=[log, log], model=learned) as page:
+        rows = json.loads(asked(page.url + "fleet")[0])
+        second = json.loads(asked(page.url + "2/about")[0])
+    assert [row["title"] for row in rows] == 2 * [about["title"]]
+    assert second == about
 
 
 @pytest.mark.parametrize("how", ["ends", "wait"])
