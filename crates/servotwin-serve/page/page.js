@@ -104,6 +104,8 @@ function color(name) {
 let plots = [];
 /** What the charts show: they are drawn anew when this changes. */
 let drawn = "";
+/** What happened in this flight, to be marked in the charts: time in s, and kind. */
+let marks = [];
 
 function indices(group) {
   return about.signals.map((signal, k) => [signal, k]).filter(([signal]) => signal.group === group).map(([, k]) => k);
@@ -111,6 +113,8 @@ function indices(group) {
 
 function chart(title, signals, { band = null, limit = null, isCentered = true, colors = ["--command", "--own", "--ghost"] } = {}) {
   const unit = about.signals[signals[0]].unit;
+  const bandColor = color("--band");
+  const markColors = { inject: color("--ghost"), remove: color("--faint"), action: color("--bad") };
   const axis = { stroke: color("--faint"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line") } };
   const lines = signals.map((signal, k) => ({
     label: about.signals[signal].label,
@@ -124,18 +128,30 @@ function chart(title, signals, { band = null, limit = null, isCentered = true, c
     draw: [(u) => {
       const edges = band !== null ? [-band, band] : limit !== null ? [limit] : [];
       const context = u.ctx;
+      const { left, top, width, height } = u.bbox;
+      const line = (fromX, fromY, toX, toY) => {
+        context.beginPath();
+        context.moveTo(fromX, fromY);
+        context.lineTo(toX, toY);
+        context.stroke();
+      };
       context.save();
-      context.strokeStyle = color("--band");
+      context.strokeStyle = bandColor;
       context.setLineDash([4, 4]);
       for (const edge of edges) {
         const y = u.valToPos(edge, "y", true);
-        context.beginPath();
-        context.moveTo(u.bbox.left, y);
-        context.lineTo(u.bbox.left + u.bbox.width, y);
-        context.stroke();
+        line(left, y, left + width, y);
+      }
+      for (const { time, kind } of marks) {
+        const x = u.valToPos(time, "x", true);
+        if (x < left || x > left + width) continue;
+        context.strokeStyle = markColors[kind];
+        line(x, top, x, top + height);
       }
       context.restore();
     }],
+    // A zoom would be lost with the next frame.
+    setSelect: [(u) => { if (u.select.width > 0 && !isHeld) hold(true); }],
   };
   const widest = (u, low, high) => {
     if (limit !== null) return [0, Math.max(1.6 * limit, 1.1 * (high ?? 0))];
@@ -151,11 +167,11 @@ function chart(title, signals, { band = null, limit = null, isCentered = true, c
     title: `${title} / ${unit}`,
     width: $("plots").clientWidth || 600,
     height: HEIGHT,
-    legend: { show: true, live: false },
+    legend: { show: true, live: true },
     cursor: { sync: { key: "flight" }, drag: { x: true, y: false } },
     scales: { x: { time: false }, y: { range: widest } },
-    axes: [{ ...axis, values: (u, splits) => splits.map((s) => `${s} s`) }, { ...axis, space: 18 }],
-    series: [{ label: "time / s" }, ...lines],
+    axes: [{ ...axis, size: 26, values: (u, splits) => splits.map((s) => `${s} s`) }, { ...axis, size: 62, space: 16 }],
+    series: [{ label: "at", value: (u, time) => (time === null ? "—" : `${time.toFixed(2)} s`) }, ...lines],
     hooks,
   };
   const holder = document.createElement("div");
@@ -171,6 +187,9 @@ function makeCharts() {
   if (!about) return;
   const motion = indices("motion");
   if (motion.length) plots.push(chart("Command and answer", motion));
+  const evidence = indices("evidence");
+  const hues = ["--own", "--ghost", "--bad", "--band", "--second", "--third"];
+  if (evidence.length) plots.push(chart("Evidence", evidence, { limit: 1, colors: hues }));
   const fight = indices("fight");
   if (fight.length) plots.push(chart("Force fight", fight, { colors: ["--own", "--ghost"] }));
   for (const k of chosen()) {
@@ -179,9 +198,13 @@ function makeCharts() {
     const title = isCentered ? `Residual of ${label}` : label;
     plots.push(chart(title, [k], { band, isCentered, colors: ["--own"] }));
   }
-  const evidence = indices("evidence");
-  const hues = ["--own", "--ghost", "--bad", "--band", "--second", "--third"];
-  if (evidence.length) plots.push(chart("Evidence", evidence, { limit: 1, colors: hues }));
+}
+
+/** Holds the charts of this viewer, or lets them go on. */
+function hold(isToHold) {
+  isHeld = isToHold;
+  $("hold").setAttribute("aria-pressed", String(isHeld));
+  $("hold").textContent = isHeld ? "Let the charts go on" : "Hold the charts";
 }
 
 /** Whether there is something else to draw than last time. */
@@ -221,20 +244,20 @@ function element(name, attributes, ...children) {
 /** The parts of a hydraulic actuator, each at its place: x, y, width, height and words. */
 const PARTS = [
   ["supply_valve", 10, 22, 100, 34, "supply valve"],
-  ["tank_valve", 190, 22, 100, 34, "return valve"],
-  ["leakage_supply", 10, 60, 100, 20, "supply leak"],
-  ["leakage_tank", 190, 60, 100, 20, "return leak"],
+  ["tank_valve", 190, 22, 100, 34, "tank valve"],
+  ["leakage_supply", 10, 60, 100, 20, "leakage supply"],
+  ["leakage_tank", 190, 60, 100, 20, "leakage tank"],
   ["servo_valve", 60, 92, 180, 34, "servo valve"],
   ["mode_valve", 60, 134, 180, 22, "mode valve"],
-  ["leakage_a", 10, 166, 60, 20, "leak A"],
-  ["leakage_b", 230, 166, 60, 20, "leak B"],
+  ["leakage_a", 10, 166, 70, 20, "leakage a"],
+  ["leakage_b", 220, 166, 70, 20, "leakage b"],
   ["cylinder", 40, 194, 220, 46, ""],
-  ["sensor_pressure_a", 10, 248, 66, 20, "p_A s."],
-  ["sensor_pressure_b", 82, 248, 66, 20, "p_B s."],
-  ["sensor_ram", 154, 248, 66, 20, "ram s."],
-  ["sensor_spool", 226, 248, 66, 20, "spool s."],
-  ["sensor_supply", 10, 272, 138, 20, "p_S sensor"],
-  ["sensor_tank", 154, 272, 138, 20, "p_T sensor"],
+  ["sensor_pressure_a", 10, 248, 90, 20, "pressure a sensor"],
+  ["sensor_pressure_b", 105, 248, 90, 20, "pressure b sensor"],
+  ["sensor_ram", 200, 248, 90, 20, "ram sensor"],
+  ["sensor_spool", 10, 272, 90, 20, "spool sensor"],
+  ["sensor_supply", 105, 272, 90, 20, "supply sensor"],
+  ["sensor_tank", 200, 272, 90, 20, "tank sensor"],
 ];
 
 const schematic = {
@@ -380,31 +403,77 @@ function showState(next) {
   document.body.dataset.alarm = alarm || "unknown";
   document.body.dataset.finding = state.finding || "";
   $("alarm").textContent = (alarm || "…").replaceAll("_", " ");
-  $("finding").textContent = words(state.finding || "");
+  const isQuiet = alarm === "normal" && state.finding === "healthy" && (state.actions || []).length > 0;
+  $("finding").textContent = isQuiet ? "nothing new; an action stands" : words(state.finding || "");
   const actions = state.actions || [];
   const last = actions[actions.length - 1];
   document.body.dataset.action = last ? `${last.actuator} ${last.command}` : "";
-  $("action").textContent = last
-    ? `Action: ${words(last.command)}${last.actuator ? ` of ${words(last.actuator)}` : ""}${last.detail ? `, ${words(last.detail)}` : ""}.`
-    : "No action so far.";
+  showActions(actions);
   const injected = state.injected || [];
   const onset = Math.min(...injected.map((one) => one.since_s));
   const latency = last && Number.isFinite(onset) && last.time_s >= onset ? last.time_s - onset : null;
   document.body.dataset.latency = latency === null ? "" : latency.toFixed(2);
-  $("reaction-time").textContent = latency === null ? "" : `${latency.toFixed(2)} s after the fault was injected.`;
-  $("injected").replaceChildren(...injected.map((one) => {
-    const item = document.createElement("li");
-    const remove = document.createElement("button");
-    remove.type = "button";
-    remove.textContent = "Remove";
-    remove.setAttribute("aria-label", `Remove ${words(one.fault)}`);
-    remove.addEventListener("click", () => ask({ remove: one.fault }));
-    item.append(`${words(one.fault)}, ${one.intensity.toFixed(2)}, ${one.onset}`, remove);
-    return item;
-  }));
+  showInjected();
+  if (!playback && socket && socket.readyState === WebSocket.OPEN && !lost) {
+    $("connection").textContent = state.is_paused ? "paused for all viewers" : "live";
+  }
   if (!playback) $("pause").textContent = state.is_paused ? "Go on" : "Pause";
   if (data) schematic.update();
   showPath(state.path);
+}
+
+/** The last action of each actuator stands until a new flight, whatever the diagnosis says of the present. */
+function showActions(actions) {
+  const standing = new Map(actions.map((action) => [action.actuator, action]));
+  const items = [...standing.values()].map(({ actuator, command, detail, time_s: time }) => {
+    const item = document.createElement("p");
+    const strong = document.createElement("strong");
+    strong.textContent = `${words(actuator) || "the actuator"}: ${words(command)}`;
+    const effect = (about.effects || {})[command];
+    item.append(strong, ` at ${time.toFixed(2)} s${detail ? `, because of ${words(detail)}` : ""}.${effect ? ` ${effect}` : ""}`);
+    return item;
+  });
+  $("action").replaceChildren(...items);
+  if (!items.length) $("action").textContent = "No action so far.";
+}
+
+/** The rows of faults that act, by name: a row stays, so that it can be clicked while the state changes. */
+const rows = new Map();
+
+/** What became of a fault: the answer of its actuator, or for how long there is none. */
+function outcomeOf({ fault, since_s: since }) {
+  const own = (action) => action.time_s >= since && (!action.actuator || fault.startsWith(`${action.actuator}.`));
+  const answer = (state.actions || []).find(own);
+  if (answer) return `answered after ${(answer.time_s - since).toFixed(2)} s: ${words(answer.command)}${answer.detail ? `, ${words(answer.detail)}` : ""}`;
+  const now = data && data.next !== null ? data.next * data.periodS : since;
+  return `no answer for ${Math.max(0, now - since).toFixed(0)} s`;
+}
+
+function showInjected() {
+  const injected = state.injected || [];
+  for (const [name, row] of rows) {
+    if (!injected.some((one) => one.fault === name)) { row.item.remove(); rows.delete(name); }
+  }
+  for (const one of injected) {
+    if (!rows.has(one.fault)) rows.set(one.fault, injectedRow(one.fault));
+    const { what, outcome } = rows.get(one.fault);
+    what.textContent = `${words(one.fault)}, ${one.intensity.toFixed(2)}, ${one.onset}`;
+    outcome.textContent = outcomeOf(one);
+  }
+}
+
+function injectedRow(fault) {
+  const item = document.createElement("li");
+  const [text, what, outcome] = ["span", "span", "small"].map((name) => document.createElement(name));
+  const remove = document.createElement("button");
+  remove.type = "button";
+  remove.textContent = "Remove";
+  remove.setAttribute("aria-label", `Remove ${words(fault)}`);
+  remove.addEventListener("click", () => ask({ remove: fault }));
+  text.append(what, outcome);
+  item.append(text, remove);
+  $("injected").append(item);
+  return { item, what, outcome };
 }
 
 /** Speed, pause and length of a replay, which takes no faults; null for a flight and for a stream, which has no controls. */
@@ -460,12 +529,22 @@ function showEvidence() {
   $("evidence").replaceChildren(...rows);
 }
 
+/** A value of an event as viewers read it. */
+function told(key, value) {
+  if (key === "confidence") return `${Math.round(100 * value)} % sure`;
+  if (key === "after_s") return `after ${value.toFixed(2)} s`;
+  if (key === "at") return value;
+  return typeof value === "number" ? Number(value.toPrecision(3)) : words(String(value));
+}
+
 function showEvents(list) {
   for (const event of list) {
+    if (event.kind === "begin") marks = [];
+    if (["inject", "remove", "action"].includes(event.kind)) marks.push({ time: event.time_s, kind: event.kind });
     const item = document.createElement("li");
     const { time_s: time, kind, ...more } = event;
-    const about = Object.values(more).filter((value) => value !== null && value !== "").map((value) =>
-      typeof value === "number" ? Number(value.toPrecision(3)) : words(String(value)));
+    const given = Object.entries(more).filter(([, value]) => value !== null && value !== "");
+    const about = given.map(([key, value]) => told(key, value));
     item.textContent = `${time.toFixed(2)} s  ${words(kind)}  ${about.join(", ")}`;
     item.dataset.kind = kind;
     $("events").prepend(item);
@@ -498,6 +577,7 @@ function connect() {
     if (said.events) {
       data = new Samples(about.signals.length, about.period_s);
       $("events").replaceChildren();
+      marks = [];
       showEvents(said.events);
     }
     if (said.playback !== undefined) showPlayback(said.playback);
@@ -533,6 +613,7 @@ async function begin() {
   connect();
   setInterval(showEvidence, 200);
   setInterval(showPosition, 100);
+  setInterval(showInjected, 500);
   requestAnimationFrame(draw);
 }
 
@@ -548,11 +629,7 @@ $("position").addEventListener("change", () => { ask({ jump: Number($("position"
 $("save").href = `session${query}`;
 $("save-page").href = `page.html${query}`;
 $("restart").addEventListener("click", () => ask({ restart: true }));
-$("hold").addEventListener("click", () => {
-  isHeld = !isHeld;
-  $("hold").setAttribute("aria-pressed", String(isHeld));
-  $("hold").textContent = isHeld ? "Let the charts go on" : "Hold the charts";
-});
+$("hold").addEventListener("click", () => hold(!isHeld));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", makeCharts);
 new ResizeObserver(() => plots.forEach(({ plot }) => plot.setSize({ width: $("plots").clientWidth, height: HEIGHT })))
   .observe($("plots"));

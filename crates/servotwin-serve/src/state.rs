@@ -47,8 +47,30 @@ pub fn about(
         "actuators": diagnoser.names().actuators,
         "signals": list,
         "components": components.collect::<Vec<_>>(),
+        "effects": effects(kind, study, diagnoser),
         "version": env!("CARGO_PKG_VERSION"),
     })
+}
+
+/// What each action does to a simulated flight, in words. What is measured is not acted on from here.
+fn effects(kind: Kind, study: &Study, diagnoser: &Diagnoser) -> Value {
+    let names = diagnoser.names();
+    if kind != Kind::Flight {
+        return Value::Null;
+    }
+    let details = || names.details.iter().map(|detail| Some(detail.as_str())).chain([None]);
+    let effect = |action: &String| {
+        let mut reactions = details().map(|detail| study.reactions.of(0, action, detail));
+        let words = match reactions.find(|reaction| *reaction != Default::default()) {
+            Some(reaction) if reaction.switches_off => {
+                "The actuator is off and damped until a new flight begins."
+            }
+            Some(_) => "The actuator goes on with other settings or sensors.",
+            None => "Nothing changes in this flight.",
+        };
+        (action.clone(), json!(words))
+    };
+    Value::Object(names.actions.iter().map(effect).collect())
 }
 
 /// An event: its time, s, its kind, and what there is to say of it.

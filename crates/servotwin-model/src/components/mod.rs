@@ -27,6 +27,7 @@ pub mod cylinder;
 pub mod external_leakage;
 pub mod filter;
 pub mod fixed;
+pub mod flow_sensor;
 pub mod flow_source;
 pub mod force;
 pub mod force_fight_equaliser;
@@ -200,6 +201,7 @@ catalogue! {
     tapped_pressure_sensor::TappedPressureSensor [TappingLine],
     lvdt::Lvdt [PositionToRatio, RatioToPosition],
     temperature_sensor::TemperatureSensor [Warming, TemperatureToCurrent, CurrentToTemperature],
+    flow_sensor::FlowSensor [Metering, FlowToCurrent, CurrentToFlow],
 
     position_controller::PositionController [PositionDemand, PressureFeedback, LimitedCurrent],
     sampled_position_controller::SampledPositionController [SampledLaw],

@@ -117,7 +117,7 @@ fn an_input_has_the_range_of_the_parameters_that_it_replaces() {
 
 #[test]
 fn fluid_flows_from_high_to_low_pressure() {
-    for kind in ["orifice", "filter", "shut_off_valve"] {
+    for kind in ["orifice", "filter", "shut_off_valve", "flow_sensor"] {
         let high_to_low = Running::new(&between(kind, 100.0));
         let filling = high_to_low.value(FILLING);
         assert!(filling > 0.0, "{kind}: {filling}");
@@ -125,6 +125,34 @@ fn fluid_flows_from_high_to_low_pressure() {
         let emptying = Running::new(&between(kind, 300.0)).value(FILLING);
         assert_eq!(emptying, -filling, "{kind} is odd in the pressure drop");
     }
+}
+
+#[test]
+fn a_flow_meter_reads_both_directions_up_to_its_full_scale() {
+    let after_a_while = |drop_pa: f64| {
+        let mut running = Running::new(
+            &Draft::default()
+                .with("supply", "pressure_source")
+                .set("pressure_pa", 200e5)
+                .with("meter", "flow_sensor")
+                .with("other", "pressure_source")
+                .set("pressure_pa", 200e5 - drop_pa)
+                .join(&["supply.port", "meter.a"])
+                .join(&["meter.b", "other.port"]),
+        );
+        assert_eq!(running.value("meter.reading"), 0.0, "the rotor stands at the beginning");
+        (0..1000).for_each(|_| running.advance(1e-4));
+        (running.value("other.port.flow_m3_s"), running.value("meter.reading"))
+    };
+    for drop_pa in [5e3, -5e3, 5e4] {
+        let (flow, reading) = after_a_while(drop_pa);
+        // Δp = R q + K q|q| with the parameters' defaults.
+        let drop = 1e7 * flow + 4e11 * flow * flow.abs();
+        assert!((drop / drop_pa - 1.0).abs() < 1e-9, "{flow} at {drop_pa}");
+        assert!((reading / flow - 1.0).abs() < 1e-6, "{reading} instead of {flow}");
+    }
+    let (flow, reading) = after_a_while(2e5);
+    assert!(flow > 6e-4 && (reading - 5e-4).abs() < 1e-12, "{reading} at {flow}");
 }
 
 #[test]
