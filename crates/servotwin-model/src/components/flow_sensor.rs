@@ -61,7 +61,7 @@ static SPEC: Spec = Spec {
     faults: &conversion::faults(shrinks(
         "lag",
         "bandwidth_hz",
-        0.01,
+        0.005,
         (1e-5, 1.0),
         Category::Lag,
         "worn bearing of the rotor",
