@@ -176,8 +176,19 @@ function makeCharts() {
   if (evidence.length) plots.push(chart("Evidence", evidence, { limit: 1, colors: hues }));
 }
 
+/** What the charts showed last, and what they depend on: a frame comes every 50 ms, a browser draws every 17 ms. */
+let shown = [];
+const toShow = () => [data, data.next, data.columns[0].length, state, $("span").value, plots[0]];
+
+function isNews() {
+  const next = toShow();
+  const isNew = next.some((value, k) => value !== shown[k]);
+  shown = next;
+  return isNew;
+}
+
 function draw() {
-  if (!isHeld && data && data.columns[0].length) {
+  if (!isHeld && data && data.columns[0].length && isNews()) {
     const times = data.columns[0];
     const from = times.findIndex((time) => time >= times[times.length - 1] - Number($("span").value));
     for (const { plot, signals } of plots) {
