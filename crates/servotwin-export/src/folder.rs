@@ -1,11 +1,12 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
-use crate::c::{self, Twin};
+use crate::c;
 use crate::certificate::{Certificate, Description, TwinDescription};
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::rust;
 use crate::source_file::SourceFile;
+use crate::twin::Twin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
@@ -47,13 +48,14 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export in C of the diagnoser in a file and of a twin of the study of that name. Here and below, an earlier
-    /// export is replaced, and its certificate removed.
+    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. An earlier export in the same
+    /// language is replaced, and its certificate removed.
     ///
     /// # Errors
     /// [`ExportError::FolderInUse`], the errors of [`c::files_with_twin`], and files that cannot be written.
     pub fn write(
         &self,
+        language: Language,
         (diagnoser, file): (&Diagnoser, &Path),
         (twin, study): (&Twin, &Path),
     ) -> Result<Description, ExportError> {
@@ -62,19 +64,11 @@ impl ExportFolder {
             system: twin.program.identity(),
             has_fixed_step: twin.has_fixed_step(),
         };
-        let files = c::files_with_twin(diagnoser, twin)?;
-        self.write_files(&files, file, Language::C, Some(twin_description))
-    }
-
-    /// Writes an export in Rust of the diagnoser in a file, without a twin.
-    ///
-    /// # Errors
-    /// [`ExportError::FolderInUse`], the errors of [`rust::files`], and files that cannot be written.
-    pub fn write_rust(
-        &self,
-        (diagnoser, file): (&Diagnoser, &Path),
-    ) -> Result<Description, ExportError> {
-        self.write_files(&rust::files(diagnoser)?, file, Language::Rust, None)
+        let files = match language {
+            Language::C => c::files_with_twin(diagnoser, twin)?,
+            Language::Rust => rust::files_with_twin(diagnoser, twin)?,
+        };
+        self.write_files(&files, file, language, Some(twin_description))
     }
 
     fn write_files(

@@ -13,9 +13,9 @@ mod twin;
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
 
-use crate::c::Twin;
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
+use crate::twin::Twin;
 use library::Compiled;
 use serde::Serialize;
 use servotwin::study::Study;

@@ -144,12 +144,18 @@ impl Body {
         needed_expressions(&self.expressions, &[self.value])
     }
 
-    /// Prints the function with the given head.
-    pub fn print<D: Dialect>(&self, c: &mut String, head: &str, dialect: D) {
-        line(c, format_args!("{head}\n{{"));
+    /// Prints the statements of the function; returns the text of its value.
+    pub fn statements<D: Dialect>(&self, c: &mut String, dialect: D) -> String {
         let mut printer = Printer { dialect, expressions: &self.expressions };
         printer.statements(c, &[self.value], &Stores::new());
-        line(c, format_args!("    return {};\n}}\n", printer.operand(self.value)));
+        printer.operand(self.value)
+    }
+
+    /// Prints the function in C with the given head.
+    pub fn print<D: Dialect>(&self, c: &mut String, head: &str, dialect: D) {
+        line(c, format_args!("{head}\n{{"));
+        let value = self.statements(c, dialect);
+        line(c, format_args!("    return {value};\n}}\n"));
     }
 }
 

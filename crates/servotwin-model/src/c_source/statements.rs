@@ -116,13 +116,14 @@ impl Dialect for Statements {
 }
 
 /// Rust for one number of type `f64`.
-struct RustStatements;
+pub(super) struct RustStatements;
 
 impl Dialect for RustStatements {
     const NUMBER: &'static str = "let";
     const TRUTH: &'static str = "let";
 
     fn literal(&self, value: f64) -> String {
+        assert!(value.is_finite(), "{value} has no literal");
         format!("{value:?}")
     }
 
