@@ -112,7 +112,8 @@ fn twin(program: &Program, settings: Settings) -> Twin<'_> {
         period_s: 0.01,
         between: (0..inputs.len()).map(|input| courses[input % 3]).collect(),
         ranges: inputs.iter().map(|input| range(input.default)).collect(),
-        sensors: vec![0],
+        // Nothing compares them here; there are as many as the diagnosis has.
+        sensors: vec![0; toy::diagnoser().sensors.len()],
     }
 }
 
@@ -155,15 +156,15 @@ fn mistakes_in_a_rust_twin_are_found() {
         ("src/twin.rs", "left_s * 0.999", "left_s * 0.99"),
         ("src/twin.rs", "wanted_s * 2.0 > left_s", "wanted_s * 1.5 > left_s"),
         ("src/twin.rs", "self.next_tick[clock] += 1", "self.next_tick[clock] += 2"),
-        (
-            "src/twin.rs",
-            "lowest < new_state { new_state } else { lowest }",
-            "true { new_state } else { lowest }",
-        ),
+        ("src/twin.rs", "self.states[state] + change", "self.states[state] - change"),
         ("src/course.rs", "t * (2.0 * bend", "t * (3.0 * bend"),
         ("src/course.rs", "last / square", "last * square"),
         ("src/equations.rs", " * ", " / "),
-        ("src/equations.rs", "let product = logarithm * exponent", "let product = exponent"),
+        (
+            "src/equations.rs",
+            "let product = logarithm * exponent",
+            "let product = logarithm + exponent",
+        ),
         ("src/twin_tables.rs", "is_fixed: false", "is_fixed: true"),
     ] {
         let files = &with_mistake(&whole, (name, old, new));

@@ -196,7 +196,7 @@ fn control(twin: &Twin, tableau: &Tableau, language: Language) -> String {
         "StepControl",
         &[
             ("period_s", language.number(twin.period_s)),
-            ("is_fixed", language.truth(is_fixed)),
+            ("is_fixed", is_fixed.to_string()),
             ("fixed_step_s", language.number(step_s)),
             ("tolerance", language.number(tolerance)),
             ("max_step_s", language.number(max_step_s)),

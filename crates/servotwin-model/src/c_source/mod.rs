@@ -14,6 +14,7 @@ mod equations;
 mod functions;
 mod helpers;
 mod printer;
+mod scopes;
 mod statements;
 mod step;
 mod twin;

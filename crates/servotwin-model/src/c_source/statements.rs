@@ -121,6 +121,7 @@ pub(super) struct RustStatements;
 impl Dialect for RustStatements {
     const NUMBER: &'static str = "let";
     const TRUTH: &'static str = "let";
+    const MOST_IN_SCOPE: usize = 64;
 
     fn literal(&self, value: f64) -> String {
         assert!(value.is_finite(), "{value} has no literal");

@@ -42,8 +42,8 @@ trait TwinLanguage: Copy {
 
     fn statements(self) -> Self::Statements;
 
-    /// The beginning of the file. A clock passes on at most `most_held` values.
-    fn heading(self, most_held: usize) -> String;
+    /// The beginning of the file. A clock passes on at most `most_held` values; without clocks there are none.
+    fn heading(self, most_held: Option<usize>) -> String;
 
     fn frame(self) -> Frame<'static>;
 
@@ -165,12 +165,12 @@ fn ticks(program: &Program) -> Choice {
         number: "clock",
         reads: &["constants"],
         writes: &["variables"],
-        own: Some(("next", most_held(program))),
+        own: most_held(program).map(|length| ("next", length)),
         cases: cases.collect(),
     }
 }
 
-/// The most values that a clock passes on, at least one.
-fn most_held(program: &Program) -> usize {
-    program.clocks().iter().map(|clock| clock.exchanges.len()).max().unwrap_or(1).max(1)
+/// The most values that a clock passes on, at least one; `None` without clocks.
+fn most_held(program: &Program) -> Option<usize> {
+    program.clocks().iter().map(|clock| clock.exchanges.len().max(1)).max()
 }

@@ -47,7 +47,7 @@ impl TwinLanguage for C {
         Statements
     }
 
-    fn heading(self, _most_held: usize) -> String {
+    fn heading(self, _most_held: Option<usize>) -> String {
         HEADING.into()
     }
 
@@ -73,13 +73,10 @@ impl TwinLanguage for C {
         line(c, format_args!("void {PREFIX}_{name}(int32_t {number}, {head})\n{{"));
         let given = || reads.iter().chain(writes).copied();
         let arrays = given().chain(own.map(|(name, _)| name)).collect::<Vec<_>>().join(", ");
-        match own {
-            // Without a case nothing reads the arrays.
-            Some(_) if choice.cases.is_empty() => {
-                given().for_each(|array| line(c, format_args!("    (void){array};")));
-            }
-            Some((own, length)) => line(c, format_args!("    double {own}[{length}];")),
-            None => {}
+        if let Some((own, length)) = own {
+            line(c, format_args!("    double {own}[{length}];"));
+        } else if choice.cases.is_empty() {
+            given().for_each(|array| line(c, format_args!("    (void){array};")));
         }
         line(c, format_args!("    switch ({number}) {{"));
         for case in &choice.cases {

@@ -18,8 +18,7 @@ const HEADING: &str = "//! The equations of the system and the linear algebra of
 
 use crate::twin_sizes::*;
 
-/// The most values that a clock passes on.
-const NEXT: usize = ";
+";
 
 const POWER: &str = "/// x^exponent for a positive, normal x.
 pub fn power(x: f64, exponent: f64) -> f64 {
@@ -92,8 +91,11 @@ impl TwinLanguage for Rust {
         RustStatements
     }
 
-    fn heading(self, most_held: usize) -> String {
-        format!("{HEADING}{most_held};\n\n")
+    fn heading(self, most_held: Option<usize>) -> String {
+        let next = most_held.map(|most| {
+            format!("/// The most values that a clock passes on.\nconst NEXT: usize = {most};\n\n")
+        });
+        [HEADING, next.as_deref().unwrap_or_default()].concat()
     }
 
     fn frame(self) -> Frame<'static> {
@@ -124,7 +126,7 @@ impl TwinLanguage for Rust {
         }
         let mut arrays: Vec<String> =
             reads.iter().chain(writes).map(|&array| array.into()).collect();
-        if let Some((own, _)) = own.filter(|_| !choice.cases.is_empty()) {
+        if let Some((own, _)) = own {
             line(c, format_args!("    let mut {own} = [0.0; {}];", length(own)));
             arrays.push(format!("&mut {own}"));
         }
