@@ -1,7 +1,7 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
 use crate::c;
-use crate::certificate::{Certificate, Description, TwinDescription};
+use crate::certificate::{Certificate, Description, TwinDescription, VECTOR};
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::rust;
@@ -85,7 +85,7 @@ impl ExportFolder {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
         // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE] {
+        for name in [CERTIFICATE, PAGE, VECTOR] {
             let _ = std::fs::remove_file(self.file(name));
         }
         for SourceFile { name, text } in files {
@@ -153,17 +153,21 @@ impl ExportFolder {
         }
     }
 
-    /// Writes a certificate as data and as a page; returns their paths.
+    /// Writes a certificate as data and as a page, and its sequence of samples; returns their paths.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write_certificate(
         &self,
         certificate: &Certificate,
-    ) -> Result<[PathBuf; 2], ExportError> {
+        diagnoser: &Diagnoser,
+    ) -> Result<[PathBuf; 3], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        write_atomically(self.file(PAGE), |out| out.write_all(certificate.page().as_bytes()))?;
-        Ok([CERTIFICATE, PAGE].map(|name| self.file(name)))
+        let vector = certificate.worst_path.csv(diagnoser);
+        for (name, text) in [(PAGE, certificate.page()), (VECTOR, vector)] {
+            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+        }
+        Ok([CERTIFICATE, PAGE, VECTOR].map(|name| self.file(name)))
     }
 
     fn file(&self, name: &str) -> PathBuf {

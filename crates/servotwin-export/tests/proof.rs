@@ -9,7 +9,7 @@ mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
-use servotwin_export::prove::{Build, Evidence, Mistakes, Mutant, Plan, mutants, prove};
+use servotwin_export::prove::{Build, Evidence, Mistakes, Mutant, Plan, WorstPath, mutants, prove};
 use servotwin_export::rust;
 use servotwin_export::{SourceFile, Twin};
 use servotwin_model::program::Program;
@@ -29,7 +29,15 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
 }
 
 fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[SourceFile], builds: &[Build]) {
-    let plan = Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+    let plan = Plan {
+        diagnoser,
+        twin: None,
+        study: None,
+        files,
+        samples: SAMPLES,
+        variants: 0,
+        worst_path: None,
+    };
     let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
     assert!(proven.len() >= 3, "{builds:?}");
     for evidence in proven {
@@ -71,8 +79,15 @@ fn mistakes_in_the_rust_text_are_found() {
         ("src/session.rs", "(sum - 6.0)", "(sum - 6.5)"),
     ] {
         let files = &with_mistake(&whole, (name, old, new));
-        let plan =
-            Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+        let plan = Plan {
+            diagnoser,
+            twin: None,
+            study: None,
+            files,
+            samples: SAMPLES,
+            variants: 0,
+            worst_path: None,
+        };
         let evidence = &prove(&plan, &[unoptimized()], &mut |_, _| ()).unwrap()[0];
         assert!(!evidence.holds(), "{name}: {old} -> {new}");
     }
@@ -98,6 +113,34 @@ fn demanding() -> Arc<Diagnoser> {
 #[test]
 fn so_does_one_that_uses_everything() {
     assert_proven(&demanding());
+}
+
+#[test]
+fn a_sequence_comes_near_the_bound_of_work_and_no_sample_exceeds_it() {
+    let diagnoser = demanding();
+    let worst_path = &WorstPath::find(&diagnoser, 40).unwrap();
+    let WorstPath { bound, reached, samples, .. } = worst_path;
+    assert!(worst_path.holds(), "{worst_path:?}");
+    // Two streams of windows; both complete one at the same sample.
+    assert_eq!([bound.windows, reached.windows], [2, 2], "{worst_path:?}");
+    assert!(reached.tests * 10 >= bound.tests * 7, "{reached:?} of {bound:?}");
+    assert_eq!(worst_path.csv(&diagnoser).lines().count() as u64, 1 + samples);
+    let files = &c::files(&diagnoser).unwrap();
+    let plan = Plan {
+        diagnoser: &diagnoser,
+        twin: None,
+        study: None,
+        files,
+        samples: 0,
+        variants: 0,
+        worst_path: Some(worst_path),
+    };
+    let build = Build { compiler: "gcc".into(), level: "-O2" };
+    let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
+    assert!(evidence.holds() && evidence.worst_path_samples == *samples, "{evidence:?}");
+    let mut too_low = worst_path.clone();
+    too_low.bound.tests = reached.tests - 1;
+    assert!(!too_low.holds());
 }
 
 /// An actuator whose controller has a clock, with inputs that are held, straight and curved.
@@ -142,7 +185,15 @@ fn evidence_of_twin(
     build: &Build,
     variants: u64,
 ) -> Evidence {
-    let plan = Plan { diagnoser, twin: Some(twin), study: None, files, samples: 10, variants };
+    let plan = Plan {
+        diagnoser,
+        twin: Some(twin),
+        study: None,
+        files,
+        samples: 10,
+        variants,
+        worst_path: None,
+    };
     prove(&plan, slice::from_ref(build), &mut |_, _| ()).unwrap().remove(0)
 }
 
@@ -179,7 +230,15 @@ fn mistakes_in_a_twin_are_found() {
     let twin = twin(&program, Settings::campaign());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
-    let plan = Plan { diagnoser, twin: Some(&twin), study: None, files, samples: 0, variants: 0 };
+    let plan = Plan {
+        diagnoser,
+        twin: Some(&twin),
+        study: None,
+        files,
+        samples: 0,
+        variants: 0,
+        worst_path: None,
+    };
     assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some("servotwin_equations.c") });
     // This system always finds a steady state, so nothing is known of what is done otherwise.
     let control = &files.iter().find(|file| file.name == "servotwin_twin.c").unwrap().text;
@@ -213,6 +272,7 @@ fn assert_finds_mistakes(seed: u64) {
         files: &files,
         samples: 0,
         variants: 0,
+        worst_path: None,
     };
     assert_all_found(&plan, Mistakes { count: 110, seed, only: None });
 }

@@ -65,12 +65,12 @@ impl<D: Dialect> Printer<'_, D> {
             values.contains(&value) && !stores.contains_key(&value)
         });
         for scope in 0..scopes.count() {
-            scopes.begin(c, scope);
+            scopes.head(scope).iter().for_each(|head| line(c, format_args!("    {head}")));
             for &node in scopes.nodes(scope) {
                 self.statement(c, node);
                 self.store(c, Operand::Node(node as u32), stores);
             }
-            scopes.end(c, scope);
+            scopes.tail(scope).iter().for_each(|tail| line(c, format_args!("    {tail}")));
         }
     }
 

@@ -4,7 +4,6 @@
 //! them overflows the stack of the compiler (rustc 1.95). So long functions are printed in blocks, each of which returns
 //! the values that later blocks use; the statements and their order stay the same.
 
-use super::printer::line;
 use crate::symbol::{Expression, Operand};
 use alloc::format;
 use alloc::string::String;
@@ -68,21 +67,20 @@ impl Scopes {
         if names.len() == 1 { names.concat() } else { format!("({})", names.join(", ")) }
     }
 
-    pub fn begin(&self, text: &mut String, block: usize) {
-        if self.has_brackets() {
-            let names = self.names(block);
-            let head =
-                if self.kept[block].is_empty() { "".into() } else { format!("let {names} = ") };
-            line(text, format_args!("    {head}{{"));
-        }
+    /// The line before a block.
+    pub fn head(&self, block: usize) -> Option<String> {
+        self.has_brackets().then(|| match self.kept[block].is_empty() {
+            true => "{".into(),
+            false => format!("let {} = {{", self.names(block)),
+        })
     }
 
-    pub fn end(&self, text: &mut String, block: usize) {
-        match (self.has_brackets(), self.kept[block].is_empty()) {
-            (false, _) => {}
-            (true, true) => line(text, format_args!("    }}")),
-            (true, false) => line(text, format_args!("    {}\n    }};", self.names(block))),
-        }
+    /// The lines after a block.
+    pub fn tail(&self, block: usize) -> Option<String> {
+        self.has_brackets().then(|| match self.kept[block].is_empty() {
+            true => "}".into(),
+            false => format!("{}\n    }};", self.names(block)),
+        })
     }
 }
 
