@@ -1,7 +1,7 @@
 //! What a proof showed, as data and as a page.
 
 use crate::language::Language;
-use crate::prove::{Evidence, Mutant, Work, WorstPath};
+use crate::prove::{Evidence, Mutant, WorstPath};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
@@ -163,14 +163,13 @@ impl Certificate {
             page,
             "<h2>The most work of one sample</h2>\n<table>\n<tr><th>Diagnosis<th>Bound<th>Reached"
         );
-        let parts: [(&str, fn(&Work) -> u64); 4] = [
-            ("tests of trees", |work| work.tests),
-            ("windows judged outside their bands", |work| work.windows),
-            ("rows of features", |work| work.rows),
-            ("panes merged", |work| work.panes),
-        ];
-        for (name, part) in parts {
-            let _ = writeln!(page, "<tr><td>{name}<td>{}<td>{}", part(bound), part(reached));
+        for (name, bound, reached) in [
+            ("tests of trees", bound.tests, reached.tests),
+            ("windows judged outside their bands", bound.windows, reached.windows),
+            ("rows of features", bound.rows, reached.rows),
+            ("panes merged", bound.panes, reached.panes),
+        ] {
+            let _ = writeln!(page, "<tr><td>{name}<td>{bound}<td>{reached}");
         }
         let _ = writeln!(
             page,

@@ -7,8 +7,8 @@
 //! - windows that are judged outside their bands, each of which needs its features in every view,
 //! - panes that are merged into a window.
 //!
-//! The bound takes the deepest leaf of every tree that a window can ask, and the costliest window of each stream, because
-//! the window lengths of a stream take turns. No row need reach the deepest leaves of all trees at once, so the sequence
+//! The bound takes the deepest leaf of every tree that a window can ask, and the windows that one sample can complete: the
+//! lengths of a stream take turns, and those of both streams meet or not for good. No row need reach the deepest leaves of all trees at once, so the sequence
 //! may stay below the bound.
 
 use super::Evidence;
@@ -305,18 +305,55 @@ fn most_tests(stage: Option<&Stage>) -> u64 {
     stage.map_or(0, |stage| trees(&stage.model).into_iter().map(deepest).sum())
 }
 
-/// The most work of one sample.
+/// When the windows of a length are completed, counted in samples since the windows were cleared, and the most work of one.
+struct Turn {
+    is_corrected: bool,
+    /// The number of a sample that completes a window; the others follow at a distance of `period`.
+    phase: u64,
+    period: u64,
+    work: Work,
+}
+
+impl Turn {
+    /// Whether any sample completes a window of both.
+    fn meets(&self, other: &Turn) -> bool {
+        let (mut divisor, mut rest) = (self.period, other.period);
+        while rest > 0 {
+            (divisor, rest) = (rest, divisor % rest);
+        }
+        self.phase % divisor == other.phase % divisor
+    }
+}
+
+/// The turns of the lengths of a stream: each takes a base pane one sample after the length before it.
+fn turns(diagnoser: &Diagnoser, is_corrected: bool) -> Vec<Turn> {
+    let is_own = |length: &&Length| length.baseline_corrected.is_some() == is_corrected;
+    let own: Vec<&Length> = diagnoser.lengths.iter().filter(is_own).collect();
+    let base = own.iter().map(|length| length.span.pane_samples).min().unwrap_or(1);
+    let settle = diagnoser.baseline.map_or(0, |settings| u64::from(settings.settle_samples));
+    let start = if is_corrected { settle } else { 0 };
+    let turn = |(order, length): (usize, &&Length)| Turn {
+        is_corrected,
+        phase: start + order as u64,
+        period: u64::from(length.span.pane_samples.div_ceil(base)) * u64::from(base),
+        work: bound_of_window(diagnoser, length),
+    };
+    own.iter().enumerate().map(turn).collect()
+}
+
+/// The most work of one sample. With more lengths than samples in a base pane several may end at once; then all do.
 fn bound(diagnoser: &Diagnoser) -> Work {
-    [false, true].into_iter().fold(Work::default(), |sum, is_corrected| {
-        let lengths = diagnoser.lengths.iter();
-        let of_stream =
-            || lengths.clone().filter(|length| length.baseline_corrected.is_some() == is_corrected);
-        let works = of_stream().map(|length| bound_of_window(diagnoser, length));
-        let base = of_stream().map(|length| length.span.pane_samples).min().unwrap_or(0);
-        let take_turns = of_stream().count() <= base as usize;
-        let combine = if take_turns { Work::largest } else { Work::plus };
-        sum.plus(works.fold(Work::default(), combine))
-    })
+    let turns: Vec<Turn> =
+        [false, true].into_iter().flat_map(|stream| turns(diagnoser, stream)).collect();
+    let crowded = turns.iter().any(|turn| turns.len() as u64 > turn.period);
+    if crowded {
+        return turns.iter().fold(Work::default(), |sum, turn| sum.plus(turn.work));
+    }
+    let pairs = turns.iter().flat_map(|one| turns.iter().map(move |other| (one, other)));
+    let met =
+        pairs.filter(|(one, other)| one.is_corrected != other.is_corrected && one.meets(other));
+    let of_pairs = met.map(|(one, other)| one.work.plus(other.work));
+    turns.iter().map(|turn| turn.work).chain(of_pairs).fold(Work::default(), Work::largest)
 }
 
 /// The most work of a window.
@@ -342,5 +379,27 @@ fn bound_of_window(diagnoser: &Diagnoser, length: &Length) -> Work {
         windows: 1,
         rows: diagnoser.views_of(length) as u64,
         panes: u64::from(length.span.panes.unwrap_or(0)) + 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_meet_where_a_sample_completes_both() {
+        let turn =
+            |phase, period| Turn { is_corrected: false, phase, period, work: Work::default() };
+        for (one, other) in
+            [((0, 10), (405, 10)), ((1, 40), (30, 10)), ((1, 40), (405, 6)), ((0, 4), (2, 6))]
+        {
+            let meet = (0..1000_u64).any(|sample| {
+                [one, other]
+                    .iter()
+                    .all(|(phase, period)| sample >= *phase && (sample - phase) % period == 0)
+            });
+            let (one, other) = (turn(one.0, one.1), turn(other.0, other.1));
+            assert_eq!(one.meets(&other), meet, "{} {}", other.phase, other.period);
+        }
     }
 }
