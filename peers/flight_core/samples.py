@@ -1,6 +1,7 @@
-"""Writes random samples for an export: python3 samples.py EXPORT SECONDS > samples.bin
+"""Writes samples for an export: python3 samples.py EXPORT SECONDS > samples.bin
 
-Offsets, wrong gains and noise of sensors change every few seconds, and now and then a value is missing. The numbers of
+Instead of a number of seconds, a CSV file with samples can be named, as 'servotwin prove' writes it. Otherwise the samples
+are random: offsets, wrong gains and noise of sensors change every few seconds, and now and then a value is missing. The numbers of
 sensors, scales and plausible inputs are read from the C text.
 """
 
@@ -35,7 +36,15 @@ def plausible(inputs, differences):
             return values
 
 
+def write(values):
+    sys.stdout.buffer.write(struct.pack(f"<{len(values)}d", *values))
+
+
 def main():
+    if sys.argv[2].endswith(".csv"):
+        for line in Path(sys.argv[2]).read_text().splitlines()[1:]:
+            write([float(value) for value in line.split(",")])
+        return
     text = (Path(sys.argv[1]) / "servotwin_tables.c").read_text()
     random.seed(1)
     sensors, inputs = entries(text, "servotwin_sensors"), entries(text, "servotwin_inputs")
@@ -62,7 +71,7 @@ def main():
             value = signals[place] * (1.0 + slope) + offset + random.gauss(0.0, noise + 0.3 * extra)
             twin.append(scale * signals[place])
             measured.append(float("nan") if random.random() < 2e-5 else scale * value)
-        sys.stdout.buffer.write(struct.pack(f"<{len(now) + 2 * len(twin)}d", *now, *measured, *twin))
+        write(now + measured + twin)
 
 
 if __name__ == "__main__":

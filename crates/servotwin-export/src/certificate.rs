@@ -1,12 +1,15 @@
 //! What a proof showed, as data and as a page.
 
 use crate::language::Language;
-use crate::prove::{Evidence, Mutant};
+use crate::prove::{Evidence, Mutant, WorstPath};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+
+/// The name of the file with the sequence that takes the most work.
+pub(crate) const VECTOR: &str = "worst_path.csv";
 
 /// What an export was made of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,6 +58,8 @@ pub struct Certificate {
     pub mutants: usize,
     /// Those that were not found.
     pub mutants_not_found: Vec<Mutant>,
+    /// The most work of one sample: the bound, and what a sequence reaches.
+    pub worst_path: WorstPath,
 }
 
 impl Certificate {
@@ -64,12 +69,23 @@ impl Certificate {
         compiled_sha256: BTreeMap<String, String>,
         builds: Vec<Evidence>,
         mutants: Vec<Mutant>,
+        worst_path: WorstPath,
     ) -> Self {
         let count = mutants.len();
         let mutants_not_found: Vec<Mutant> =
             mutants.into_iter().filter(|mutant| !mutant.is_found).collect();
-        let holds = builds.iter().all(Evidence::holds) && mutants_not_found.is_empty();
-        Certificate { holds, export, compiled_sha256, builds, mutants: count, mutants_not_found }
+        let holds = builds.iter().all(Evidence::holds)
+            && mutants_not_found.is_empty()
+            && worst_path.holds();
+        Certificate {
+            holds,
+            export,
+            compiled_sha256,
+            builds,
+            mutants: count,
+            mutants_not_found,
+            worst_path,
+        }
     }
 
     /// The verdict in one sentence.
@@ -77,7 +93,7 @@ impl Certificate {
         match self.holds {
             true => "Every build gives the bits of the trained diagnosis.",
             false => {
-                "A build decides otherwise than the trained diagnosis, or a mistake was not found."
+                "A build decides otherwise than the trained diagnosis, a mistake was not found, or a bound does not hold."
             }
         }
     }
@@ -92,6 +108,7 @@ impl Certificate {
             self.verdict()
         );
         self.write_builds(&mut page);
+        self.write_worst_path(&mut page);
         if self.mutants > 0 {
             let (all, found) = (self.mutants, self.mutants - self.mutants_not_found.len());
             let _ = writeln!(page, "<p>{found} of {all} deliberate mistakes were found.</p>");
@@ -136,6 +153,30 @@ impl Certificate {
             let raised = raised.collect::<Vec<_>>().join(", ");
             let _ = writeln!(page, "<p>Actions raised by the samples: {}.</p>", escaped(&raised));
         }
+    }
+}
+
+impl Certificate {
+    fn write_worst_path(&self, page: &mut String) {
+        let WorstPath { bound, reached, samples, trials, .. } = &self.worst_path;
+        let _ = writeln!(
+            page,
+            "<h2>The most work of one sample</h2>\n<table>\n<tr><th>Diagnosis<th>Bound<th>Reached"
+        );
+        for (name, bound, reached) in [
+            ("tests of trees", bound.tests, reached.tests),
+            ("windows judged outside their bands", bound.windows, reached.windows),
+            ("rows of features", bound.rows, reached.rows),
+            ("panes merged", bound.panes, reached.panes),
+        ] {
+            let _ = writeln!(page, "<tr><td>{name}<td>{bound}<td>{reached}");
+        }
+        let _ = writeln!(
+            page,
+            "</table>\n<p>The bound follows from the deepest leaf of every tree and from the windows that may be complete at \
+             one sample. The last of the {samples} samples in {VECTOR} reaches the other numbers, the best of {trials} \
+             sequences that were tried.</p>"
+        );
     }
 }
 

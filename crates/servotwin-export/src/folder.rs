@@ -1,11 +1,12 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
-use crate::c::{self, Twin};
-use crate::certificate::{Certificate, Description, TwinDescription};
+use crate::c;
+use crate::certificate::{Certificate, Description, TwinDescription, VECTOR};
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::rust;
 use crate::source_file::SourceFile;
+use crate::twin::Twin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
@@ -47,13 +48,14 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export in C of the diagnoser in a file and of a twin of the study of that name. Here and below, an earlier
-    /// export is replaced, and its certificate removed.
+    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. An earlier export in the same
+    /// language is replaced, and its certificate removed.
     ///
     /// # Errors
     /// [`ExportError::FolderInUse`], the errors of [`c::files_with_twin`], and files that cannot be written.
     pub fn write(
         &self,
+        language: Language,
         (diagnoser, file): (&Diagnoser, &Path),
         (twin, study): (&Twin, &Path),
     ) -> Result<Description, ExportError> {
@@ -62,19 +64,11 @@ impl ExportFolder {
             system: twin.program.identity(),
             has_fixed_step: twin.has_fixed_step(),
         };
-        let files = c::files_with_twin(diagnoser, twin)?;
-        self.write_files(&files, file, Language::C, Some(twin_description))
-    }
-
-    /// Writes an export in Rust of the diagnoser in a file, without a twin.
-    ///
-    /// # Errors
-    /// [`ExportError::FolderInUse`], the errors of [`rust::files`], and files that cannot be written.
-    pub fn write_rust(
-        &self,
-        (diagnoser, file): (&Diagnoser, &Path),
-    ) -> Result<Description, ExportError> {
-        self.write_files(&rust::files(diagnoser)?, file, Language::Rust, None)
+        let files = match language {
+            Language::C => c::files_with_twin(diagnoser, twin)?,
+            Language::Rust => rust::files_with_twin(diagnoser, twin)?,
+        };
+        self.write_files(&files, file, language, Some(twin_description))
     }
 
     fn write_files(
@@ -91,7 +85,7 @@ impl ExportFolder {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
         // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE] {
+        for name in [CERTIFICATE, PAGE, VECTOR] {
             let _ = std::fs::remove_file(self.file(name));
         }
         for SourceFile { name, text } in files {
@@ -159,17 +153,21 @@ impl ExportFolder {
         }
     }
 
-    /// Writes a certificate as data and as a page; returns their paths.
+    /// Writes a certificate as data and as a page, and its sequence of samples; returns their paths.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write_certificate(
         &self,
         certificate: &Certificate,
-    ) -> Result<[PathBuf; 2], ExportError> {
+        diagnoser: &Diagnoser,
+    ) -> Result<[PathBuf; 3], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        write_atomically(self.file(PAGE), |out| out.write_all(certificate.page().as_bytes()))?;
-        Ok([CERTIFICATE, PAGE].map(|name| self.file(name)))
+        let vector = certificate.worst_path.csv(diagnoser);
+        for (name, text) in [(PAGE, certificate.page()), (VECTOR, vector)] {
+            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+        }
+        Ok([CERTIFICATE, PAGE, VECTOR].map(|name| self.file(name)))
     }
 
     fn file(&self, name: &str) -> PathBuf {

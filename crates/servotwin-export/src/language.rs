@@ -43,7 +43,7 @@ impl Language {
             "f64" => "double".into(),
             "u8" | "bool" => "uint8_t".into(),
             "u16" => "uint16_t".into(),
-            "u32" => "int32_t".into(),
+            "u32" | "usize" => "int32_t".into(),
             "i16" => "int16_t".into(),
             "Option<u8>" => "int8_t".into(),
             "&str" => "char *const".into(),
@@ -88,6 +88,21 @@ impl Language {
             (Language::C, Some(place)) => place.to_string(),
             (Language::Rust, place) => format!("{place:?}"),
         }
+    }
+
+    /// A variant of an enum without data.
+    pub fn variant(self, kind: &str, name: &str) -> String {
+        match self {
+            Language::C => format!("SERVOTWIN_{}", snake_case(name).to_uppercase()),
+            Language::Rust => format!("{kind}::{name}"),
+        }
+    }
+
+    /// An array of numbers within a struct.
+    pub fn numbers(self, numbers: &[f64]) -> String {
+        let numbers: Vec<String> = numbers.iter().map(|&number| self.number(number)).collect();
+        let [begin, end] = if self == Language::C { ["{ ", " }"] } else { ["[", "]"] };
+        format!("{begin}{}{end}", numbers.join(", "))
     }
 
     /// A reference to an array.
@@ -158,6 +173,36 @@ impl Language {
                 writeln!(text, "\npub static {name}: [{kind}; {count}] = [\n    {all}\n];")
             }
         };
+    }
+
+    /// Adds an array with its length for other files, one line for each entry, with its comment if it has one. C has no
+    /// empty arrays: there it gets one zero.
+    pub fn write_commented_list(
+        self,
+        text: &mut String,
+        kind: &str,
+        (name, length): (&str, &str),
+        entries: &[(String, String)],
+    ) {
+        let (name, kind) = (self.name(name), self.kind(kind));
+        let [head, zero, end] = match self {
+            Language::C => [
+                format!("const {kind} servotwin_{name}[{length}] = {{"),
+                "    0\n".into(),
+                "}".into(),
+            ],
+            Language::Rust => {
+                [format!("pub static {name}: [{kind}; {length}] = ["), String::new(), "]".into()]
+            }
+        };
+        let line = |(entry, comment): &(String, String)| match (self, comment.is_empty()) {
+            (_, true) => format!("    {entry},\n"),
+            (Language::C, _) => format!("    {entry}, /* {comment} */\n"),
+            (Language::Rust, _) => format!("    {entry}, // {comment}\n"),
+        };
+        let lines: String = entries.iter().map(line).collect();
+        let lines = if entries.is_empty() { zero } else { lines };
+        let _ = writeln!(text, "\n{head}\n{lines}{end};");
     }
 
     /// Adds an array of this file. C has no empty arrays: there it gets one zero.

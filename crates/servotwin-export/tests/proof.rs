@@ -8,12 +8,13 @@ mod rig;
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
-use servotwin_export::SourceFile;
-use servotwin_export::c::{self, Twin};
-use servotwin_export::prove::{Build, Mistakes, Mutant, Plan, mutants, prove};
+use servotwin_export::c;
+use servotwin_export::prove::{Build, Evidence, Mistakes, Mutant, Plan, WorstPath, mutants, prove};
 use servotwin_export::rust;
+use servotwin_export::{SourceFile, Twin};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, Settings};
+use std::slice;
 use std::sync::Arc;
 
 /// Five minutes of samples.
@@ -28,7 +29,15 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
 }
 
 fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[SourceFile], builds: &[Build]) {
-    let plan = Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
+    let plan = Plan {
+        diagnoser,
+        twin: None,
+        study: None,
+        files,
+        samples: SAMPLES,
+        variants: 0,
+        worst_path: None,
+    };
     let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
     assert!(proven.len() >= 3, "{builds:?}");
     for evidence in proven {
@@ -43,17 +52,24 @@ fn the_export_of_a_trained_diagnoser_decides_the_same_in_every_build() {
     assert_proven(&toy::diagnoser());
 }
 
+/// The files with another text in one place.
+fn with_mistake(whole: &[SourceFile], (name, old, new): (&str, &str, &str)) -> Vec<SourceFile> {
+    let mut files = whole.to_vec();
+    let text = &mut files.iter_mut().find(|file| file.name == name).unwrap().text;
+    assert!(text.contains(old), "{name} has no {old}");
+    *text = text.replacen(old, new, 1);
+    files
+}
+
+/// cargo without optimization.
+fn unoptimized() -> Build {
+    Build { level: "opt-level=0", ..Build::rust().remove(0) }
+}
+
 #[test]
 fn mistakes_in_the_rust_text_are_found() {
     let diagnoser = &demanding();
-    let build = Build { level: "opt-level=0", ..Build::rust().remove(0) };
-    let with = |name: &str, old: &str, new: &str| {
-        let mut files = rust::files(diagnoser).unwrap();
-        let text = &mut files.iter_mut().find(|file| file.name == name).unwrap().text;
-        assert!(text.contains(old), "{name} has no {old}");
-        *text = text.replacen(old, new, 1);
-        files
-    };
+    let whole = rust::files(diagnoser).unwrap();
     for (name, old, new) in [
         ("src/models.rs", "value <= self.thresholds", "value < self.thresholds"),
         ("src/windows.rs", "(count - 1.0) / count", "count / (count - 1.0)"),
@@ -62,10 +78,17 @@ fn mistakes_in_the_rust_text_are_found() {
         ("src/judge.rs", "own - common + mean_difference", "own + common + mean_difference"),
         ("src/session.rs", "(sum - 6.0)", "(sum - 6.5)"),
     ] {
-        let files = &with(name, old, new);
-        let plan =
-            Plan { diagnoser, twin: None, study: None, files, samples: SAMPLES, variants: 0 };
-        let evidence = &prove(&plan, std::slice::from_ref(&build), &mut |_, _| ()).unwrap()[0];
+        let files = &with_mistake(&whole, (name, old, new));
+        let plan = Plan {
+            diagnoser,
+            twin: None,
+            study: None,
+            files,
+            samples: SAMPLES,
+            variants: 0,
+            worst_path: None,
+        };
+        let evidence = &prove(&plan, &[unoptimized()], &mut |_, _| ()).unwrap()[0];
         assert!(!evidence.holds(), "{name}: {old} -> {new}");
     }
 }
@@ -92,6 +115,34 @@ fn so_does_one_that_uses_everything() {
     assert_proven(&demanding());
 }
 
+#[test]
+fn a_sequence_comes_near_the_bound_of_work_and_no_sample_exceeds_it() {
+    let diagnoser = demanding();
+    let worst_path = &WorstPath::find(&diagnoser, 40).unwrap();
+    let WorstPath { bound, reached, samples, .. } = worst_path;
+    assert!(worst_path.holds(), "{worst_path:?}");
+    // The windows of both streams never end at the same sample.
+    assert_eq!([bound.windows, reached.windows], [1, 1], "{reached:?} of {bound:?}");
+    assert!(reached.tests * 10 >= bound.tests * 9, "{reached:?} of {bound:?}");
+    assert_eq!(worst_path.csv(&diagnoser).lines().count() as u64, 1 + samples);
+    let files = &c::files(&diagnoser).unwrap();
+    let plan = Plan {
+        diagnoser: &diagnoser,
+        twin: None,
+        study: None,
+        files,
+        samples: 0,
+        variants: 0,
+        worst_path: Some(worst_path),
+    };
+    let build = Build { compiler: "gcc".into(), level: "-O2" };
+    let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
+    assert!(evidence.holds() && evidence.worst_path_samples == *samples, "{evidence:?}");
+    let mut too_low = worst_path.clone();
+    too_low.bound.tests = reached.tests - 1;
+    assert!(!too_low.holds());
+}
+
 /// An actuator whose controller has a clock, with inputs that are held, straight and curved.
 fn twin(program: &Program, settings: Settings) -> Twin<'_> {
     // The command is read on ticks only; the load acts all the time.
@@ -104,7 +155,8 @@ fn twin(program: &Program, settings: Settings) -> Twin<'_> {
         period_s: 0.01,
         between: (0..inputs.len()).map(|input| courses[input % 3]).collect(),
         ranges: inputs.iter().map(|input| range(input.default)).collect(),
-        sensors: vec![0],
+        // Nothing compares them here; there are as many as the diagnosis has.
+        sensors: vec![0; toy::diagnoser().sensors.len()],
     }
 }
 
@@ -114,19 +166,61 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
     let reference = Settings { method: Method::Rodas5P, ..Settings::campaign() };
     for settings in [Settings::campaign(), Settings::real_time(), reference] {
         let twin = twin(&program, settings);
-        let files = c::files_with_twin(&diagnoser, &twin).unwrap();
-        let plan = Plan {
-            diagnoser: &diagnoser,
-            twin: Some(&twin),
-            study: None,
-            files: &files,
-            samples: 10,
-            variants: 4,
-        };
-        let build = Build { compiler: "gcc".into(), level: "-O2" };
-        let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
-        assert!(evidence.holds() && evidence.variants == 4, "{evidence:#?}");
-        assert!(evidence.twin_samples > 10_000, "{evidence:#?}");
+        for (files, build) in [
+            (c::files_with_twin(&diagnoser, &twin), Build { compiler: "gcc".into(), level: "-O2" }),
+            (rust::files_with_twin(&diagnoser, &twin), Build::rust().remove(1)),
+        ] {
+            let evidence = &evidence_of_twin(&diagnoser, &twin, &files.unwrap(), &build, 4);
+            assert!(evidence.holds() && evidence.variants == 4, "{evidence:#?}");
+            assert!(evidence.twin_samples > 10_000 && evidence.points == 2000, "{evidence:#?}");
+        }
+    }
+}
+
+/// The evidence of a build that has a twin.
+fn evidence_of_twin(
+    diagnoser: &Arc<Diagnoser>,
+    twin: &Twin,
+    files: &[SourceFile],
+    build: &Build,
+    variants: u64,
+) -> Evidence {
+    let plan = Plan {
+        diagnoser,
+        twin: Some(twin),
+        study: None,
+        files,
+        samples: 10,
+        variants,
+        worst_path: None,
+    };
+    prove(&plan, slice::from_ref(build), &mut |_, _| ()).unwrap().remove(0)
+}
+
+#[test]
+fn mistakes_in_a_rust_twin_are_found() {
+    let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
+    let twin = &twin(&program, Settings::campaign());
+    let whole = rust::files_with_twin(&diagnoser, twin).unwrap();
+    for (name, old, new) in [
+        ("src/twin.rs", "at_least > most { most }", "at_least > most { at_least }"),
+        ("src/twin.rs", "left_s * 0.999", "left_s * 0.99"),
+        ("src/twin.rs", "wanted_s * 2.0 > left_s", "wanted_s * 1.5 > left_s"),
+        ("src/twin.rs", "self.next_tick[clock] += 1", "self.next_tick[clock] += 2"),
+        ("src/twin.rs", "self.states[state] + change", "self.states[state] - change"),
+        ("src/course.rs", "t * (2.0 * bend", "t * (3.0 * bend"),
+        ("src/course.rs", "last / square", "last * square"),
+        ("src/equations.rs", " * ", " / "),
+        (
+            "src/equations.rs",
+            "let product = logarithm * exponent",
+            "let product = logarithm + exponent",
+        ),
+        ("src/twin_tables.rs", "is_fixed: false", "is_fixed: true"),
+    ] {
+        let files = &with_mistake(&whole, (name, old, new));
+        let evidence = evidence_of_twin(&diagnoser, twin, files, &unoptimized(), 12);
+        assert!(!evidence.holds(), "{name}: {old} -> {new}");
     }
 }
 
@@ -136,7 +230,15 @@ fn mistakes_in_a_twin_are_found() {
     let twin = twin(&program, Settings::campaign());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
-    let plan = Plan { diagnoser, twin: Some(&twin), study: None, files, samples: 0, variants: 0 };
+    let plan = Plan {
+        diagnoser,
+        twin: Some(&twin),
+        study: None,
+        files,
+        samples: 0,
+        variants: 0,
+        worst_path: None,
+    };
     assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some("servotwin_equations.c") });
     // This system always finds a steady state, so nothing is known of what is done otherwise.
     let control = &files.iter().find(|file| file.name == "servotwin_twin.c").unwrap().text;
@@ -170,6 +272,7 @@ fn assert_finds_mistakes(seed: u64) {
         files: &files,
         samples: 0,
         variants: 0,
+        worst_path: None,
     };
     assert_all_found(&plan, Mistakes { count: 110, seed, only: None });
 }

@@ -11,11 +11,10 @@ use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{RuntimeError, between, slots};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_export::ExportError;
-use servotwin_export::c::Twin;
 use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
+use servotwin_export::{ExportError, Language, Twin};
 use servotwin_model::solver::Settings;
 use std::path::{Path, PathBuf};
 
@@ -75,6 +74,30 @@ enum Fmi {
 /// proves that it decides as it was trained.
 #[derive(clap::Args)]
 struct COptions {
+    #[command(flatten)]
+    subject: SubjectOptions,
+    /// The folder for the C files: a new or empty one, or that of an earlier export.
+    #[arg(long, value_name = "FOLDER", default_value = "export")]
+    out: PathBuf,
+}
+
+/// Write them as a Rust crate without the standard library.
+///
+/// The crate takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
+/// allocates nothing, has no unsafe code, and needs only the crate libm. 'servotwin prove' compiles it and proves that it
+/// decides as it was trained.
+#[derive(clap::Args)]
+struct RustOptions {
+    #[command(flatten)]
+    subject: SubjectOptions,
+    /// The folder of the crate: a new or empty one, or that of an earlier export as Rust.
+    #[arg(long, value_name = "FOLDER", default_value = "export-rust")]
+    out: PathBuf,
+}
+
+/// The diagnosis and the twin that are exported.
+#[derive(clap::Args)]
+struct SubjectOptions {
     /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
@@ -86,24 +109,6 @@ struct COptions {
     /// diagnosis was trained.
     #[arg(long)]
     fixed_step: bool,
-    /// The folder for the C files: a new or empty one, or that of an earlier export.
-    #[arg(long, value_name = "FOLDER", default_value = "export")]
-    out: PathBuf,
-}
-
-/// Write the diagnosis as a Rust crate without the standard library.
-///
-/// The crate takes inputs, measured values and the values of a twin sample by sample, and answers as the trained diagnosis
-/// does, bit for bit. It allocates nothing, has no unsafe code, and needs only the crate libm. The virtual twin is exported
-/// as C alone. 'servotwin prove' compiles the crate and proves that it decides as it was trained.
-#[derive(clap::Args)]
-struct RustOptions {
-    /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
-    /// The folder of the crate: a new or empty one, or that of an earlier export as Rust.
-    #[arg(long, value_name = "FOLDER", default_value = "export-rust")]
-    out: PathBuf,
 }
 
 impl Options {
@@ -114,8 +119,9 @@ impl Options {
             Paths::default().read("the diagnoser", [file])
         };
         match &self.target {
-            Target::C(options) => diagnoser(&options.model),
-            Target::Rust(options) => diagnoser(&options.model),
+            Target::C(COptions { subject, .. }) | Target::Rust(RustOptions { subject, .. }) => {
+                diagnoser(&subject.model)
+            }
             Target::Fmu(options) => Paths::default()
                 .read("the diagnoser", options.model.clone())
                 .write("--out", Format::Any, &options.out),
@@ -126,8 +132,10 @@ impl Options {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
-        Target::C(options) => run_c(options, global),
-        Target::Rust(options) => run_rust(options, global),
+        Target::C(options) => write_sources(Language::C, &options.subject, &options.out, global),
+        Target::Rust(options) => {
+            write_sources(Language::Rust, &options.subject, &options.out, global)
+        }
         Target::Fmu(options) => run_fmu(options, global),
     }
 }
@@ -156,21 +164,21 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     })
 }
 
-fn run_c(options: &COptions, global: Global) -> Result<String, Failure> {
-    let file = options.model.clone().unwrap_or_else(usual_diagnoser);
+/// Writes source files in a language to a folder.
+fn write_sources(
+    language: Language,
+    subject: &SubjectOptions,
+    out: &Path,
+    global: Global,
+) -> Result<String, Failure> {
+    let file = subject.model.clone().unwrap_or_else(usual_diagnoser);
     let diagnoser = model_file::read_diagnoser(&file)?;
-    let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
+    let place = subject.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;
-    let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
-    let written = ExportFolder::new(&options.out).write((&diagnoser, &file), (&twin, &place));
-    Ok(text_of(&written?, &options.out, global))
-}
-
-fn run_rust(options: &RustOptions, global: Global) -> Result<String, Failure> {
-    let file = options.model.clone().unwrap_or_else(usual_diagnoser);
-    let diagnoser = model_file::read_diagnoser(&file)?;
-    let written = ExportFolder::new(&options.out).write_rust((&diagnoser, &file));
-    Ok(text_of(&written?, &options.out, global))
+    let twin = twin_of(&study, &diagnoser, subject.fixed_step).map_err(unfit(&file))?;
+    let folder = ExportFolder::new(out);
+    let written = folder.write(language, (&diagnoser, &file), (&twin, &place))?;
+    Ok(text_of(&written, out, global))
 }
 
 /// What was written to a folder, for standard output.

@@ -10,10 +10,13 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Mistakes, Plan, mutants, prove};
+use servotwin_export::prove::{Build, Mistakes, Plan, Work, WorstPath, mutants, prove};
 use servotwin_export::{ExportError, Language, SourceFile};
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// The number of sequences of samples that are tried for the most work.
+const TRIALS: u64 = 300;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
@@ -21,7 +24,8 @@ use std::sync::Arc;
 /// compared bit by bit with the diagnoser: every leaf of every tree, both sides of every threshold, missing values at every
 /// test, and random samples through the whole chain with lost sensors, wrong inputs and commands of the flight control
 /// computer. The twin is compared with that of the toolkit over variants with random faults. The certificate is written
-/// beside the files, as proof.json and proof.html.
+/// beside the files, as proof.json and proof.html. It also bounds the work of one sample; worst_path.csv has samples that
+/// come near the bound.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -78,6 +82,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Ok::<_, Failure>(twin)
     });
     let twin = twin.transpose()?;
+    let stages = Stages::new(global);
+    stages.show("looking for the most work", 0.0);
+    let worst_path = WorstPath::find(&diagnoser, TRIALS)?;
     let plan = Plan {
         diagnoser: &diagnoser,
         twin: twin.as_ref(),
@@ -85,15 +92,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         files: &files,
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
         variants: options.variants,
+        worst_path: Some(&worst_path),
     };
-    let stages = Stages::new(global);
     let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
     let mutants = mutants(&plan, first, mistakes, &mut |done| {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
     stages.end();
-    let certificate = Certificate::new(description, SourceFile::hashes(&files), evidence, mutants);
-    let written = folder.write_certificate(&certificate)?;
+    let hashes = SourceFile::hashes(&files);
+    let certificate = Certificate::new(description, hashes, evidence, mutants, worst_path);
+    let written = folder.write_certificate(&certificate, &diagnoser)?;
     let output = match global {
         Global { json: true, .. } => json(&json!(certificate)),
         Global { quiet: true, .. } => String::new(),
@@ -131,6 +139,7 @@ fn text_of(certificate: &Certificate) -> String {
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
+    text += &worst_path_text(&certificate.worst_path);
     for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         text += &format!("  {verdict}  {}\n", build.command);
@@ -146,4 +155,18 @@ fn text_of(certificate: &Certificate) -> String {
         text += &format!("{found} of {} mistakes found\n", certificate.mutants);
     }
     text
+}
+
+fn worst_path_text(worst_path: &WorstPath) -> String {
+    let WorstPath { bound, reached, samples, trials, .. } = worst_path;
+    let text = |Work { tests, windows, rows, panes }: &Work| {
+        format!(
+            "{tests} tests of trees, {windows} windows judged, {rows} rows of features, {panes} panes merged"
+        )
+    };
+    format!(
+        "most work of one sample: at most {}\n  reached after {samples} samples (best of {trials} sequences): {}\n",
+        text(bound),
+        text(reached)
+    )
 }

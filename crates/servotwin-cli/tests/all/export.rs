@@ -174,21 +174,22 @@ fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
     let (folder, model, c) = exported("export-rust");
     let out = folder.file("crate");
     let text = succeeds(&["export", "rust", "--model", &model, "--out", &out]);
-    assert!(text.contains("14 files"), "{text}");
-    let text = succeeds(&["prove", &out, "--hours", "0.02"]);
+    assert!(text.contains("21 files"), "{text}");
+    let text = succeeds(&["prove", &out, "--hours", "0.02", "--variants", "1"]);
     assert_eq!(text.matches("same bits  cargo").count(), 3, "{text}");
-    assert!(!text.contains("twin:"), "{text}");
+    assert!(text.contains("1 variants (0 without a steady state), 4500 samples"), "{text}");
+    assert!(text.contains("twin and diagnosis together: 3000 samples"), "{text}");
     let message = fails(&["prove", &out, "--hours", "0", "--mutants", "1"], 3);
     assert!(message.contains("in an export as C alone"), "{message}");
     let message = fails(&["export", "rust", "--model", &model, "--out", &c], 2);
     assert!(message.contains("earlier export in the same language"), "{message}");
 
-    let models = Path::new(&out).join("src/models.rs");
-    let whole = fs::read_to_string(&models).unwrap();
-    let changed = whole.replace("value <= self.thresholds", "value < self.thresholds");
+    let hybrid = Path::new(&out).join("src/hybrid.rs");
+    let whole = fs::read_to_string(&hybrid).unwrap();
+    let changed = whole.replace("1.5 * now - 0.5 * before", "1.5 * now - 0.6 * before");
     assert_ne!(whole, changed);
-    fs::write(&models, changed).unwrap();
-    let message = fails(&["prove", &out, "--hours", "0"], 1);
+    fs::write(&hybrid, changed).unwrap();
+    let message = fails(&["prove", &out, "--hours", "0", "--variants", "0"], 1);
     assert!(message.contains("decides otherwise than its diagnoser"), "{message}");
 }
 

@@ -10,10 +10,11 @@ mod variables;
 
 pub use description::Version;
 
-use crate::c::{self, Twin};
+use crate::c;
 use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
+use crate::twin::Twin;
 use description::Description;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::write_atomically;

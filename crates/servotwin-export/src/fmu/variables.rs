@@ -1,6 +1,6 @@
 //! The variables of an FMU. The reference of a variable is its place in the arrays of the C code.
 
-use crate::c::Twin;
+use crate::twin::Twin;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::spec::Unit;

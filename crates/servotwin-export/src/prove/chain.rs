@@ -5,6 +5,7 @@ use super::library::{Compiled, RunningSession};
 use super::samples::{Sample, Samples};
 use crate::error::ExportError;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session, Why};
+use servotwin_diagnosis::panel::SensorBand;
 use servotwin_diagnosis::random::Random;
 use std::sync::Arc;
 
@@ -36,24 +37,18 @@ pub(super) fn compare(
     let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
     let mut generated = Samples::new(diagnoser, 1);
     let mut commands = Commands { random: Random::new(2), to_undo: None };
-    let (mut right, mut said) = (Said::default(), Said::default());
+    let mut said = [Said::default(), Said::default()];
     for k in 0..samples {
         if let Some((command, place)) = commands.next(&session) {
             obey(&mut session, (command, place))?;
             others.iter_mut().for_each(|other| other.command(command as i32, place as i32));
         }
-        let sample = generated.next();
         let before = accused(&session);
-        push(&mut session, sample, &mut right);
+        if !compare_sample(&mut session, &mut others, (k, generated.next()), &mut said, evidence) {
+            return Ok(());
+        }
         let raised = accused(&session).filter(|now| Some(*now) != before);
-        for (other, evidence) in others.iter_mut().zip(evidence.iter_mut()) {
-            other.push(sample, &right, &mut said);
-            let rows_differ = newest_length(&session)
-                .is_some_and(|length| !has_same_rows(&session, length, other));
-            if !is_same(&right, &said) || rows_differ {
-                evidence.differ(format!("whole chain, sample {k}"), difference(&right, &said));
-                return Ok(());
-            }
+        for evidence in evidence.iter_mut() {
             evidence.samples += 1;
             if let Some((_, action)) = raised {
                 let name = &diagnoser.names().actions[action as usize];
@@ -65,6 +60,27 @@ pub(super) fn compare(
         }
     }
     Ok(())
+}
+
+/// Gives one sample with its number to all sessions; returns whether all say the same.
+pub(super) fn compare_sample(
+    session: &mut Session,
+    others: &mut [RunningSession],
+    (number, sample): (u64, &Sample),
+    [right, said]: &mut [Said; 2],
+    evidence: &mut [Evidence],
+) -> bool {
+    push(session, sample, right);
+    let newest = newest_length(session);
+    for (other, evidence) in others.iter_mut().zip(evidence.iter_mut()) {
+        other.push(sample, right, said);
+        let rows_differ = newest.is_some_and(|length| !has_same_rows(session, length, other));
+        if !is_same(right, said) || rows_differ {
+            evidence.differ(format!("whole chain, sample {number}"), difference(right, said));
+            return false;
+        }
+    }
+    true
 }
 
 /// Actuator and action of the raised alarm.
@@ -249,17 +265,18 @@ fn number_of_reason(why: Why) -> i64 {
 
 /// The length whose features were computed last, if the last sample did.
 fn newest_length(session: &Session) -> Option<usize> {
-    let lengths = 0..session.diagnoser().lengths.len();
-    let is_new = |&length: &usize| session.has_new_window(length) && session.is_full(length);
-    let is_outside = |length: &usize| {
-        let bands = &session.diagnoser().lengths[*length].panel.bands;
-        let window = session.window(*length);
-        bands
-            .iter()
-            .enumerate()
-            .any(|(place, band)| window.largest(place) > band.half_width.max(1e-12))
-    };
-    lengths.filter(is_new).rfind(is_outside)
+    (0..session.diagnoser().lengths.len()).rfind(|&length| is_judged(session, length))
+}
+
+/// Whether the last sample completed a full window of this length that lies outside its bands.
+pub(super) fn is_judged(session: &Session, length: usize) -> bool {
+    let bands = &session.diagnoser().lengths[length].panel.bands;
+    let window = session.window(length);
+    let is_outside =
+        |(place, band): (usize, &SensorBand)| window.largest(place) > band.half_width.max(1e-12);
+    session.has_new_window(length)
+        && session.is_full(length)
+        && bands.iter().enumerate().any(is_outside)
 }
 
 fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bool {

@@ -30,6 +30,15 @@ const CARGO: &str = "cargo";
 /// The entry points of a Rust export, in a crate of their own.
 const PROVE_RUST: &str = include_str!("../../runtime/rust/prove.rs");
 
+/// Those of a twin.
+const PROVE_RUST_TWIN: [(&str, &str); 2] = [
+    ("src/prove_twin.rs", include_str!("../../runtime/rust/prove_twin.rs")),
+    ("src/prove_hybrid.rs", include_str!("../../runtime/rust/prove_hybrid.rs")),
+];
+
+/// The modules with them.
+const PROVE_RUST_TWIN_MODULES: &str = "\nmod prove_hybrid;\nmod prove_twin;\n";
+
 /// The manifest of that crate, which lies above the export.
 const PROVE_MANIFEST: &str = "[package]
 name = \"prove\"
@@ -200,10 +209,15 @@ impl Compiled {
     }
 
     fn new_rust(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
-        let workplace = Workplace::new(&[
-            SourceFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() },
-            SourceFile { name: "src/lib.rs", text: PROVE_RUST.into() },
-        ])?;
+        let mut root = PROVE_RUST.to_owned();
+        let mut proving = vec![SourceFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() }];
+        if files.iter().any(|file| file.name == "src/twin.rs") {
+            root += PROVE_RUST_TWIN_MODULES;
+            let twin = PROVE_RUST_TWIN.map(|(name, text)| SourceFile { name, text: text.into() });
+            proving.extend(twin);
+        }
+        proving.push(SourceFile { name: "src/lib.rs", text: root });
+        let workplace = Workplace::new(&proving)?;
         for SourceFile { name, text } in files {
             workplace.write(&format!("export/{name}"), text)?;
         }

@@ -9,13 +9,15 @@ mod points;
 mod rows;
 mod samples;
 mod twin;
+mod worst_path;
 
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
+pub use worst_path::{Work, WorstPath};
 
-use crate::c::Twin;
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
+use crate::twin::Twin;
 use library::Compiled;
 use serde::Serialize;
 use servotwin::study::Study;
@@ -80,6 +82,8 @@ pub struct Evidence {
     pub twin_samples: u64,
     /// Samples through twin and diagnosis together.
     pub hybrid_samples: u64,
+    /// Samples of the sequence that takes the most work.
+    pub worst_path_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The number of differences after which nothing more is compared.
@@ -144,6 +148,8 @@ pub struct Plan<'p> {
     pub samples: u64,
     /// Variants of the twin, each of 90 s.
     pub variants: u64,
+    /// The sequence of samples that takes the most work.
+    pub worst_path: Option<&'p WorstPath>,
 }
 
 /// Compiles an export in every build and compares it with its diagnoser and its twin. `tell` hears what was done, and its
@@ -179,6 +185,9 @@ pub fn prove(
     }
     if let Some(subject) = plan.subject() {
         hybrid::compare(&subject, &compiled, HYBRID_SAMPLES, &mut all)?;
+    }
+    if let Some(worst_path) = plan.worst_path {
+        worst_path.compare(plan.diagnoser, &compiled, &mut all)?;
     }
     let tell =
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);

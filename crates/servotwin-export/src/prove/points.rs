@@ -3,8 +3,8 @@
 
 use super::Evidence;
 use super::library::{Compiled, PointOf, RunningTwin};
-use crate::c::Twin;
 use crate::error::ExportError;
+use crate::twin::Twin;
 use servotwin_diagnosis::random::Random;
 use servotwin_model::program::{FaultAt, Program};
 use servotwin_model::solver::StepMemory;

@@ -20,6 +20,7 @@ const PLAUSIBLE: f64 = 1e6;
 const BROKEN_SHARE: f64 = 5e-4;
 
 /// One sample, in SI units.
+#[derive(Debug, Clone)]
 pub(super) struct Sample {
     pub inputs: Vec<f64>,
     pub measured: Vec<f64>,
@@ -28,10 +29,25 @@ pub(super) struct Sample {
 
 /// What disturbs a sensor: its offset, and its slope over the twin's signal, in parts of scale.
 #[derive(Clone, Copy, Default)]
-struct Disturbance {
+pub(super) struct Disturbance {
     offset: f64,
     slope: f64,
     noise: f64,
+}
+
+impl Disturbance {
+    /// None, or an offset, a slope and noise of random sizes.
+    pub fn draw(random: &mut Random) -> Self {
+        let mut part = || if random.unit() < 0.5 { 0.0 } else { draw_size(random) };
+        Disturbance { offset: part(), slope: part(), noise: part().abs() }
+    }
+}
+
+/// The size of a disturbance with its sign, in parts of scale.
+fn draw_size(random: &mut Random) -> f64 {
+    let exponent = random.between(SMALLEST_SIZE, LARGEST_SIZE);
+    let sign = if random.unit() < 0.5 { -1.0 } else { 1.0 };
+    sign * 10f64.powf(exponent)
 }
 
 /// The part of a sample that stays broken for a while.
@@ -58,6 +74,7 @@ pub(super) struct Samples<'d> {
     goals: Vec<f64>,
     disturbances: Vec<Disturbance>,
     left: usize,
+    broken_share: f64,
     broken: Option<(Broken, usize)>,
     sample: Sample,
 }
@@ -79,8 +96,19 @@ impl<'d> Samples<'d> {
             goals: vec![0.5; sensors],
             disturbances: vec![Disturbance::default(); sensors],
             left: 0,
+            broken_share: BROKEN_SHARE,
             broken: None,
         }
+    }
+
+    /// Samples without a disturbance, and without faults of the transmission.
+    pub fn steady(diagnoser: &'d Diagnoser, seed: u64) -> Self {
+        Samples { left: usize::MAX, broken_share: 0.0, ..Samples::new(diagnoser, seed) }
+    }
+
+    /// Disturbs each sensor in its own way from the next sample on.
+    pub fn disturb_with(&mut self, disturbances: &[Disturbance]) {
+        self.disturbances.copy_from_slice(disturbances);
     }
 
     /// The next sample.
@@ -110,17 +138,11 @@ impl<'d> Samples<'d> {
         &self.sample
     }
 
-    fn size(&mut self) -> f64 {
-        let exponent = self.random.between(SMALLEST_SIZE, LARGEST_SIZE);
-        let sign = if self.random.unit() < 0.5 { -1.0 } else { 1.0 };
-        sign * 10f64.powf(exponent)
-    }
-
     /// Begins another disturbance.
     fn disturb(&mut self) {
         self.disturbances.fill(Disturbance::default());
         let sensors = self.diagnoser.sensors.len();
-        let (sensor, size) = (self.random.index(sensors), self.size());
+        let (sensor, size) = (self.random.index(sensors), draw_size(&mut self.random));
         match self.random.index(6) {
             0 => {}
             1 => self.disturbances[sensor].offset = size,
@@ -131,7 +153,7 @@ impl<'d> Samples<'d> {
                 let own = |(_, other): &(usize, &Sensor)| other.actuator == of;
                 let places = self.diagnoser.sensors.iter().enumerate().filter(own);
                 for place in places.map(|(place, _)| place).collect::<Vec<_>>() {
-                    self.disturbances[place].offset = self.size();
+                    self.disturbances[place].offset = draw_size(&mut self.random);
                 }
             }
             _ => self.disturbances[sensor].noise = size.abs(),
@@ -156,7 +178,7 @@ impl<'d> Samples<'d> {
 
     /// Breaks a value for up to two seconds, now and then.
     fn break_something(&mut self) {
-        if self.broken.is_none() && self.random.unit() < BROKEN_SHARE {
+        if self.broken.is_none() && self.random.unit() < self.broken_share {
             let sensor = self.random.index(self.diagnoser.sensors.len());
             let input = self.random.index(self.center.len());
             let is_least = self.random.unit() < 0.5;

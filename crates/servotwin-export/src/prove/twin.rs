@@ -2,8 +2,8 @@
 
 use super::Evidence;
 use super::library::{Compiled, RunningTwin};
-use crate::c::Twin;
 use crate::error::ExportError;
+use crate::twin::Twin;
 use servotwin_diagnosis::random::Random;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{self, Knot};

@@ -1,9 +1,10 @@
-//! The tables of a diagnoser, in any language: the sizes of its arrays, and everything that was trained.
+//! The tables of a diagnoser and of its twin, in any language: the sizes of arrays, and everything that was trained.
 
 mod hierarchy;
 mod length;
 mod stage;
 mod system;
+pub(crate) mod twin;
 
 use crate::error::ExportError;
 use crate::language::Language;

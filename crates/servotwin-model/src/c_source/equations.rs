@@ -17,7 +17,7 @@
 //!
 //! The array of parameters lists the components one after the other, with faults applied ([`Program::parameters`]).
 
-use super::helpers::{Helper, print_helpers};
+use super::helpers::{Frame, Helper, print_helpers};
 use super::printer::{Dialect, Printer, Stores, line, needed_expressions};
 use super::{described, parameter_symbols};
 use crate::program::{Observable, Program};
@@ -62,10 +62,8 @@ pub fn write_equations(
     let called: BTreeSet<Helper> = functions.iter().flat_map(|f| f.helpers()).collect();
     let mut c = String::new();
     heading(&mut c, program, prefix, &names, outputs);
-    print_helpers(&mut c, ("static double", prefix), called, || Equations {
-        prefix,
-        names: &names,
-    });
+    let frame = Frame::C { kind: "static double", prefix };
+    print_helpers(&mut c, frame, called, || Equations { prefix, names: &names });
     for function in &functions {
         function.print(&mut c, prefix, &names);
     }

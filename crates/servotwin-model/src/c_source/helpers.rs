@@ -1,4 +1,4 @@
-//! Functions that the equations call and C's library lacks.
+//! Functions that the equations call and the libraries of C and Rust lack.
 
 use super::printer::{Body, Dialect, line};
 use crate::symbol::{Binary, Expression, Function, Unary};
@@ -30,14 +30,48 @@ impl Helper {
         }
     }
 
-    /// The text of a function that cannot be traced; see `lanes/single.rs`.
-    fn text(self) -> Option<&'static str> {
+    /// The text of a function that cannot be traced, in C and in Rust; see `lanes/single.rs`.
+    fn texts(self) -> Option<[&'static str; 2]> {
         match self {
-            Helper::Round => Some(ROUND),
-            Helper::Scaled => Some(SCALED),
-            Helper::Mantissa => Some(MANTISSA),
-            Helper::Exponent => Some(EXPONENT),
+            Helper::Round => Some([ROUND, RUST_ROUND]),
+            Helper::Scaled => Some([SCALED, RUST_SCALED]),
+            Helper::Mantissa => Some([MANTISSA, RUST_MANTISSA]),
+            Helper::Exponent => Some([EXPONENT, RUST_EXPONENT]),
             Helper::Function(_) => None,
+        }
+    }
+}
+
+/// The frame of a helper: what stands around its statements.
+#[derive(Clone, Copy)]
+pub(super) enum Frame<'a> {
+    /// C99, with what stands before the name, for example `static double` and `p`.
+    C { kind: &'a str, prefix: &'a str },
+    /// A function of a Rust module.
+    Rust,
+}
+
+impl Frame<'_> {
+    /// Prints a function that cannot be traced.
+    fn print_text(self, c: &mut String, [of_c, of_rust]: [&str; 2]) {
+        match self {
+            Frame::C { kind, prefix } => line(c, format_args!("{kind} {prefix}_{of_c}")),
+            Frame::Rust => line(c, format_args!("pub fn {of_rust}")),
+        }
+    }
+
+    /// Prints a traced function.
+    fn print<D: Dialect>(self, c: &mut String, (function, body): &(Function, Body), dialect: D) {
+        let name = function.name();
+        match self {
+            Frame::C { kind, prefix } => {
+                body.print(c, &format!("{kind} {prefix}_{name}(double x)"), dialect);
+            }
+            Frame::Rust => {
+                line(c, format_args!("pub fn {name}(x: f64) -> f64 {{"));
+                let value = body.statements(c, dialect);
+                line(c, format_args!("    {value}\n}}\n"));
+            }
         }
     }
 }
@@ -84,10 +118,34 @@ const EXPONENT: &str = "exponent(double x)
 }
 ";
 
-/// Prints the called functions, and the functions that these call, for example as `static double` with a prefix.
+const RUST_ROUND: &str = "rounded(x: f64) -> f64 {
+    (x + 6755399441055744.0) - 6755399441055744.0
+}
+";
+
+const RUST_SCALED: &str = "scaled(x: f64, exponent: f64) -> f64 {
+    let shifted = exponent + 6755399441055744.0;
+    let bits = (shifted.to_bits() << 52).wrapping_add(0x3ff0000000000000);
+    x * f64::from_bits(bits)
+}
+";
+
+const RUST_MANTISSA: &str = "mantissa(x: f64) -> f64 {
+    let bits = x.to_bits().wrapping_add(0x3ff0000000000000 - 0x3fe6a09e667f3bcd);
+    f64::from_bits((bits & 0x000fffffffffffff) + 0x3fe6a09e667f3bcd)
+}
+";
+
+const RUST_EXPONENT: &str = "exponent(x: f64) -> f64 {
+    let bits = x.to_bits().wrapping_add(0x3ff0000000000000 - 0x3fe6a09e667f3bcd);
+    f64::from_bits((bits >> 52) | 0x4330000000000000) - 4503599627371519.0
+}
+";
+
+/// Prints the called functions, and the functions that these call.
 pub(super) fn print_helpers<D: Dialect>(
     c: &mut String,
-    (kind, prefix): (&str, &str),
+    frame: Frame,
     called: BTreeSet<Helper>,
     dialect: impl Fn() -> D,
 ) {
@@ -100,11 +158,10 @@ pub(super) fn print_helpers<D: Dialect>(
     let mut all = called;
     let called_inside = functions.iter().flat_map(|(_, body)| body.needed());
     all.extend(called_inside.filter_map(Helper::called_by));
-    for text in all.iter().filter_map(|helper| helper.text()) {
-        line(c, format_args!("{kind} {prefix}_{text}"));
+    for texts in all.iter().filter_map(|helper| helper.texts()) {
+        frame.print_text(c, texts);
     }
-    for (function, body) in &functions {
-        let head = format!("{kind} {prefix}_{}(double x)", function.name());
-        body.print(c, &head, dialect());
+    for function in &functions {
+        frame.print(c, function, dialect());
     }
 }

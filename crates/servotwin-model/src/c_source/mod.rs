@@ -1,4 +1,4 @@
-//! A system as C, and formulas as Rust: one printer with four dialects.
+//! A system as C or Rust: one printer with four dialects.
 //!
 //! Tracing the compiled program with [`Symbol`]s records its operations.
 //! `printer` turns such a trace into statements, and a dialect spells the single operation.
@@ -8,12 +8,13 @@
 //! | [`write_equations`] | C99 for one number | simulators without Rust |
 //! | [`write_step`] | macros for the lanes of a register | the compiled step of the solver |
 //! | [`write_twin`], [`write_statements`] | C99 with hexadecimal literals | exported code that is proven |
-//! | [`write_rust_statements`] | Rust | the same |
+//! | [`write_rust_twin`], [`write_rust_statements`] | Rust | the same |
 
 mod equations;
 mod functions;
 mod helpers;
 mod printer;
+mod scopes;
 mod statements;
 mod step;
 mod twin;
@@ -21,7 +22,7 @@ mod twin;
 pub use equations::{BadPrefix, write_equations};
 pub use statements::{hexadecimal, write_rust_statements, write_statements};
 pub use step::write_step;
-pub use twin::{write_tangent, write_twin};
+pub use twin::{write_rust_twin, write_tangent, write_twin};
 
 use crate::program::Program;
 use crate::symbol::{Graph, Symbol};

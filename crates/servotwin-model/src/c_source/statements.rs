@@ -116,13 +116,15 @@ impl Dialect for Statements {
 }
 
 /// Rust for one number of type `f64`.
-struct RustStatements;
+pub(super) struct RustStatements;
 
 impl Dialect for RustStatements {
     const NUMBER: &'static str = "let";
     const TRUTH: &'static str = "let";
+    const MOST_IN_SCOPE: usize = 64;
 
     fn literal(&self, value: f64) -> String {
+        assert!(value.is_finite(), "{value} has no literal");
         format!("{value:?}")
     }
 

@@ -1,7 +1,7 @@
-//! The equations and the linear algebra of a twin as plain C99, for exported code that is to be proven.
+//! The equations and the linear algebra of a twin as plain C99 or Rust, for exported code that is to be proven.
 //!
 //! The control of the steps is the same for every system, so it is written by hand (`servotwin-export`). This module
-//! prints what depends on the system:
+//! prints what depends on the system, here with the names of C; in Rust they have no prefix:
 //!
 //! | function | reads | fills |
 //! |---|---|---|
@@ -15,25 +15,85 @@
 //! | `servotwin_twin_sums` | stage | argument and right-hand side of the stage |
 //! | `servotwin_twin_tick` | clock | what a clock computes and holds |
 //! | `servotwin_twin_power` | x > 0, exponent | |
+//!
+//! The statements of both languages come from one printer; a [`TwinLanguage`] spells what stands around them.
+
+mod c;
+mod rust;
 
 use super::functions::{self, Traced};
-use super::helpers::{Helper, print_helpers};
-use super::printer::line;
-use super::statements::{PREFIX, Statements, print_statements};
+use super::helpers::{Frame, Helper, print_helpers};
+use super::printer::{Dialect, line};
+use super::statements::print_statements;
 use crate::program::Program;
 use crate::solver::Method;
 use crate::symbol::{Function, Graph};
 use alloc::format;
 use alloc::string::String;
+use alloc::vec;
 use alloc::vec::Vec;
+use c::C;
+use rust::Rust;
+
+/// What stands around the statements of a twin's functions.
+trait TwinLanguage: Copy {
+    /// The dialect of the statements.
+    type Statements: Dialect;
+
+    fn statements(self) -> Self::Statements;
+
+    /// The beginning of the file. A clock passes on at most `most_held` values; without clocks there are none.
+    fn heading(self, most_held: Option<usize>) -> String;
+
+    fn frame(self) -> Frame<'static>;
+
+    /// The function that takes a power.
+    fn power(self) -> &'static str;
+
+    /// Everything before the statements of a function, up to and including its brace.
+    fn begin(self, traced: &Traced) -> String;
+
+    /// Prints a function that calls one of several.
+    fn print_choice(self, c: &mut String, choice: &Choice);
+}
+
+/// A function that calls one of several by their number.
+struct Choice {
+    name: &'static str,
+    /// The argument with the number.
+    number: &'static str,
+    /// Arrays that it only reads.
+    reads: &'static [&'static str],
+    /// Arrays that it writes.
+    writes: &'static [&'static str],
+    /// An array of its own with its length, which the called functions write last.
+    own: Option<(&'static str, usize)>,
+    cases: Vec<Case>,
+}
+
+/// One of the functions.
+struct Case {
+    number: usize,
+    /// Statements after the call.
+    stores: Vec<String>,
+}
 
 /// Returns the C source for a method; `None` for an explicit method.
 pub fn write_twin(program: &Program, method: Method) -> Option<String> {
+    write(C, program, method)
+}
+
+/// The same in Rust: a module beside `twin_sizes` with the lengths of the arrays.
+pub fn write_rust_twin(program: &Program, method: Method) -> Option<String> {
+    write(Rust, program, method)
+}
+
+fn write(language: impl TwinLanguage, program: &Program, method: Method) -> Option<String> {
     let tableau = method.tableau()?;
-    let mut c = String::from(HEADING);
+    let mut c = language.heading(most_held(program));
     let helpers = Function::ALL.into_iter().map(Helper::Function).collect();
-    print_helpers(&mut c, ("double", PREFIX), helpers, || Statements);
-    line(&mut c, format_args!("{POWER}"));
+    print_helpers(&mut c, language.frame(), helpers, || language.statements());
+    line(&mut c, format_args!("{}", language.power()));
     for traced in [
         functions::faults,
         functions::block_constants,
@@ -45,99 +105,72 @@ pub fn write_twin(program: &Program, method: Method) -> Option<String> {
         functions::solve_first,
         functions::solve,
     ] {
-        print_function(&mut c, |graph| traced(graph, program));
+        print_function(&mut c, language, |graph| traced(graph, program));
     }
     for clock in 0..program.clocks().len() {
-        print_function(&mut c, |graph| functions::tick(graph, program, clock));
+        print_function(&mut c, language, |graph| functions::tick(graph, program, clock));
     }
     for stage in 1..tableau.stages() {
-        print_function(&mut c, |graph| functions::sums(graph, program, tableau, stage));
+        print_function(&mut c, language, |graph| functions::sums(graph, program, tableau, stage));
     }
-    print_sums(&mut c, tableau.stages());
-    print_tick(&mut c, program);
+    language.print_choice(&mut c, &sums(tableau.stages()));
+    language.print_choice(&mut c, &ticks(program));
     Some(c)
 }
 
 /// Returns the C source of the directional derivatives, with the derivatives of states and inputs in `seeds`:
 /// `servotwin_twin_tangent`. It needs the functions of [`write_twin`].
 pub fn write_tangent(program: &Program) -> String {
-    let mut c = String::from(HEADING);
-    print_function(&mut c, |graph| functions::tangent(graph, program));
+    let mut c = C.heading(most_held(program));
+    print_function(&mut c, C, |graph| functions::tangent(graph, program));
     c
 }
 
-const HEADING: &str = "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */
-#include \"servotwin_equations.h\"
-
-#include <math.h>
-#include <string.h>
-
-#ifdef __clang__
-#pragma STDC FP_CONTRACT OFF
-#endif
-
-";
-
-const POWER: &str = "double servotwin_twin_power(double x, double exponent)
-{
-    const double logarithm = servotwin_twin_log2(x);
-    const double product = logarithm * exponent;
-    return servotwin_twin_exp2(product);
-}
-";
-
-fn print_function(c: &mut String, trace: impl for<'g> FnOnce(&'g Graph) -> Traced<'g>) {
+fn print_function(
+    c: &mut String,
+    language: impl TwinLanguage,
+    trace: impl for<'g> FnOnce(&'g Graph) -> Traced<'g>,
+) {
     let graph = Graph::new();
     let traced = trace(&graph);
-    let reads = traced.reads.iter().map(|name| format!("const double *{name}"));
-    let writes = traced.writes.iter().map(|name| format!("double *{name}"));
-    let arguments: Vec<String> = reads.chain(writes).collect();
-    // Functions with a number have a dispatcher.
-    let linkage = if traced.name.ends_with(|c: char| c.is_ascii_digit()) { "static " } else { "" };
-    let (name, arguments) = (&traced.name, arguments.join(", "));
-    line(c, format_args!("{linkage}void {PREFIX}_{name}({arguments})\n{{"));
-    for name in traced.reads.iter().chain(traced.writes) {
-        line(c, format_args!("    (void){name};"));
-    }
-    print_statements(c, Statements, &graph.expressions(), &traced.stores());
+    line(c, format_args!("{}", language.begin(&traced)));
+    print_statements(c, language.statements(), &graph.expressions(), &traced.stores());
     line(c, format_args!("}}\n"));
 }
 
-fn print_sums(c: &mut String, stages: usize) {
-    let head = "void servotwin_twin_sums(int32_t stage, const double *reciprocal, const double *y, const double *stages,
-    double *variables, double *right)";
-    let cases = (1..stages)
-        .map(|stage| format!("{PREFIX}_sums_{stage}(reciprocal, y, stages, variables, right);"));
-    print_dispatcher(c, head, "stage", cases.enumerate().map(|(i, call)| (i + 1, call)), "");
+/// Whether a function is called by a [`Choice`] alone: its name ends with a number.
+fn is_one_of_several(traced: &Traced) -> bool {
+    traced.name.ends_with(|c: char| c.is_ascii_digit())
 }
 
-fn print_tick(c: &mut String, program: &Program) {
-    let head =
-        "void servotwin_twin_tick(int32_t clock, const double *constants, double *variables)";
-    let most = program.clocks().iter().map(|clock| clock.exchanges.len()).max();
-    let cases = program.clocks().iter().enumerate().map(|(index, clock)| {
-        let mut call = format!("{PREFIX}_tick_{index}(constants, variables, next);");
-        for (place, (_, to)) in clock.exchanges.iter().enumerate() {
-            call += &format!("\n        variables[{to}] = next[{place}];");
-        }
-        (index, call)
-    });
-    let next = most.map_or(String::from("    (void)constants;\n    (void)variables;\n"), |most| {
-        format!("    double next[{}];\n", most.max(1))
-    });
-    print_dispatcher(c, head, "clock", cases, &next);
-}
-
-fn print_dispatcher(
-    c: &mut String,
-    head: &str,
-    number: &str,
-    cases: impl Iterator<Item = (usize, String)>,
-    before: &str,
-) {
-    line(c, format_args!("{head}\n{{\n{before}    switch ({number}) {{"));
-    for (case, call) in cases {
-        line(c, format_args!("    case {case}:\n        {call}\n        break;"));
+fn sums(stages: usize) -> Choice {
+    Choice {
+        name: "sums",
+        number: "stage",
+        reads: &["reciprocal", "y", "stages"],
+        writes: &["variables", "right"],
+        own: None,
+        cases: (1..stages).map(|number| Case { number, stores: vec![] }).collect(),
     }
-    line(c, format_args!("    default:\n        break;\n    }}\n}}\n"));
+}
+
+fn ticks(program: &Program) -> Choice {
+    let cases = program.clocks().iter().enumerate().map(|(number, clock)| {
+        let exchanges = clock.exchanges.iter().enumerate();
+        let stores = exchanges.map(|(place, (_, to))| format!("variables[{to}] = next[{place}];"));
+        Case { number, stores: stores.collect() }
+    });
+    Choice {
+        name: "tick",
+        number: "clock",
+        reads: &["constants"],
+        writes: &["variables"],
+        own: most_held(program).map(|length| ("next", length)),
+        cases: cases.collect(),
+    }
+}
+
+/// The most values that a clock passes on, at least one; `None` without clocks.
+fn most_held(program: &Program) -> Option<usize> {
+    program.clocks().iter().map(|clock| clock.exchanges.len().max(1)).max()
 }

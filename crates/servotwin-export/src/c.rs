@@ -3,20 +3,17 @@
 //! Most of the code is written by hand and the same for every diagnoser; it lies in `runtime/`. What was learned is
 //! printed as constant tables, and the features as statements. So the code can be reviewed once.
 
-mod twin;
-
-pub use twin::Twin;
-
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::source_file::SourceFile;
+use crate::twin::Twin;
 use crate::{features, tables};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 
 macro_rules! runtime {
     ($(#[$note:meta])* $list:ident: $($name:literal,)*) => {
         $(#[$note])*
-        const $list: &[(&str, &str)] = &[$(($name, include_str!(concat!("../../runtime/", $name))),)*];
+        const $list: &[(&str, &str)] = &[$(($name, include_str!(concat!("../runtime/", $name))),)*];
     };
 }
 
@@ -98,7 +95,7 @@ pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceF
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
 pub fn files_of_twin(twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
-    Ok(together(TWIN, PRINTED_OF_TWIN, twin::texts(twin)?))
+    Ok(together(TWIN, PRINTED_OF_TWIN, tables::twin::texts(twin, Language::C)?))
 }
 
 fn together(
