@@ -481,7 +481,8 @@ function showPlayback(next) {
   playback = next;
   document.body.dataset.mode = playback ? "replay" : "flight";
   $("playback").hidden = !playback;
-  const isMeasured = about.kind === "stream";
+  // A saved stream is replayed like any session.
+  const isMeasured = about.kind === "stream" && !playback;
   $("inject").hidden = $("hint").hidden = Boolean(playback) || isMeasured;
   $("pause").hidden = $("restart").hidden = isMeasured;
   $("save").hidden = $("save-page").hidden = Boolean(playback) && about.kind !== "log";

@@ -88,6 +88,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     crate::stop::heed();
     if options.end_with_stdin {
+        if options.source.iter().any(|source| source == "-") {
+            let both =
+                "--source - reads standard input, so --end-with-stdin cannot wait for its end";
+            return Err(Failure::Options(both));
+        }
         end_with_stdin();
     }
     let listen = || Server::listen(Access::to((options.address, options.port).into())?);

@@ -64,6 +64,7 @@ fn a_source_that_cannot_be_shown_says_why_before_anything_is_trained() {
         (vec!["--source", &log], 3, "no column is a sensor"),
         (vec!["--source", "udp://127.0.0.1:0"], 2, "a live stream needs --map"),
         (vec!["--source", "-", "--specimen", "1"], 2, "cannot be used with"),
+        (vec!["--source", "-", "--end-with-stdin"], 2, "--source - reads standard input"),
     ] {
         let message = fails(&[&["serve", "--port", "0"], &arguments[..]].concat(), code);
         assert!(message.contains(reason), "{message}");
