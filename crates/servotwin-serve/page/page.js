@@ -422,9 +422,9 @@ function showState(next) {
   showPath(state.path);
 }
 
-/** The last action of each actuator stands until a new flight, whatever the diagnosis says of the present. */
+/** Each action of an actuator stands until a new flight, whatever the diagnosis says of the present. */
 function showActions(actions) {
-  const standing = new Map(actions.map((action) => [action.actuator, action]));
+  const standing = new Map(actions.map((action) => [`${action.actuator} ${action.command}`, action]));
   const items = [...standing.values()].map(({ actuator, command, detail, time_s: time }) => {
     const item = document.createElement("p");
     const strong = document.createElement("strong");
