@@ -17,10 +17,10 @@ const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
 /** Notes in the page when it has drawn which sample. */
 function instrument() {
-  globalThis.drawn = [];
+  globalThis.drawnAt = [];
   const channel = new MessageChannel();
   let last = null;
-  channel.port1.onmessage = ({ data: sample }) => globalThis.drawn.push([sample, Date.now()]);
+  channel.port1.onmessage = ({ data: sample }) => globalThis.drawnAt.push([sample, Date.now()]);
   const look = () => {
     if (data && data.next !== last) { last = data.next; channel.port2.postMessage(last - 1); }
     requestAnimationFrame(look);
@@ -108,7 +108,7 @@ async function soak(browser) {
     const now = (await counts()).newest;
     if (now && now.sample < newest.sample) { published = []; newest = { sample: -1 }; }
     if (now && now.sample > newest.sample) { samples += now.sample - newest.sample; published.push(now); newest = now; }
-    if (poll % 10 === 9) all.push(...latencies(published, await page.evaluate(() => drawn.splice(0))));
+    if (poll % 10 === 9) all.push(...latencies(published, await page.evaluate(() => drawnAt.splice(0))));
     if (poll % 50 === 49) least.push(privateMb(root));
     if (settled === null && Date.now() - begin.ms >= SETTLED_MIN * 60_000) settled = await measure();
   }
