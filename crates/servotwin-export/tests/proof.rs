@@ -29,15 +29,7 @@ fn assert_proven(diagnoser: &Arc<Diagnoser>) {
 }
 
 fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[SourceFile], builds: &[Build]) {
-    let plan = Plan {
-        diagnoser,
-        twin: None,
-        study: None,
-        files,
-        samples: SAMPLES,
-        variants: 0,
-        worst_path: None,
-    };
+    let plan = Plan { samples: SAMPLES, ..Plan::new(diagnoser, files) };
     let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
     assert!(proven.len() >= 3, "{builds:?}");
     for evidence in proven {
@@ -79,15 +71,7 @@ fn mistakes_in_the_rust_text_are_found() {
         ("src/session.rs", "(sum - 6.0)", "(sum - 6.5)"),
     ] {
         let files = &with_mistake(&whole, (name, old, new));
-        let plan = Plan {
-            diagnoser,
-            twin: None,
-            study: None,
-            files,
-            samples: SAMPLES,
-            variants: 0,
-            worst_path: None,
-        };
+        let plan = Plan { samples: SAMPLES, ..Plan::new(diagnoser, files) };
         let evidence = &prove(&plan, &[unoptimized()], &mut |_, _| ()).unwrap()[0];
         assert!(!evidence.holds(), "{name}: {old} -> {new}");
     }
@@ -126,15 +110,7 @@ fn a_sequence_comes_near_the_bound_of_work_and_no_sample_exceeds_it() {
     assert!(reached.tests * 10 >= bound.tests * 9, "{reached:?} of {bound:?}");
     assert_eq!(worst_path.csv(&diagnoser).lines().count() as u64, 1 + samples);
     let files = &c::files(&diagnoser).unwrap();
-    let plan = Plan {
-        diagnoser: &diagnoser,
-        twin: None,
-        study: None,
-        files,
-        samples: 0,
-        variants: 0,
-        worst_path: Some(worst_path),
-    };
+    let plan = Plan { worst_path: Some(worst_path), ..Plan::new(&diagnoser, files) };
     let build = Build { compiler: "gcc".into(), level: "-O2" };
     let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
     assert!(evidence.holds() && evidence.worst_path_samples == *samples, "{evidence:?}");
@@ -185,15 +161,7 @@ fn evidence_of_twin(
     build: &Build,
     variants: u64,
 ) -> Evidence {
-    let plan = Plan {
-        diagnoser,
-        twin: Some(twin),
-        study: None,
-        files,
-        samples: 10,
-        variants,
-        worst_path: None,
-    };
+    let plan = Plan { twin: Some(twin), samples: 10, variants, ..Plan::new(diagnoser, files) };
     prove(&plan, slice::from_ref(build), &mut |_, _| ()).unwrap().remove(0)
 }
 
@@ -230,15 +198,7 @@ fn mistakes_in_a_twin_are_found() {
     let twin = twin(&program, Settings::campaign());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
-    let plan = Plan {
-        diagnoser,
-        twin: Some(&twin),
-        study: None,
-        files,
-        samples: 0,
-        variants: 0,
-        worst_path: None,
-    };
+    let plan = Plan { twin: Some(&twin), ..Plan::new(diagnoser, files) };
     assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some("servotwin_equations.c") });
     // This system always finds a steady state, so nothing is known of what is done otherwise.
     let control = &files.iter().find(|file| file.name == "servotwin_twin.c").unwrap().text;
@@ -265,15 +225,7 @@ fn assert_all_found(plan: &Plan, mistakes: Mistakes) {
 fn assert_finds_mistakes(seed: u64) {
     let diagnoser = demanding();
     let files = c::files(&diagnoser).unwrap();
-    let plan = Plan {
-        diagnoser: &diagnoser,
-        twin: None,
-        study: None,
-        files: &files,
-        samples: 0,
-        variants: 0,
-        worst_path: None,
-    };
+    let plan = Plan::new(&diagnoser, &files);
     assert_all_found(&plan, Mistakes { count: 110, seed, only: None });
 }
 

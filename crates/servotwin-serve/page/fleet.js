@@ -13,7 +13,7 @@ function cell(text) {
   return made;
 }
 
-/** The alarm as viewers read it: a silent stream says nothing of its actuator. */
+/** The alarm as viewers read it: a silent stream says nothing about its actuator. */
 function alarmOf(state) {
   if (!state || state.is_silent) return "no_data";
   return state.alarm || "no_data";

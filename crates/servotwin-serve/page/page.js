@@ -89,8 +89,6 @@ function thinned(columns, from, pixels) {
 
 // ---------------------------------------------------------------- charts
 
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-
 /** A color that depends on the theme, computed by the browser. */
 function color(name) {
   const probe = document.createElement("span");
@@ -398,7 +396,7 @@ function ask(request) {
 
 function showState(next) {
   state = next;
-  // A silent stream says nothing of its actuator.
+  // A silent stream says nothing about its actuator.
   const alarm = state.is_silent ? "no_data" : state.alarm;
   document.body.dataset.alarm = alarm || "unknown";
   document.body.dataset.finding = state.finding || "";

@@ -347,6 +347,11 @@ impl Feed {
         self.kept().state.clone()
     }
 
+    /// The time of the flight that viewers have seen, with a sampling period in s.
+    pub fn now_s(&self, period_s: f64) -> f64 {
+        self.newest().map_or(0.0, |newest| (newest.sample + 1) as f64 * period_s)
+    }
+
     /// The newest sample; `None` before the first frame of a flight.
     pub fn newest(&self) -> Option<Newest> {
         self.kept().newest

@@ -17,7 +17,6 @@ use servotwin_watch::sink::{self, Sink, SinkError};
 use servotwin_watch::source::Source as Rows;
 use servotwin_watch::watchdog::{Notice, WatchEvent, WatchdogRules};
 use servotwin_watch::{End, Watch};
-use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -86,7 +85,6 @@ impl Measured<'_> {
     ) -> Result<(End, Counts), RunError> {
         let (period_s, system) = (self.diagnoser.period_s, &self.study.system);
         let signals = Signals::of_measured(self.study, &self.diagnoser);
-        let now_s = Cell::new(0.0);
         let mut screen = Screen {
             watcher: Watcher::new(self.study, self.diagnoser.clone())?,
             feed,
@@ -96,9 +94,8 @@ impl Measured<'_> {
             told: None,
             actions: vec![],
             longest_s: silence.map_or(f64::INFINITY, |_| LONGEST_S),
-            now_s: &now_s,
         };
-        let mut notices = Notices { feed, now_s: &now_s };
+        let mut notices = Notices { feed, period_s };
         let mut watch = Watch::new(rows, &self.map, &mut screen, period_s);
         watch.accept_ranges(&self.accepted_ranges);
         if let Some(rules) = silence {
@@ -142,7 +139,11 @@ impl Source for Stream<'_> {
         // Only a run that panicked leaves it poisoned, and its server has ended.
         let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
         let system = &self.measured.study.system;
-        let refuse = || requests.try_iter().for_each(|_| refused(feed));
+        let refused = || {
+            let now_s = feed.now_s(self.measured.diagnoser.period_s);
+            event(now_s, "refused", json!({ "why": Refused::Measured.to_string() }))
+        };
+        let refuse = || requests.try_iter().for_each(|_| feed.event(&refused()));
         thread::scope(|scope| {
             scope.spawn(|| system.compiled.steps_for_live(&system.program));
             let silence = Some(self.silence);
@@ -160,10 +161,6 @@ impl Source for Stream<'_> {
     }
 }
 
-fn refused(feed: &Feed) {
-    feed.event(&event(0.0, "refused", json!({ "why": Refused::Measured.to_string() })));
-}
-
 /// The observer that shows what it observes.
 struct Screen<'w, 's> {
     watcher: Watcher<'s>,
@@ -175,8 +172,6 @@ struct Screen<'w, 's> {
     told: Option<(Alarm, Finding)>,
     actions: Vec<Act>,
     longest_s: f64,
-    /// The time of the session, s.
-    now_s: &'w Cell<f64>,
 }
 
 impl Screen<'_, '_> {
@@ -185,17 +180,18 @@ impl Screen<'_, '_> {
     }
 
     fn show(&mut self, time_s: f64, inputs: &[f64]) {
-        if self.frames.next_s() >= self.longest_s {
+        let is_over = self.frames.next_s() >= self.longest_s;
+        if is_over {
             self.frames.publish(self.feed);
             self.frames = Frames::new(self.signals.list.len(), self.watcher.period_s());
             self.known = Known::default();
             self.feed.begin_flight();
+        }
+        if is_over || self.told.is_none() {
             self.event("begin", json!({ "at": moment::shown(time_s) }));
         }
-        if self.told.is_none() {
-            self.event("begin", json!({ "at": moment::shown(time_s) }));
-        }
-        self.tell_changes(time_s);
+        self.tell_finding(time_s);
+        self.tell_action(time_s);
         let runtime = self.watcher.runtime();
         let sample = Sample {
             inputs,
@@ -208,36 +204,45 @@ impl Screen<'_, '_> {
         if is_sent && self.known.is_new(self.watcher.outcome()) {
             self.tell_state();
         }
-        self.now_s.set(self.frames.next_s());
     }
 
-    /// Publishes what is new in the last sample: the finding, and an action.
-    fn tell_changes(&mut self, time_s: f64) {
-        let outcome = self.watcher.outcome().copied();
+    /// Publishes the finding of the last sample if it is new.
+    fn tell_finding(&mut self, time_s: f64) {
+        let outcome = self.watcher.outcome();
         let told = outcome.map_or((Alarm::Error, Finding::Unjudged), |o| (o.alarm, o.finding));
-        if self.told != Some(told) {
-            self.told = Some(told);
-            let words = match outcome {
-                Some(outcome) => {
-                    self.watcher.runtime().session().diagnoser().describe(outcome.finding)
-                }
-                None => self.watcher.observation().finding.evidence.join("; "),
-            };
-            let confidence = outcome.map(|outcome| outcome.confidence);
-            let at = moment::shown(time_s);
-            let about =
-                json!({ "alarm": told.0, "finding": words, "confidence": confidence, "at": at });
-            self.event("finding", about);
+        if self.told == Some(told) {
+            return;
         }
-        let Some(raised) = outcome.and_then(|outcome| outcome.raised) else { return };
+        let words = match outcome {
+            Some(outcome) => self.diagnoser().describe(outcome.finding),
+            None => self.watcher.observation().finding.evidence.join("; "),
+        };
+        let confidence = outcome.map(|outcome| outcome.confidence);
+        let at = moment::shown(time_s);
+        let about =
+            json!({ "alarm": told.0, "finding": words, "confidence": confidence, "at": at });
+        self.event("finding", about);
+        self.told = Some(told);
+    }
+
+    /// Publishes the action of the last sample if it is new.
+    fn tell_action(&mut self, time_s: f64) {
+        let Some(raised) = self.watcher.outcome().and_then(|outcome| outcome.raised) else {
+            return;
+        };
         let said = |act: &Act| (act.raised.actuator, act.raised.action, act.raised.detail);
         let act = Act { time_s: self.frames.next_s(), raised };
-        if self.actions.last().map(said) != Some(said(&act)) {
-            let mut about = act.named(self.watcher.runtime().session().diagnoser());
-            about["at"] = json!(moment::shown(time_s));
-            self.event("action", about);
-            self.actions.push(act);
+        if self.actions.last().map(said) == Some(said(&act)) {
+            return;
         }
+        let mut about = act.named(self.diagnoser());
+        about["at"] = json!(moment::shown(time_s));
+        self.event("action", about);
+        self.actions.push(act);
+    }
+
+    fn diagnoser(&self) -> &Diagnoser {
+        self.watcher.runtime().session().diagnoser()
     }
 
     fn tell_state(&self) {
@@ -289,7 +294,7 @@ impl Observer for Screen<'_, '_> {
 /// Shows what a watch reports besides the diagnosis: silence, lost connections.
 struct Notices<'w> {
     feed: &'w Feed,
-    now_s: &'w Cell<f64>,
+    period_s: f64,
 }
 
 impl Sink for Notices<'_> {
@@ -300,7 +305,7 @@ impl Sink for Notices<'_> {
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         if let Some(words) = notice.words() {
             let about = json!({ "why": words, "at": notice.wall_time });
-            self.feed.event(&event(self.now_s.get(), "notice", about));
+            self.feed.event(&event(self.feed.now_s(self.period_s), "notice", about));
         }
         match notice.event {
             WatchEvent::NoData => self.be_silent(true),

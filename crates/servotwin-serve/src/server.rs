@@ -289,7 +289,8 @@ fn run_member(
 ) -> Result<(), RunError> {
     let ended = source.run(&member.feed, waiting, stop);
     if let Err(error) = &ended {
-        member.feed.event(&event(0.0, "failed", json!({ "why": error.to_string() })));
+        let now_s = member.feed.now_s(member.about["period_s"].as_f64().unwrap_or(0.0));
+        member.feed.event(&event(now_s, "failed", json!({ "why": error.to_string() })));
         member.feed.state(&json!({ "alarm": "error", "finding": error.to_string() }));
     }
     ended
@@ -447,9 +448,8 @@ async fn file(
         "about" => typed("application/json", shared.about.to_string()),
         "events" => typed("application/json", shared.feed.events()),
         "session" => session(shared, SavedAs::Table).await,
-        "session.mcap" if SavedAs::BUILT.contains(&"session.mcap") => {
-            session(shared, SavedAs::Mcap).await
-        }
+        #[cfg(feature = "mcap")]
+        "session.mcap" => session(shared, SavedAs::Mcap).await,
         "page.html" => session(shared, SavedAs::Page).await,
         "counts" => typed("application/json", json!(shared.counts.now(&shared.feed)).to_string()),
         _ => nothing_there(),
@@ -460,6 +460,7 @@ async fn file(
 #[derive(Clone, Copy)]
 enum SavedAs {
     Table,
+    #[cfg(feature = "mcap")]
     Mcap,
     Page,
 }
@@ -477,6 +478,7 @@ impl SavedAs {
             SavedAs::Table => {
                 ("application/vnd.apache.parquet", "attachment; filename=\"session.parquet\"")
             }
+            #[cfg(feature = "mcap")]
             SavedAs::Mcap => ("application/octet-stream", "attachment; filename=\"session.mcap\""),
             SavedAs::Page => ("text/html; charset=utf-8", "attachment; filename=\"session.html\""),
         };
@@ -490,8 +492,6 @@ impl SavedAs {
             SavedAs::Table => session.bytes(&path),
             #[cfg(feature = "mcap")]
             SavedAs::Mcap => session.mcap(&path),
-            #[cfg(not(feature = "mcap"))]
-            SavedAs::Mcap => unreachable!("it is no page of this program"),
             SavedAs::Page => Ok(saved_page(session).into_bytes()),
         }
     }

@@ -7,6 +7,8 @@ use serde::de::IgnoredAny;
 use serde_json::{Value, json};
 use servotwin::files::{FileError, read_bytes};
 use servotwin::table::{Column, Table, TableError, parquet};
+#[cfg(feature = "mcap")]
+use servotwin_watch::sink::mcap::recording::{Note, Recording, Topic};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -57,21 +59,16 @@ impl Session {
     /// The file cannot be written.
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
         parquet::write(path, &self.table()?)?;
-        let bytes = read_bytes(path);
-        // A file that stays behind in the folder of temporary files is overwritten next time.
-        let _ = std::fs::remove_file(path);
-        Ok(bytes?)
+        Ok(taken(path)?)
     }
 
     /// The session as the bytes of an MCAP file, written to a path that is removed again: a topic for each part of the
     /// page, and `/events` and `/states`.
     ///
     /// # Errors
-    /// The file cannot be written; the program is built without MCAP.
+    /// The file cannot be written.
     #[cfg(feature = "mcap")]
     pub fn mcap(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
-        use servotwin_watch::sink::mcap::recording::{Note, Recording};
-
         let groups = Groups::of(&self.about);
         let mut recording = Recording::create(path, &groups.topics)?;
         let (period_s, width) = (period_s(&self.about), groups.width);
@@ -97,10 +94,7 @@ impl Session {
             }
         }
         recording.finish()?;
-        let bytes = read_bytes(path);
-        // A file that stays behind in the folder of temporary files is overwritten next time.
-        let _ = std::fs::remove_file(path);
-        Ok(bytes?)
+        Ok(taken(path)?)
     }
 
     /// One row for each sample of the diagnosis up to the last full frame: its time, all signals, and what was sent.
@@ -189,10 +183,18 @@ impl Session {
     }
 }
 
+/// The bytes of a temporary file, which is removed.
+fn taken(path: &Path) -> Result<Vec<u8>, FileError> {
+    let bytes = read_bytes(path);
+    // A file that stays behind in the folder of temporary files is overwritten next time.
+    let _ = std::fs::remove_file(path);
+    bytes
+}
+
 /// The topics of the signals, one for each part of the page.
 #[cfg(feature = "mcap")]
 struct Groups {
-    topics: Vec<servotwin_watch::sink::mcap::recording::Topic>,
+    topics: Vec<Topic>,
     /// For each topic, the places of its signals in a frame.
     places: Vec<Vec<usize>>,
     /// The number of signals in a frame.
@@ -210,9 +212,7 @@ impl Groups {
             let known = groups.topics.iter().position(|known| known.name == topic);
             let at = known.unwrap_or_else(|| {
                 let numbers = vec![];
-                groups
-                    .topics
-                    .push(servotwin_watch::sink::mcap::recording::Topic { name: topic, numbers });
+                groups.topics.push(Topic { name: topic, numbers });
                 groups.places.push(vec![]);
                 groups.topics.len() - 1
             });

@@ -70,9 +70,8 @@ impl Signal {
 #[derive(Clone, Copy, Debug)]
 enum Source {
     Input(usize, Unit),
-    Plant(Slot, Unit),
+    Variable(Slot, Unit),
     Ghost(Slot, Unit),
-    Twin(Slot, Unit),
     Fight,
     GhostFight,
     Reading(usize, Unit),
@@ -115,14 +114,15 @@ impl<'s> Sample<'s> {
         }
     }
 
-    /// A variable of the plant; NaN where none is simulated.
-    fn plant(&self, slot: Slot) -> f64 {
+    /// A variable of the plant, or of the twin where no plant is simulated.
+    fn variable(&self, slot: Slot) -> f64 {
         match self.beside {
             Beside::Flights(flight, _) => flight.plant(slot),
-            Beside::Twin(_) => f64::NAN,
+            Beside::Twin(runtime) => runtime.value(slot),
         }
     }
 
+    /// A variable of the ghost; NaN without one.
     fn ghost(&self, slot: Slot) -> f64 {
         match self.beside {
             Beside::Flights(_, ghost) => ghost.plant(slot),
@@ -130,13 +130,7 @@ impl<'s> Sample<'s> {
         }
     }
 
-    fn twin(&self, slot: Slot) -> f64 {
-        match self.beside {
-            Beside::Flights(..) => f64::NAN,
-            Beside::Twin(runtime) => runtime.value(slot),
-        }
-    }
-
+    /// The fluid in a reservoir; NaN where none is simulated.
     fn fluid_m3(&self, reservoir: usize) -> f64 {
         match self.beside {
             Beside::Flights(flight, _) => flight.fluid_m3().nth(reservoir).unwrap_or(f64::NAN),
@@ -201,7 +195,7 @@ impl Signals {
         if let Some(slot) = TrackedQuantities::of(study).following_slot() {
             let label = "answer expected by the twin";
             let signal = Signal::new("position_twin", label, unit.shown(), Group::Motion);
-            self.push(signal, Source::Twin(slot, unit));
+            self.push(signal, Source::Variable(slot, unit));
         }
     }
 
@@ -210,7 +204,7 @@ impl Signals {
         let shown = |id: &str, label: &str| Signal::new(id, label, unit.shown(), Group::Motion);
         let tracked = TrackedQuantities::of(study);
         if let Some(slot) = tracked.following_slot() {
-            self.push(shown("position", "answer"), Source::Plant(slot, unit));
+            self.push(shown("position", "answer"), Source::Variable(slot, unit));
             self.push(shown("position_ghost", "without diagnosis"), Source::Ghost(slot, unit));
         }
         self.rods = tracked.rod_slots(study).unwrap_or_default();
@@ -290,10 +284,9 @@ impl Signals {
         };
         let value = |source: &Source| match *source {
             Source::Input(input, unit) => unit.to_shown(sample.inputs[input]),
-            Source::Plant(slot, unit) => unit.to_shown(sample.plant(slot)),
+            Source::Variable(slot, unit) => unit.to_shown(sample.variable(slot)),
             Source::Ghost(slot, unit) => unit.to_shown(sample.ghost(slot)),
-            Source::Twin(slot, unit) => unit.to_shown(sample.twin(slot)),
-            Source::Fight => fight_kn(&|slot| sample.plant(slot)),
+            Source::Fight => fight_kn(&|slot| sample.variable(slot)),
             Source::GhostFight => fight_kn(&|slot| sample.ghost(slot)),
             Source::Reading(sensor, unit) => unit.to_shown(sample.measured[sensor]),
             Source::Residual(sensor) => {

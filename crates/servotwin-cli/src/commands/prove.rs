@@ -86,13 +86,12 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stages.show("looking for the most work", 0.0);
     let worst_path = WorstPath::find(&diagnoser, TRIALS)?;
     let plan = Plan {
-        diagnoser: &diagnoser,
         twin: twin.as_ref(),
         study: study.as_ref().map(|(study, _)| study),
-        files: &files,
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
         variants: options.variants,
         worst_path: Some(&worst_path),
+        ..Plan::new(&diagnoser, &files)
     };
     let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
     let mutants = mutants(&plan, first, mistakes, &mut |done| {

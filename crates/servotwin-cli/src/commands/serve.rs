@@ -178,7 +178,8 @@ fn diagnoser(
     }
     let folder = servotwin::job::Folder::new(&options.study.out);
     let is_first_look = setting == Setting::Noise && !folder.diagnoser(setting).exists();
-    if let Some(shipped) = shipped::diagnoser(study).filter(|_| is_first_look && !study.is_full) {
+    let may_be_shipped = is_first_look && !study.is_full;
+    if let Some(shipped) = may_be_shipped.then(|| shipped::diagnoser(study)).flatten() {
         let text =
             "the diagnosis comes with the program; servotwin fly --out FOLDER learns one anew";
         note(global, text);

@@ -71,6 +71,18 @@ impl Branches {
         node
     }
 
+    /// The node numbers from the root to the leaf of a row. Does not allocate.
+    ///
+    /// # Panics
+    /// While iterating, if the row has fewer features than the tree was trained with.
+    pub fn path<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
+        core::iter::successors(Some(0), move |&node| {
+            let (feature, _) = self.split(node)?;
+            let (left, right) = self.children(node)?;
+            Some(if self.goes_left(node, row[feature]) { left } else { right })
+        })
+    }
+
     /// Whether a value goes left at an inner node.
     fn goes_left(&self, node: usize, value: f64) -> bool {
         value <= self.threshold[node] || (value.is_nan() && self.missing_left(node))
@@ -357,11 +369,7 @@ impl Tree {
     /// # Panics
     /// While iterating, if the row has fewer features than the tree was trained with.
     pub fn decision_path<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
-        core::iter::successors(Some(0), move |&node| {
-            let (feature, _) = self.branches.split(node)?;
-            let (left, right) = self.branches.children(node)?;
-            Some(if self.branches.goes_left(node, row[feature]) { left } else { right })
-        })
+        self.branches.path(row)
     }
 
     /// Share of each feature in the total impurity decrease; sums to 1, or all 0 for a tree without splits.

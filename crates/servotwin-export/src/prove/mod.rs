@@ -152,6 +152,14 @@ pub struct Plan<'p> {
     pub worst_path: Option<&'p WorstPath>,
 }
 
+impl<'p> Plan<'p> {
+    /// The comparison of trees alone: no twin, and no samples.
+    pub fn new(diagnoser: &'p Arc<Diagnoser>, files: &'p [SourceFile]) -> Self {
+        let (twin, study, worst_path) = (None, None, None);
+        Plan { diagnoser, twin, study, files, samples: 0, variants: 0, worst_path }
+    }
+}
+
 /// Compiles an export in every build and compares it with its diagnoser and its twin. `tell` hears what was done, and its
 /// share.
 ///

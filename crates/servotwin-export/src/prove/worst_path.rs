@@ -7,9 +7,10 @@
 //! - windows that are judged outside their bands, each of which needs its features in every view,
 //! - panes that are merged into a window.
 //!
-//! The bound takes the deepest leaf of every tree that a window can ask, and the windows that one sample can complete: the
-//! lengths of a stream take turns, and those of both streams meet or not for good. No row need reach the deepest leaves of all trees at once, so the sequence
-//! may stay below the bound.
+//! The bound takes the deepest leaf of every tree that a window can ask, and the windows that one sample can complete. The
+//! lengths of a stream take turns, so at most one of them ends at a sample; whether lengths of both streams ever end
+//! together follows from their periods. No row need reach the deepest leaves of all trees at once, so the sequence may
+//! stay below the bound.
 
 use super::Evidence;
 use super::chain::{Said, compare_sample, is_judged};
@@ -272,20 +273,10 @@ fn tests_of_diagnosis(hierarchy: &Hierarchy, rows: &[Vec<f64>]) -> u64 {
 
 /// The tests of all trees of a stage for a row.
 fn tests_of(stage: &Stage, row: &[f64]) -> u64 {
-    let value = |feature: usize| row[stage.columns[feature] as usize];
-    trees(&stage.model).into_iter().map(|branches| tests_on_the_way(branches, value)).sum()
-}
-
-fn tests_on_the_way(branches: &Branches, value: impl Fn(usize) -> f64) -> u64 {
-    let (mut node, mut tests) = (0, 0);
-    while let Some(((feature, threshold), (left, right))) =
-        branches.split(node).zip(branches.children(node))
-    {
-        let value = value(feature);
-        let goes_left = value <= threshold || value.is_nan() && branches.missing_left(node);
-        (node, tests) = (if goes_left { left } else { right }, tests + 1);
-    }
-    tests
+    let own: Vec<f64> = stage.columns.iter().map(|&column| row[column as usize]).collect();
+    // Each node of a path but the leaf is a test.
+    let tests = |branches: &Branches| branches.path(&own).count() as u64 - 1;
+    trees(&stage.model).into_iter().map(tests).sum()
 }
 
 /// The tests above the deepest leaf of a tree.

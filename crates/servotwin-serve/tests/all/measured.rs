@@ -23,26 +23,17 @@ const ONSET: usize = 200;
 
 /// A map whose columns have the names of inputs and sensors, in SI.
 fn map(study: &Study) -> Map {
-    let line =
-        |id: &str, unit| format!("{id} = {{ column = {id:?}, unit = {:?} }}\n", units::word(unit));
-    let network = study.system.network();
-    let inputs = network
-        .inputs
-        .iter()
-        .map(|input| line(&format!("{:?}", input.id).replace('"', ""), input.unit));
-    let sensors = study.system.sensors.iter().map(|sensor| line(&sensor.id, sensor.unit));
-    let quoted = |lines: String| lines.lines().map(quote).collect::<String>();
-    let (inputs, sensors) = (quoted(inputs.collect()), quoted(sensors.collect()));
+    let line = |id: &str, unit| {
+        format!("{id:?} = {{ column = {id:?}, unit = {:?} }}\n", units::word(unit))
+    };
+    let inputs = study.system.network().inputs.iter();
+    let inputs: String = inputs.map(|input| line(&input.id, input.unit)).collect();
+    let sensors = study.system.sensors.iter();
+    let sensors: String = sensors.map(|sensor| line(&sensor.id, sensor.unit)).collect();
     let text = format!(
         "format = 1\n[time]\ncolumn = \"time\"\nunit = \"s\"\n[inputs]\n{inputs}[sensors]\n{sensors}"
     );
     Map::parse(&text, "map.toml", &study.system).unwrap()
-}
-
-/// A line of a map whose key may have a dot.
-fn quote(line: &str) -> String {
-    let (key, rest) = line.split_once(" = ").unwrap();
-    format!("{key:?} = {rest}\n")
 }
 
 /// The rows of a flight with a fault, in the order of the map's columns.
