@@ -2,21 +2,11 @@
 // The page of a fleet: a row for each actuator, which leads to the actuator's own page.
 
 const ASK_MS = 500;
-const token = new URLSearchParams(location.search).get("token");
-const query = token ? `?token=${encodeURIComponent(token)}` : "";
-const $ = (id) => document.getElementById(id);
-const words = (id) => id.replaceAll("_", " ").replaceAll(".", ": ");
 
 function cell(text) {
   const made = document.createElement("td");
   made.append(text);
   return made;
-}
-
-/** The alarm as viewers read it: a silent stream says nothing about its actuator. */
-function alarmOf(state) {
-  if (!state || state.is_silent) return "no_data";
-  return state.alarm || "no_data";
 }
 
 function row({ title, age_s: age, state }, place) {
@@ -25,7 +15,7 @@ function row({ title, age_s: age, state }, place) {
   link.href = `${place + 1}/${query}`;
   link.textContent = title;
   const action = state?.actions?.at(-1);
-  made.dataset.alarm = alarmOf(state);
+  made.dataset.alarm = alarmOf(state) || "no_data";
   made.append(
     cell(link),
     cell(words(made.dataset.alarm)),

@@ -3,9 +3,6 @@
 
 const KEPT_S = 60;
 const HEIGHT = 128;
-const token = new URLSearchParams(location.search).get("token");
-const query = token ? `?token=${encodeURIComponent(token)}` : "";
-const $ = (id) => document.getElementById(id);
 
 let about = null;
 let socket = null;
@@ -224,8 +221,33 @@ function draw() {
       plot.setData(thinned(own, Math.max(0, from), plot.bbox.width / devicePixelRatio));
     }
     schematic.update();
+    compare(Math.max(0, from));
   }
   requestAnimationFrame(draw);
+}
+
+/** Says in numbers what the diagnosis changes: the flight beside the same one without it, over the time that is shown. */
+function compare(from) {
+  const shown = (id) => data.columns[about.signals.findIndex((signal) => signal.id === id) + 1].slice(from);
+  const unit = (id) => about.signals.find((signal) => signal.id === id).unit;
+  const rms = (values) => {
+    const known = values.filter((value) => value !== null);
+    return Math.sqrt(known.reduce((sum, value) => sum + value * value, 0) / known.length);
+  };
+  const error = (id) => {
+    const wanted = shown("command");
+    return shown(id).map((value, k) => (value === null || wanted[k] === null ? null : value - wanted[k]));
+  };
+  const pairs = [
+    ["tracking error", "position", error],
+    ["force fight", "fight", shown],
+  ].filter(([, id]) => about.signals.some((signal) => signal.id === `${id}_ghost`));
+  const told = pairs.map(([name, id, of]) => {
+    const [own, ghost] = [id, `${id}_ghost`].map((which) => rms(of(which)).toPrecision(2));
+    return `${name} ${own} ${unit(id)} (${ghost} ${unit(id)} without diagnosis)`;
+  });
+  $("comparison").hidden = !told.length;
+  $("comparison").textContent = `Root mean square of the time shown: ${told.join(", ")}.`;
 }
 
 // ---------------------------------------------------------------- schematic
@@ -339,8 +361,6 @@ const schematic = {
 
 // ---------------------------------------------------------------- faults
 
-const words = (id) => id.replaceAll("_", " ").replaceAll(".", ": ");
-
 function option(value, text) {
   const made = document.createElement("option");
   made.value = value;
@@ -396,8 +416,7 @@ function ask(request) {
 
 function showState(next) {
   state = next;
-  // A silent stream says nothing about its actuator.
-  const alarm = state.is_silent ? "no_data" : state.alarm;
+  const alarm = alarmOf(state);
   document.body.dataset.alarm = alarm || "unknown";
   document.body.dataset.finding = state.finding || "";
   $("alarm").textContent = (alarm || "…").replaceAll("_", " ");
@@ -438,13 +457,27 @@ function showActions(actions) {
 /** The rows of faults that act, by name: a row stays, so that it can be clicked while the state changes. */
 const rows = new Map();
 
-/** What became of a fault: the answer of its actuator, or for how long there is none. */
+/** An action and its cause in words. */
+const answerInWords = ({ command, detail }) => `${words(command)}${detail ? `, because of ${words(detail)}` : ""}`;
+
+/** What became of a fault: the answer of its actuator beside the one of the study, or for how long there is none. */
 function outcomeOf({ fault, since_s: since }) {
   const own = (action) => action.time_s >= since && (!action.actuator || fault.startsWith(`${action.actuator}.`));
   const answer = (state.actions || []).find(own);
-  if (answer) return `answered after ${(answer.time_s - since).toFixed(2)} s: ${words(answer.command)}${answer.detail ? `, ${words(answer.detail)}` : ""}`;
+  if (answer) {
+    return `answered after ${(answer.time_s - since).toFixed(2)} s: ${answerInWords(answer)}${besideStudy(fault, answer)}`;
+  }
   const now = data && data.next !== null ? data.next * data.periodS : since;
-  return `no answer for ${Math.max(0, now - since).toFixed(0)} s`;
+  const isAlone = (state.injected || []).length < 2;
+  return `no answer for ${Math.max(0, now - since).toFixed(0)} s${isAlone ? "" : "; the diagnosis learned one fault at a time"}`;
+}
+
+/** Whether an answer to a fault is the one that the study calls for. */
+function besideStudy(fault, { command, detail }) {
+  const known = about.components.flatMap(({ faults }) => faults).find(({ id }) => id === fault);
+  if (!known?.answer) return "; the study has no such fault";
+  const isRight = known.answer.command === command && (!detail || known.answer.detail === detail);
+  return isRight ? ", which is right" : `; right would be ${answerInWords(known.answer)}`;
 }
 
 function showInjected() {

@@ -36,10 +36,11 @@ pub const HTML: &str = include_str!("../page/index.html");
 /// The page of a fleet.
 pub const FLEET: &str = include_str!("../page/fleet.html");
 /// Styles and scripts of both.
-pub const PARTS: [Part; 5] = [
+pub const PARTS: [Part; 6] = [
     style("uplot.css", include_str!("../page/uplot.css")),
     style("page.css", include_str!("../page/page.css")),
     script("uplot.js", include_str!("../page/uplot.js")),
+    script("common.js", include_str!("../page/common.js")),
     script("page.js", include_str!("../page/page.js")),
     script("fleet.js", include_str!("../page/fleet.js")),
 ];
@@ -204,7 +205,7 @@ mod tests {
             assert!(!html.contains(loaded), "{loaded}");
         }
         let scripts: Vec<&str> = html.split("<script>").skip(1).collect();
-        assert_eq!(scripts.len(), 3, "the stand-in, the charts and the page");
+        assert_eq!(scripts.len(), 4, "the stand-in, the charts and both files of the page");
         for script in scripts {
             let script = script.split_once("</script>").unwrap().0;
             let hash = BASE64_STANDARD.encode(Sha256::digest(script));

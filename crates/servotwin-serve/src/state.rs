@@ -33,7 +33,9 @@ pub fn about(
     let faults = if kind == Kind::Flight { system.fault_list() } else { vec![] };
     let components = system.network().components.iter().map(|instance| {
         let own = faults.iter().filter(|fault| fault.component == instance.id);
-        let own = own.map(|fault| json!({ "id": fault.id, "summary": fault.summary }));
+        let own = own.map(|fault| {
+            json!({ "id": fault.id, "summary": fault.summary, "answer": answer(study, &fault.id) })
+        });
         let spec = instance.component.spec();
         json!({
             "id": instance.id, "kind": spec.kind, "summary": spec.summary,
@@ -49,6 +51,15 @@ pub fn about(
         "components": components.collect::<Vec<_>>(),
         "effects": effects(kind, study, diagnoser),
         "version": env!("CARGO_PKG_VERSION"),
+    })
+}
+
+/// The action that a fault calls for, and its cause; null for a fault that the study does not have.
+fn answer(study: &Study, fault: &str) -> Value {
+    let known = study.faults.iter().find(|known| known.id == fault);
+    known.map_or(Value::Null, |known| {
+        let class = &study.classes[known.class];
+        json!({ "command": class.command, "detail": class.detail })
     })
 }
 

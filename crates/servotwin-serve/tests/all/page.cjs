@@ -1,6 +1,6 @@
 "use strict";
 // Runs scripts of the page without a browser: everything that belongs to a document is a stand-in that accepts
-// anything. `node page.cjs hour SCRIPT` sends an hour of frames, and reports how many samples the page keeps and draws.
+// anything. `node page.cjs hour SCRIPTS…` sends an hour of frames, and reports how many samples the page keeps and draws.
 // `node page.cjs saved HTML` plays the session of a page, and reports what it shows, as JSON: values, and texts with
 // the number of samples before them.
 const fs = require("node:fs");
@@ -40,9 +40,9 @@ function frameOf(first, width) {
 }
 
 /** An hour at 100 Hz and 40 signals, with a lost frame every ten minutes. */
-function hour(script) {
+function hour(scripts) {
   const context = pageContext({});
-  vm.runInContext(fs.readFileSync(script, "utf8"), context);
+  for (const script of scripts) vm.runInContext(fs.readFileSync(script, "utf8"), context);
   const data = vm.runInContext("data = new Samples(40, 0.01)", context);
   let most = 0;
   for (let first = 0; first < 360_000; first += 5) {
@@ -86,8 +86,8 @@ async function saved(file) {
   return { title: about.title, width, jumped, values, texts, isRefused, restarted };
 }
 
-const [, , what, file] = process.argv;
-Promise.resolve(what === "hour" ? hour(file) : saved(file)).then((found) => {
+const [, , what, ...files] = process.argv;
+Promise.resolve(what === "hour" ? hour(files) : saved(files[0])).then((found) => {
   fs.writeSync(1, JSON.stringify(found));
   process.exit(0);
 });

@@ -18,8 +18,8 @@ fn report(arguments: &[&str]) -> Option<Value> {
 
 #[test]
 fn a_page_keeps_a_minute_of_an_hour_and_draws_its_peaks() {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/page/page.js");
-    let Some(found) = report(&["hour", script]) else { return };
+    let script = |name: &str| format!("{}/page/{name}", env!("CARGO_MANIFEST_DIR"));
+    let Some(found) = report(&["hour", &script("common.js"), &script("page.js")]) else { return };
     let of = |key: &str| found[key].as_u64().unwrap();
     // A quarter more than a minute is kept before the oldest samples go, and a frame.
     assert!((6000..=7506).contains(&of("most")), "{found}");
