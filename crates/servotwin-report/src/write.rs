@@ -6,6 +6,7 @@ use serde::Deserialize;
 use servotwin::campaign;
 use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::flight::band::BandMerit;
+use servotwin::job::healthy::HealthyPlants;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, healthy, hierarchy, manifest};
 use servotwin::study::{Role, Setting, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
@@ -30,9 +31,8 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let manifest = manifest::write(folder, study)?;
     let flights = flights::results(folder)?;
     let sealed = flights::sealed_results(folder)?;
-    let healthy = Setting::ALL.map(|setting| healthy::stored(folder, setting));
-    let healthy =
-        healthy.into_iter().filter_map(Result::transpose).collect::<Result<Vec<_>, _>>()?;
+    let healthy = HealthyPlants::all().map(|plants| healthy::stored(folder, plants));
+    let healthy = healthy.filter_map(Result::transpose).collect::<Result<Vec<_>, _>>()?;
     let constants = constants(folder)?;
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));

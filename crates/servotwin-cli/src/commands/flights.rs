@@ -15,7 +15,7 @@ use servotwin::flight::unseen_faults::{
     ChallengeSetMetrics, UnseenFaultMetrics, UnseenFaultOutcome, set_names,
 };
 use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
-use servotwin::job::healthy::{self, HealthyRun};
+use servotwin::job::healthy::{self, HealthyPlants, HealthyRun};
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
@@ -51,9 +51,9 @@ pub struct Options {
           value_parser = challenge_names())]
     challenge: Vec<String>,
     /// Only fly this many healthy flights with the diagnosers in the folder, each in an environment of its own, and bound
-    /// the rate of false alarms by environment. An interrupted run goes on where it was last stored. Writes
-    /// `flights-healthy-<scenario>.json`.
-    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["missing_sensors", "sealed", "other_plant"],
+    /// the rate of false alarms by environment. With --other-plant, in the plants of `[flights.other_plant]`. An
+    /// interrupted run goes on where it was last stored. Writes `flights-healthy-<scenario>.json`.
+    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["missing_sensors", "sealed"],
           value_parser = clap::value_parser!(u32).range(1..=MAX_HEALTHY as i64))]
     healthy: Option<u32>,
     /// Seed of the environments of `--healthy`, 0 to 999.
@@ -64,7 +64,7 @@ pub struct Options {
     #[arg(long, conflicts_with_all = ["missing_sensors", "setting", "sealed", "challenge"])]
     other_plant: bool,
     /// With --other-plant, fit the twin of every plant to its calibration flight first.
-    #[arg(long, requires = "other_plant")]
+    #[arg(long, requires = "other_plant", conflicts_with = "healthy")]
     fitted: bool,
 }
 
@@ -109,11 +109,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if options.sealed {
         return sealed(options, &study, &settings, global);
     }
-    if options.other_plant {
-        return other_plant(options, (&study, &sizes), global);
-    }
     if let Some(count) = options.healthy {
         return healthy(options, &study, (&settings, count as usize), global);
+    }
+    if options.other_plant {
+        return other_plant(options, (&study, &sizes), global);
     }
     let results = with_crew(threads, global, |crew| {
         flights::fly_all(&folder, &study, &sizes, &settings, is_full, crew)
@@ -192,11 +192,14 @@ fn healthy(
 ) -> Result<String, Failure> {
     let folder = Folder::new(&options.study.out);
     let draw = HealthyDraw { seed: options.seed, is_full: options.study.full };
+    let plants: Vec<HealthyPlants> = match options.other_plant {
+        true if study.other_plant()?.is_none() => return Err(no_other_plant()),
+        true => vec![HealthyPlants::Other],
+        false => settings.iter().copied().map(HealthyPlants::Of).collect(),
+    };
     let runs = with_crew(options.study.threads, global, |crew| {
-        let fly = |&setting: &Setting| {
-            healthy::fly(&folder, study, setting, (count, draw), crew).transpose()
-        };
-        settings.iter().filter_map(fly).collect::<Result<Vec<_>, _>>()
+        let fly = |plants| healthy::fly(&folder, study, plants, (count, draw), crew).transpose();
+        plants.into_iter().filter_map(fly).collect::<Result<Vec<_>, _>>()
     })?;
     manifest::write(&folder, study)?;
     Ok(match global {
@@ -220,6 +223,12 @@ fn of_healthy(run: &HealthyRun) -> String {
     out
 }
 
+fn no_other_plant() -> Failure {
+    Failure::Options(
+        "the study has no [flights.other_plant]: docs/study-format.md describes this section",
+    )
+}
+
 /// Judges the stored diagnoser in plants that differ from their twin in structure.
 fn other_plant(
     options: &Options,
@@ -227,24 +236,19 @@ fn other_plant(
     global: Global,
 ) -> Result<String, Failure> {
     let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
-    let missing = || {
-        Failure::Options(
-            "the study has no [flights.other_plant]: docs/study-format.md says what stands there",
-        )
-    };
     let (mut text, words) = (String::new(), Vocabulary::of(study));
     let value = if options.fitted {
         let judged = with_crew(options.study.threads, global, |crew| {
             flights::fly_fitted_other_plant(&folder, study, sizes, is_full, crew)
         })?;
-        let judged = judged.ok_or_else(missing)?;
+        let judged = judged.ok_or_else(no_other_plant)?;
         of_fitted_plants(&mut text, &judged, &words);
         json!(judged)
     } else {
         let merit = with_crew(options.study.threads, global, |crew| {
             flights::fly_other_plant(&folder, study, sizes, is_full, crew)
         })?;
-        let merit = merit.ok_or_else(missing)?;
+        let merit = merit.ok_or_else(no_other_plant)?;
         of_other_plant(&mut text, &merit, &words);
         json!(merit)
     };

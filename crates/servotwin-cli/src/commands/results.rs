@@ -4,9 +4,9 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
+use servotwin::job::healthy::HealthyPlants;
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, Results, flights, healthy};
-use servotwin::study::Setting;
 use servotwin_report::measured::Measured;
 use std::path::PathBuf;
 
@@ -28,8 +28,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let results = Results::read(&folder)?;
     let flights = flights::results(&folder)?;
     let mut measured = Measured::new(&study, &results, flights.as_ref());
-    for setting in Setting::ALL {
-        healthy::stored(&folder, setting)?.iter().for_each(|run| measured.add_healthy(run));
+    for plants in HealthyPlants::all() {
+        healthy::stored(&folder, plants)?.iter().for_each(|run| measured.add_healthy(run));
     }
     if let Some(sealed) = flights::sealed_results(&folder)? {
         let here = std::env::current_dir().unwrap_or_default();

@@ -128,6 +128,37 @@ fn healthy_flights_go_on_where_they_were_stored() {
     assert_eq!(std::fs::read(&diagnoser).unwrap(), learned, "nothing is learned");
 }
 
+/// A plant whose twin is told a wrong temperature and whose cylinder has another friction law comes nearer to an alarm.
+#[test]
+fn healthy_flights_of_other_plants_are_other_flights() {
+    let folder = Folder::new("healthy-other-plants");
+    let [study, diagnoser] = learned(&folder);
+    let fly = |study: &str, out: &str| {
+        let more = ["--other-plant", "--healthy", "3"];
+        servotwin(&[&["flights", study, "--out", out][..], &more].concat())
+    };
+    let none = fly(&study, &folder.file("out"));
+    assert!(stderr(&none).contains("the study has no [flights.other_plant]"), "{}", stderr(&none));
+    let plants = "[flights.other_plant]\nkinds = { cylinder = \"bristle_cylinder\" }\n\
+                  draws = [{ parameters = [\"supply.temperature_k\"], plus = [20, 20] }]\n";
+    let (wide, out) = (folder.file("wide.toml"), folder.file("wide"));
+    std::fs::write(&wide, format!("{}\n{plants}", tiny())).unwrap();
+    std::fs::create_dir(&out).unwrap();
+    std::fs::copy(diagnoser, folder.file("wide/diagnoser-realistic.json")).unwrap();
+    let output = fly(&wide, &out);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stdout(&output).starts_with("other_plant: 3 healthy flights of "));
+    let evidence = |out: &str, name: &str| -> f64 {
+        let path = Path::new(out).join(format!("flights-healthy-{name}.json"));
+        let run: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+        let flights = run["flights"].as_array().unwrap().iter();
+        flights.map(|flight| flight["evidence"].as_f64().unwrap()).sum()
+    };
+    let usual = ["--setting", "realistic", "--healthy", "3"];
+    servotwin(&[&["flights", &wide, "--out", &out][..], &usual].concat());
+    assert!(evidence(&out, "other_plant") > evidence(&out, "realistic"));
+}
+
 #[test]
 fn settings_flown_one_after_the_other_are_those_flown_together() {
     let folder = Folder::new("one-setting");

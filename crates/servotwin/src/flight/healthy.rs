@@ -8,6 +8,7 @@
 use super::campaign::{FlightCampaign, Observer};
 use super::evidence::EvidencePeak;
 use super::judge::{EnvironmentMetrics, RaisedLog};
+use super::other_plant::OtherPlants;
 use super::plan::{Flight, Onset, Purpose};
 use crate::campaign::CampaignError;
 use crate::parallel::Workers;
@@ -83,7 +84,7 @@ impl HealthySummary {
 }
 
 /// Flies each environment once without a fault, observed by a session. `environments` have the given numbers; the
-/// specimens and the noise follow from these and the seed. Returns the finished flights in order, and how many failed.
+/// specimens and the noise follow from these and the seed. `other` plants differ from their twins in structure. Returns the finished flights in order, and how many failed.
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
@@ -91,7 +92,7 @@ pub fn fly(
     study: &Study,
     (environments, numbers): (&[Environment], Range<usize>),
     (seed, duration_s): (u64, f64),
-    setting: Setting,
+    (setting, other): (Setting, Option<&OtherPlants>),
     session: &Session,
     workers: Workers,
 ) -> Result<(Vec<HealthyFlight>, u64), CampaignError> {
@@ -108,6 +109,10 @@ pub fn fly(
     let environments = Cow::Borrowed(environments);
     let lot = (Purpose::Judge, seed);
     let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
+    let flown = match other {
+        Some(plants) => flown.with_plants(plants),
+        None => flown,
+    };
     let (mut finished, mut failed) = (vec![], 0);
     flown.fly(
         &flown.which,

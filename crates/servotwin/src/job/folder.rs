@@ -22,6 +22,7 @@
 //!
 //! Writers hold the folder ([`Hold`]); readers do not.
 
+use super::healthy::HealthyPlants;
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
@@ -96,8 +97,8 @@ impl Folder {
     }
 
     /// The file with healthy flights in many environments.
-    pub fn healthy_flights(&self, setting: Setting) -> PathBuf {
-        self.0.join(format!("flights-healthy-{}.json", setting.name()))
+    pub fn healthy_flights(&self, plants: HealthyPlants) -> PathBuf {
+        self.0.join(format!("flights-healthy-{}.json", plants.name()))
     }
 
     /// The file with the results in sealed environments.
@@ -146,7 +147,7 @@ impl Folder {
         files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
-        files.extend(Setting::ALL.map(|setting| self.healthy_flights(setting)));
+        files.extend(HealthyPlants::all().map(|plants| self.healthy_flights(plants)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.data_card(), self.sealed_flights(), self.challenge_sets()]);
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);

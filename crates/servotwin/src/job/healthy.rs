@@ -5,6 +5,7 @@ use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
 use crate::evaluation::model_file;
 use crate::flight::healthy::{self, HealthyFlight, HealthySummary};
+use crate::flight::other_plant::{OTHER_PLANT, OtherPlants};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::study::{HealthyDraw, Setting, Study};
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,38 @@ pub(super) const BATCH: usize = 96;
 
 /// A run is stored whenever it has grown by this fraction: every batch at first, and rarely once its file is large.
 const STORED_EVERY: f64 = 0.05;
+
+/// The plants of healthy flights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HealthyPlants {
+    /// Those of a scenario, which differ from their twin as in training.
+    Of(Setting),
+    /// Those of `[flights.other_plant]`, beside the diagnoser of the scenario *realistic*.
+    Other,
+}
+
+impl HealthyPlants {
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = HealthyPlants> {
+        Setting::ALL.into_iter().map(HealthyPlants::Of).chain([HealthyPlants::Other])
+    }
+
+    /// The name in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            HealthyPlants::Of(setting) => setting.name(),
+            HealthyPlants::Other => OTHER_PLANT,
+        }
+    }
+
+    /// The scenario whose diagnoser flies, and whose tolerances the specimens have.
+    fn setting(self) -> Setting {
+        match self {
+            HealthyPlants::Of(setting) => setting,
+            HealthyPlants::Other => Setting::Realistic,
+        }
+    }
+}
 
 /// The healthy flights of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,19 +96,29 @@ impl HealthyRun {
 pub fn fly(
     folder: &Folder,
     study: &Study,
-    setting: Setting,
+    plants: HealthyPlants,
     (count, draw): (usize, HealthyDraw),
     crew: &Crew,
 ) -> Result<Option<HealthyRun>, JobError> {
     let Some(duration_s) = study.healthy_duration_s(draw) else { return Ok(None) };
+    let other = match plants {
+        HealthyPlants::Of(_) => None,
+        HealthyPlants::Other => {
+            match study.other_plant().map_err(|error| JobError::Study(error.into()))? {
+                Some(differences) => Some(OtherPlants::new(study, &differences)?),
+                None => return Ok(None),
+            }
+        }
+    };
+    let setting = plants.setting();
     let session = Session::new(Arc::new(diagnoser(folder, setting)?))
         .map_err(|error| JobError::Evaluation(error.into()))?;
-    let mut run = begun(folder, study, setting, (draw.seed, duration_s))?;
+    let mut run = begun(folder, study, plants, (draw.seed, duration_s))?;
     let mut stored = run.flown as usize;
     while (run.flown as usize) < count {
         let from = run.flown as usize;
         let numbers = from..count.min(from + BATCH);
-        let what = format!("{}: healthy flights", setting.name());
+        let what = format!("{}: healthy flights", plants.name());
         (crew.progress)(&what, from as f64 / count as f64);
         let drawn = study.healthy_environments(draw, numbers.clone());
         let environments =
@@ -83,14 +126,14 @@ pub fn fly(
         let place = (&environments[..], numbers.clone());
         let of_seed = (draw.seed, duration_s);
         let (flights, failed) =
-            healthy::fly(study, place, of_seed, setting, &session, crew.workers)?;
+            healthy::fly(study, place, of_seed, (setting, other.as_ref()), &session, crew.workers)?;
         run.flights.extend(flights);
         run.failed += failed;
         run.flown = numbers.end as u64;
         let has_grown = (numbers.end - stored) as f64 > STORED_EVERY * stored as f64;
         if has_grown || numbers.end == count {
             run.summary = HealthySummary::new(&run.flights, duration_s);
-            model_file::write(folder.healthy_flights(setting), &run)?;
+            model_file::write(folder.healthy_flights(plants), &run)?;
             stored = numbers.end;
         }
     }
@@ -101,21 +144,21 @@ pub fn fly(
 fn begun(
     folder: &Folder,
     study: &Study,
-    setting: Setting,
+    plants: HealthyPlants,
     (seed, duration_s): (u64, f64),
 ) -> Result<HealthyRun, JobError> {
     let new = HealthyRun {
-        setting: setting.name().into(),
+        setting: plants.name().into(),
         seed,
         duration_s,
-        diagnoser_sha256: sha256(&folder.diagnoser(setting))?,
+        diagnoser_sha256: sha256(&folder.diagnoser(plants.setting()))?,
         study_sha256: sha256_of_text(&study.text),
         flown: 0,
         failed: 0,
         summary: HealthySummary::new(&[], duration_s),
         flights: vec![],
     };
-    let stored = stored(folder, setting)?;
+    let stored = stored(folder, plants)?;
     Ok(stored.filter(|stored| stored.is_same_as(&new)).unwrap_or(new))
 }
 
@@ -123,7 +166,7 @@ fn begun(
 ///
 /// # Errors
 /// The file cannot be read, or contradicts the manifest.
-pub fn stored(folder: &Folder, setting: Setting) -> Result<Option<HealthyRun>, JobError> {
-    let path = folder.healthy_flights(setting);
+pub fn stored(folder: &Folder, plants: HealthyPlants) -> Result<Option<HealthyRun>, JobError> {
+    let path = folder.healthy_flights(plants);
     Ok(if path.exists() { Some(model_file::read(path)?) } else { None })
 }

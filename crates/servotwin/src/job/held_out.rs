@@ -89,7 +89,8 @@ fn fly(
         let first = batch * BATCH;
         let place = (environments, first..first + environments.len());
         let of_seed = (HELD_OUT_SEED, duration_s);
-        let (flown, fallen) = healthy::fly(study, place, of_seed, setting, &session, workers)?;
+        let (flown, fallen) =
+            healthy::fly(study, place, of_seed, (setting, None), &session, workers)?;
         finished.extend(flown);
         failed += fallen;
     }

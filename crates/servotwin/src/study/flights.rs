@@ -264,7 +264,7 @@ impl Text {
         self.least_on
     }
 
-    fn other_plant(&self, reader: &Reader) -> Result<Option<OtherPlant>, Noted> {
+    pub(super) fn other_plant(&self, reader: &Reader) -> Result<Option<OtherPlant>, Noted> {
         self.other_plant.as_ref().map(|text| OtherPlant::new(text, reader)).transpose()
     }
 

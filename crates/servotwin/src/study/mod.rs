@@ -396,6 +396,17 @@ impl Study {
         reader.finish(drawn)
     }
 
+    /// How the plants of `[flights.other_plant]` differ from their twins; `None` if the study declares none.
+    ///
+    /// # Errors
+    /// As [`Study::flights`].
+    pub fn other_plant(&self) -> Result<Option<OtherPlant>, StudyError> {
+        let reader = self.reader();
+        let flights = self.parsed.flights.as_ref();
+        let differences = flights.map(|flights| flights.other_plant(&reader)).transpose();
+        Ok(reader.finish(differences)?.flatten())
+    }
+
     /// What varies between environments; `None` if the study declares no flights.
     pub fn environment_ranges(&self) -> Option<EnvironmentRanges> {
         self.parsed.flights.as_ref().map(|flights| flights.environment_ranges(&self.units))
