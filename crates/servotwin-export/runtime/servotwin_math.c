@@ -15,7 +15,7 @@ typedef union {
     uint64_t bits;
 } number_and_bits;
 
-uint64_t servotwin_bits_of(double number)
+servotwin_bits servotwin_bits_of(servotwin_real number)
 {
     number_and_bits both;
     both.number = number;
@@ -183,29 +183,4 @@ double servotwin_log10(double x)
     const double found = lost + high_high;
     const double corrected = value_low + found;
     return corrected + value_high;
-}
-
-void servotwin_softmax(double *values, int32_t count)
-{
-    const double largest = values[servotwin_largest(values, count)];
-    double sum = 0.0;
-    for (int32_t i = 0; i < count; i++) {
-        const double below = values[i] - largest;
-        values[i] = servotwin_exp(below);
-        sum = sum + values[i];
-    }
-    for (int32_t i = 0; i < count; i++) {
-        values[i] = values[i] / sum;
-    }
-}
-
-int32_t servotwin_largest(const double *values, int32_t count)
-{
-    int32_t place = 0;
-    for (int32_t i = 1; i < count; i++) {
-        if (values[i] > values[place]) {
-            place = i;
-        }
-    }
-    return place;
 }

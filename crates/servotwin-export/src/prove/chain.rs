@@ -281,7 +281,7 @@ pub(super) fn is_judged(session: &Session, length: usize) -> bool {
 
 fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bool {
     let mut rows = session.features(length).iter().enumerate();
-    rows.all(|(view, row)| super::models::same_bits(row, other.row(view, row.len())))
+    rows.all(|(view, row)| super::models::same_bits(row, &other.row(view, row.len())))
 }
 
 fn is_same(a: &Said, b: &Said) -> bool {
