@@ -90,11 +90,28 @@ pub fn names(precision: Precision) -> impl Iterator<Item = &'static str> {
 
 /// The hand-written files of a diagnosis in a precision.
 fn written_in(precision: Precision) -> impl Iterator<Item = (&'static str, &'static str)> {
-    let arithmetic = match precision {
+    arithmetic(precision).chain(DIAGNOSIS.iter().copied())
+}
+
+/// The files of a diagnosis that depend on the precision: its arithmetic, and those that are printed.
+pub(crate) fn files_of_precision(
+    diagnoser: &Diagnoser,
+    precision: Precision,
+) -> Result<Vec<SourceFile>, ExportError> {
+    tables::check(diagnoser)?;
+    let notation = Notation::c(precision);
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), notation);
+    let printed = tables::texts(diagnoser, notation)?.into_iter().chain([features]);
+    Ok(together(arithmetic(precision), PRINTED, printed))
+}
+
+/// The arithmetic of a precision.
+fn arithmetic(precision: Precision) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let files = match precision {
         Precision::F64 => ARITHMETIC,
         Precision::F32 => SINGLE_ARITHMETIC,
     };
-    arithmetic.iter().chain(DIAGNOSIS).copied()
+    files.iter().copied()
 }
 
 /// All files of a diagnoser in double precision, without a twin.
@@ -114,11 +131,8 @@ pub fn files_in(
     diagnoser: &Diagnoser,
     precision: Precision,
 ) -> Result<Vec<SourceFile>, ExportError> {
-    tables::check(diagnoser)?;
-    let notation = Notation::c(precision);
-    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), notation);
-    let printed = tables::texts(diagnoser, notation)?.into_iter().chain([features]);
-    Ok(together(written_in(precision), PRINTED, printed))
+    let written = written(DIAGNOSIS.iter().copied());
+    Ok(written.chain(files_of_precision(diagnoser, precision)?).collect())
 }
 
 /// All files of a diagnoser with a twin beside it.

@@ -182,7 +182,7 @@ fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
     let message = fails(&["prove", &out, "--hours", "0", "--mutants", "1"], 3);
     assert!(message.contains("in an export as C alone"), "{message}");
     let message = fails(&["export", "rust", "--model", &model, "--out", &c], 2);
-    assert!(message.contains("earlier export in the same language"), "{message}");
+    assert!(message.contains("earlier export in the same language and precision"), "{message}");
 
     let hybrid = Path::new(&out).join("src/hybrid.rs");
     let whole = fs::read_to_string(&hybrid).unwrap();

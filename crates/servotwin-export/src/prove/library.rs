@@ -12,8 +12,18 @@ use std::fmt;
 use std::process::Command;
 
 /// Flags of every build. Warnings are errors: the text must be clean in all compilers.
-const FLAGS: &[&str] =
-    &["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-ffp-contract=off"];
+const FLAGS: &[&str] = 
+&[
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wfloat-conversion",
+    "-Wdouble-promotion",
+    "-Werror",
+    "-ffp-contract=off",
+];
 
 /// The entry points, which are not part of an export.
 const PROVE: &str = include_str!("../../runtime/prove.c");
