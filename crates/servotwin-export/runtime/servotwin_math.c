@@ -57,7 +57,7 @@ static double polynomial(double x, const double *coefficients, int32_t count)
 #define LN2_HIGH 6.93147180369123816490e-01
 #define LN2_LOW 1.90821492927058770002e-10
 
-double servotwin_exp(double x)
+servotwin_real servotwin_exp(servotwin_real x)
 {
     static const double coefficients[5] = {
         4.13813679705723846039e-08, -1.65339022054652515390e-06, 6.61375632143793436117e-05,
@@ -144,7 +144,7 @@ static reduced_number reduced(double x)
     return of;
 }
 
-double servotwin_log(double x)
+servotwin_real servotwin_log(servotwin_real x)
 {
     if (x == 1.0) {
         return 0.0;
@@ -158,7 +158,7 @@ double servotwin_log(double x)
     return third + high;
 }
 
-double servotwin_log10(double x)
+servotwin_real servotwin_log10(servotwin_real x)
 {
     if (x == 1.0) {
         return 0.0;

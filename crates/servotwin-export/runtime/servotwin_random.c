@@ -44,8 +44,8 @@ servotwin_real servotwin_normal(uint64_t seed, uint64_t stream)
         state[i] = splitmix64(&counter);
     }
     for (int32_t i = 0; i < 12; i++) {
-        const servotwin_real whole = (servotwin_real)(next_bits(state) >> SERVOTWIN_DROPPED_BITS);
-        const servotwin_real unit = whole * SERVOTWIN_STEP;
+        const uint64_t kept = next_bits(state) >> SERVOTWIN_DROPPED_BITS;
+        const servotwin_real unit = (servotwin_real)kept * SERVOTWIN_STEP;
         sum = sum + unit;
     }
     return sum - REAL(6.0);

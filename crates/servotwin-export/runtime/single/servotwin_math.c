@@ -48,7 +48,7 @@ int servotwin_rounds_twice(void)
 #define LN2_HIGH 6.9314575195e-01F
 #define LN2_LOW 1.4286067653e-06F
 
-float servotwin_exp(float x)
+servotwin_real servotwin_exp(servotwin_real x)
 {
     const float size = (x < 0.0F) ? -x : x;
     const uint32_t bits = servotwin_bits_of(size);
@@ -126,7 +126,7 @@ static reduced_number reduced(float x)
     return of;
 }
 
-float servotwin_log(float x)
+servotwin_real servotwin_log(servotwin_real x)
 {
     const reduced_number of = reduced(x);
     const float low = of.exponent * 9.0580006145e-06F;
@@ -137,7 +137,7 @@ float servotwin_log(float x)
     return third + high;
 }
 
-float servotwin_log10(float x)
+servotwin_real servotwin_log10(servotwin_real x)
 {
     const reduced_number of = reduced(x);
     /* ln(1 + f) = high + low, with few bits in high, so that its product with the high part of 1/ln 10 is exact. */
