@@ -2,6 +2,7 @@
 
 import csv
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -49,6 +50,13 @@ OPEN = {
     ("add_sample", "signed_overflow"): "a window is cleared when it has its number of samples",
     ("merge", "signed_overflow"): "the panes of a window have its number of samples together",
     ("take", "index_bound"): "the next pane is taken modulo their number",
+}
+
+# In single precision the analysis leaves these open too, and one less.
+OPEN_IN_SINGLE = {
+    ("servotwin_leaf", "mem_access"): "indices of trees are tables: the proof reaches every leaf",
+    ("take", "overlap"): "a pane and the open window are different members",
+    ("take", "signed_overflow"): "the next pane is below their number, which is a table",
 }
 
 
@@ -115,6 +123,41 @@ def test_a_build_with_other_arithmetic_is_refused(compiler, exported):
     assert run.returncode == 1 and "fuses" in run.stderr
 
 
+# Starts a diagnosis, on request with arithmetic that replaces subnormal numbers by zero.
+START = """
+#include "servotwin_session.h"
+#ifdef FLUSH
+#include <xmmintrin.h>
+#endif
+static servotwin_session session;
+int main(void)
+{
+#ifdef FLUSH
+    _mm_setcsr(_mm_getcsr() | 0x8000U);
+#endif
+    return servotwin_session_start(&session) ? 0 : 1;
+}
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the flags are those of x86")
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_single_precision_refuses_fused_and_flushed_arithmetic_at_start(compiler, single, tmp_path):
+    folder = changed(single, tmp_path)
+    (folder / "main.c").write_text(START)
+
+    def started(*flags):
+        built = compiled(compiler, folder, "-O2", *flags)
+        assert built.returncode == 0, built.stderr
+        return subprocess.run([folder / "diagnose"]).returncode == 0
+
+    assert started("-std=c99", "-ffp-contract=off")
+    assert not started("-std=c99", "-ffp-contract=off", "-DFLUSH")
+    with open("/proc/cpuinfo") as info:
+        if " fma " in info.read():
+            assert not started("-std=gnu99", "-mfma", "-ffp-contract=fast")
+
+
 def found_by_cppcheck(folder, *others):
     files = [f"servotwin_{name}.c" for name in DIAGNOSIS] + [*others]
     flags = ["--quiet", "--std=c99", "--enable=warning,style,performance,portability", "--addon=misra"]
@@ -170,8 +213,8 @@ def test_frama_c_leaves_listed_properties_open_only(exported):
     assert open_properties(exported) == set(OPEN)
 
 
-def test_frama_c_leaves_the_same_properties_open_in_single_precision(single):
-    assert open_properties(single) == set(OPEN)
+def test_frama_c_leaves_listed_properties_open_only_in_single_precision(single):
+    assert open_properties(single) == set(OPEN) - {("servotwin_exp", "signed_overflow")} | set(OPEN_IN_SINGLE)
 
 
 def test_frama_c_finds_what_is_sown(exported, tmp_path):

@@ -207,7 +207,10 @@ fn write_hashes(page: &mut String, title: &str, hashes: &BTreeMap<String, String
 
 /// What single precision decides otherwise, as tables.
 fn write_single(page: &mut String, single: &SingleEvidence) {
-    let _ = writeln!(page, "<h2>Decisions in single precision</h2>\n<table>\n<tr><th>Random samples<th>");
+    let _ = writeln!(
+        page,
+        "<h2>Decisions in single precision</h2>\n<table>\n<tr><th>Random samples<th>"
+    );
     write_rows(page, &single.chain.rows());
     if let Some(flights) = &single.flights {
         let _ = writeln!(page, "</table>\n<table>\n<tr><th>Flights<th>");
@@ -239,8 +242,14 @@ impl Decisions {
         ]
         .map(|(name, count)| (name, count.to_string()))
         .into();
-        rows.push(("largest difference of evidence, parts of its limit", format!("{:.2e}", self.largest_evidence)));
-        rows.push(("largest difference of a probability", format!("{:.2e}", self.largest_probability)));
+        rows.push((
+            "largest difference of evidence, parts of its limit",
+            format!("{:.2e}", self.largest_evidence),
+        ));
+        rows.push((
+            "largest difference of a probability",
+            format!("{:.2e}", self.largest_probability),
+        ));
         rows
     }
 }

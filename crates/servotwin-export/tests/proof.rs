@@ -10,7 +10,8 @@ mod toy;
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
 use servotwin_export::prove::{
-    Build, Evidence, Mistakes, Mutant, Plan, SingleEvidence, WorstPath, mutants, prove, prove_single,
+    Build, Evidence, Mistakes, Mutant, Plan, SingleEvidence, WorstPath, mutants, prove,
+    prove_single,
 };
 use servotwin_export::rust;
 use servotwin_export::{Precision, SourceFile, Twin};
@@ -143,7 +144,8 @@ fn what_single_precision_decides_otherwise_is_listed() {
     assert!(all.iter().all(Evidence::holds), "{all:#?}");
     let (counts, csv) = (&single.chain, single.csv());
     assert!(counts.differing_samples > 0 && counts.differing_runs > 0, "{counts:#?}");
-    let listed: u64 = csv.lines().skip(1).map(|row| row.split(',').nth(3).unwrap().parse::<u64>().unwrap()).sum();
+    let listed: u64 =
+        csv.lines().skip(1).map(|row| row.split(',').nth(3).unwrap().parse::<u64>().unwrap()).sum();
     assert_eq!(listed, counts.differing_samples, "{csv}");
     assert!(csv.contains("input invalid"), "{csv}");
 }

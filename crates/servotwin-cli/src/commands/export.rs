@@ -203,7 +203,8 @@ fn write_sources(
 /// Writes a diagnosis in single precision to a folder.
 fn write_single(subject: &SubjectOptions, out: &Path, global: Global) -> Result<String, Failure> {
     if subject.fixed_step || subject.study.is_some() {
-        let why = "an export in single precision has no twin: leave '--study' and '--fixed-step' out";
+        let why =
+            "an export in single precision has no twin: leave '--study' and '--fixed-step' out";
         return Err(ExportError::Unsupported(why).into());
     }
     let file = subject.model.clone().unwrap_or_else(usual_diagnoser);

@@ -12,8 +12,7 @@ use std::fmt;
 use std::process::Command;
 
 /// Flags of every build. Warnings are errors: the text must be clean in all compilers.
-const FLAGS: &[&str] = 
-&[
+const FLAGS: &[&str] = &[
     "-std=c99",
     "-Wall",
     "-Wextra",

@@ -13,8 +13,8 @@ mod twin;
 mod worst_path;
 
 pub use library::Build;
-pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 pub use mutants::{Mistakes, Mutant, mutants};
+pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 pub use worst_path::{Work, WorstPath};
 
 use crate::error::ExportError;

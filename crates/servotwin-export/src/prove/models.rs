@@ -70,7 +70,7 @@ fn compare_stage(
     for (tree, branches) in trees(&stage.model).into_iter().enumerate() {
         let own: Vec<usize> = leaves(branches).collect();
         let mut reached = vec![false; branches.len()];
-        let Rows { rows, unreachable } = Rows::of(branches, precision);
+        let Rows { rows, unreachable, .. } = Rows::of(branches, precision);
         for row in &rows {
             if evidence.has_enough() {
                 return Ok(());

@@ -50,8 +50,10 @@ impl Rows {
         // A value that is missing here was missing in the tests above too, which then led elsewhere.
         let missing = (!above.contains_key(&feature)).then_some(f64::NAN);
         for value in inside.chain(missing) {
-            let mut values: BTreeMap<usize, f64> =
-                above.iter().map(|(&place, &interval)| (place, within(interval, precision))).collect();
+            let mut values: BTreeMap<usize, f64> = above
+                .iter()
+                .map(|(&place, &interval)| (place, within(interval, precision)))
+                .collect();
             values.insert(feature, value);
             self.rows.push(Row { node, values });
         }

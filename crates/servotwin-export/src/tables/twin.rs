@@ -105,7 +105,8 @@ impl Tables {
 
     /// Adds an array, one line for each entry, with its comment if it has one. Its length is a size of the twin.
     fn entries(&mut self, kind: &str, name: &str, length: &str, entries: Vec<(String, String)>) {
-        let prefix = if self.notation.language == Language::C { "SERVOTWIN_TWIN_" } else { "twin_sizes::" };
+        let prefix =
+            if self.notation.language == Language::C { "SERVOTWIN_TWIN_" } else { "twin_sizes::" };
         self.array(kind, name, &format!("{prefix}{length}"), entries);
     }
 

@@ -22,7 +22,8 @@ mod twin;
 
 pub use equations::{BadPrefix, write_equations};
 pub use statements::{
-    hexadecimal, hexadecimal_single, write_rust_statements, write_single_statements, write_statements,
+    hexadecimal, hexadecimal_single, write_rust_statements, write_single_statements,
+    write_statements,
 };
 pub use step::write_step;
 pub use twin::{write_rust_twin, write_tangent, write_twin};

@@ -13,8 +13,16 @@ const LONGEST: u64 = 1000;
 const DECISION: std::ops::Range<usize> = 2..13;
 
 /// The names of findings and alarms, by the numbers of the C text.
-const FINDINGS: [&str; 8] =
-    ["not judged", "healthy", "detected", "actuator", "action", "detail", "unknown", "input invalid"];
+const FINDINGS: [&str; 8] = [
+    "not judged",
+    "healthy",
+    "detected",
+    "actuator",
+    "action",
+    "detail",
+    "unknown",
+    "input invalid",
+];
 const ALARMS: [&str; 6] = ["normal", "pending", "raised", "recovering", "no data", "error"];
 
 /// What a diagnosis decided at a sample.
@@ -64,8 +72,19 @@ impl Decision {
             let known = usize::try_from(place).ok().and_then(|place| list.get(place));
             known.map_or(String::new(), |name| format!(" {name}"))
         };
-        let [kind, actuator, action, detail, input, _, alarm, is_raised, its_actuator, its_action, its_detail] =
-            self.0;
+        let [
+            kind,
+            actuator,
+            action,
+            detail,
+            input,
+            _,
+            alarm,
+            is_raised,
+            its_actuator,
+            its_action,
+            its_detail,
+        ] = self.0;
         let inputs: Vec<String> =
             diagnoser.environment.inputs.iter().map(|input| input.name.clone()).collect();
         let parts = |actuator, action, detail| {
@@ -151,7 +170,9 @@ impl RaisedKind {
     /// How two different raised actions differ.
     pub fn of(switches_off: &[bool], double: Raised, single: Raised) -> Self {
         let shutdown = |raised: Raised| {
-            raised.filter(|(_, action)| switches_off[*action as usize]).map(|(actuator, _)| actuator)
+            raised
+                .filter(|(_, action)| switches_off[*action as usize])
+                .map(|(actuator, _)| actuator)
         };
         match (double, single) {
             (None, Some(_)) => RaisedKind::FalseAlarm,

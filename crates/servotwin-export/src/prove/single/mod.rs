@@ -87,10 +87,18 @@ pub fn prove_single(
     compare_chain(plan, &compiled, (&mut all, &mut single), tell_chain)?;
     if let Some(study) = plan.study.filter(|_| flights > 0) {
         let tell_flights = &mut |done| tell("flying", share(done, flights));
-        flights::compare(study, plan.diagnoser, &compiled, flights, (&mut all, &mut single), tell_flights)?;
+        flights::compare(
+            study,
+            plan.diagnoser,
+            &compiled,
+            flights,
+            (&mut all, &mut single),
+            tell_flights,
+        )?;
     }
     if let Some(build) = builds.first() {
-        let tell_text = &mut |done| tell("comparing the text in double precision", share(done, plan.samples));
+        let tell_text =
+            &mut |done| tell("comparing the text in double precision", share(done, plan.samples));
         all.push(prove_text(plan, build, tell_text)?);
     }
     Ok((all, single))
