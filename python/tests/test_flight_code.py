@@ -52,13 +52,6 @@ OPEN = {
     ("take", "index_bound"): "the next pane is taken modulo their number",
 }
 
-# In single precision the analysis leaves these open too, and one less.
-OPEN_IN_SINGLE = {
-    ("servotwin_leaf", "mem_access"): "indices of trees are tables: the proof reaches every leaf",
-    ("take", "overlap"): "a pane and the open window are different members",
-    ("take", "signed_overflow"): "the next pane is below their number, which is a table",
-}
-
 
 def tool(name):
     if shutil.which(name) is None:
@@ -215,7 +208,8 @@ def test_frama_c_leaves_listed_properties_open_only(exported):
 
 
 def test_frama_c_leaves_listed_properties_open_only_in_single_precision(single):
-    assert open_properties(single) == set(OPEN) - {("servotwin_exp", "signed_overflow")} | set(OPEN_IN_SINGLE)
+    # An exponent of single precision is small enough for the analysis.
+    assert open_properties(single) == set(OPEN) - {("servotwin_exp", "signed_overflow")}
 
 
 def test_frama_c_finds_what_is_sown(exported, tmp_path):
