@@ -1,11 +1,13 @@
 /*
  * Runs an exported diagnosis over a file of samples, and the twin over inputs of its own, and prints a hash of everything
  * they say, once per five hundred samples. The same source runs on the host and on a simulated Cortex-M; equal output means
- * equal bits.
+ * equal bits. An export in single precision has no twin (WITHOUT_TWIN).
  */
 #include "servotwin_session.h"
 #include "servotwin_tables.h"
+#ifndef WITHOUT_TWIN
 #include "servotwin_twin.h"
+#endif
 
 #include <string.h>
 
@@ -20,7 +22,6 @@ uint32_t platform_ticks_between(uint32_t from, uint32_t to);
 uint32_t platform_instructions_per_tick(void);
 
 static servotwin_session session;
-static servotwin_twin twin;
 static uint64_t hash = 0xcbf29ce484222325U;
 
 static void mix(const void *bytes, uint32_t count)
@@ -31,7 +32,7 @@ static void mix(const void *bytes, uint32_t count)
     }
 }
 
-static void mix_number(double number)
+static void mix_number(servotwin_real number)
 {
     mix(&number, sizeof number);
 }
@@ -112,6 +113,16 @@ static void print_counter(const char *what, const counter *of, uint64_t samples)
     }
 }
 
+#ifdef WITHOUT_TWIN
+static bool run_twin(uint64_t sample, counter *of)
+{
+    (void)sample;
+    (void)of;
+    return true;
+}
+#else
+static servotwin_twin twin;
+
 /* The twin's inputs: those with slopes (the command) go up and down by 0.05 within 4 s, the others keep their defaults. */
 static void write_inputs(uint64_t sample, servotwin_knot *inputs)
 {
@@ -143,10 +154,12 @@ static bool run_twin(uint64_t sample, counter *of)
     mix(twin.variables, sizeof twin.variables);
     return is_well;
 }
+#endif
 
 int main(void)
 {
     static double values[COLUMNS];
+    static servotwin_real own[COLUMNS];
     uint64_t samples = 0U;
     counter of_diagnosis = { 0U, 0U };
     counter of_twin = { 0U, 0U };
@@ -158,9 +171,12 @@ int main(void)
         return 1;
     }
     while (platform_read(values, sizeof values) != 0) {
+        for (int32_t i = 0; i < COLUMNS; i++) {
+            own[i] = (servotwin_real)values[i];
+        }
         const uint32_t before = platform_ticks();
         const servotwin_outcome *outcome = servotwin_session_push(
-            &session, values, &values[SERVOTWIN_INPUTS], &values[SERVOTWIN_INPUTS + SERVOTWIN_SENSORS]);
+            &session, own, &own[SERVOTWIN_INPUTS], &own[SERVOTWIN_INPUTS + SERVOTWIN_SENSORS]);
         count_since(before, &of_diagnosis);
         if (!run_twin(samples, &of_twin)) {
             platform_print("the twin cannot be simulated\n");
@@ -182,6 +198,8 @@ int main(void)
     }
     print_line("raised ", samples, raised, 10U);
     print_counter("instructions of the diagnosis, mean and most: ", &of_diagnosis, samples);
+#ifndef WITHOUT_TWIN
     print_counter("instructions of the twin, mean and most: ", &of_twin, samples);
+#endif
     return 0;
 }

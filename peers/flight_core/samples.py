@@ -23,7 +23,7 @@ def entries(text, name):
     """The entries of an array of structs, as lists of numbers."""
     body = re.search(rf"\b{name}\[\d+\] = \{{(.*?)\n\}};", text, re.S).group(1)
     rows = re.findall(r"\{([^{}]*)\}", body)
-    return [[number(word.strip().rstrip("U")) for word in row.split(",")] for row in rows]
+    return [[number(word.strip().rstrip("UF")) for word in row.split(",")] for row in rows]
 
 
 def plausible(inputs, differences):

@@ -6,18 +6,18 @@
 
 static servotwin_session session;
 
-static void fill(double *values, int count)
+static void fill(servotwin_real *values, int count)
 {
     for (int i = 0; i < count; i++) {
-        values[i] = Frama_C_double_interval(-1e12, 1e12);
+        values[i] = (servotwin_real)Frama_C_double_interval(-1e12, 1e12);
     }
 }
 
 int main(void)
 {
-    double inputs[SERVOTWIN_INPUTS];
-    double measured[SERVOTWIN_SENSORS];
-    double expected[SERVOTWIN_SENSORS];
+    servotwin_real inputs[SERVOTWIN_INPUTS];
+    servotwin_real measured[SERVOTWIN_SENSORS];
+    servotwin_real expected[SERVOTWIN_SENSORS];
     (void)servotwin_session_start(&session);
     while (Frama_C_nondet(0, 1) != 0) {
         fill(inputs, SERVOTWIN_INPUTS);

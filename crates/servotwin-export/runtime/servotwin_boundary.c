@@ -9,8 +9,7 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-#define LEAST_BAND 1e-12
-#define LEAST_LEFT 1e-12
+#define LEAST_BAND REAL(1e-12)
 
 static void sums_clear(servotwin_sums *sums)
 {
@@ -33,7 +32,7 @@ void servotwin_doubt_clear(servotwin_doubt *doubt)
 }
 
 /* Keeps a share of what was. */
-static void fade(servotwin_sums *sums, double kept)
+static void fade(servotwin_sums *sums, servotwin_real kept)
 {
     sums->samples = sums->samples * kept;
     sums->windows = sums->windows * kept;
@@ -51,36 +50,36 @@ static void add(servotwin_sums *sums, const servotwin_sums *more)
     }
 }
 
-static double band_of(int32_t length, int32_t sensor)
+static servotwin_real band_of(int32_t length, int32_t sensor)
 {
-    const double band = servotwin_lengths[length].bands[sensor];
+    const servotwin_real band = servotwin_lengths[length].bands[sensor];
     return (band > LEAST_BAND) ? band : LEAST_BAND;
 }
 
 /* Whether one wrong reading moves the sensor out of its band, and leaves all other mean residuals within theirs. */
 static bool explains(const servotwin_boundary *boundary, int32_t length, const servotwin_window *window)
 {
-    double along = 0.0;
-    double of = 0.0;
+    servotwin_real along = 0.0;
+    servotwin_real of = 0.0;
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
-        const double band = band_of(length, sensor);
-        const double weighed = boundary->changes[i] / band;
-        const double product = weighed * window->mean[sensor];
-        const double part = product / band;
-        const double square = weighed * weighed;
+        const servotwin_real band = band_of(length, sensor);
+        const servotwin_real weighed = boundary->changes[i] / band;
+        const servotwin_real product = weighed * window->mean[sensor];
+        const servotwin_real part = product / band;
+        const servotwin_real square = weighed * weighed;
         along = along + part;
         of = of + square;
     }
-    const double wrong_by = along / of;
-    const double own = wrong_by * boundary->own_change;
-    const double moved = fabs(own);
+    const servotwin_real wrong_by = along / of;
+    const servotwin_real own = wrong_by * boundary->own_change;
+    const servotwin_real moved = SERVOTWIN_ABS(own);
     bool holds = (moved > band_of(length, boundary->sensor)) && (moved <= servotwin_tuning.largest_boundary_error);
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
-        const double expected = wrong_by * boundary->changes[i];
-        const double left = window->mean[sensor] - expected;
-        holds = holds && (fabs(left) <= band_of(length, sensor));
+        const servotwin_real expected = wrong_by * boundary->changes[i];
+        const servotwin_real left = window->mean[sensor] - expected;
+        holds = holds && (SERVOTWIN_ABS(left) <= band_of(length, sensor));
     }
     return holds;
 }
@@ -91,7 +90,7 @@ static void take_healthy(servotwin_doubt *doubt, const servotwin_sums *fresh, ui
     add(&doubt->filling, fresh);
     doubt->filled++;
     if (doubt->filled >= panes) {
-        const double exponent = -doubt->waiting.samples * servotwin_tuning.healthy_forgotten;
+        const servotwin_real exponent = -doubt->waiting.samples * servotwin_tuning.healthy_forgotten;
         fade(&doubt->healthy, servotwin_exp(exponent));
         add(&doubt->healthy, &doubt->waiting);
         doubt->waiting = doubt->filling;
@@ -108,7 +107,7 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
     const uint32_t panes = (uint32_t)servotwin_lengths[length].span.panes;
     servotwin_sums fresh;
     fresh.windows = servotwin_lengths[length].share;
-    fresh.samples = fresh.windows * (double)window->samples;
+    fresh.samples = fresh.windows * (servotwin_real)window->samples;
     fresh.moments[0] = fresh.samples * servotwin_covariance(window, sensor, sensor);
     fresh.moments[1] = fresh.samples * servotwin_covariance(window, sensor, twin);
     fresh.moments[2] = fresh.samples * servotwin_covariance(window, twin, twin);
@@ -119,7 +118,7 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
     } else {
         /* There is no explanation, as before. */
     }
-    if (fabs(window->mean[sensor]) > servotwin_lengths[length].bands[sensor]) {
+    if (SERVOTWIN_ABS(window->mean[sensor]) > servotwin_lengths[length].bands[sensor]) {
         sums_clear(&doubt->waiting);
         sums_clear(&doubt->filling);
         doubt->filled = 0U;
@@ -127,7 +126,7 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
             doubt->deviating++;
         }
         if (doubt->deviating > panes) {
-            const double time_s = -fresh.samples * servotwin_tuning.period_s;
+            const servotwin_real time_s = -fresh.samples * servotwin_tuning.period_s;
             fade(&doubt->since, servotwin_exp(time_s / servotwin_tuning.boundary_memory_s));
             add(&doubt->since, &fresh);
         }
@@ -140,70 +139,70 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
 
 typedef struct {
     bool is_known; /* there was motion */
-    double slope;
-    double information;
-    double independent; /* number of independent samples */
+    servotwin_real slope;
+    servotwin_real information;
+    servotwin_real independent; /* number of independent samples */
 } slope_of_sums;
 
-static slope_of_sums find_slope(const servotwin_sums *sums, double noise)
+static slope_of_sums find_slope(const servotwin_sums *sums, servotwin_real noise)
 {
-    const double of_residual = sums->moments[0];
-    const double of_both = sums->moments[1];
-    const double of_twin = sums->moments[2];
+    const servotwin_real of_residual = sums->moments[0];
+    const servotwin_real of_both = sums->moments[1];
+    const servotwin_real of_twin = sums->moments[2];
     slope_of_sums of = { false, 0.0, 0.0, 0.0 };
-    of.is_known = (sums->samples > 1.0) && (of_residual > 0.0) && (of_twin > 0.0);
+    of.is_known = (sums->samples > REAL(1.0)) && (of_residual > REAL(0.0)) && (of_twin > REAL(0.0));
     if (of.is_known) {
-        const double square = of_both * of_both;
-        const double explained = square / of_twin;
-        const double least = LEAST_LEFT * of_residual;
-        double left = of_residual - explained;
+        const servotwin_real square = of_both * of_both;
+        const servotwin_real explained = square / of_twin;
+        const servotwin_real least = SERVOTWIN_LEAST_LEFT * of_residual;
+        servotwin_real left = of_residual - explained;
         if (left < least) {
             left = least;
         }
-        const double samples_and_noise = sums->samples * noise;
-        const double of_noise = samples_and_noise * noise;
-        double white = of_noise / left;
-        if (white > 1.0) {
+        const servotwin_real samples_and_noise = sums->samples * noise;
+        const servotwin_real of_noise = samples_and_noise * noise;
+        servotwin_real white = of_noise / left;
+        if (white > REAL(1.0)) {
             white = 1.0;
         }
-        const double new_samples = white * sums->samples;
-        const double coloured = 1.0 - white;
-        const double new_windows = coloured * sums->windows;
+        const servotwin_real new_samples = white * sums->samples;
+        const servotwin_real coloured = REAL(1.0) - white;
+        const servotwin_real new_windows = coloured * sums->windows;
         of.independent = new_samples + new_windows;
-        if (of.independent < 1.0) {
+        if (of.independent < REAL(1.0)) {
             of.independent = 1.0;
         }
-        const double weighted = of.independent * of_twin;
+        const servotwin_real weighted = of.independent * of_twin;
         of.information = weighted / left;
         of.slope = of_both / of_twin;
     }
     return of;
 }
 
-double servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary)
+servotwin_real servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary)
 {
-    const double noise = servotwin_sensors[servotwin_boundaries[boundary].sensor].noise;
+    const servotwin_real noise = servotwin_sensors[servotwin_boundaries[boundary].sensor].noise;
     const slope_of_sums now = find_slope(&doubt->since, noise);
     const slope_of_sums healthy = find_slope(&doubt->healthy, noise);
-    double own = 0.0;
-    double variance = 1.0 / servotwin_tuning.information_of_lines;
+    servotwin_real own = 0.0;
+    servotwin_real variance = REAL(1.0) / servotwin_tuning.information_of_lines;
     if (!now.is_known) {
         return 0.0;
     }
     if (healthy.is_known) {
-        const double information = servotwin_tuning.information_of_lines + healthy.information;
-        variance = 1.0 / information;
-        const double weight = variance * healthy.information;
+        const servotwin_real information = servotwin_tuning.information_of_lines + healthy.information;
+        variance = REAL(1.0) / information;
+        const servotwin_real weight = variance * healthy.information;
         own = weight * healthy.slope;
     }
-    const double change = now.slope - own;
-    const double square = change * change;
-    const double of_now = 1.0 / now.information;
-    const double of_change = of_now + variance;
-    const double likelihood = square / of_change;
-    const double price = servotwin_log(now.independent);
-    const double twice = likelihood - price;
-    return 0.5 * twice;
+    const servotwin_real change = now.slope - own;
+    const servotwin_real square = change * change;
+    const servotwin_real of_now = REAL(1.0) / now.information;
+    const servotwin_real of_change = of_now + variance;
+    const servotwin_real likelihood = square / of_change;
+    const servotwin_real price = servotwin_log(now.independent);
+    const servotwin_real twice = likelihood - price;
+    return REAL(0.5) * twice;
 }
 
 bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary)

@@ -10,9 +10,9 @@
 
 /* Sums over windows of a residual r and the twin's signal y. */
 typedef struct {
-    double samples;
-    double windows; /* number of windows that share no sample */
-    double moments[3]; /* sums of r r, r y and y y */
+    servotwin_real samples;
+    servotwin_real windows; /* number of windows that share no sample */
+    servotwin_real moments[3]; /* sums of r r, r y and y y */
 } servotwin_sums;
 
 typedef struct {
@@ -31,7 +31,7 @@ void servotwin_doubt_clear(servotwin_doubt *doubt);
 void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t length, const servotwin_window *window);
 
 /* Evidence that the deviation is a fault and no wrong reading, nats. */
-double servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary);
+servotwin_real servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t boundary);
 
 /* Whether a wrong reading explains the present windows, and is still possible. */
 bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary);

@@ -9,9 +9,9 @@
 
 /* The evidence of one window length, nats. */
 typedef struct {
-    double of_pairs[SERVOTWIN_HYPOTHESES][SERVOTWIN_HYPOTHESES];
-    double change; /* for any change */
-    double unknown; /* for a change that resembles no training data */
+    servotwin_real of_pairs[SERVOTWIN_HYPOTHESES][SERVOTWIN_HYPOTHESES];
+    servotwin_real change; /* for any change */
+    servotwin_real unknown; /* for a change that resembles no training data */
 } servotwin_evidence;
 
 void servotwin_evidence_clear(servotwin_evidence *evidence);
@@ -20,13 +20,13 @@ void servotwin_evidence_clear(servotwin_evidence *evidence);
 void servotwin_evidence_take(servotwin_evidence *evidence, int32_t length, const servotwin_judgement *judgement);
 
 /* The smallest evidence for a hypothesis against any other, in parts of its limit. It may be raised from 1 on. */
-double servotwin_margin(const servotwin_evidence *evidence, int32_t length, int32_t claim);
+servotwin_real servotwin_margin(const servotwin_evidence *evidence, int32_t length, int32_t claim);
 
 /* The same for a fault of an actuator, whatever the action. */
-double servotwin_margin_of_actuator(const servotwin_evidence *evidence, int32_t length, int32_t actuator);
+servotwin_real servotwin_margin_of_actuator(const servotwin_evidence *evidence, int32_t length, int32_t actuator);
 
 /* Evidence of any change, and of an unknown change, in parts of the limit. */
-double servotwin_evidence_of_change(const servotwin_evidence *evidence, int32_t length);
-double servotwin_evidence_of_unknown(const servotwin_evidence *evidence, int32_t length);
+servotwin_real servotwin_evidence_of_change(const servotwin_evidence *evidence, int32_t length);
+servotwin_real servotwin_evidence_of_unknown(const servotwin_evidence *evidence, int32_t length);
 
 #endif

@@ -5,6 +5,6 @@
 #include "servotwin_windows.h"
 
 /* Writes SERVOTWIN_FEATURES numbers. `stands_in` is 1.0 for each sensor with a stand-in value, else 0.0. */
-void servotwin_features(const servotwin_window *window, const double *stands_in, double *row);
+void servotwin_features(const servotwin_window *window, const servotwin_real *stands_in, servotwin_real *row);
 
 #endif

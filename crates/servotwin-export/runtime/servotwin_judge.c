@@ -10,8 +10,8 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-#define LEAST_BAND 1e-12
-#define LEAST_BAND_PRODUCT 1e-24
+#define LEAST_BAND REAL(1e-12)
+#define LEAST_BAND_PRODUCT REAL(1e-24)
 
 int32_t servotwin_actuator_of(int32_t hypothesis)
 {
@@ -46,11 +46,11 @@ void servotwin_forget(servotwin_judgement *judgement)
 }
 
 /* Finds the sensor with the largest residual in parts of its band. */
-static void find_worst(servotwin_judgement *judgement, const servotwin_window *window, const double *bands)
+static void find_worst(servotwin_judgement *judgement, const servotwin_window *window, const servotwin_real *bands)
 {
     for (int32_t i = 0; i < SERVOTWIN_WATCHED; i++) {
-        const double band = (bands[i] > LEAST_BAND) ? bands[i] : LEAST_BAND;
-        const double size = window->largest[i] / band;
+        const servotwin_real band = (bands[i] > LEAST_BAND) ? bands[i] : LEAST_BAND;
+        const servotwin_real size = window->largest[i] / band;
         if (size > judgement->worst) {
             judgement->worst = size;
             judgement->worst_sensor = i;
@@ -59,67 +59,68 @@ static void find_worst(servotwin_judgement *judgement, const servotwin_window *w
 }
 
 /* Removes masked actuators from the probabilities. */
-static void mask(double *probabilities, const bool *is_masked)
+static void mask(servotwin_real *probabilities, const bool *is_masked)
 {
     bool any = false;
-    double sum = 0.0;
+    servotwin_real sum = 0.0;
     for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
         if (is_masked[actuator]) {
             any = true;
             for (int32_t action = 0; action < SERVOTWIN_ACTIONS; action++) {
-                probabilities[servotwin_hypothesis_of(actuator, action)] = 0.0;
+                probabilities[servotwin_hypothesis_of(actuator, action)] = REAL(0.0);
             }
         }
     }
     for (int32_t i = 0; i < SERVOTWIN_HYPOTHESES; i++) {
         sum = sum + probabilities[i];
     }
-    if (any && (sum > 0.0)) {
+    if (any && (sum > REAL(0.0))) {
         for (int32_t i = 0; i < SERVOTWIN_HYPOTHESES; i++) {
             probabilities[i] = probabilities[i] / sum;
         }
     }
-    if (any && !(sum > 0.0)) {
+    if (any && !(sum > REAL(0.0))) {
         probabilities[SERVOTWIN_HEALTHY] = 1.0;
     }
 }
 
 /* The share of a deviation that the corresponding sensors of two actuators have in common. */
-static double common_share(const servotwin_common_pair *pair, const servotwin_window *window, const double *bands)
+static servotwin_real common_share(
+    const servotwin_common_pair *pair, const servotwin_window *window, const servotwin_real *bands)
 {
-    double sum = 0.0;
-    double difference = 0.0;
+    servotwin_real sum = 0.0;
+    servotwin_real difference = 0.0;
     for (int32_t i = 0; i < pair->sensors; i++) {
         const int32_t a = pair->of_first[i];
         const int32_t b = pair->of_second[i];
-        const double product = bands[a] * bands[b];
-        const double weight = 1.0 / ((product > LEAST_BAND_PRODUCT) ? product : LEAST_BAND_PRODUCT);
-        const double mean_sum = window->mean[a] + window->mean[b];
-        const double mean_difference = window->mean[a] - window->mean[b];
-        const double of_sum = mean_sum * mean_sum;
-        const double of_difference = mean_difference * mean_difference;
-        const double own = servotwin_covariance(window, a, a) + servotwin_covariance(window, b, b);
-        const double common = 2.0 * servotwin_covariance(window, a, b);
-        const double own_and_common = own + common;
-        const double square_of_sum = own_and_common + of_sum;
-        const double weighted_sum = weight * square_of_sum;
-        const double own_less_common = own - common;
-        const double square_of_difference = own_less_common + of_difference;
-        const double weighted_difference = weight * square_of_difference;
+        const servotwin_real product = bands[a] * bands[b];
+        const servotwin_real weight = REAL(1.0) / ((product > LEAST_BAND_PRODUCT) ? product : LEAST_BAND_PRODUCT);
+        const servotwin_real mean_sum = window->mean[a] + window->mean[b];
+        const servotwin_real mean_difference = window->mean[a] - window->mean[b];
+        const servotwin_real of_sum = mean_sum * mean_sum;
+        const servotwin_real of_difference = mean_difference * mean_difference;
+        const servotwin_real own = servotwin_covariance(window, a, a) + servotwin_covariance(window, b, b);
+        const servotwin_real common = REAL(2.0) * servotwin_covariance(window, a, b);
+        const servotwin_real own_and_common = own + common;
+        const servotwin_real square_of_sum = own_and_common + of_sum;
+        const servotwin_real weighted_sum = weight * square_of_sum;
+        const servotwin_real own_less_common = own - common;
+        const servotwin_real square_of_difference = own_less_common + of_difference;
+        const servotwin_real weighted_difference = weight * square_of_difference;
         sum = sum + weighted_sum;
         difference = difference + weighted_difference;
     }
-    const double whole = sum + difference;
-    return (whole > 0.0) ? (sum / whole) : 0.0;
+    const servotwin_real whole = sum + difference;
+    return (whole > REAL(0.0)) ? (sum / whole) : REAL(0.0);
 }
 
-double servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length)
+servotwin_real servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length)
 {
-    double largest = 0.0;
+    servotwin_real largest = 0.0;
     for (int32_t i = 0; i < SERVOTWIN_COMMON_PAIRS; i++) {
         const servotwin_common_pair *pair = &servotwin_common_pairs[i];
         if ((pair->first == actuator) || (pair->second == actuator)) {
-            const double share = common_share(pair, window, servotwin_lengths[length].bands);
+            const servotwin_real share = common_share(pair, window, servotwin_lengths[length].bands);
             if (share > largest) {
                 largest = share;
             }
@@ -128,18 +129,18 @@ double servotwin_common_mode(int32_t actuator, const servotwin_window *window, i
     return largest;
 }
 
-double servotwin_novelty(int32_t length, int32_t known, const double *row)
+servotwin_real servotwin_novelty(int32_t length, int32_t known, const servotwin_real *row)
 {
     const servotwin_known *of_class = &servotwin_lengths[length].known[known];
-    double sum = 0.0;
+    servotwin_real sum = 0.0;
     for (int32_t i = 0; i < of_class->features; i++) {
-        const double x = row[i];
+        const servotwin_real x = row[i];
         const bool is_inside = (x >= of_class->lows[i]) && (x <= of_class->highs[i]);
-        const double excess = (x > of_class->highs[i]) ? (x - of_class->highs[i]) : (of_class->lows[i] - x);
-        const double part = excess / of_class->widths[i];
+        const servotwin_real excess = (x > of_class->highs[i]) ? (x - of_class->highs[i]) : (of_class->lows[i] - x);
+        const servotwin_real part = excess / of_class->widths[i];
         /* A missing value counts as one. */
-        const double outside = (part < 1.0) ? part : 1.0;
-        sum = sum + (is_inside ? 0.0 : outside);
+        const servotwin_real outside = (part < REAL(1.0)) ? part : REAL(1.0);
+        sum = sum + (is_inside ? REAL(0.0) : outside);
     }
     return sum / of_class->limit;
 }
@@ -148,10 +149,10 @@ double servotwin_novelty(int32_t length, int32_t known, const double *row)
 static void compute_rows(
     servotwin_scratch *scratch, const servotwin_window *window, int32_t views, const bool *stands_in)
 {
-    double flags[SERVOTWIN_SENSORS];
+    servotwin_real flags[SERVOTWIN_SENSORS];
     for (int32_t view = 0; view < views; view++) {
         for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
-            flags[i] = stands_in[servotwin_orders[view][i]] ? 1.0 : 0.0;
+            flags[i] = stands_in[servotwin_orders[view][i]] ? REAL(1.0) : REAL(0.0);
         }
         servotwin_window_reorder(window, servotwin_orders[view], &scratch->reordered);
         servotwin_features(&scratch->reordered, flags, scratch->rows[view]);
@@ -162,7 +163,7 @@ static void judge_outside_band(servotwin_judgement *judgement, const servotwin_s
     const servotwin_window *window, const bool *is_masked)
 {
     const servotwin_length *of_length = &servotwin_lengths[length];
-    const double *views[SERVOTWIN_VIEWS];
+    const servotwin_real *views[SERVOTWIN_VIEWS];
     for (int32_t view = 0; view < SERVOTWIN_VIEWS; view++) {
         views[view] = scratch->rows[view];
     }
@@ -175,7 +176,7 @@ static void judge_outside_band(servotwin_judgement *judgement, const servotwin_s
     judgement->likeliest = servotwin_largest(judgement->probabilities, SERVOTWIN_HYPOTHESES);
     int32_t view = 0;
     int32_t known = 0;
-    double common = 0.0;
+    servotwin_real common = 0.0;
     if (judgement->likeliest != SERVOTWIN_HEALTHY) {
         const int32_t actuator = servotwin_actuator_of(judgement->likeliest);
         const int32_t action = servotwin_action_of(judgement->likeliest);
@@ -188,7 +189,8 @@ static void judge_outside_band(servotwin_judgement *judgement, const servotwin_s
     }
     judgement->is_novel = (common > servotwin_tuning.max_common_mode);
     if (of_length->known_classes > 0) {
-        judgement->is_novel = judgement->is_novel || (servotwin_novelty(length, known, scratch->rows[view]) > 1.0);
+        const servotwin_real novelty = servotwin_novelty(length, known, scratch->rows[view]);
+        judgement->is_novel = judgement->is_novel || (novelty > REAL(1.0));
     }
 }
 
@@ -199,7 +201,7 @@ void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch,
     servotwin_forget(judgement);
     judgement->has_judged = true;
     find_worst(judgement, window, of_length->bands);
-    judgement->is_in_band = (judgement->worst <= 1.0);
+    judgement->is_in_band = (judgement->worst <= REAL(1.0));
     if (judgement->is_in_band) {
         judgement->probabilities[SERVOTWIN_HEALTHY] = servotwin_tuning.in_band_share;
     } else {

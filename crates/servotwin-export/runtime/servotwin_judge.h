@@ -14,18 +14,18 @@ typedef struct {
     bool is_in_band; /* every residual is in its band */
     bool is_novel; /* the window is unlike all training data */
     int32_t worst_sensor; /* the largest residual in parts of its band */
-    double worst;
+    servotwin_real worst;
     int32_t of_trees; /* hypothesis of the trees; SERVOTWIN_NONE in band */
     int32_t detail_of_trees;
     int32_t likeliest; /* hypothesis of the boosted trees */
     int32_t detail; /* their detail of it, and its probability */
-    double detail_probability;
-    double probabilities[SERVOTWIN_HYPOTHESES]; /* of each hypothesis by the boosted trees */
+    servotwin_real detail_probability;
+    servotwin_real probabilities[SERVOTWIN_HYPOTHESES]; /* of each hypothesis by the boosted trees */
 } servotwin_judgement;
 
 /* Working memory; nothing in it lasts from one window to the next. */
 typedef struct {
-    double rows[SERVOTWIN_VIEWS][SERVOTWIN_FEATURES];
+    servotwin_real rows[SERVOTWIN_VIEWS][SERVOTWIN_FEATURES];
     servotwin_window reordered;
 } servotwin_scratch;
 
@@ -44,10 +44,10 @@ void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch,
 bool servotwin_agrees_on(const servotwin_judgement *judgement, int32_t length, int32_t hypothesis);
 
 /* The largest share of a deviation that an actuator has in common with another one. */
-double servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length);
+servotwin_real servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length);
 
 /* Distance of a row from the training data of healthy (0) or an action (1 ...), in parts of what counts as known. */
-double servotwin_novelty(int32_t length, int32_t known, const double *row);
+servotwin_real servotwin_novelty(int32_t length, int32_t known, const servotwin_real *row);
 
 /* The detail on which trees and boosted trees agree; SERVOTWIN_NONE otherwise. */
 int32_t servotwin_agreed_detail(const servotwin_judgement *judgement);

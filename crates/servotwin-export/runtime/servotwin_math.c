@@ -15,7 +15,7 @@ typedef union {
     uint64_t bits;
 } number_and_bits;
 
-uint64_t servotwin_bits_of(double number)
+servotwin_bits servotwin_bits_of(servotwin_real number)
 {
     number_and_bits both;
     both.number = number;
@@ -57,7 +57,7 @@ static double polynomial(double x, const double *coefficients, int32_t count)
 #define LN2_HIGH 6.93147180369123816490e-01
 #define LN2_LOW 1.90821492927058770002e-10
 
-double servotwin_exp(double x)
+servotwin_real servotwin_exp(servotwin_real x)
 {
     static const double coefficients[5] = {
         4.13813679705723846039e-08, -1.65339022054652515390e-06, 6.61375632143793436117e-05,
@@ -144,7 +144,7 @@ static reduced_number reduced(double x)
     return of;
 }
 
-double servotwin_log(double x)
+servotwin_real servotwin_log(servotwin_real x)
 {
     if (x == 1.0) {
         return 0.0;
@@ -158,7 +158,7 @@ double servotwin_log(double x)
     return third + high;
 }
 
-double servotwin_log10(double x)
+servotwin_real servotwin_log10(servotwin_real x)
 {
     if (x == 1.0) {
         return 0.0;
@@ -183,29 +183,4 @@ double servotwin_log10(double x)
     const double found = lost + high_high;
     const double corrected = value_low + found;
     return corrected + value_high;
-}
-
-void servotwin_softmax(double *values, int32_t count)
-{
-    const double largest = values[servotwin_largest(values, count)];
-    double sum = 0.0;
-    for (int32_t i = 0; i < count; i++) {
-        const double below = values[i] - largest;
-        values[i] = servotwin_exp(below);
-        sum = sum + values[i];
-    }
-    for (int32_t i = 0; i < count; i++) {
-        values[i] = values[i] / sum;
-    }
-}
-
-int32_t servotwin_largest(const double *values, int32_t count)
-{
-    int32_t place = 0;
-    for (int32_t i = 1; i < count; i++) {
-        if (values[i] > values[place]) {
-            place = i;
-        }
-    }
-    return place;
 }

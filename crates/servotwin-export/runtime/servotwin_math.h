@@ -1,45 +1,35 @@
 /*
- * Arithmetic that gives the same bits on every machine with IEEE 754 doubles: the logarithm and the exponential of the
+ * Arithmetic that gives the same bits on every machine with IEEE 754 numbers: the logarithm and the exponential of the
  * trained models, and a test that refuses a build which fuses products and sums.
  */
 #ifndef SERVOTWIN_MATH_H
 #define SERVOTWIN_MATH_H
 
-#include <float.h>
-#include <stdint.h>
+#include "servotwin_real.h"
 
 #ifdef __FAST_MATH__
 #error "compile without -ffast-math: it gives other decisions than were trained"
 #endif
-#if FLT_EVAL_METHOD != 0
-#error "compile with arithmetic in double alone (x86: -msse2 -mfpmath=sse)"
-#endif
-#if DBL_MANT_DIG != 53
-#error "double must be IEEE 754 binary64"
-#endif
+
+/* A literal as a number of this diagnosis; without it, an expression in single precision would become a double. */
+#define REAL(literal) ((servotwin_real)(literal))
 
 /*
- * 1 if a product and a sum round twice and correctly, as they must; 0 if the compiler fuses them, or if doubles in software
+ * 1 if a product and a sum round twice and correctly, as they must; 0 if the compiler fuses them, or if numbers in software
  * round wrongly. Call it once, at start.
  */
 int servotwin_rounds_twice(void);
 
 /* The bits of a number. */
-uint64_t servotwin_bits_of(double number);
+servotwin_bits servotwin_bits_of(servotwin_real number);
 
-/* e^x for x of at most 709. 0 below -708. */
-double servotwin_exp(double x);
+/* e^x for x of at most 709, and 0 below -708; in single precision 88 and -87. */
+servotwin_real servotwin_exp(servotwin_real x);
 
 /* The natural logarithm of a positive, finite and normal number. */
-double servotwin_log(double x);
+servotwin_real servotwin_log(servotwin_real x);
 
 /* The logarithm of base ten of a positive, finite and normal number. */
-double servotwin_log10(double x);
-
-/* Turns logarithms, of which at least one is finite, into shares that sum to one. */
-void servotwin_softmax(double *values, int32_t count);
-
-/* Index of the largest value; the first of a tie. */
-int32_t servotwin_largest(const double *values, int32_t count);
+servotwin_real servotwin_log10(servotwin_real x);
 
 #endif

@@ -10,14 +10,14 @@
 #endif
 
 /* Lower limit of a probability before its logarithm is taken. */
-#define LEAST_PROBABILITY 1e-15
+#define LEAST_PROBABILITY REAL(1e-15)
 
-int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const double *row)
+int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const servotwin_real *row)
 {
     int32_t node = branches->roots[tree];
     for (int32_t test = 0; (test < branches->depth) && (node >= 0); test++) {
         const uint32_t feature = branches->features[node];
-        const double value = row[feature & (SERVOTWIN_MISSING_LEFT - 1U)];
+        const servotwin_real value = row[feature & (SERVOTWIN_MISSING_LEFT - 1U)];
         bool goes_left = (value <= branches->thresholds[node]);
         if (value != value) {
             goes_left = (feature & SERVOTWIN_MISSING_LEFT) != 0U;
@@ -27,19 +27,45 @@ int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const d
     return -1 - node;
 }
 
-/* Makes probabilities more or less certain: p^(1/T), normalized. */
-static void scale(double *shares, int32_t count, double inverse_temperature)
+int32_t servotwin_largest(const servotwin_real *values, int32_t count)
 {
-    double largest = shares[servotwin_largest(shares, count)];
-    double sum = 0.0;
+    int32_t place = 0;
+    for (int32_t i = 1; i < count; i++) {
+        if (values[i] > values[place]) {
+            place = i;
+        }
+    }
+    return place;
+}
+
+/* Turns logarithms, of which at least one is finite, into shares that sum to one. */
+static void softmax(servotwin_real *values, int32_t count)
+{
+    const servotwin_real largest = values[servotwin_largest(values, count)];
+    servotwin_real sum = 0.0;
+    for (int32_t i = 0; i < count; i++) {
+        const servotwin_real below = values[i] - largest;
+        values[i] = servotwin_exp(below);
+        sum = sum + values[i];
+    }
+    for (int32_t i = 0; i < count; i++) {
+        values[i] = values[i] / sum;
+    }
+}
+
+/* Makes probabilities more or less certain: p^(1/T), normalized. */
+static void scale(servotwin_real *shares, int32_t count, servotwin_real inverse_temperature)
+{
+    servotwin_real largest = shares[servotwin_largest(shares, count)];
+    servotwin_real sum = 0.0;
     if (largest < LEAST_PROBABILITY) {
         largest = LEAST_PROBABILITY;
     }
     for (int32_t i = 0; i < count; i++) {
-        const double share = (shares[i] > LEAST_PROBABILITY) ? shares[i] : LEAST_PROBABILITY;
-        const double relative = share / largest;
-        const double logarithm = servotwin_log(relative);
-        const double scaled = logarithm * inverse_temperature;
+        const servotwin_real share = (shares[i] > LEAST_PROBABILITY) ? shares[i] : LEAST_PROBABILITY;
+        const servotwin_real relative = share / largest;
+        const servotwin_real logarithm = servotwin_log(relative);
+        const servotwin_real scaled = logarithm * inverse_temperature;
         shares[i] = servotwin_exp(scaled);
         sum = sum + shares[i];
     }
@@ -49,7 +75,7 @@ static void scale(double *shares, int32_t count, double inverse_temperature)
 }
 
 /* Shares as the trees give them. */
-static void boost(const servotwin_stage *stage, const double *row, double *shares)
+static void boost(const servotwin_stage *stage, const servotwin_real *row, servotwin_real *shares)
 {
     const servotwin_boosted *boosted = stage->boosted;
     for (int32_t class_place = 0; class_place < stage->classes; class_place++) {
@@ -57,22 +83,22 @@ static void boost(const servotwin_stage *stage, const double *row, double *share
     }
     for (int32_t tree = 0; tree < stage->branches.trees; tree++) {
         const int32_t leaf = servotwin_leaf(&stage->branches, tree, row);
-        const double *values = &boosted->values[leaf * boosted->outputs];
+        const servotwin_real *values = &boosted->values[leaf * boosted->outputs];
         for (int32_t output = 0; output < boosted->outputs; output++) {
             const int32_t class_place = boosted->output_classes[output];
             shares[class_place] = shares[class_place] + values[output];
         }
     }
-    servotwin_softmax(shares, stage->classes);
+    softmax(shares, stage->classes);
 }
 
-void servotwin_shares(const servotwin_stage *stage, const double *row, double *shares)
+void servotwin_shares(const servotwin_stage *stage, const servotwin_real *row, servotwin_real *shares)
 {
     boost(stage, row, shares);
     scale(shares, stage->classes, stage->boosted->inverse_temperature);
 }
 
-servotwin_answer servotwin_decide(const servotwin_stage *stage, const double *row)
+servotwin_answer servotwin_decide(const servotwin_stage *stage, const servotwin_real *row)
 {
     servotwin_answer answer;
     if (stage->cart != NULL) {
@@ -80,7 +106,7 @@ servotwin_answer servotwin_decide(const servotwin_stage *stage, const double *ro
         answer.decided = stage->names[stage->cart->decisions[leaf]];
         answer.probability = stage->cart->probabilities[leaf];
     } else {
-        double shares[SERVOTWIN_MOST_CLASSES] = { 0 };
+        servotwin_real shares[SERVOTWIN_MOST_CLASSES] = { 0 };
         boost(stage, row, shares);
         const int32_t likeliest = servotwin_largest(shares, stage->classes);
         scale(shares, stage->classes, stage->boosted->inverse_temperature);
@@ -92,7 +118,8 @@ servotwin_answer servotwin_decide(const servotwin_stage *stage, const double *ro
 
 /* Asks a stage for an actuator; without the stage, the answer is `otherwise`, and certain. */
 static servotwin_answer ask(
-    const servotwin_hierarchy *hierarchy, int32_t place, int32_t actuator, const double *const *views, int32_t otherwise)
+    const servotwin_hierarchy *hierarchy, int32_t place, int32_t actuator, const servotwin_real *const *views,
+    int32_t otherwise)
 {
     servotwin_answer answer = { otherwise, 1.0 };
     if (place != SERVOTWIN_NONE) {
@@ -102,7 +129,7 @@ static servotwin_answer ask(
     return answer;
 }
 
-servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, const double *const *views)
+servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, const servotwin_real *const *views)
 {
     servotwin_diagnosis said = { SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 1.0, 1.0 };
     const servotwin_answer first = ask(hierarchy, hierarchy->actuator_stage, 0, views, 0);
@@ -123,20 +150,21 @@ servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, con
 }
 
 servotwin_answer servotwin_detail(
-    const servotwin_hierarchy *hierarchy, const double *const *views, int32_t actuator, int32_t action)
+    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, int32_t actuator, int32_t action)
 {
     const int32_t place = (actuator * hierarchy->actions) + action;
     return ask(hierarchy, hierarchy->detail_stages[place], actuator, views, SERVOTWIN_NONE);
 }
 
 /* Writes the probability of healthy to the first place, and that of each actuator to the first of its actions. */
-static void share_among_actuators(const servotwin_hierarchy *hierarchy, const double *const *views, double *into)
+static void share_among_actuators(
+    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, servotwin_real *into)
 {
     if (hierarchy->actuator_stage == SERVOTWIN_NONE) {
         into[1] = 1.0;
     } else {
         const servotwin_stage *stage = &hierarchy->stages[hierarchy->actuator_stage];
-        double shares[SERVOTWIN_MOST_CLASSES] = { 0 };
+        servotwin_real shares[SERVOTWIN_MOST_CLASSES] = { 0 };
         servotwin_shares(stage, views[0], shares);
         for (int32_t class_place = 0; class_place < stage->classes; class_place++) {
             const int32_t actuator = stage->names[class_place];
@@ -148,17 +176,17 @@ static void share_among_actuators(const servotwin_hierarchy *hierarchy, const do
 
 /* Divides the probability of an actuator among its actions. */
 static void share_among_actions(
-    const servotwin_hierarchy *hierarchy, const double *const *views, int32_t actuator, double *own)
+    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, int32_t actuator, servotwin_real *own)
 {
-    const double of_actuator = own[0];
+    const servotwin_real of_actuator = own[0];
     const int32_t place = hierarchy->action_stages[actuator];
     if (place == SERVOTWIN_NONE) {
         for (int32_t action = 0; action < hierarchy->actions; action++) {
-            own[action] = of_actuator / (double)hierarchy->actions;
+            own[action] = of_actuator / (servotwin_real)hierarchy->actions;
         }
     } else {
         const servotwin_stage *stage = &hierarchy->stages[place];
-        double shares[SERVOTWIN_MOST_CLASSES] = { 0 };
+        servotwin_real shares[SERVOTWIN_MOST_CLASSES] = { 0 };
         own[0] = 0.0;
         servotwin_shares(stage, views[(stage->reads_own_view != 0) ? actuator : 0], shares);
         for (int32_t class_place = 0; class_place < stage->classes; class_place++) {
@@ -167,7 +195,8 @@ static void share_among_actions(
     }
 }
 
-void servotwin_probabilities(const servotwin_hierarchy *hierarchy, const double *const *views, double *into)
+void servotwin_probabilities(
+    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, servotwin_real *into)
 {
     const int32_t count = 1 + (hierarchy->actuators * hierarchy->actions);
     for (int32_t place = 0; place < count; place++) {

@@ -7,6 +7,8 @@
 #ifndef SERVOTWIN_MODELS_H
 #define SERVOTWIN_MODELS_H
 
+#include "servotwin_real.h"
+
 #include <stdint.h>
 
 /* Most classes of a stage, and most hypotheses: healthy and each action of each actuator. */
@@ -24,7 +26,7 @@ typedef struct {
     int32_t depth; /* most tests on the way to a leaf */
     const int16_t *roots;
     const uint16_t *features;
-    const double *thresholds; /* a value goes left unless it is larger */
+    const servotwin_real *thresholds; /* a value goes left unless it is larger */
     const int16_t *left;
     const int16_t *right;
 } servotwin_branches;
@@ -32,16 +34,16 @@ typedef struct {
 /* One tree that decides: for each leaf its class and the probability of that class. */
 typedef struct {
     const uint8_t *decisions;
-    const double *probabilities;
+    const servotwin_real *probabilities;
 } servotwin_cart;
 
 /* Trees whose leaves add to the scores of the classes. */
 typedef struct {
     int32_t outputs;
     const uint8_t *output_classes; /* the class of each output */
-    const double *start; /* score of each class before the first tree */
-    const double *values; /* of each leaf, for each output */
-    double inverse_temperature;
+    const servotwin_real *start; /* score of each class before the first tree */
+    const servotwin_real *values; /* of each leaf, for each output */
+    servotwin_real inverse_temperature;
 } servotwin_boosted;
 
 /* One question. Exactly one of `cart` and `boosted` is there. */
@@ -65,7 +67,7 @@ typedef struct {
 
 typedef struct {
     int32_t decided; /* SERVOTWIN_NONE where nothing was asked */
-    double probability;
+    servotwin_real probability;
 } servotwin_answer;
 
 /* Indices of names, or SERVOTWIN_NONE. Healthy is no actuator. */
@@ -73,27 +75,31 @@ typedef struct {
     int32_t actuator;
     int32_t action;
     int32_t detail;
-    double confidence; /* probability that actuator and action are right */
-    double detail_confidence; /* probability of the detail, given the action */
+    servotwin_real confidence; /* probability that actuator and action are right */
+    servotwin_real detail_confidence; /* probability of the detail, given the action */
 } servotwin_diagnosis;
 
+/* Index of the largest value; the first of a tie. */
+int32_t servotwin_largest(const servotwin_real *values, int32_t count);
+
 /* The leaf that a row reaches in a tree. */
-int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const double *row);
+int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const servotwin_real *row);
 
 /* Writes the probability of each class of a stage of boosted trees. */
-void servotwin_shares(const servotwin_stage *stage, const double *row, double *shares);
+void servotwin_shares(const servotwin_stage *stage, const servotwin_real *row, servotwin_real *shares);
 
 /* The class that a stage decides. */
-servotwin_answer servotwin_decide(const servotwin_stage *stage, const double *row);
+servotwin_answer servotwin_decide(const servotwin_stage *stage, const servotwin_real *row);
 
 /* Asks for actuator, action and detail of a row, given in every view. */
-servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, const double *const *views);
+servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, const servotwin_real *const *views);
 
 /* Writes the probability of healthy, then of each action actuator by actuator, by boosted trees. */
-void servotwin_probabilities(const servotwin_hierarchy *hierarchy, const double *const *views, double *into);
+void servotwin_probabilities(
+    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, servotwin_real *into);
 
 /* The detail of a fault with known actuator and action. */
 servotwin_answer servotwin_detail(
-    const servotwin_hierarchy *hierarchy, const double *const *views, int32_t actuator, int32_t action);
+    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, int32_t actuator, int32_t action);
 
 #endif

@@ -1,5 +1,7 @@
 #include "servotwin_random.h"
 
+#include "servotwin_math.h"
+
 #ifdef __clang__
 #pragma STDC FP_CONTRACT OFF
 #endif
@@ -32,18 +34,19 @@ static uint64_t next_bits(uint64_t *state)
     return result;
 }
 
-double servotwin_normal(uint64_t seed, uint64_t stream)
+servotwin_real servotwin_normal(uint64_t seed, uint64_t stream)
 {
     uint64_t of_stream = stream;
     uint64_t state[4];
-    double sum = 0.0;
+    servotwin_real sum = 0.0;
     uint64_t counter = seed ^ splitmix64(&of_stream);
     for (int32_t i = 0; i < 4; i++) {
         state[i] = splitmix64(&counter);
     }
     for (int32_t i = 0; i < 12; i++) {
-        const double unit = (double)(next_bits(state) >> 11) * 0x1p-53;
+        const uint64_t kept = next_bits(state) >> SERVOTWIN_DROPPED_BITS;
+        const servotwin_real unit = (servotwin_real)kept * SERVOTWIN_STEP;
         sum = sum + unit;
     }
-    return sum - 6.0;
+    return sum - REAL(6.0);
 }

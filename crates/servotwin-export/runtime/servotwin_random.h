@@ -5,9 +5,9 @@
 #ifndef SERVOTWIN_RANDOM_H
 #define SERVOTWIN_RANDOM_H
 
-#include <stdint.h>
+#include "servotwin_real.h"
 
 /* A deviate of mean 0 and variance 1, from twelve uniform ones. */
-double servotwin_normal(uint64_t seed, uint64_t stream);
+servotwin_real servotwin_normal(uint64_t seed, uint64_t stream);
 
 #endif

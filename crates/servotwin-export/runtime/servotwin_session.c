@@ -4,7 +4,6 @@
 #include "servotwin_random.h"
 #include "servotwin_tables.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -13,12 +12,9 @@
 #endif
 
 /* Upper limit of residuals and twin signals in parts of scale; larger ones are no measurements. */
-#define PLAUSIBLE 1e6
+#define PLAUSIBLE REAL(1e6)
 
-/* The bits of the usual NaN, which no plausible input has. */
-#define BITS_OF_MISSING 0x7ff8000000000000U
-
-static bool is_missing(double value)
+static bool is_missing(servotwin_real value)
 {
     return value != value;
 }
@@ -202,7 +198,7 @@ bool servotwin_session_start(servotwin_session *session)
     session->settling = 0U;
     session->gap = 0U;
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
-        session->last_input[input] = BITS_OF_MISSING;
+        session->last_input[input] = SERVOTWIN_BITS_OF_MISSING;
         session->repeats[input] = 0U;
     }
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
@@ -271,14 +267,14 @@ void servotwin_session_take_out(servotwin_session *session, int32_t sensor, bool
 
 /* ---- Inputs. ---- */
 
-static bool is_within(double value, double least, double largest)
+static bool is_within(servotwin_real value, servotwin_real least, servotwin_real largest)
 {
     return (value >= least) && (value <= largest);
 }
 
-static bool is_frozen(servotwin_session *session, int32_t input, double value)
+static bool is_frozen(servotwin_session *session, int32_t input, servotwin_real value)
 {
-    const uint64_t bits = servotwin_bits_of(value);
+    const servotwin_bits bits = servotwin_bits_of(value);
     const uint32_t limit = servotwin_inputs[input].frozen_after;
     if (session->last_input[input] != bits) {
         session->repeats[input] = 0U;
@@ -292,18 +288,18 @@ static bool is_frozen(servotwin_session *session, int32_t input, double value)
 }
 
 /* Checks all inputs; writes the first implausible one. */
-static bool is_plausible(servotwin_session *session, const double *inputs, servotwin_outcome *said)
+static bool is_plausible(servotwin_session *session, const servotwin_real *inputs, servotwin_outcome *said)
 {
     bool holds = true;
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
-        const double value = inputs[input];
+        const servotwin_real value = inputs[input];
         const bool frozen = is_frozen(session, input, value);
         servotwin_why why = SERVOTWIN_FROZEN;
         bool is_wrong = frozen;
         if (is_missing(value)) {
             why = SERVOTWIN_MISSING;
             is_wrong = true;
-        } else if (fabs(value) > DBL_MAX) {
+        } else if (SERVOTWIN_ABS(value) > SERVOTWIN_REAL_MAX) {
             why = SERVOTWIN_NOT_FINITE;
             is_wrong = true;
         } else if (!is_within(value, servotwin_inputs[input].least, servotwin_inputs[input].largest)) {
@@ -320,7 +316,7 @@ static bool is_plausible(servotwin_session *session, const double *inputs, servo
     }
     for (int32_t i = 0; (i < SERVOTWIN_DIFFERENCES) && holds; i++) {
         const servotwin_difference *difference = &servotwin_differences[i];
-        const double value = inputs[difference->of] - inputs[difference->minus];
+        const servotwin_real value = inputs[difference->of] - inputs[difference->minus];
         if (!is_within(value, difference->least, difference->largest)) {
             holds = false;
             said->input = difference->of;
@@ -347,13 +343,13 @@ static void distrust(servotwin_session *session, const servotwin_outcome *said)
 
 typedef enum { USABLE, MISSING_VALUE, WRONG_VALUE } usability;
 
-static usability usability_of(double value, double expected, double scale)
+static usability usability_of(servotwin_real value, servotwin_real expected, servotwin_real scale)
 {
     usability result = USABLE;
-    const double difference = value - expected;
+    const servotwin_real difference = value - expected;
     if (is_missing(value)) {
         result = MISSING_VALUE;
-    } else if (fabs(difference / scale) > PLAUSIBLE) {
+    } else if (SERVOTWIN_ABS(difference / scale) > PLAUSIBLE) {
         result = WRONG_VALUE;
     } else {
         /* It is a measurement. */
@@ -378,10 +374,10 @@ static void notice(servotwin_session *session, int32_t sensor, bool is_there)
 }
 
 /* The twin's value with the noise of a healthy sensor. */
-static double stand_in(const servotwin_session *session, int32_t sensor, double expected)
+static servotwin_real stand_in(const servotwin_session *session, int32_t sensor, servotwin_real expected)
 {
-    const double scaled = servotwin_sensors[sensor].scale * servotwin_sensors[sensor].stand_in_noise;
-    const double noise = scaled * servotwin_normal((uint64_t)sensor, session->samples);
+    const servotwin_real scaled = servotwin_sensors[sensor].scale * servotwin_sensors[sensor].stand_in_noise;
+    const servotwin_real noise = scaled * servotwin_normal((uint64_t)sensor, session->samples);
     return expected + noise;
 }
 
@@ -413,7 +409,7 @@ static bool has_lost_most(const servotwin_session *session, int32_t actuator)
             }
         }
     }
-    return (double)lost > (servotwin_tuning.most_lost * (double)count);
+    return (servotwin_real)lost > (servotwin_tuning.most_lost * (servotwin_real)count);
 }
 
 static bool is_blind(const servotwin_session *session)
@@ -426,16 +422,16 @@ static bool is_blind(const servotwin_session *session)
 }
 
 /* Checks the values and copies them, with stand-ins for masked and lost sensors. */
-static usability copy_measured(servotwin_session *session, const double *measured, const double *twin)
+static usability copy_measured(servotwin_session *session, const servotwin_real *measured, const servotwin_real *twin)
 {
     usability all = USABLE;
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         const servotwin_sensor *known = &servotwin_sensors[sensor];
-        const double expected = twin[sensor];
-        const bool is_sound = (fabs(expected / known->scale) <= PLAUSIBLE);
+        const servotwin_real expected = twin[sensor];
+        const bool is_sound = (SERVOTWIN_ABS(expected / known->scale) <= PLAUSIBLE);
         const bool is_out = session->is_taken_out[sensor]
             || ((known->actuator != SERVOTWIN_NONE) && is_masked(session, known->actuator));
-        double value = measured[sensor];
+        servotwin_real value = measured[sensor];
         if (is_out) {
             session->is_lost[sensor] = false;
             session->against[sensor] = 0U;
@@ -481,7 +477,7 @@ static void lack(servotwin_session *session, servotwin_alarm alarm)
 
 /* ---- Decision. ---- */
 
-static double margin(const servotwin_session *session, int32_t length, int32_t claim)
+static servotwin_real margin(const servotwin_session *session, int32_t length, int32_t claim)
 {
     return servotwin_margin(&session->evidence[length], length, claim);
 }
@@ -528,7 +524,7 @@ static int32_t withheld_input(const servotwin_session *session)
     for (int32_t claim = 1; claim < SERVOTWIN_HYPOTHESES; claim++) {
         bool is_claimed = false;
         for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
-            is_claimed = is_claimed || (margin(session, length, claim) >= 1.0);
+            is_claimed = is_claimed || (margin(session, length, claim) >= REAL(1.0));
         }
         if (is_claimed && (input == SERVOTWIN_NONE)) {
             input = doubtful_shutdown(session, claim);
@@ -546,7 +542,7 @@ static bool is_contradicted(const servotwin_session *session, int32_t length, in
         for (int32_t rival = 1; rival < SERVOTWIN_HYPOTHESES; rival++) {
             const bool is_elsewhere = servotwin_actuator_of(rival) != servotwin_actuator_of(claim);
             if ((other != length) && (rival != claim) && (is_elsewhere || is_longer)) {
-                contradicted = contradicted || (margin(session, other, rival) >= 1.0);
+                contradicted = contradicted || (margin(session, other, rival) >= REAL(1.0));
             }
         }
     }
@@ -557,7 +553,7 @@ static bool may_raise(const servotwin_session *session, int32_t length, int32_t 
 {
     return allows(session, claim) && is_comparable(session, servotwin_actuator_of(claim))
         && servotwin_agrees_on(&session->judgements[length], length, claim)
-        && (servotwin_evidence_of_unknown(&session->evidence[length], length) < 1.0)
+        && (servotwin_evidence_of_unknown(&session->evidence[length], length) < REAL(1.0))
         && !is_contradicted(session, length, claim) && (doubtful_shutdown(session, claim) == SERVOTWIN_NONE);
 }
 
@@ -566,14 +562,15 @@ static bool find_candidate(const servotwin_session *session, servotwin_raised *c
 {
     bool is_found = false;
     int32_t best_samples = 0;
-    double best_margin = 0.0;
+    servotwin_real best_margin = 0.0;
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         const int32_t samples = session->rings[length].window.samples;
         for (int32_t claim = 1; claim < SERVOTWIN_HYPOTHESES; claim++) {
-            const double own = margin(session, length, claim);
+            const servotwin_real own = margin(session, length, claim);
             const bool is_better =
                 !is_found || (samples > best_samples) || ((samples == best_samples) && (own > best_margin));
-            if (session->rings[length].has_ended && (own >= 1.0) && is_better && may_raise(session, length, claim)) {
+            const bool is_claimed = session->rings[length].has_ended && (own >= REAL(1.0));
+            if (is_claimed && is_better && may_raise(session, length, claim)) {
                 const servotwin_judgement *judgement = &session->judgements[length];
                 is_found = true;
                 best_samples = samples;
@@ -614,7 +611,7 @@ static int32_t find_actuator(const servotwin_session *session, servotwin_outcome
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
             if (is_comparable(session, actuator)
-                && (servotwin_margin_of_actuator(&session->evidence[length], length, actuator) >= 1.0)) {
+                && (servotwin_margin_of_actuator(&session->evidence[length], length, actuator) >= REAL(1.0))) {
                 disagree = disagree || ((found != SERVOTWIN_NONE) && (found != actuator));
                 if (found == SERVOTWIN_NONE) {
                     found = actuator;
@@ -634,11 +631,11 @@ static int32_t find_actuator(const servotwin_session *session, servotwin_outcome
 
 /* The first length whose evidence reaches its limit; SERVOTWIN_NONE if there is none. */
 static int32_t first_over(
-    const servotwin_session *session, double (*evidence_of)(const servotwin_evidence *evidence, int32_t length))
+    const servotwin_session *session, servotwin_real (*evidence_of)(const servotwin_evidence *evidence, int32_t length))
 {
     int32_t found = SERVOTWIN_NONE;
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
-        if ((found == SERVOTWIN_NONE) && (evidence_of(&session->evidence[length], length) >= 1.0)) {
+        if ((found == SERVOTWIN_NONE) && (evidence_of(&session->evidence[length], length) >= REAL(1.0))) {
             found = length;
         }
     }
@@ -666,9 +663,9 @@ static int32_t find_without_action(const servotwin_session *session, servotwin_o
     return (length == SERVOTWIN_NONE) ? 0 : length;
 }
 
-static double probability_of_actuator(const servotwin_judgement *judgement, int32_t actuator)
+static servotwin_real probability_of_actuator(const servotwin_judgement *judgement, int32_t actuator)
 {
-    double sum = -0.0;
+    servotwin_real sum = -0.0;
     for (int32_t action = 0; action < SERVOTWIN_ACTIONS; action++) {
         sum = sum + judgement->probabilities[servotwin_hypothesis_of(actuator, action)];
     }
@@ -687,7 +684,7 @@ static void tell(servotwin_session *session, const servotwin_outcome *said, int3
         break;
     case SERVOTWIN_DETECTED:
     case SERVOTWIN_UNKNOWN:
-        outcome->confidence = 1.0 - judgement->probabilities[SERVOTWIN_HEALTHY];
+        outcome->confidence = REAL(1.0) - judgement->probabilities[SERVOTWIN_HEALTHY];
         break;
     case SERVOTWIN_ACTUATOR:
         outcome->confidence = probability_of_actuator(judgement, said->actuator);
@@ -713,9 +710,9 @@ static bool is_any_pending(const servotwin_session *session)
 {
     bool is_pending = false;
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
-        const double change = servotwin_evidence_of_change(&session->evidence[length], length);
-        const double unknown = servotwin_evidence_of_unknown(&session->evidence[length], length);
-        const double most = (change > unknown) ? change : unknown;
+        const servotwin_real change = servotwin_evidence_of_change(&session->evidence[length], length);
+        const servotwin_real unknown = servotwin_evidence_of_unknown(&session->evidence[length], length);
+        const servotwin_real most = (change > unknown) ? change : unknown;
         is_pending = is_pending || (most >= servotwin_tuning.pending_share);
     }
     return is_pending;
@@ -773,7 +770,7 @@ static void judge_windows(servotwin_session *session)
 }
 
 /* Adds the sample to all windows; says whether any is complete. */
-static bool add_to_windows(servotwin_session *session, const double *twin)
+static bool add_to_windows(servotwin_session *session, const servotwin_real *twin)
 {
     const bool is_trusted = (session->outcome.alarm == SERVOTWIN_NORMAL);
     bool has_new = servotwin_stream_add(
@@ -785,7 +782,7 @@ static bool add_to_windows(servotwin_session *session, const double *twin)
         }
         if (is_settled) {
             for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
-                const double mean = session->stands_in[sensor] ? 0.0 : session->baseline.means[sensor];
+                const servotwin_real mean = session->stands_in[sensor] ? REAL(0.0) : session->baseline.means[sensor];
                 session->corrected[sensor] = session->measured[sensor] - mean;
             }
             const bool has_corrected = servotwin_stream_add(
@@ -796,7 +793,7 @@ static bool add_to_windows(servotwin_session *session, const double *twin)
     return has_new;
 }
 
-static void take_sample(servotwin_session *session, const double *twin)
+static void take_sample(servotwin_session *session, const servotwin_real *twin)
 {
     const bool is_lacking =
         (session->outcome.alarm == SERVOTWIN_NO_DATA) || (session->outcome.alarm == SERVOTWIN_ERROR);
@@ -820,7 +817,8 @@ static void take_sample(servotwin_session *session, const double *twin)
 }
 
 const servotwin_outcome *servotwin_session_push(
-    servotwin_session *session, const double *inputs, const double *measured, const double *twin)
+    servotwin_session *session, const servotwin_real *inputs, const servotwin_real *measured,
+    const servotwin_real *twin)
 {
     servotwin_outcome invalid = finding_of(SERVOTWIN_ENVIRONMENT_INVALID, SERVOTWIN_NORMAL);
     session->outcome.sample = session->samples;

@@ -47,7 +47,7 @@ typedef struct {
     int32_t detail; /* or SERVOTWIN_NONE */
     uint64_t sample; /* the sample that raised it */
     int32_t length; /* the window length that confirmed it last, and its probability then */
-    double confidence;
+    servotwin_real confidence;
 } servotwin_raised;
 
 /* The result after a sample. */
@@ -62,10 +62,10 @@ typedef struct {
     servotwin_why why;
     servotwin_alarm alarm;
     servotwin_raised raised;
-    double confidence; /* probability of the finding */
+    servotwin_real confidence; /* probability of the finding */
     int32_t length; /* the window length that found it */
     int32_t worst_sensor; /* the largest residual, in parts of its band */
-    double worst;
+    servotwin_real worst;
     int32_t lost; /* number of lost sensors */
 } servotwin_outcome;
 
@@ -75,15 +75,15 @@ typedef struct {
     uint32_t gap; /* consecutive samples without usable values */
     bool has_judged;
     /* Inputs. */
-    uint64_t last_input[SERVOTWIN_INPUTS]; /* bits */
+    servotwin_bits last_input[SERVOTWIN_INPUTS];
     uint32_t repeats[SERVOTWIN_INPUTS];
     /* Sensors. */
     bool is_taken_out[SERVOTWIN_SENSORS];
     bool is_lost[SERVOTWIN_SENSORS];
     uint32_t against[SERVOTWIN_SENSORS]; /* consecutive samples that contradict is_lost */
     bool stands_in[SERVOTWIN_SENSORS];
-    double measured[SERVOTWIN_SENSORS]; /* with stand-ins, SI */
-    double corrected[SERVOTWIN_SENSORS]; /* less the baseline, SI */
+    servotwin_real measured[SERVOTWIN_SENSORS]; /* with stand-ins, SI */
+    servotwin_real corrected[SERVOTWIN_SENSORS]; /* less the baseline, SI */
     /* Windows. */
     servotwin_stream streams[2]; /* of residuals as they are, and beyond the baseline */
     servotwin_ring rings[SERVOTWIN_LENGTHS];
@@ -106,7 +106,8 @@ bool servotwin_session_start(servotwin_session *session);
 
 /* Takes one sample and returns the result. */
 const servotwin_outcome *servotwin_session_push(
-    servotwin_session *session, const double *inputs, const double *measured, const double *twin);
+    servotwin_session *session, const servotwin_real *inputs, const servotwin_real *measured,
+    const servotwin_real *twin);
 
 /* The flight control computer switched an actuator off; it is no longer judged. */
 void servotwin_session_switched_off(servotwin_session *session, int32_t actuator);

@@ -6,15 +6,15 @@
 #include "servotwin_windows.h"
 
 typedef struct {
-    double scale; /* of its residual, SI */
-    double noise; /* standard deviation of a sample, parts of scale */
-    double stand_in_noise; /* that of a value that stands in for it */
+    servotwin_real scale; /* of its residual, SI */
+    servotwin_real noise; /* standard deviation of a sample, parts of scale */
+    servotwin_real stand_in_noise; /* that of a value that stands in for it */
     int32_t actuator; /* or SERVOTWIN_NONE */
 } servotwin_sensor;
 
 typedef struct {
-    double least; /* plausible values, SI */
-    double largest;
+    servotwin_real least; /* plausible values, SI */
+    servotwin_real largest;
     uint32_t frozen_after; /* samples with the same bits; 0 for no limit */
 } servotwin_input;
 
@@ -22,8 +22,8 @@ typedef struct {
 typedef struct {
     int32_t of;
     int32_t minus;
-    double least;
-    double largest;
+    servotwin_real least;
+    servotwin_real largest;
 } servotwin_difference;
 
 /* Corresponding sensors of two actuators. */
@@ -38,62 +38,62 @@ typedef struct {
 /* The ranges of a class in training. */
 typedef struct {
     int32_t features; /* 0 for a class without rows */
-    const double *lows;
-    const double *highs;
-    const double *widths;
-    double limit;
+    const servotwin_real *lows;
+    const servotwin_real *highs;
+    const servotwin_real *widths;
+    servotwin_real limit;
 } servotwin_known;
 
 /* What a wrong reading of an input does to the sensors of its actuator, in parts of scale for one SI unit. */
 typedef struct {
     int32_t input;
     int32_t sensor; /* the sensor next to the boundary */
-    double own_change; /* of that sensor */
+    servotwin_real own_change; /* of that sensor */
     int32_t effects;
     const uint8_t *sensors;
-    const double *changes;
+    const servotwin_real *changes;
 } servotwin_boundary;
 
 typedef struct {
     servotwin_span span;
-    double share; /* of the newest pane in the window */
+    servotwin_real share; /* of the newest pane in the window */
     int32_t views;
-    const double *bands; /* half widths, parts of scale */
+    const servotwin_real *bands; /* half widths, parts of scale */
     const servotwin_hierarchy *trees;
     const servotwin_hierarchy *committee; /* boosted trees */
-    double least_confidence;
+    servotwin_real least_confidence;
     int32_t known_classes;
     const servotwin_known *known; /* healthy, then the actions */
-    double weight; /* of the evidence of a window */
-    const double *limits; /* nats, of each hypothesis against each other */
-    const double *allowances; /* nats */
-    double limit_of_change; /* nats */
-    double allowance;
-    double allowed_change;
-    double novel_nats; /* evidence of a novel window for an unknown change, and of any other */
-    double known_nats;
+    servotwin_real weight; /* of the evidence of a window */
+    const servotwin_real *limits; /* nats, of each hypothesis against each other */
+    const servotwin_real *allowances; /* nats */
+    servotwin_real limit_of_change; /* nats */
+    servotwin_real allowance;
+    servotwin_real allowed_change;
+    servotwin_real novel_nats; /* evidence of a novel window for an unknown change, and of any other */
+    servotwin_real known_nats;
 } servotwin_length;
 
 typedef struct {
-    double period_s;
+    servotwin_real period_s;
     int32_t least_on;
-    double clip_nats;
-    double evidence_cap;
-    double in_band_nats;
-    double in_band_share;
-    double pending_share;
-    double least_detail_confidence;
-    double max_common_mode;
-    double most_lost;
+    servotwin_real clip_nats;
+    servotwin_real evidence_cap;
+    servotwin_real in_band_nats;
+    servotwin_real in_band_share;
+    servotwin_real pending_share;
+    servotwin_real least_detail_confidence;
+    servotwin_real max_common_mode;
+    servotwin_real most_lost;
     uint64_t recover_samples;
     uint32_t settle_samples;
     uint32_t until_lost_samples;
     uint32_t until_back_samples;
-    double fault_needed_nats;
-    double boundary_memory_s;
-    double healthy_forgotten; /* part that a sample forgets of the healthy line */
-    double information_of_lines; /* 1 over the variance of the slopes of healthy lines */
-    double largest_boundary_error; /* parts of scale */
+    servotwin_real fault_needed_nats;
+    servotwin_real boundary_memory_s;
+    servotwin_real healthy_forgotten; /* part that a sample forgets of the healthy line */
+    servotwin_real information_of_lines; /* 1 over the variance of the slopes of healthy lines */
+    servotwin_real largest_boundary_error; /* parts of scale */
 } servotwin_constants;
 
 extern const servotwin_sensor servotwin_sensors[SERVOTWIN_SENSORS];

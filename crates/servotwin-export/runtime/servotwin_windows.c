@@ -1,5 +1,6 @@
 #include "servotwin_windows.h"
 
+#include "servotwin_math.h"
 #include "servotwin_tables.h"
 
 #include <math.h>
@@ -9,7 +10,7 @@
 #endif
 
 /* Residuals that the baseline learns are clipped to this part of their scale. */
-#define LARGEST_LEARNED 0.25
+#define LARGEST_LEARNED REAL(0.25)
 
 void servotwin_window_clear(servotwin_window *window)
 {
@@ -32,21 +33,21 @@ static int32_t place_of(int32_t a, int32_t b)
     return ((high * (high + 1)) / 2) + low;
 }
 
-double servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b)
+servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b)
 {
-    return window->moments[place_of(a, b)] / (double)window->samples;
+    return window->moments[place_of(a, b)] / (servotwin_real)window->samples;
 }
 
 /* Adds one sample: Welford's update, extended to the matrix of co-moments. */
-static void add_sample(servotwin_window *window, const double *measured, const double *twin)
+static void add_sample(servotwin_window *window, const servotwin_real *measured, const servotwin_real *twin)
 {
-    double deviation[SERVOTWIN_CHANNELS];
+    servotwin_real deviation[SERVOTWIN_CHANNELS];
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
-        const double scale = servotwin_sensors[i].scale;
-        const double difference = measured[i] - twin[i];
-        const double residual = difference / scale;
-        const double signal = twin[i] / scale;
-        const double size = fabs(residual);
+        const servotwin_real scale = servotwin_sensors[i].scale;
+        const servotwin_real difference = measured[i] - twin[i];
+        const servotwin_real residual = difference / scale;
+        const servotwin_real signal = twin[i] / scale;
+        const servotwin_real size = SERVOTWIN_ABS(residual);
         deviation[i] = residual - window->mean[i];
         deviation[SERVOTWIN_SENSORS + i] = signal - window->mean[SERVOTWIN_SENSORS + i];
         if (size > window->largest[i]) {
@@ -54,20 +55,20 @@ static void add_sample(servotwin_window *window, const double *measured, const d
         }
     }
     window->samples++;
-    const double count = (double)window->samples;
-    const double before = count - 1.0;
-    const double weight = before / count;
+    const servotwin_real count = (servotwin_real)window->samples;
+    const servotwin_real before = count - REAL(1.0);
+    const servotwin_real weight = before / count;
     int32_t place = 0;
     for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
-        const double scaled = deviation[i] * weight;
+        const servotwin_real scaled = deviation[i] * weight;
         for (int32_t j = 0; j <= i; j++) {
-            const double product = scaled * deviation[j];
+            const servotwin_real product = scaled * deviation[j];
             window->moments[place] = window->moments[place] + product;
             place++;
         }
     }
     for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
-        const double step = deviation[i] / count;
+        const servotwin_real step = deviation[i] / count;
         window->mean[i] = window->mean[i] + step;
     }
 }
@@ -75,21 +76,21 @@ static void add_sample(servotwin_window *window, const double *measured, const d
 /* Adds the samples of a window that follows and has some (Chan, Golub and LeVeque, 1979). */
 static void merge(servotwin_window *window, const servotwin_window *later)
 {
-    double difference[SERVOTWIN_CHANNELS];
+    servotwin_real difference[SERVOTWIN_CHANNELS];
     const int32_t samples = window->samples + later->samples;
-    const double share = (double)later->samples / (double)samples;
-    const double weight = (double)window->samples * share;
+    const servotwin_real share = (servotwin_real)later->samples / (servotwin_real)samples;
+    const servotwin_real weight = (servotwin_real)window->samples * share;
     for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
         difference[i] = later->mean[i] - window->mean[i];
-        const double step = difference[i] * share;
+        const servotwin_real step = difference[i] * share;
         window->mean[i] = window->mean[i] + step;
     }
     int32_t place = 0;
     for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
-        const double scaled = difference[i] * weight;
+        const servotwin_real scaled = difference[i] * weight;
         for (int32_t j = 0; j <= i; j++) {
-            const double product = scaled * difference[j];
-            const double sum = later->moments[place] + product;
+            const servotwin_real product = scaled * difference[j];
+            const servotwin_real sum = later->moments[place] + product;
             window->moments[place] = window->moments[place] + sum;
             place++;
         }
@@ -168,7 +169,7 @@ static void take_turn(servotwin_stream *stream, servotwin_ring *rings, const ser
 }
 
 bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
-    const double *measured, const double *twin)
+    const servotwin_real *measured, const servotwin_real *twin)
 {
     bool has_new = false;
     for (int32_t i = 0; i < plan->lengths; i++) {
@@ -224,24 +225,24 @@ bool servotwin_baseline_is_settled(const servotwin_baseline *baseline)
     return baseline->samples >= servotwin_baseline_settle_samples;
 }
 
-void servotwin_baseline_learn(servotwin_baseline *baseline, const double *measured, const double *twin)
+void servotwin_baseline_learn(servotwin_baseline *baseline, const servotwin_real *measured, const servotwin_real *twin)
 {
     if (baseline->samples <= servotwin_baseline_settle_samples) {
         baseline->samples++;
     }
     const bool is_settling = (baseline->samples <= servotwin_baseline_settle_samples);
-    const double memory = (double)(is_settling ? baseline->samples : servotwin_baseline_memory_samples);
+    const servotwin_real memory = (servotwin_real)(is_settling ? baseline->samples : servotwin_baseline_memory_samples);
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
-        const double most = LARGEST_LEARNED * servotwin_sensors[i].scale;
-        double residual = measured[i] - twin[i];
+        const servotwin_real most = LARGEST_LEARNED * servotwin_sensors[i].scale;
+        servotwin_real residual = measured[i] - twin[i];
         if (residual < -most) {
             residual = -most;
         }
         if (residual > most) {
             residual = most;
         }
-        const double distance = residual - baseline->means[i];
-        const double step = distance / memory;
+        const servotwin_real distance = residual - baseline->means[i];
+        const servotwin_real step = distance / memory;
         baseline->means[i] = baseline->means[i] + step;
     }
 }

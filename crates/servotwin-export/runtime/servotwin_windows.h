@@ -5,6 +5,7 @@
 #ifndef SERVOTWIN_WINDOWS_H
 #define SERVOTWIN_WINDOWS_H
 
+#include "servotwin_real.h"
 #include "servotwin_sizes.h"
 
 #include <stdbool.h>
@@ -16,9 +17,9 @@
 
 typedef struct {
     int32_t samples;
-    double mean[SERVOTWIN_CHANNELS]; /* parts of scale */
-    double moments[SERVOTWIN_MOMENTS]; /* lower triangle, row by row */
-    double largest[SERVOTWIN_SENSORS]; /* |r'|, parts of scale */
+    servotwin_real mean[SERVOTWIN_CHANNELS]; /* parts of scale */
+    servotwin_real moments[SERVOTWIN_MOMENTS]; /* lower triangle, row by row */
+    servotwin_real largest[SERVOTWIN_SENSORS]; /* |r'|, parts of scale */
 } servotwin_window;
 
 /* The length of a window. */
@@ -54,7 +55,7 @@ typedef struct {
 /* The mean residuals of this specimen. */
 typedef struct {
     int32_t samples; /* at most one more than the settling time */
-    double means[SERVOTWIN_SENSORS]; /* SI */
+    servotwin_real means[SERVOTWIN_SENSORS]; /* SI */
 } servotwin_baseline;
 
 void servotwin_window_clear(servotwin_window *window);
@@ -62,18 +63,18 @@ void servotwin_window_clear(servotwin_window *window);
 /* The window with its sensors in another order. */
 void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into);
 
-double servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
+servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
 
 void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan);
 
 /* Adds a sample in SI units; says whether it completed a window. */
 bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
-    const double *measured, const double *twin);
+    const servotwin_real *measured, const servotwin_real *twin);
 
 bool servotwin_is_full(const servotwin_ring *ring, int32_t length);
 
 void servotwin_baseline_clear(servotwin_baseline *baseline);
 bool servotwin_baseline_is_settled(const servotwin_baseline *baseline);
-void servotwin_baseline_learn(servotwin_baseline *baseline, const double *measured, const double *twin);
+void servotwin_baseline_learn(servotwin_baseline *baseline, const servotwin_real *measured, const servotwin_real *twin);
 
 #endif

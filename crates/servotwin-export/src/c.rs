@@ -4,7 +4,8 @@
 //! printed as constant tables, and the features as statements. So the code can be reviewed once.
 
 use crate::error::ExportError;
-use crate::language::Language;
+use crate::notation::Notation;
+use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use crate::twin::Twin;
 use crate::{features, tables};
@@ -12,8 +13,12 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 
 macro_rules! runtime {
     ($(#[$note:meta])* $list:ident: $($name:literal,)*) => {
+        runtime! { $(#[$note])* $list in "": $($name,)* }
+    };
+    ($(#[$note:meta])* $list:ident in $folder:literal: $($name:literal,)*) => {
         $(#[$note])*
-        const $list: &[(&str, &str)] = &[$(($name, include_str!(concat!("../runtime/", $name))),)*];
+        const $list: &[(&str, &str)] =
+            &[$(($name, include_str!(concat!("../runtime/", $folder, $name))),)*];
     };
 }
 
@@ -21,7 +26,6 @@ runtime! {
     /// The hand-written files of a diagnosis: name and text.
     DIAGNOSIS:
     "servotwin_math.h",
-    "servotwin_math.c",
     "servotwin_random.h",
     "servotwin_random.c",
     "servotwin_models.h",
@@ -38,6 +42,20 @@ runtime! {
     "servotwin_boundary.c",
     "servotwin_session.h",
     "servotwin_session.c",
+}
+
+runtime! {
+    /// Those that depend on the precision, in double precision.
+    ARITHMETIC:
+    "servotwin_real.h",
+    "servotwin_math.c",
+}
+
+runtime! {
+    /// The same in single precision.
+    SINGLE_ARITHMETIC in "single/":
+    "servotwin_real.h",
+    "servotwin_math.c",
 }
 
 runtime! {
@@ -63,22 +81,58 @@ const PRINTED: [&str; 3] = ["servotwin_sizes.h", "servotwin_tables.c", "servotwi
 const PRINTED_OF_TWIN: [&str; 3] =
     ["servotwin_twin_sizes.h", "servotwin_twin_tables.c", "servotwin_equations.c"];
 
-/// The names of all files of a diagnosis and a twin.
-pub fn names() -> impl Iterator<Item = &'static str> {
-    let written = DIAGNOSIS.iter().chain(TWIN).chain(HYBRID).map(|(name, _)| *name);
-    written.chain(PRINTED).chain(PRINTED_OF_TWIN)
+/// The names of all files of an export: in double precision a diagnosis and a twin, in single precision a diagnosis.
+pub fn names(precision: Precision) -> impl Iterator<Item = &'static str> {
+    let of_twin = [TWIN, HYBRID].concat().into_iter().map(|(name, _)| name).chain(PRINTED_OF_TWIN);
+    let of_twin = of_twin.filter(move |_| precision == Precision::F64);
+    written_in(precision).map(|(name, _)| name).chain(PRINTED).chain(of_twin)
 }
 
-/// All files of a diagnoser, without a twin.
+/// The hand-written files of a diagnosis in a precision.
+fn written_in(precision: Precision) -> impl Iterator<Item = (&'static str, &'static str)> {
+    arithmetic(precision).chain(DIAGNOSIS.iter().copied())
+}
+
+/// The files of a diagnosis that depend on the precision: its arithmetic, and those that are printed.
+pub(crate) fn files_of_precision(
+    diagnoser: &Diagnoser,
+    precision: Precision,
+) -> Result<Vec<SourceFile>, ExportError> {
+    tables::check(diagnoser)?;
+    let notation = Notation::c(precision);
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), notation);
+    let printed = tables::texts(diagnoser, notation)?.into_iter().chain([features]);
+    Ok(together(arithmetic(precision), PRINTED, printed))
+}
+
+/// The arithmetic of a precision.
+fn arithmetic(precision: Precision) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let files = match precision {
+        Precision::F64 => ARITHMETIC,
+        Precision::F32 => SINGLE_ARITHMETIC,
+    };
+    files.iter().copied()
+}
+
+/// All files of a diagnoser in double precision, without a twin.
+///
+/// # Errors
+/// As [`files_in`].
+pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
+    files_in(diagnoser, Precision::F64)
+}
+
+/// All files of a diagnoser in a precision, without a twin.
 ///
 /// # Errors
 /// The errors of [`Diagnoser::check`]; [`ExportError::Classifier`], [`ExportError::TooMany`] and
 /// [`ExportError::Unsupported`] for what the C code does not know.
-pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
-    tables::check(diagnoser)?;
-    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), Language::C);
-    let printed = tables::texts(diagnoser, Language::C)?.into_iter().chain([features]);
-    Ok(together(DIAGNOSIS, PRINTED, printed))
+pub fn files_in(
+    diagnoser: &Diagnoser,
+    precision: Precision,
+) -> Result<Vec<SourceFile>, ExportError> {
+    let written = written(DIAGNOSIS.iter().copied());
+    Ok(written.chain(files_of_precision(diagnoser, precision)?).collect())
 }
 
 /// All files of a diagnoser with a twin beside it.
@@ -86,7 +140,7 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
 /// # Errors
 /// The errors of [`files`] and [`files_of_twin`].
 pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
-    let hybrid = written(HYBRID);
+    let hybrid = written(HYBRID.iter().copied());
     Ok([files(diagnoser)?, files_of_twin(twin)?, hybrid.collect()].concat())
 }
 
@@ -95,11 +149,11 @@ pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceF
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
 pub fn files_of_twin(twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
-    Ok(together(TWIN, PRINTED_OF_TWIN, tables::twin::texts(twin, Language::C)?))
+    Ok(together(TWIN.iter().copied(), PRINTED_OF_TWIN, tables::twin::texts(twin, Notation::C)?))
 }
 
 fn together(
-    list: &[(&'static str, &str)],
+    list: impl IntoIterator<Item = (&'static str, &'static str)>,
     names: [&'static str; 3],
     printed: impl IntoIterator<Item = String>,
 ) -> Vec<SourceFile> {
@@ -108,6 +162,8 @@ fn together(
 }
 
 /// The hand-written files of a list.
-fn written(list: &[(&'static str, &str)]) -> impl Iterator<Item = SourceFile> {
-    list.iter().map(|&(name, text)| SourceFile { name, text: text.to_owned() })
+fn written(
+    list: impl IntoIterator<Item = (&'static str, &'static str)>,
+) -> impl Iterator<Item = SourceFile> {
+    list.into_iter().map(|(name, text)| SourceFile { name, text: text.to_owned() })
 }

@@ -1,12 +1,16 @@
 //! What a proof showed, as data and as a page.
 
 use crate::language::Language;
-use crate::prove::{Evidence, Mutant, WorstPath};
+use crate::precision::Precision;
+use crate::prove::{Decisions, Evidence, FlightDecisions, Mutant, SingleEvidence, WorstPath};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+
+/// The name of the file with what single precision decides otherwise.
+pub(crate) const DECISIONS: &str = "precision.csv";
 
 /// The name of the file with the sequence that takes the most work.
 pub(crate) const VECTOR: &str = "worst_path.csv";
@@ -23,6 +27,9 @@ pub struct Description {
     pub diagnoser_sha256: String,
     /// The language of the files.
     pub language: Language,
+    /// The precision of its numbers.
+    #[serde(default)]
+    pub precision: Precision,
     /// The twin, if it is part of the export.
     pub twin: Option<TwinDescription>,
     /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
@@ -60,6 +67,8 @@ pub struct Certificate {
     pub mutants_not_found: Vec<Mutant>,
     /// The most work of one sample: the bound, and what a sequence reaches.
     pub worst_path: WorstPath,
+    /// What an export in single precision decides otherwise.
+    pub single: Option<SingleEvidence>,
 }
 
 impl Certificate {
@@ -70,6 +79,7 @@ impl Certificate {
         builds: Vec<Evidence>,
         mutants: Vec<Mutant>,
         worst_path: WorstPath,
+        single: Option<SingleEvidence>,
     ) -> Self {
         let count = mutants.len();
         let mutants_not_found: Vec<Mutant> =
@@ -85,14 +95,20 @@ impl Certificate {
             mutants: count,
             mutants_not_found,
             worst_path,
+            single,
         }
     }
 
     /// The verdict in one sentence.
     fn verdict(&self) -> &'static str {
-        match self.holds {
-            true => "Every build gives the bits of the trained diagnosis.",
-            false => {
+        match (self.holds, &self.single) {
+            (true, None) => "Every build gives the bits of the trained diagnosis.",
+            (true, Some(_)) => {
+                "All builds give the same bits, every tree decides as it was trained for every row of single precision, and \
+                 the hand-written text gives the bits of training in double precision. Below is what rounding decides \
+                 otherwise."
+            }
+            (false, _) => {
                 "A build decides otherwise than the trained diagnosis, a mistake was not found, or a bound does not hold."
             }
         }
@@ -108,6 +124,7 @@ impl Certificate {
             self.verdict()
         );
         self.write_builds(&mut page);
+        self.single.iter().for_each(|single| write_single(&mut page, single));
         self.write_worst_path(&mut page);
         if self.mutants > 0 {
             let (all, found) = (self.mutants, self.mutants - self.mutants_not_found.len());
@@ -186,4 +203,75 @@ fn write_hashes(page: &mut String, title: &str, hashes: &BTreeMap<String, String
         let _ = writeln!(page, "<tr><td>{}<td>{hash}", escaped(name));
     }
     *page += "</table>\n";
+}
+
+/// What single precision decides otherwise, as tables.
+fn write_single(page: &mut String, single: &SingleEvidence) {
+    let _ = writeln!(
+        page,
+        "<h2>Decisions in single precision</h2>\n<table>\n<tr><th>Random samples<th>"
+    );
+    write_rows(page, &single.chain.rows());
+    if let Some(flights) = &single.flights {
+        let _ = writeln!(page, "</table>\n<table>\n<tr><th>Flights<th>");
+        write_rows(page, &flights.rows());
+    }
+    let _ = writeln!(page, "</table>\n<p>{DECISIONS} lists each difference.</p>");
+}
+
+fn write_rows(page: &mut String, rows: &[(&str, String)]) {
+    for (name, count) in rows {
+        let _ = writeln!(page, "<tr><td>{name}<td>{count}");
+    }
+}
+
+impl Decisions {
+    /// The counts with their names.
+    pub fn rows(&self) -> Vec<(&'static str, String)> {
+        let mut rows: Vec<(&str, String)> = [
+            ("samples", self.samples),
+            ("samples with another finding, alarm or raised action", self.differing_samples),
+            ("runs of such samples", self.differing_runs),
+            ("actions raised by the trained diagnosis", self.raised),
+            ("raised at another sample", self.shifted),
+            ("largest distance of these, samples", self.largest_shift),
+            ("shutdowns of another actuator", self.wrong_shutdowns),
+            ("missed shutdowns", self.missed_shutdowns),
+            ("false alarms", self.false_alarms),
+            ("other differences of the raised action", self.other_actions),
+        ]
+        .map(|(name, count)| (name, count.to_string()))
+        .into();
+        rows.push((
+            "largest difference of evidence, parts of its limit",
+            format!("{:.2e}", self.largest_evidence),
+        ));
+        rows.push((
+            "largest difference of a probability",
+            format!("{:.2e}", self.largest_probability),
+        ));
+        rows
+    }
+}
+
+impl FlightDecisions {
+    /// The counts with their names.
+    pub fn rows(&self) -> Vec<(&'static str, String)> {
+        [
+            ("flights", self.flights),
+            ("with a fault", self.with_fault),
+            ("samples", self.samples),
+            ("samples with another finding, alarm or raised action", self.differing_samples),
+            ("flights in which the trained diagnosis raises an action", self.raised),
+            ("flights with the same raised actions at the same samples, or none", self.same),
+            ("the same actions, one at another sample", self.shifted),
+            ("largest distance of these, samples", self.largest_shift),
+            ("shutdowns of the healthy actuator", self.healthy_shut_down),
+            ("missed shutdowns", self.missed_shutdowns),
+            ("false alarms", self.false_alarms),
+            ("other differences of the raised action", self.other_actions),
+        ]
+        .map(|(name, count)| (name, count.to_string()))
+        .into()
+    }
 }

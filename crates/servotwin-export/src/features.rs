@@ -4,11 +4,13 @@
 //! computes the features from them.
 
 use crate::language::Language;
+use crate::notation::Notation;
+use crate::precision::Precision;
 use servotwin_diagnosis::features::{Sensors, features, values_into};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::number::Number;
 use servotwin_diagnosis::residual::Statistics;
-use servotwin_model::c_source::{write_rust_statements, write_statements};
+use servotwin_model::c_source::{write_rust_statements, write_single_statements, write_statements};
 use servotwin_model::scalar::Scalar;
 use servotwin_model::symbol::{Graph, Symbol};
 use std::cell::RefCell;
@@ -135,7 +137,7 @@ impl<'t, 'g> Statistics for Variables<'t, 'g> {
 }
 
 /// The source that computes the named features in their order.
-pub(crate) fn text(sensors: &Sensors, names: &Names, language: Language) -> String {
+pub(crate) fn text(sensors: &Sensors, names: &Names, notation: Notation) -> String {
     let (graph, trace) = (Graph::new(), Trace::default());
     let window = Variables { trace: &trace, graph: &graph, sensors: sensors.0.len() };
     let (known, mut values) = (features(sensors), Vec::new());
@@ -150,20 +152,28 @@ pub(crate) fn text(sensors: &Sensors, names: &Names, language: Language) -> Stri
     let logarithms = trace.logarithms.borrow();
     let arguments = logarithms.iter().enumerate().map(|(i, &symbol)| (symbol, "argument", i));
     let arguments: Vec<_> = arguments.collect();
-    match language {
-        Language::C => c_functions(&graph, &arguments, &features),
+    match notation.language {
+        Language::C => c_functions(notation.precision, &graph, &arguments, &features),
         Language::Rust => rust_functions(&graph, &arguments, &features),
     }
 }
 
 type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
 
-fn c_functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
-    let (write_arguments, write_row) =
-        (write_statements(graph, arguments), write_statements(graph, features));
+fn c_functions(
+    precision: Precision,
+    graph: &Graph,
+    arguments: &Stored,
+    features: &Stored,
+) -> String {
+    let write = match precision {
+        Precision::F64 => write_statements,
+        Precision::F32 => write_single_statements,
+    };
+    let (write_arguments, write_row) = (write(graph, arguments), write(graph, features));
     let count = arguments.len().max(1);
-    let head = "const double *samples, const double *mean, const double *moments, const double *largest,\n    \
-                const double *stands_in";
+    let head = "const servotwin_real *samples, const servotwin_real *mean, const servotwin_real *moments, const servotwin_real *largest,\n    \
+                const servotwin_real *stands_in";
     let unused = "    (void)samples;\n    (void)mean;\n    (void)moments;\n    (void)largest;\n    (void)stands_in;\n";
     format!(
         "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */
@@ -179,20 +189,20 @@ fn c_functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
 
 /* What logarithms are taken of. */
 static void write_arguments(
-    {head}, double *argument)
+    {head}, servotwin_real *argument)
 {{
 {unused}{write_arguments}}}
 
 static void write_row(
-    {head}, const double *logarithm, double *row)
+    {head}, const servotwin_real *logarithm, servotwin_real *row)
 {{
 {unused}    (void)logarithm;
 {write_row}}}
 
-void servotwin_features(const servotwin_window *window, const double *stands_in, double *row)
+void servotwin_features(const servotwin_window *window, const servotwin_real *stands_in, servotwin_real *row)
 {{
-    double logarithm[{count}] = {{ 1.0 }};
-    const double samples[1] = {{ (double)window->samples }};
+    servotwin_real logarithm[{count}] = {{ 1.0 }};
+    const servotwin_real samples[1] = {{ (servotwin_real)window->samples }};
     write_arguments(samples, window->mean, window->moments, window->largest, stands_in, logarithm);
     for (int32_t i = 0; i < {count}; i++) {{
         logarithm[i] = servotwin_log10(logarithm[i]);

@@ -1,9 +1,10 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
 use crate::c;
-use crate::certificate::{Certificate, Description, TwinDescription, VECTOR};
+use crate::certificate::{Certificate, DECISIONS, Description, TwinDescription, VECTOR};
 use crate::error::ExportError;
 use crate::language::Language;
+use crate::precision::Precision;
 use crate::rust;
 use crate::source_file::SourceFile;
 use crate::twin::Twin;
@@ -68,24 +69,40 @@ impl ExportFolder {
             Language::C => c::files_with_twin(diagnoser, twin)?,
             Language::Rust => rust::files_with_twin(diagnoser, twin)?,
         };
-        self.write_files(&files, file, language, Some(twin_description))
+        self.write_files(&files, file, (language, Precision::F64), Some(twin_description))
+    }
+
+    /// Writes an export of the diagnoser in a file as C in single precision, without a twin. An earlier one is replaced, and
+    /// its certificate removed.
+    ///
+    /// # Errors
+    /// [`ExportError::FolderInUse`], the errors of [`c::files_in`], and files that cannot be written.
+    pub fn write_single(
+        &self,
+        diagnoser: &Diagnoser,
+        file: &Path,
+    ) -> Result<Description, ExportError> {
+        let files = c::files_in(diagnoser, Precision::F32)?;
+        self.write_files(&files, file, (Language::C, Precision::F32), None)
     }
 
     fn write_files(
         &self,
         files: &[SourceFile],
         diagnoser: &Path,
-        language: Language,
+        (language, precision): (Language, Precision),
         twin: Option<TwinDescription>,
     ) -> Result<Description, ExportError> {
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
-        let is_own = |description: Description| description.language == language;
+        let is_own = |description: Description| {
+            (description.language, description.precision) == (language, precision)
+        };
         let is_earlier = self.description().map_or(self.file(DESCRIPTION).exists(), is_own);
         if holds_files && !is_earlier {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
         // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE, VECTOR] {
+        for name in [CERTIFICATE, PAGE, VECTOR, DECISIONS] {
             let _ = std::fs::remove_file(self.file(name));
         }
         for SourceFile { name, text } in files {
@@ -98,6 +115,7 @@ impl ExportFolder {
             diagnoser: std::path::absolute(diagnoser).unwrap_or_else(|_| diagnoser.into()),
             diagnoser_sha256: sha256(diagnoser)?,
             language,
+            precision,
             twin,
             sources_sha256: sources(diagnoser)?,
             files_sha256: SourceFile::hashes(files),
@@ -148,12 +166,13 @@ impl ExportFolder {
         }
         let read = |name| Ok(SourceFile { name, text: read_text(self.file(name))? });
         match exported.language {
-            Language::C => c::names().map(read).collect(),
+            Language::C => c::names(exported.precision).map(read).collect(),
             Language::Rust => rust::names().map(read).collect(),
         }
     }
 
-    /// Writes a certificate as data and as a page, and its sequence of samples; returns their paths.
+    /// Writes a certificate as data and as a page, its sequence of samples, and what single precision decides otherwise;
+    /// returns their paths.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -161,13 +180,17 @@ impl ExportFolder {
         &self,
         certificate: &Certificate,
         diagnoser: &Diagnoser,
-    ) -> Result<[PathBuf; 3], ExportError> {
+    ) -> Result<Vec<PathBuf>, ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
         let vector = certificate.worst_path.csv(diagnoser);
-        for (name, text) in [(PAGE, certificate.page()), (VECTOR, vector)] {
+        let decisions = certificate.single.as_ref().map(|single| (DECISIONS, single.csv()));
+        let texts = [(PAGE, certificate.page()), (VECTOR, vector)].into_iter().chain(decisions);
+        let mut written = vec![self.file(CERTIFICATE)];
+        for (name, text) in texts {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+            written.push(self.file(name));
         }
-        Ok([CERTIFICATE, PAGE, VECTOR].map(|name| self.file(name)))
+        Ok(written)
     }
 
     fn file(&self, name: &str) -> PathBuf {

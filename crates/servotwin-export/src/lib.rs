@@ -18,6 +18,8 @@ mod features;
 pub mod fmu;
 pub mod folder;
 mod language;
+mod notation;
+mod precision;
 pub mod prove;
 pub mod rust;
 mod source_file;
@@ -26,5 +28,6 @@ mod twin;
 
 pub use error::ExportError;
 pub use language::Language;
+pub use precision::Precision;
 pub use source_file::SourceFile;
 pub use twin::Twin;

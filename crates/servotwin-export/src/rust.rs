@@ -4,7 +4,7 @@
 //! constant tables, features and equations as statements. The random numbers are the text of `servotwin-diagnosis`.
 
 use crate::error::ExportError;
-use crate::language::Language;
+use crate::notation::Notation;
 use crate::source_file::SourceFile;
 use crate::twin::Twin;
 use crate::{features, tables};
@@ -90,7 +90,7 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
 /// # Errors
 /// As [`c::files_with_twin`](crate::c::files_with_twin).
 pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
-    let printed = PRINTED_OF_TWIN.into_iter().zip(tables::twin::texts(twin, Language::Rust)?);
+    let printed = PRINTED_OF_TWIN.into_iter().zip(tables::twin::texts(twin, Notation::RUST)?);
     let root = (ROOT_NAME, [ROOT, ROOT_OF_TWIN].concat());
     Ok(list(with_diagnosis(diagnoser)?.chain(written(TWIN)).chain(printed).chain([root])))
 }
@@ -100,8 +100,8 @@ fn with_diagnosis(
     diagnoser: &Diagnoser,
 ) -> Result<impl Iterator<Item = (&'static str, String)>, ExportError> {
     tables::check(diagnoser)?;
-    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), Language::Rust);
-    let printed = tables::texts(diagnoser, Language::Rust)?.into_iter().chain([features]);
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), Notation::RUST);
+    let printed = tables::texts(diagnoser, Notation::RUST)?.into_iter().chain([features]);
     Ok(written(DIAGNOSIS).chain(written(&SHARED)).chain(PRINTED.into_iter().zip(printed)))
 }
 

@@ -9,9 +9,12 @@ mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
-use servotwin_export::prove::{Build, Evidence, Mistakes, Mutant, Plan, WorstPath, mutants, prove};
+use servotwin_export::prove::{
+    Build, Evidence, Mistakes, Mutant, Plan, SingleEvidence, WorstPath, mutants, prove,
+    prove_single,
+};
 use servotwin_export::rust;
-use servotwin_export::{SourceFile, Twin};
+use servotwin_export::{Precision, SourceFile, Twin};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, Settings};
 use std::slice;
@@ -97,6 +100,80 @@ fn demanding() -> Arc<Diagnoser> {
 #[test]
 fn so_does_one_that_uses_everything() {
     assert_proven(&demanding());
+}
+
+/// The proof of files in single precision, without flights.
+fn single_evidence(
+    diagnoser: &Arc<Diagnoser>,
+    files: &[SourceFile],
+    builds: &[Build],
+) -> (Vec<Evidence>, SingleEvidence) {
+    let precision = Precision::F32;
+    let plan = Plan { samples: SAMPLES, precision, ..Plan::new(diagnoser, files) };
+    prove_single(&plan, builds, 0, &mut |_, _| ()).unwrap()
+}
+
+#[test]
+fn in_single_precision_every_tree_decides_as_trained_and_all_builds_agree() {
+    let diagnoser = &demanding();
+    let files = &c::files_in(diagnoser, Precision::F32).unwrap();
+    let builds = Build::available();
+    let (all, single) = single_evidence(diagnoser, files, &builds);
+    assert_eq!(all.len(), builds.len() + 1, "the last is the text in double precision");
+    for evidence in &all {
+        assert!(evidence.holds(), "{evidence:#?}");
+        assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
+        assert_eq!(evidence.samples, SAMPLES);
+    }
+    assert!(all[0].largest_difference > 0.0, "sums are rounded otherwise: {:#?}", all[0]);
+    let counts = &single.chain;
+    assert!(counts.samples == SAMPLES && counts.raised > 0, "{counts:#?}");
+    assert!(counts.differing_samples * 100 < SAMPLES, "{counts:#?}");
+    assert_eq!(single.csv().lines().count() as u64, 1 + counts.differing_runs);
+}
+
+#[test]
+fn what_single_precision_decides_otherwise_is_listed() {
+    // The inputs move by a millionth of their range, of which singles resolve a few steps: some repeat themselves.
+    let mut diagnoser = demanding();
+    let input = &mut Arc::get_mut(&mut diagnoser).unwrap().environment.inputs[0];
+    input.frozen_after_s = Some(0.03);
+    let files = &c::files_in(&diagnoser, Precision::F32).unwrap();
+    let build = Build { compiler: "gcc".into(), level: "-O2" };
+    let (all, single) = single_evidence(&diagnoser, files, &[build]);
+    assert!(all.iter().all(Evidence::holds), "{all:#?}");
+    let (counts, csv) = (&single.chain, single.csv());
+    assert!(counts.differing_samples > 0 && counts.differing_runs > 0, "{counts:#?}");
+    let listed: u64 =
+        csv.lines().skip(1).map(|row| row.split(',').nth(3).unwrap().parse::<u64>().unwrap()).sum();
+    assert_eq!(listed, counts.differing_samples, "{csv}");
+    assert!(csv.contains("input invalid"), "{csv}");
+}
+
+#[test]
+fn a_mistake_in_single_precision_is_found() {
+    let diagnoser = &demanding();
+    let whole = c::files_in(diagnoser, Precision::F32).unwrap();
+    let tables = &whole.iter().find(|file| file.name == "servotwin_tables.c").unwrap().text;
+    let at = tables.find("_thresholds[").unwrap();
+    let threshold = tables[at..].split_whitespace().find(|word| word.contains("p")).unwrap();
+    let (digits, exponent) = threshold.split_once('p').unwrap();
+    // The step of a single is two in the last digit.
+    let last = u32::from_str_radix(&digits[digits.len() - 1..], 16).unwrap() ^ 2;
+    let other = format!("{}{last:x}p{exponent}", &digits[..digits.len() - 1]);
+    let builds = [Build { compiler: "gcc".into(), level: "-O0" }];
+    for (change, found) in [
+        (("servotwin_tables.c", threshold, other.as_str()), "leaf"),
+        (("servotwin_decision.c", "statistic + weighted", "statistic - weighted"), "whole chain"),
+        (("servotwin_math.c", "1.6666625440e-01F", "1.6666725440e-01F"), "not the text"),
+    ] {
+        let (all, _) = single_evidence(diagnoser, &with_mistake(&whole, change), &builds);
+        let differences: Vec<_> = all.iter().flat_map(|evidence| &evidence.differences).collect();
+        let is_found = |difference: &&servotwin_export::prove::Difference| {
+            difference.what.contains(found) || difference.place.contains(found)
+        };
+        assert!(differences.iter().any(is_found), "{change:?}: {differences:#?}");
+    }
 }
 
 #[test]

@@ -14,7 +14,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::{ExportError, Language, Twin};
+use servotwin_export::{ExportError, Language, Precision, Twin};
 use servotwin_model::solver::Settings;
 use std::path::{Path, PathBuf};
 
@@ -71,14 +71,28 @@ enum Fmi {
 ///
 /// The C code takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
 /// allocates nothing and needs only sqrt, fabs, memcpy and memset of the C library. 'servotwin prove' compiles it and
-/// proves that it decides as it was trained.
+/// proves that it decides as it was trained. With --precision f32 the diagnosis computes in single precision, for
+/// processors that have no doubles in hardware; then it has no twin and takes the twin's values with each sample, and
+/// 'servotwin prove' lists what it decides otherwise.
 #[derive(clap::Args)]
 struct COptions {
     #[command(flatten)]
     subject: SubjectOptions,
+    /// The precision of the numbers.
+    #[arg(long, value_name = "PRECISION", default_value = "f64")]
+    precision: PrecisionOption,
     /// The folder for the C files: a new or empty one, or that of an earlier export.
     #[arg(long, value_name = "FOLDER", default_value = "export")]
     out: PathBuf,
+}
+
+/// Precisions of an export as C.
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum PrecisionOption {
+    /// Double precision, in which the diagnosis was trained.
+    F64,
+    /// Single precision: the diagnosis alone, without its twin.
+    F32,
 }
 
 /// Write them as a Rust crate without the standard library.
@@ -132,7 +146,12 @@ impl Options {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
-        Target::C(options) => write_sources(Language::C, &options.subject, &options.out, global),
+        Target::C(options) => match options.precision {
+            PrecisionOption::F64 => {
+                write_sources(Language::C, &options.subject, &options.out, global)
+            }
+            PrecisionOption::F32 => write_single(&options.subject, &options.out, global),
+        },
         Target::Rust(options) => {
             write_sources(Language::Rust, &options.subject, &options.out, global)
         }
@@ -181,6 +200,19 @@ fn write_sources(
     Ok(text_of(&written, out, global))
 }
 
+/// Writes a diagnosis in single precision to a folder.
+fn write_single(subject: &SubjectOptions, out: &Path, global: Global) -> Result<String, Failure> {
+    if subject.fixed_step || subject.study.is_some() {
+        let why =
+            "an export in single precision has no twin: leave '--study' and '--fixed-step' out";
+        return Err(ExportError::Unsupported(why).into());
+    }
+    let file = subject.model.clone().unwrap_or_else(usual_diagnoser);
+    let diagnoser = model_file::read_diagnoser(&file)?;
+    let written = ExportFolder::new(out).write_single(&diagnoser, &file)?;
+    Ok(text_of(&written, out, global))
+}
+
 /// What was written to a folder, for standard output.
 fn text_of(description: &Description, out: &Path, global: Global) -> String {
     match global {
@@ -188,13 +220,19 @@ fn text_of(description: &Description, out: &Path, global: Global) -> String {
         Global { quiet: true, .. } => String::new(),
         _ => {
             let (out, count) = (out.display(), description.files_sha256.len());
-            format!("{out}: {count} files; 'servotwin prove {out}' proves them\n")
+            let note = match description.precision {
+                Precision::F64 => "",
+                Precision::F32 => {
+                    "the diagnosis in single precision, without its twin: each sample needs the twin's values; "
+                }
+            };
+            format!("{out}: {count} files; {note}'servotwin prove {out}' proves them\n")
         }
     }
 }
 
 /// The study of a diagnoser: the folder that it lies in, if that holds one.
-fn study_beside(diagnoser: &Path) -> PathBuf {
+pub fn study_beside(diagnoser: &Path) -> PathBuf {
     let folder = diagnoser.parent().unwrap_or(Path::new(""));
     let holds_study = folder.join("study.toml").exists();
     if holds_study { folder.into() } else { "paper".into() }

@@ -1,6 +1,6 @@
 //! `servotwin prove`: an export decides as its diagnoser was trained to.
 
-use super::export::{twin_of, unfit};
+use super::export::{study_beside, twin_of, unfit};
 use super::find_study;
 use super::progress::Stages;
 use crate::Global;
@@ -10,13 +10,18 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Mistakes, Plan, Work, WorstPath, mutants, prove};
-use servotwin_export::{ExportError, Language, SourceFile};
+use servotwin_export::prove::{
+    Build, Mistakes, Plan, Work, WorstPath, mutants, prove, prove_single,
+};
+use servotwin_export::{ExportError, Language, Precision, SourceFile};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// The number of sequences of samples that are tried for the most work.
 const TRIALS: u64 = 300;
+
+/// The number of flights beside an export in single precision.
+const FLIGHTS: u64 = 100;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
@@ -26,6 +31,10 @@ const TRIALS: u64 = 300;
 /// computer. The twin is compared with that of the toolkit over variants with random faults. The certificate is written
 /// beside the files, as proof.json and proof.html. It also bounds the work of one sample; worst_path.csv has samples that
 /// come near the bound.
+///
+/// An export in single precision rounds otherwise than in training. Its trees must decide as they were trained for every row
+/// of single precision, its builds must give the same bits, and its hand-written text must give the bits of training in
+/// double precision. precision.csv lists what it decides otherwise, over the samples and over flights with faults.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -43,6 +52,9 @@ pub struct Options {
     /// The duration of the samples through the whole chain, h.
     #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = hours)]
     hours: f64,
+    /// The number of flights beside an export in single precision [default: 100].
+    #[arg(long, value_name = "NUMBER")]
+    flights: Option<u64>,
     /// Also make this many mistakes in the text of an export as C, one at a time, and prove that each is found.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     mutants: usize,
@@ -69,12 +81,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Language::Rust => ExportError::NoRust,
     })?;
     let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
-    mistakes.check(first)?;
+    mistakes.check(first, description.precision)?;
+    let flights = flights(options, description.precision)?;
     let exported = description.twin.as_ref();
-    let study = exported.map(|twin| {
-        let place = options.study.clone().unwrap_or_else(|| twin.study.clone());
-        find_study(Some(&place)).map(|study| (study, place))
-    });
+    let place = match (exported, flights) {
+        (Some(twin), _) => Some(twin.study.clone()),
+        (None, 1..) => Some(study_beside(&file)),
+        (None, 0) => None,
+    };
+    let place = place.map(|place| options.study.clone().unwrap_or(place));
+    let study = place.map(|place| find_study(Some(&place)).map(|study| (study, place)));
     let study = study.transpose()?;
     let twin = study.as_ref().zip(exported).map(|((study, place), exported)| {
         let twin = twin_of(study, &diagnoser, exported.has_fixed_step).map_err(unfit(&file))?;
@@ -88,25 +104,54 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let plan = Plan {
         twin: twin.as_ref(),
         study: study.as_ref().map(|(study, _)| study),
+        precision: description.precision,
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
         variants: options.variants,
         worst_path: Some(&worst_path),
         ..Plan::new(&diagnoser, &files)
     };
-    let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
+    let tell = &mut |what: &str, share| stages.show(what, share);
+    let (evidence, single) = match description.precision {
+        Precision::F64 => (prove(&plan, &builds, tell)?, None),
+        Precision::F32 => {
+            let (evidence, single) = prove_single(&plan, &builds, flights, tell)?;
+            (evidence, Some(single))
+        }
+    };
     let mutants = mutants(&plan, first, mistakes, &mut |done| {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
     stages.end();
     let hashes = SourceFile::hashes(&files);
-    let certificate = Certificate::new(description, hashes, evidence, mutants, worst_path);
+    let certificate = Certificate::new(description, hashes, evidence, mutants, worst_path, single);
     let written = folder.write_certificate(&certificate, &diagnoser)?;
+    report(options, &certificate, &written, global)
+}
+
+/// The number of flights, which an export in single precision alone needs.
+fn flights(options: &Options, precision: Precision) -> Result<u64, ExportError> {
+    match (precision, options.flights) {
+        (Precision::F32, flights) => Ok(flights.unwrap_or(FLIGHTS)),
+        (Precision::F64, None) => Ok(0),
+        (Precision::F64, Some(_)) => Err(ExportError::Unsupported(
+            "an export in double precision decides as it was trained in every flight: leave '--flights' out",
+        )),
+    }
+}
+
+/// The output for people or programs.
+fn report(
+    options: &Options,
+    certificate: &Certificate,
+    written: &[PathBuf],
+    global: Global,
+) -> Result<String, Failure> {
     let output = match global {
         Global { json: true, .. } => json(&json!(certificate)),
         Global { quiet: true, .. } => String::new(),
         _ => {
-            let paths = written.map(|path| format!("{}\n", path.display())).concat();
-            format!("{}{paths}", text_of(&certificate))
+            let paths = written.iter().map(|path| format!("{}\n", path.display()));
+            format!("{}{}", text_of(certificate), paths.collect::<String>())
         }
     };
     match certificate.holds {
@@ -135,6 +180,9 @@ fn text_of(certificate: &Certificate) -> String {
             );
         }
         text += &format!("diagnosis: {} samples\n", first.samples);
+    }
+    text += &decisions_text(certificate);
+    if let Some(first) = certificate.builds.first().filter(|_| certificate.single.is_none()) {
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
@@ -154,6 +202,17 @@ fn text_of(certificate: &Certificate) -> String {
         text += &format!("{found} of {} mistakes found\n", certificate.mutants);
     }
     text
+}
+
+/// What single precision decides otherwise.
+fn decisions_text(certificate: &Certificate) -> String {
+    let Some(single) = &certificate.single else { return String::new() };
+    let lines = |title: &str, rows: Vec<(&str, String)>| {
+        let rows = rows.iter().map(|(name, count)| format!("  {name}: {count}\n"));
+        format!("{title} in single precision beside training\n{}", rows.collect::<String>())
+    };
+    let flights = single.flights.iter().map(|flights| lines("flights", flights.rows()));
+    lines("random samples", single.chain.rows()) + &flights.collect::<String>()
 }
 
 fn worst_path_text(worst_path: &WorstPath) -> String {

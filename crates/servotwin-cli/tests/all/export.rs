@@ -182,7 +182,7 @@ fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
     let message = fails(&["prove", &out, "--hours", "0", "--mutants", "1"], 3);
     assert!(message.contains("in an export as C alone"), "{message}");
     let message = fails(&["export", "rust", "--model", &model, "--out", &c], 2);
-    assert!(message.contains("earlier export in the same language"), "{message}");
+    assert!(message.contains("earlier export in the same language and precision"), "{message}");
 
     let hybrid = Path::new(&out).join("src/hybrid.rs");
     let whole = fs::read_to_string(&hybrid).unwrap();
@@ -191,6 +191,38 @@ fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
     fs::write(&hybrid, changed).unwrap();
     let message = fails(&["prove", &out, "--hours", "0", "--variants", "0"], 1);
     assert!(message.contains("decides otherwise than its diagnoser"), "{message}");
+}
+
+#[test]
+fn an_export_in_single_precision_is_proven_and_lists_what_it_decides_otherwise() {
+    let (folder, model, double) = exported("export-single");
+    let out = folder.file("single");
+    let single = ["export", "c", "--precision", "f32", "--model", &model, "--out"];
+    let text = succeeds(&[&single[..], &[&out]].concat());
+    assert!(text.contains("without its twin"), "{text}");
+    assert!(!Path::new(&out).join("servotwin_twin.c").exists());
+    let text = succeeds(&["prove", &out, "--hours", "0.02", "--flights", "2"]);
+    assert!(text.contains("flights: 2\n") && text.contains("false alarms: "), "{text}");
+    assert!(text.contains("(the hand-written files in double precision)"), "{text}");
+    let rows = fs::read_to_string(Path::new(&out).join("precision.csv")).unwrap();
+    assert!(rows.starts_with("run,sample,time_s,samples,differs,finding"), "{rows}");
+
+    let message = fails(&[&single[..], &[&double]].concat(), 2);
+    assert!(message.contains("in the same language and precision"), "{message}");
+    let message = fails(&[&single[..], &[&out, "--fixed-step"]].concat(), 3);
+    assert!(message.contains("has no twin"), "{message}");
+    let message = fails(&["export", "c", "--precision", "f16", "--out", &out], 2);
+    assert!(message.contains("possible values: f64, f32"), "{message}");
+    let message = fails(&["export", "rust", "--precision", "f32", "--out", &out], 2);
+    assert!(message.contains("--precision"), "{message}");
+    let message = fails(&["prove", &out, "--mutants", "1"], 3);
+    assert!(message.contains("in double precision alone"), "{message}");
+    let message = fails(&["prove", &double, "--flights", "1"], 3);
+    assert!(message.contains("leave '--flights' out"), "{message}");
+    let other = folder.file("other.json");
+    fs::write(&other, fs::read_to_string(&model).unwrap() + "\n").unwrap();
+    let message = fails(&["prove", &out, "--model", &other], 3);
+    assert!(message.contains("is not the one that was exported"), "{message}");
 }
 
 #[test]

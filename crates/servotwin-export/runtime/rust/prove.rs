@@ -225,8 +225,8 @@ pub unsafe extern "C" fn prove_push(
 }
 
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn prove_row(session: *const Session, view: i32) -> *const Row {
-    unsafe { &(&*session).rows()[view as usize] }
+pub unsafe extern "C" fn prove_row(session: *const Session, view: i32, into: *mut Row) {
+    unsafe { *into = (&*session).rows()[view as usize] };
 }
 
 #[unsafe(no_mangle)]

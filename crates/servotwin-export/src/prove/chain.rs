@@ -36,7 +36,7 @@ pub(super) fn compare(
     let mut session = Session::new(diagnoser.clone())?;
     let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
     let mut generated = Samples::new(diagnoser, 1);
-    let mut commands = Commands { random: Random::new(2), to_undo: None };
+    let mut commands = Commands::new();
     let mut said = [Said::default(), Said::default()];
     for k in 0..samples {
         if let Some((command, place)) = commands.next(&session) {
@@ -90,15 +90,20 @@ fn accused(session: &Session) -> Option<(u32, u32)> {
 
 /// Random commands of the flight control computer, as `prove_command` of the C text numbers them: an even one takes
 /// something away, the next number gives it back.
-struct Commands {
+pub(super) struct Commands {
     random: Random,
     /// A command that gives something back, its place, and the samples until then.
     to_undo: Option<(usize, usize, usize)>,
 }
 
 impl Commands {
+    /// The sequence of every proof.
+    pub fn new() -> Self {
+        Commands { random: Random::new(2), to_undo: None }
+    }
+
     /// The command before the next sample, with its place.
-    fn next(&mut self, session: &Session) -> Option<(usize, usize)> {
+    pub fn next(&mut self, session: &Session) -> Option<(usize, usize)> {
         if let Some((command, place, left)) = self.to_undo {
             self.to_undo = (left > 0).then_some((command, place, left.saturating_sub(1)));
             return (left == 0).then_some((command, place));
@@ -126,7 +131,10 @@ impl Commands {
 }
 
 /// Passes a command to a session.
-fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), ExportError> {
+pub(super) fn obey(
+    session: &mut Session,
+    (command, place): (usize, usize),
+) -> Result<(), ExportError> {
     match command {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,
@@ -137,7 +145,7 @@ fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), E
 }
 
 /// Pushes a sample and writes everything that the session says.
-fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
+pub(super) fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
     let outcome = *session.push(&sample.inputs, &sample.measured, &sample.twin);
     said.integers.clear();
     said.integers.extend(integers(&outcome));
@@ -281,10 +289,10 @@ pub(super) fn is_judged(session: &Session, length: usize) -> bool {
 
 fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bool {
     let mut rows = session.features(length).iter().enumerate();
-    rows.all(|(view, row)| super::models::same_bits(row, other.row(view, row.len())))
+    rows.all(|(view, row)| super::models::same_bits(row, &other.row(view, row.len())))
 }
 
-fn is_same(a: &Said, b: &Said) -> bool {
+pub(super) fn is_same(a: &Said, b: &Said) -> bool {
     a.integers == b.integers && super::models::same_bits(&a.numbers, &b.numbers)
 }
 

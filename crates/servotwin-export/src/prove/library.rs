@@ -12,8 +12,17 @@ use std::fmt;
 use std::process::Command;
 
 /// Flags of every build. Warnings are errors: the text must be clean in all compilers.
-const FLAGS: &[&str] =
-    &["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-ffp-contract=off"];
+const FLAGS: &[&str] = &[
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wfloat-conversion",
+    "-Wdouble-promotion",
+    "-Werror",
+    "-ffp-contract=off",
+];
 
 /// The entry points, which are not part of an export.
 const PROVE: &str = include_str!("../../runtime/prove.c");
@@ -331,7 +340,7 @@ pub(super) struct RunningSession<'c> {
         unsafe extern "C" fn(*mut u64, *const f64, *const f64, *const f64, *mut i64, *mut f64),
     >,
     command: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, i32)>,
-    row: Symbol<'c, unsafe extern "C" fn(*const u64, i32) -> *const f64>,
+    row: Symbol<'c, unsafe extern "C" fn(*const u64, i32, *mut f64)>,
 }
 
 impl Compiled {
@@ -380,11 +389,11 @@ impl RunningSession<'_> {
     }
 
     /// The features of the last window outside its bands in a view.
-    pub fn row(&self, view: usize, features: usize) -> &[f64] {
-        // SAFETY: the row lies in the memory of the session and has this many numbers.
-        unsafe {
-            std::slice::from_raw_parts((self.row)(self.memory.as_ptr(), view as i32), features)
-        }
+    pub fn row(&self, view: usize, features: usize) -> Vec<f64> {
+        let mut row = vec![0.0; features];
+        // SAFETY: the row has this many numbers.
+        unsafe { (self.row)(self.memory.as_ptr(), view as i32, row.as_mut_ptr()) };
+        row
     }
 }
 

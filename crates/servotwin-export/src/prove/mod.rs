@@ -8,14 +8,17 @@ mod mutants;
 mod points;
 mod rows;
 mod samples;
+mod single;
 mod twin;
 mod worst_path;
 
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
+pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 pub use worst_path::{Work, WorstPath};
 
 use crate::error::ExportError;
+use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use crate::twin::Twin;
 use library::Compiled;
@@ -68,6 +71,11 @@ pub struct Evidence {
     pub thresholds: u64,
     /// Rows for leaves and thresholds.
     pub rows: u64,
+    /// Rows for which boosted trees decide otherwise, because two classes have the same sum but for rounding. There are none
+    /// in double precision.
+    pub ties: u64,
+    /// The largest difference of a probability or a novelty of a row; 0 in double precision.
+    pub largest_difference: f64,
     /// Random rows through whole hierarchies.
     pub random_rows: u64,
     /// Samples through the whole chain.
@@ -144,6 +152,8 @@ pub struct Plan<'p> {
     pub study: Option<&'p Study>,
     /// The export.
     pub files: &'p [SourceFile],
+    /// The precision of its numbers.
+    pub precision: Precision,
     /// Samples through the whole chain of the diagnosis.
     pub samples: u64,
     /// Variants of the twin, each of 90 s.
@@ -153,10 +163,11 @@ pub struct Plan<'p> {
 }
 
 impl<'p> Plan<'p> {
-    /// The comparison of trees alone: no twin, and no samples.
+    /// The comparison of trees alone, in double precision: no twin, and no samples.
     pub fn new(diagnoser: &'p Arc<Diagnoser>, files: &'p [SourceFile]) -> Self {
         let (twin, study, worst_path) = (None, None, None);
-        Plan { diagnoser, twin, study, files, samples: 0, variants: 0, worst_path }
+        let precision = Precision::F64;
+        Plan { diagnoser, twin, study, files, precision, samples: 0, variants: 0, worst_path }
     }
 }
 
@@ -182,7 +193,7 @@ pub fn prove(
             version: build.version(),
             ..Evidence::until(MOST_DIFFERENCES)
         };
-        compare_parts(plan.diagnoser, compiled, RANDOM_ROWS, &mut evidence)?;
+        compare_parts(plan.diagnoser, (compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
         all.push(evidence);
     }
     if let Some(twin) = plan.twin {
@@ -206,10 +217,10 @@ pub fn prove(
 /// Compares arithmetic and trees.
 fn compare_parts(
     diagnoser: &Diagnoser,
-    compiled: &Compiled,
+    (compiled, precision): (&Compiled, Precision),
     random_rows: usize,
     evidence: &mut Evidence,
 ) -> Result<(), ExportError> {
     evidence.rounds_twice = compiled.rounds_twice()?;
-    models::compare(diagnoser, compiled, random_rows, evidence)
+    models::compare(diagnoser, (compiled, precision), random_rows, evidence)
 }

@@ -6,6 +6,7 @@
 use super::library::{Build, Objects};
 use super::{Evidence, HYBRID_SAMPLES, Plan, chain, compare_parts, hybrid, points, twin};
 use crate::error::ExportError;
+use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use serde::Serialize;
 use servotwin_diagnosis::random::Random;
@@ -51,10 +52,15 @@ impl Mistakes<'_> {
     /// Checks that they can be made in the text of a build.
     ///
     /// # Errors
-    /// [`ExportError::Unsupported`] for an export as Rust.
-    pub fn check(&self, build: &Build) -> Result<(), ExportError> {
-        let why = "mistakes are made in an export as C alone: leave '--mutants' out";
-        let can_be_made = self.count == 0 || !build.is_rust();
+    /// [`ExportError::Unsupported`] for an export as Rust or in single precision.
+    pub fn check(&self, build: &Build, precision: Precision) -> Result<(), ExportError> {
+        let why = match precision {
+            Precision::F64 => "mistakes are made in an export as C alone: leave '--mutants' out",
+            Precision::F32 => {
+                "mistakes are made in double precision alone, with the same hand-written text: leave '--mutants' out"
+            }
+        };
+        let can_be_made = self.count == 0 || (!build.is_rust() && precision == Precision::F64);
         if can_be_made { Ok(()) } else { Err(ExportError::Unsupported(why)) }
     }
 }
@@ -78,7 +84,7 @@ pub fn mutants(
     tell: &mut dyn FnMut(u64),
 ) -> Result<Vec<Mutant>, ExportError> {
     let files = plan.files;
-    mistakes.check(build)?;
+    mistakes.check(build, plan.precision)?;
     if mistakes.count == 0 {
         return Ok(Vec::new());
     }
@@ -107,7 +113,7 @@ pub fn mutants(
 fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, ExportError> {
     let compiled = objects.load(&format!("mutant_{number}.so"))?;
     let mut evidence = Evidence::until(1);
-    compare_parts(plan.diagnoser, &compiled, RANDOM_ROWS, &mut evidence)?;
+    compare_parts(plan.diagnoser, (&compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
     let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
     if let Some(twin) = plan.twin.filter(|_| all[0].holds()) {
         points::compare(twin, compiled, POINTS, all)?;
@@ -242,9 +248,11 @@ fn sites_of_code(file: usize, text: &str) -> Vec<Site> {
     let mut sites = Vec::new();
     let mut begin = 0;
     for line in text.split_inclusive('\n') {
-        let is_statement = line.trim_start().starts_with("const double ")
-            && !line.contains("double *")
-            && !line.contains("double least");
+        let is_statement = ["double", "servotwin_real"].into_iter().any(|number| {
+            line.trim_start().starts_with(&format!("const {number} "))
+                && !line.contains(&format!("{number} *"))
+                && !line.contains(&format!("{number} least"))
+        });
         for (old, new) in [(" + ", " - "), (" - ", " + "), (" * ", " / "), (" / ", " * ")] {
             let at = line.find(old).filter(|_| is_statement);
             sites.extend(at.map(|at| Site {

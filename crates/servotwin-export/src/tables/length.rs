@@ -2,14 +2,15 @@
 
 use super::hierarchy;
 use crate::error::ExportError;
-use crate::language::{COUNT, Language};
+use crate::language::Language;
+use crate::notation::{COUNT, Notation};
 use servotwin_diagnosis::diagnoser::decision::IsNovel;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length, Novelty};
 
 /// Writes the arrays of a length, and returns its entry in the array of lengths.
 pub(super) fn write(
     text: &mut String,
-    language: Language,
+    notation: Notation,
     place: usize,
     diagnoser: &Diagnoser,
 ) -> Result<String, ExportError> {
@@ -19,22 +20,22 @@ pub(super) fn write(
         return Err(ExportError::Unsupported(why));
     };
     let [trees, committee] = ["trees", "committee"].map(|kind| format!("{kind}_{place}"));
-    hierarchy::write(text, language, &trees, &length.panel.trees)?;
-    hierarchy::write(text, language, &committee, &length.panel.committee)?;
+    hierarchy::write(text, notation, &trees, &length.panel.trees)?;
+    hierarchy::write(text, notation, &committee, &length.panel.committee)?;
     *text += &format!("\n/* window length {} */\n", place + 1);
     let bands = length.panel.bands.iter().map(|band| band.half_width);
-    language.write_numbers(text, &format!("bands_{place}"), bands);
-    known(text, language, place, &length.novelty);
+    notation.write_numbers(text, &format!("bands_{place}"), bands);
+    known(text, notation, place, &length.novelty);
     let limits = diagnoser.limits_of(length);
-    language.write_numbers(text, &format!("limits_{place}"), limits.of_pairs().iter().copied());
+    notation.write_numbers(text, &format!("limits_{place}"), limits.of_pairs().iter().copied());
     let allowances = limits.allowances_nats().iter().copied();
-    language.write_numbers(text, &format!("allowances_{place}"), allowances);
-    Ok(entry(language, place, panes, diagnoser, length))
+    notation.write_numbers(text, &format!("allowances_{place}"), allowances);
+    Ok(entry(notation, place, panes, diagnoser, length))
 }
 
 /// The entry of a length.
 fn entry(
-    language: Language,
+    notation: Notation,
     place: usize,
     panes: u32,
     diagnoser: &Diagnoser,
@@ -44,14 +45,14 @@ fn entry(
     let share = f64::from(pane) / (u64::from(pane) * u64::from(panes)) as f64;
     let tuning = diagnoser.tuning_of(length);
     let nats = |novel| IsNovel { novel, share_of_known: 1.0 - length.novelty.quantile }.nats();
-    let number = |number| language.number(number);
-    let array = |what: &str| language.array(&format!("{what}_{place}"));
-    let hierarchy = |what: &str| language.pointer(&format!("{what}_{place}"));
+    let number = |number| notation.number(number);
+    let array = |what: &str| notation.array(&format!("{what}_{place}"));
+    let hierarchy = |what: &str| notation.pointer(&format!("{what}_{place}"));
     let span = [("pane_samples", pane.to_string()), ("panes", panes.to_string())];
-    language.record(
+    notation.record(
         "Length",
         &[
-            ("span", language.record("Span", &span)),
+            ("span", notation.record("Span", &span)),
             ("share", number(share)),
             ("views", diagnoser.views_of(length).to_string()),
             ("bands", array("bands")),
@@ -72,21 +73,21 @@ fn entry(
     )
 }
 
-fn known(text: &mut String, language: Language, place: usize, novelty: &Novelty) {
+fn known(text: &mut String, notation: Notation, place: usize, novelty: &Novelty) {
     let mut entries = Vec::new();
     for (class, known) in novelty.classes.iter().enumerate() {
         let lists = [("lows", &known.lows), ("highs", &known.highs), ("widths", &known.widths)];
         let mut fields = vec![(COUNT, known.lows.len().to_string())];
         for (what, list) in lists {
             let name = format!("{what}_{place}_{class}");
-            language.write_numbers(text, &name, list.iter().copied());
-            fields.push((what, language.array(&name)));
+            notation.write_numbers(text, &name, list.iter().copied());
+            fields.push((what, notation.array(&name)));
         }
-        fields.push(("limit", language.number(known.limit)));
-        entries.push(language.record("Known", &fields));
+        fields.push(("limit", notation.number(known.limit)));
+        entries.push(notation.record("Known", &fields));
     }
-    if entries.is_empty() && language == Language::C {
+    if entries.is_empty() && notation.language == Language::C {
         entries.push("{ 0, 0, 0, 0, 0x1p+0 }".into());
     }
-    language.write_array(text, "Known", &format!("known_{place}"), entries);
+    notation.write_array(text, "Known", &format!("known_{place}"), entries);
 }

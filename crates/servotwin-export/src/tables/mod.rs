@@ -8,14 +8,15 @@ pub(crate) mod twin;
 
 use crate::error::ExportError;
 use crate::language::Language;
+use crate::notation::Notation;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length, common_mode};
 
 /// Most classes of a stage, and most hypotheses: `SERVOTWIN_MOST_CLASSES` and `MOST_CLASSES` of the hand-written code.
 const MOST_CLASSES: usize = 32;
 
 /// The head of each file with trained numbers, and of the tables.
-fn heads(language: Language) -> [&'static str; 2] {
-    match language {
+fn heads(notation: Notation) -> [&'static str; 2] {
+    match notation.language {
         Language::C => [
             "/* Trained by servotwin; do not edit. */\n",
             "/* Trained by servotwin; do not edit. */\n#include \"servotwin_tables.h\"\n",
@@ -46,15 +47,15 @@ pub(crate) fn check(diagnoser: &Diagnoser) -> Result<(), ExportError> {
 }
 
 /// The texts of both files: sizes and tables.
-pub(crate) fn texts(diagnoser: &Diagnoser, language: Language) -> Result<[String; 2], ExportError> {
-    let [head_of_sizes, head] = heads(language);
+pub(crate) fn texts(diagnoser: &Diagnoser, notation: Notation) -> Result<[String; 2], ExportError> {
+    let [head_of_sizes, head] = heads(notation);
     let mut text = String::from(head);
     let lengths = 0..diagnoser.lengths.len();
-    let lengths = lengths.map(|place| length::write(&mut text, language, place, diagnoser));
+    let lengths = lengths.map(|place| length::write(&mut text, notation, place, diagnoser));
     let lengths = lengths.collect::<Result<Vec<_>, _>>()?;
-    language.write_list(&mut text, "Length", "lengths", &lengths, "");
-    system::write(&mut text, language, diagnoser);
-    Ok([language.sizes(head_of_sizes, "SERVOTWIN", &sizes(diagnoser)), text])
+    notation.write_list(&mut text, "Length", "lengths", &lengths, "");
+    system::write(&mut text, notation, diagnoser);
+    Ok([notation.sizes(head_of_sizes, "SERVOTWIN", &sizes(diagnoser)), text])
 }
 
 /// Most views that any length needs.

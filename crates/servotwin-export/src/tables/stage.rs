@@ -2,7 +2,8 @@
 
 use super::MOST_CLASSES;
 use crate::error::ExportError;
-use crate::language::{COUNT, Language};
+use crate::language::Language;
+use crate::notation::{COUNT, Notation};
 use servotwin_diagnosis::calibration;
 use servotwin_diagnosis::classifiers::{Classifier, Model, boosted_trees, cart};
 use servotwin_diagnosis::hierarchy::{Question, Stage};
@@ -75,25 +76,26 @@ impl Nodes {
     }
 
     /// Writes the arrays, and returns the struct of them.
-    fn write(&self, text: &mut String, language: Language, prefix: &str) -> String {
+    fn write(&self, text: &mut String, notation: Notation, prefix: &str) -> String {
         let name = |what: &str| format!("{prefix}_{what}");
-        language.write_array(text, "i16", &name("roots"), &self.roots);
-        let features = self.features.iter().map(|feature| language.unsigned(feature));
-        language.write_array(text, "u16", &name("features"), features);
-        language.write_numbers(text, &name("thresholds"), self.thresholds.iter().copied());
-        language.write_array(text, "i16", &name("left"), &self.left);
-        language.write_array(text, "i16", &name("right"), &self.right);
+        notation.write_array(text, "i16", &name("roots"), &self.roots);
+        let features = self.features.iter().map(|feature| notation.unsigned(feature));
+        notation.write_array(text, "u16", &name("features"), features);
+        let thresholds = self.thresholds.iter().map(|&threshold| notation.threshold(threshold));
+        notation.write_array(text, "f64", &name("thresholds"), thresholds);
+        notation.write_array(text, "i16", &name("left"), &self.left);
+        notation.write_array(text, "i16", &name("right"), &self.right);
         let counts = [(COUNT, self.roots.len().to_string()), ("depth", self.depth.to_string())];
         let arrays = ["roots", "features", "thresholds", "left", "right"];
-        let arrays = arrays.map(|what| (what, language.array(&name(what))));
-        language.record("Branches", &[&counts[..], &arrays[..]].concat())
+        let arrays = arrays.map(|what| (what, notation.array(&name(what))));
+        notation.record("Branches", &[&counts[..], &arrays[..]].concat())
     }
 }
 
 /// Writes the arrays of a stage, and returns its entry in the array of stages.
 pub(super) fn write(
     text: &mut String,
-    language: Language,
+    notation: Notation,
     prefix: &str,
     stage: &Stage,
 ) -> Result<String, ExportError> {
@@ -111,35 +113,35 @@ pub(super) fn write(
         }
     };
     check(stage, &nodes)?;
-    let branches = nodes.write(text, language, prefix);
+    let branches = nodes.write(text, notation, prefix);
     let names = format!("{prefix}_names");
-    language.write_array(text, "u8", &names, &stage.classes);
+    notation.write_array(text, "u8", &names, &stage.classes);
     let mut fields = vec![("branches", branches)];
     match &stage.model {
         Model::Cart(tree) => {
-            write_cart(text, language, prefix, tree, &nodes, stage.temperature);
-            fields.extend(rule(language, prefix, "cart"));
+            write_cart(text, notation, prefix, tree, &nodes, stage.temperature);
+            fields.extend(rule(notation, prefix, "cart"));
         }
         Model::BoostedTrees(model) => {
-            write_boosted(text, language, prefix, model, &nodes, stage.temperature);
-            fields.extend(rule(language, prefix, "boosted"));
+            write_boosted(text, notation, prefix, model, &nodes, stage.temperature);
+            fields.extend(rule(notation, prefix, "boosted"));
         }
         _ => {}
     }
     let own = stage.place.question != Question::Actuator && stage.place.actuator.is_none();
     fields.extend([
         (COUNT, stage.classes.len().to_string()),
-        ("names", language.array(&names)),
-        ("reads_own_view", language.truth(own)),
+        ("names", notation.array(&names)),
+        ("reads_own_view", notation.truth(own)),
     ]);
-    Ok(language.record("Stage", &fields))
+    Ok(notation.record("Stage", &fields))
 }
 
 /// The fields that hold the rule of a stage: in C one pointer for each kind, in Rust a variant.
-fn rule(language: Language, prefix: &str, kind: &str) -> Vec<(&'static str, String)> {
-    let own = language.pointer(&format!("{prefix}_{kind}"));
+fn rule(notation: Notation, prefix: &str, kind: &str) -> Vec<(&'static str, String)> {
+    let own = notation.pointer(&format!("{prefix}_{kind}"));
     let is_cart = kind == "cart";
-    match language {
+    match notation.language {
         Language::C if is_cart => vec![("cart", own), ("boosted", "0".into())],
         Language::C => vec![("cart", "0".into()), ("boosted", own)],
         Language::Rust => {
@@ -162,7 +164,7 @@ fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
 /// A leaf of a single tree always gives the same answer, so its calibrated probability is a number of the table.
 fn write_cart(
     text: &mut String,
-    language: Language,
+    notation: Notation,
     prefix: &str,
     tree: &cart::Model,
     nodes: &Nodes,
@@ -178,19 +180,19 @@ fn write_cart(
     let leaves = || nodes.leaves.iter().map(|(_, node)| *node);
     let [decisions, probabilities] =
         ["decisions", "probabilities"].map(|what| format!("{prefix}_{what}"));
-    language.write_array(text, "u8", &decisions, leaves().map(|node| tree.decision(node)));
-    language.write_numbers(text, &probabilities, leaves().map(probability));
+    notation.write_array(text, "u8", &decisions, leaves().map(|node| tree.decision(node)));
+    notation.write_numbers(text, &probabilities, leaves().map(probability));
     let fields = [
-        ("decisions", language.array(&decisions)),
-        ("probabilities", language.array(&probabilities)),
+        ("decisions", notation.array(&decisions)),
+        ("probabilities", notation.array(&probabilities)),
     ];
-    let record = language.record("Cart", &fields);
-    language.write_private(text, "Cart", &format!("{prefix}_cart"), &record);
+    let record = notation.record("Cart", &fields);
+    notation.write_private(text, "Cart", &format!("{prefix}_cart"), &record);
 }
 
 fn write_boosted(
     text: &mut String,
-    language: Language,
+    notation: Notation,
     prefix: &str,
     model: &boosted_trees::Model,
     nodes: &Nodes,
@@ -205,16 +207,16 @@ fn write_boosted(
     });
     let [of_outputs, of_start, of_values] =
         ["output_classes", "start", "values"].map(|what| format!("{prefix}_{what}"));
-    language.write_array(text, "u8", &of_outputs, outputs);
-    language.write_numbers(text, &of_start, start);
-    language.write_numbers(text, &of_values, values);
+    notation.write_array(text, "u8", &of_outputs, outputs);
+    notation.write_numbers(text, &of_start, start);
+    notation.write_numbers(text, &of_values, values);
     let fields = [
         (COUNT, outputs.len().to_string()),
-        ("output_classes", language.array(&of_outputs)),
-        ("start", language.array(&of_start)),
-        ("values", language.array(&of_values)),
-        ("inverse_temperature", language.number(1.0 / temperature)),
+        ("output_classes", notation.array(&of_outputs)),
+        ("start", notation.array(&of_start)),
+        ("values", notation.array(&of_values)),
+        ("inverse_temperature", notation.number(1.0 / temperature)),
     ];
-    let record = language.record("Boosted", &fields);
-    language.write_private(text, "Boosted", &format!("{prefix}_boosted"), &record);
+    let record = notation.record("Boosted", &fields);
+    notation.write_private(text, "Boosted", &format!("{prefix}_boosted"), &record);
 }

@@ -1,62 +1,63 @@
 //! The tables of the diagnosed system: sensors, inputs, views, boundaries, and the constants of the decision.
 
-use crate::language::{COUNT, Language};
+use crate::language::Language;
+use crate::notation::{COUNT, Notation};
 use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
 
 /// Writes all tables of the system.
-pub(super) fn write(text: &mut String, language: Language, diagnoser: &Diagnoser) {
-    sensors(text, language, diagnoser);
-    inputs(text, language, diagnoser);
-    views(text, language, diagnoser);
-    common_pairs(text, language, diagnoser);
-    boundaries(text, language, diagnoser);
-    streams(text, language, diagnoser);
-    constants(text, language, diagnoser);
-    names(text, language, diagnoser);
+pub(super) fn write(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
+    sensors(text, notation, diagnoser);
+    inputs(text, notation, diagnoser);
+    views(text, notation, diagnoser);
+    common_pairs(text, notation, diagnoser);
+    boundaries(text, notation, diagnoser);
+    streams(text, notation, diagnoser);
+    constants(text, notation, diagnoser);
+    names(text, notation, diagnoser);
 }
 
-fn sensors(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn sensors(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let entry = |sensor: &servotwin_diagnosis::diagnoser::Sensor| {
         let stand_in_noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
         let fields = [
-            ("scale", language.number(sensor.scale)),
-            ("noise", language.number(sensor.noise)),
-            ("stand_in_noise", language.number(stand_in_noise)),
-            ("actuator", language.place(sensor.actuator.map(|actuator| actuator as usize))),
+            ("scale", notation.number(sensor.scale)),
+            ("noise", notation.number(sensor.noise)),
+            ("stand_in_noise", notation.number(stand_in_noise)),
+            ("actuator", notation.place(sensor.actuator.map(|actuator| actuator as usize))),
         ];
-        language.record("Sensor", &fields)
+        notation.record("Sensor", &fields)
     };
     let entries: Vec<String> = diagnoser.sensors.iter().map(entry).collect();
-    language.write_list(text, "Sensor", "sensors", &entries, "{ 0x1p+0, 0x0p+0, 0x0p+0, -1 }");
+    notation.write_list(text, "Sensor", "sensors", &entries, "{ 0x1p+0, 0x0p+0, 0x0p+0, -1 }");
 }
 
-fn inputs(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn inputs(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let environment = &diagnoser.environment;
     let range =
-        |least, largest| [("least", language.number(least)), ("largest", language.number(largest))];
+        |least, largest| [("least", notation.number(least)), ("largest", notation.number(largest))];
     let entry = |input: &servotwin_diagnosis::diagnoser::environment::Input| {
         let frozen = input.frozen_after_samples(diagnoser.period_s).unwrap_or(0);
-        let frozen = language.unsigned(frozen.min(u64::from(u32::MAX)));
+        let frozen = notation.unsigned(frozen.min(u64::from(u32::MAX)));
         let [least, largest] = range(input.least, input.largest);
-        language.record("Input", &[least, largest, ("frozen_after", frozen)])
+        notation.record("Input", &[least, largest, ("frozen_after", frozen)])
     };
     let entries: Vec<String> = environment.inputs.iter().map(entry).collect();
-    language.write_list(text, "Input", "inputs", &entries, "{ 0x0p+0, 0x0p+0, 0U }");
+    notation.write_list(text, "Input", "inputs", &entries, "{ 0x0p+0, 0x0p+0, 0U }");
     let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
     let differences = environment.differences.iter().filter_map(|difference| {
         let (of, minus) = (place(&difference.of)?, place(&difference.minus)?);
         let [least, largest] = range(difference.least, difference.largest);
         let places = [("of", of.to_string()), ("minus", minus.to_string())];
         let [of, minus] = places;
-        Some(language.record("Difference", &[of, minus, least, largest]))
+        Some(notation.record("Difference", &[of, minus, least, largest]))
     });
     let entries: Vec<String> = differences.collect();
     let empty = "{ 0, 0, 0x0p+0, 0x0p+0 }";
-    language.write_list(text, "Difference", "differences", &entries, empty);
+    notation.write_list(text, "Difference", "differences", &entries, empty);
 }
 
 /// The order of the sensors in each view; the first is the own one.
-fn views(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn views(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let sensors = diagnoser.sensors_seen();
     let views = super::views(diagnoser);
     let orders = sensors.rotations(views).unwrap_or_default();
@@ -67,7 +68,7 @@ fn views(text: &mut String, language: Language, diagnoser: &Diagnoser) {
     });
     let rows: Vec<String> = rows.collect();
     let (count, own) = (rows.len(), sensors.0.len());
-    *text += &match language {
+    *text += &match notation.language {
         Language::C => format!(
             "\nconst uint8_t servotwin_orders[SERVOTWIN_VIEWS][SERVOTWIN_SENSORS] = {{\n    {{ {} }}\n}};\n",
             rows.join(" },\n    { ")
@@ -79,7 +80,7 @@ fn views(text: &mut String, language: Language, diagnoser: &Diagnoser) {
     };
 }
 
-fn common_pairs(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn common_pairs(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let pairs = common_mode::corresponding(&diagnoser.sensors_seen(), diagnoser.watched());
     let mut entries = Vec::new();
     for (place, ([first, second], sensors)) in pairs.iter().enumerate() {
@@ -90,37 +91,37 @@ fn common_pairs(text: &mut String, language: Language, diagnoser: &Diagnoser) {
         ];
         for (side, field) in ["of_first", "of_second"].into_iter().enumerate() {
             let name = format!("pair_{place}_{}", &field[3..]);
-            language.write_array(text, "u8", &name, sensors.iter().map(|pair| pair[side]));
-            fields.push((field, language.array(&name)));
+            notation.write_array(text, "u8", &name, sensors.iter().map(|pair| pair[side]));
+            fields.push((field, notation.array(&name)));
         }
-        entries.push(language.record("CommonPair", &fields));
+        entries.push(notation.record("CommonPair", &fields));
     }
-    language.write_list(text, "CommonPair", "common_pairs", &entries, "{ 0, 0, 0, 0, 0 }");
+    notation.write_list(text, "CommonPair", "common_pairs", &entries, "{ 0, 0, 0, 0, 0 }");
 }
 
-fn boundaries(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn boundaries(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let mut entries = Vec::new();
     for (place, boundary) in diagnoser.boundaries.iter().enumerate() {
         let effects = || boundary.effects.iter();
         let [sensors, changes] =
             ["sensors", "changes"].map(|what| format!("boundary_{place}_{what}"));
-        language.write_array(text, "u8", &sensors, effects().map(|(sensor, _)| *sensor));
-        language.write_numbers(text, &changes, effects().map(|(_, change)| *change));
+        notation.write_array(text, "u8", &sensors, effects().map(|(sensor, _)| *sensor));
+        notation.write_numbers(text, &changes, effects().map(|(_, change)| *change));
         let fields = [
             ("input", boundary.input.to_string()),
             ("sensor", boundary.sensor.to_string()),
-            ("own_change", language.number(boundary.effect().unwrap_or_default())),
+            ("own_change", notation.number(boundary.effect().unwrap_or_default())),
             (COUNT, boundary.effects.len().to_string()),
-            ("sensors", language.array(&sensors)),
-            ("changes", language.array(&changes)),
+            ("sensors", notation.array(&sensors)),
+            ("changes", notation.array(&changes)),
         ];
-        entries.push(language.record("Boundary", &fields));
+        entries.push(notation.record("Boundary", &fields));
     }
-    language.write_list(text, "Boundary", "boundaries", &entries, "{ 0, 0, 0x0p+0, 0, 0, 0 }");
+    notation.write_list(text, "Boundary", "boundaries", &entries, "{ 0, 0, 0x0p+0, 0, 0, 0 }");
 }
 
 /// The window lengths of residuals as they are, and of those beyond the baseline.
-fn streams(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn streams(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let mut entries = Vec::new();
     for (stream, is_corrected) in [false, true].into_iter().enumerate() {
         let lengths = diagnoser.lengths.iter().enumerate();
@@ -128,15 +129,15 @@ fn streams(text: &mut String, language: Language, diagnoser: &Diagnoser) {
             lengths.filter(|(_, l)| l.baseline_corrected.is_some() == is_corrected).collect();
         let base = own.iter().map(|(_, length)| length.span.pane_samples).min().unwrap_or(1);
         let places = format!("stream_{stream}_places");
-        language.write_array(text, "u8", &places, own.iter().map(|(place, _)| place));
+        notation.write_array(text, "u8", &places, own.iter().map(|(place, _)| place));
         let fields = [
             ("base_samples", base.to_string()),
             (COUNT, own.len().to_string()),
-            ("places", language.array(&places)),
+            ("places", notation.array(&places)),
         ];
-        entries.push(language.record("StreamPlan", &fields));
+        entries.push(notation.record("StreamPlan", &fields));
     }
-    language.write_list(text, "StreamPlan", "stream_plans", &entries, "");
+    notation.write_list(text, "StreamPlan", "stream_plans", &entries, "");
     let (settle, memory) = match diagnoser.baseline {
         Some(settings) => (settings.settle_samples, settings.memory_samples),
         None => (1, 1),
@@ -144,22 +145,22 @@ fn streams(text: &mut String, language: Language, diagnoser: &Diagnoser) {
     for (name, samples) in
         [("baseline_settle_samples", settle), ("baseline_memory_samples", memory)]
     {
-        language.write_public(text, "u32", name, &samples.to_string());
+        notation.write_public(text, "u32", name, &samples.to_string());
     }
 }
 
-fn constants(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn constants(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let (tuning, period_s) = (&diagnoser.tuning, diagnoser.period_s);
     let switches_off = tuning.switches_off(diagnoser.names());
-    let is_off = |off: &bool| match language {
-        Language::C => language.unsigned(u8::from(*off)),
-        Language::Rust => language.truth(*off),
+    let is_off = |off: &bool| match notation.language {
+        Language::C => notation.unsigned(u8::from(*off)),
+        Language::Rust => notation.truth(*off),
     };
     let off: Vec<String> = switches_off.iter().map(is_off).collect();
-    language.write_list(text, "bool", "switches_off", &off, "0U");
+    notation.write_list(text, "bool", "switches_off", &off, "0U");
     let deviation = tuning.line_slope_deviation;
-    let samples = |time_s: f64, least: u64| language.unsigned(diagnoser.samples(time_s).max(least));
-    let number = |number| language.number(number);
+    let samples = |time_s: f64, least: u64| notation.unsigned(diagnoser.samples(time_s).max(least));
+    let number = |number| notation.number(number);
     let fields = [
         ("period_s", number(period_s)),
         ("least_on", tuning.least_on.to_string()),
@@ -182,10 +183,10 @@ fn constants(text: &mut String, language: Language, diagnoser: &Diagnoser) {
         ("largest_boundary_error", number(tuning.largest_boundary_error)),
     ];
     text.push('\n');
-    language.write_public(text, "Constants", "tuning", &language.record("Constants", &fields));
+    notation.write_public(text, "Constants", "tuning", &notation.record("Constants", &fields));
 }
 
-fn names(text: &mut String, language: Language, diagnoser: &Diagnoser) {
+fn names(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let names = diagnoser.names();
     let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.clone()).collect();
     let inputs = diagnoser.environment.inputs.iter().map(|input| input.name.clone()).collect();
@@ -199,7 +200,7 @@ fn names(text: &mut String, language: Language, diagnoser: &Diagnoser) {
     for (what, list) in lists {
         let quoted: Vec<String> =
             list.iter().map(|name| format!("\"{}\"", escaped(name))).collect();
-        language.write_list(text, "&str", &format!("{what}_names"), &quoted, "\"\"");
+        notation.write_list(text, "&str", &format!("{what}_names"), &quoted, "\"\"");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::ExportError;
 use crate::language::Language;
+use crate::notation::Notation;
 use crate::twin::Twin;
 use servotwin_model::c_source::{described, write_rust_twin, write_twin};
 use servotwin_model::program::Program;
@@ -10,8 +11,8 @@ use servotwin_model::solver::{Between, Control};
 use servotwin_model::spec::Start;
 
 /// The head of the sizes, and of the tables.
-fn heads(language: Language) -> [&'static str; 2] {
-    match language {
+fn heads(notation: Notation) -> [&'static str; 2] {
+    match notation.language {
         Language::C => [
             "/* Written by servotwin; do not edit. */\n",
             "/* Written by servotwin; do not edit. */\n#include \"servotwin_twin.h\"\n",
@@ -25,17 +26,17 @@ fn heads(language: Language) -> [&'static str; 2] {
 }
 
 /// The texts of three files: sizes, tables and equations.
-pub(crate) fn texts(twin: &Twin, language: Language) -> Result<[String; 3], ExportError> {
+pub(crate) fn texts(twin: &Twin, notation: Notation) -> Result<[String; 3], ExportError> {
     let method = twin.settings.method;
-    let equations = match language {
+    let equations = match notation.language {
         Language::C => write_twin(twin.program, method),
         Language::Rust => write_rust_twin(twin.program, method),
     };
     let explicit = ExportError::Unsupported("an explicit method has no counterpart in an export");
     let (tableau, equations) = method.tableau().zip(equations).ok_or(explicit)?;
-    let [head_of_sizes, head] = heads(language);
-    let sizes = language.sizes(head_of_sizes, "SERVOTWIN_TWIN", &sizes(twin.program, tableau));
-    let mut tables = Tables { text: head.into(), language };
+    let [head_of_sizes, head] = heads(notation);
+    let sizes = notation.sizes(head_of_sizes, "SERVOTWIN_TWIN", &sizes(twin.program, tableau));
+    let mut tables = Tables { text: head.into(), notation };
     tables.write(twin, tableau);
     Ok([sizes, tables.text, equations])
 }
@@ -74,48 +75,49 @@ fn sizes(program: &Program, tableau: &Tableau) -> [(&'static str, usize); 13] {
 /// The text of the tables.
 struct Tables {
     text: String,
-    language: Language,
+    notation: Notation,
 }
 
 impl Tables {
     fn write(&mut self, twin: &Twin, tableau: &Tableau) {
-        let language = self.language;
-        let control = control(twin, tableau, language);
+        let notation = self.notation;
+        let control = control(twin, tableau, notation);
         self.text.push('\n');
         let name = self.name("control");
-        language.write_public(&mut self.text, "StepControl", &name, &control);
+        notation.write_public(&mut self.text, "StepControl", &name, &control);
         self.states(twin.program);
         self.inputs(twin);
         // C has no empty arrays.
-        let clocks = if language == Language::C { "MOST_CLOCKS" } else { "CLOCKS" };
+        let clocks = if notation.language == Language::C { "MOST_CLOCKS" } else { "CLOCKS" };
         let periods = twin.program.clock_periods_s().map(|period_s| self.plain(period_s));
         let periods = periods.collect();
         self.entries("f64", "clock_periods_s", clocks, periods);
         let parameters = parameters(twin.program);
-        let parameters = parameters.map(|(name, value)| (language.number(value), name)).collect();
+        let parameters = parameters.map(|(name, value)| (notation.number(value), name)).collect();
         self.entries("f64", "parameters", "PARAMETERS", parameters);
         self.sensors(twin);
     }
 
     /// A number without a comment.
     fn plain(&self, value: f64) -> (String, String) {
-        (self.language.number(value), String::new())
+        (self.notation.number(value), String::new())
     }
 
     /// Adds an array, one line for each entry, with its comment if it has one. Its length is a size of the twin.
     fn entries(&mut self, kind: &str, name: &str, length: &str, entries: Vec<(String, String)>) {
-        let prefix = if self.language == Language::C { "SERVOTWIN_TWIN_" } else { "twin_sizes::" };
+        let prefix =
+            if self.notation.language == Language::C { "SERVOTWIN_TWIN_" } else { "twin_sizes::" };
         self.array(kind, name, &format!("{prefix}{length}"), entries);
     }
 
     fn array(&mut self, kind: &str, name: &str, length: &str, entries: Vec<(String, String)>) {
         let name = self.name(name);
-        self.language.write_commented_list(&mut self.text, kind, (&name, length), &entries);
+        self.notation.write_commented_list(&mut self.text, kind, (&name, length), &entries);
     }
 
     /// The name of a constant: in Rust these tables are a module of their own.
     fn name(&self, name: &str) -> String {
-        let prefix = if self.language == Language::C { "twin_" } else { "" };
+        let prefix = if self.notation.language == Language::C { "twin_" } else { "" };
         format!("{prefix}{name}")
     }
 
@@ -123,7 +125,7 @@ impl Tables {
     fn sensors(&mut self, twin: &Twin) {
         let sensors = twin.sensors.iter().map(|slot| (slot.to_string(), String::new())).collect();
         let mut count = twin.sensors.len();
-        if self.language == Language::C {
+        if self.notation.language == Language::C {
             self.text += "\nextern const int32_t servotwin_twin_sensors[];\n";
             count = count.max(1);
         }
@@ -131,7 +133,7 @@ impl Tables {
     }
 
     fn states(&mut self, program: &Program) {
-        let (states, language) = (program.states(), self.language);
+        let (states, notation) = (program.states(), self.notation);
         let components = &program.network().components;
         let first_parameter = |component: usize| -> usize {
             components[..component].iter().map(|instance| instance.parameters.len()).sum()
@@ -146,8 +148,8 @@ impl Tables {
                 }
             };
             let fields =
-                [("parameter", language.place(parameter)), ("value", language.number(value))];
-            (language.record("Guess", &fields), described(&state.name, state.unit.symbol()))
+                [("parameter", notation.place(parameter)), ("value", notation.number(value))];
+            (notation.record("Guess", &fields), described(&state.name, state.unit.symbol()))
         });
         self.entries("Guess", "guesses", "STATES", guesses.collect());
         let reciprocal = |number: f64| self.plain(1.0 / number);
@@ -161,11 +163,11 @@ impl Tables {
     }
 
     fn inputs(&mut self, twin: &Twin) {
-        let (inputs, language) = (&twin.program.network().inputs, self.language);
+        let (inputs, notation) = (&twin.program.network().inputs, self.notation);
         let defaults = inputs.iter().map(|input| {
             let fields =
-                [("value", language.number(input.default)), ("slope_per_s", language.number(0.0))];
-            (language.record("Knot", &fields), described(&input.id, input.unit.symbol()))
+                [("value", notation.number(input.default)), ("slope_per_s", notation.number(0.0))];
+            (notation.record("Knot", &fields), described(&input.id, input.unit.symbol()))
         });
         self.entries("Knot", "defaults", "INPUTS", defaults.collect());
         let course = |between: &Between| match between {
@@ -174,7 +176,7 @@ impl Tables {
             Between::Cubic => "Cubic",
         };
         let courses =
-            twin.between.iter().map(|between| language.variant("Between", course(between)));
+            twin.between.iter().map(|between| notation.variant("Between", course(between)));
         let courses = courses.map(|course| (course, String::new())).collect();
         self.entries("Between", "between", "INPUTS", courses);
         let slopes = (0..inputs.len()).map(|input| twin.program.jacobian().slope(input));
@@ -184,7 +186,7 @@ impl Tables {
 }
 
 /// The entry of the control of the steps.
-fn control(twin: &Twin, tableau: &Tableau, language: Language) -> String {
+fn control(twin: &Twin, tableau: &Tableau, notation: Notation) -> String {
     let (is_fixed, step_s, tolerance, max_step_s, limit) = match twin.settings.control {
         Control::Fixed { step_s } => (true, step_s, 1.0, 1.0, f64::MAX),
         Control::Adaptive { tolerance, max_step_s, attempt_rate_limit_per_s } => {
@@ -192,19 +194,19 @@ fn control(twin: &Twin, tableau: &Tableau, language: Language) -> String {
         }
     };
     let growth_exponent = -1.0 / f64::from(tableau.order);
-    language.record(
+    notation.record(
         "StepControl",
         &[
-            ("period_s", language.number(twin.period_s)),
+            ("period_s", notation.number(twin.period_s)),
             ("is_fixed", is_fixed.to_string()),
-            ("fixed_step_s", language.number(step_s)),
-            ("tolerance", language.number(tolerance)),
-            ("max_step_s", language.number(max_step_s)),
-            ("attempt_rate_limit_per_s", language.number(limit)),
-            ("reciprocal_gamma", language.number(1.0 / tableau.gamma)),
-            ("growth_exponent", language.number(growth_exponent)),
-            ("alpha", language.numbers(tableau.alpha)),
-            ("gamma_sum", language.numbers(tableau.gamma_sum)),
+            ("fixed_step_s", notation.number(step_s)),
+            ("tolerance", notation.number(tolerance)),
+            ("max_step_s", notation.number(max_step_s)),
+            ("attempt_rate_limit_per_s", notation.number(limit)),
+            ("reciprocal_gamma", notation.number(1.0 / tableau.gamma)),
+            ("growth_exponent", notation.number(growth_exponent)),
+            ("alpha", notation.numbers(tableau.alpha)),
+            ("gamma_sum", notation.numbers(tableau.gamma_sum)),
         ],
     )
 }

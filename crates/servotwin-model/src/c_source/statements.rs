@@ -19,6 +19,11 @@ pub fn write_statements(graph: &Graph, stored: &Stored) -> String {
     write(Statements, graph, stored)
 }
 
+/// The same in single precision: constants become the nearest singles, and the functions of C those for `float`.
+pub fn write_single_statements(graph: &Graph, stored: &Stored) -> String {
+    write(SingleStatements, graph, stored)
+}
+
 /// The same in Rust, with `libm` for square roots.
 pub fn write_rust_statements(graph: &Graph, stored: &Stored) -> String {
     write(RustStatements, graph, stored)
@@ -58,6 +63,24 @@ pub fn hexadecimal(number: f64) -> String {
         (0, 0) => format!("{sign}0x0p+0"),
         (0, _) => format!("{sign}0x0.{fraction:013x}p-1022"),
         _ => format!("{sign}0x1.{fraction:013x}p{:+}", exponent - 1023),
+    }
+}
+
+/// The single nearest to a finite number as a hexadecimal literal of type `float`, which C reads back to the same bits. A
+/// number beyond all singles becomes the largest.
+///
+/// # Panics
+/// If the number is not finite.
+pub fn hexadecimal_single(number: f64) -> String {
+    assert!(number.is_finite(), "{number} has no literal");
+    let single = (number as f32).clamp(f32::MIN, f32::MAX);
+    let literal = hexadecimal(f64::from(single));
+    // Of the 13 digits of a double's fraction, a single needs the first six.
+    match literal.split_once('p') {
+        Some((digits, exponent)) if digits.contains('.') => {
+            format!("{}p{exponent}F", &digits[..digits.len() - 7])
+        }
+        _ => literal + "F",
     }
 }
 
@@ -112,6 +135,49 @@ impl Dialect for Statements {
 
     fn held_entry(&self, node: usize) -> String {
         unreachable!("expression {node} has a statement")
+    }
+}
+
+/// Plain C99 for one number of type `float`.
+struct SingleStatements;
+
+impl Dialect for SingleStatements {
+    const NUMBER: &'static str = "const float";
+    const TRUTH: &'static str = Statements::TRUTH;
+
+    fn literal(&self, value: f64) -> String {
+        match value.is_sign_negative() {
+            true => format!("({})", hexadecimal_single(value)),
+            false => hexadecimal_single(value),
+        }
+    }
+
+    fn unary(&mut self, operation: Unary, a: &str) -> String {
+        match operation {
+            Unary::SquareRoot => format!("sqrtf({a})"),
+            Unary::Absolute => format!("fabsf({a})"),
+            _ => Statements.unary(operation, a),
+        }
+    }
+
+    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
+        Statements.call(operation, a, b)
+    }
+
+    fn less(&self, a: &str, b: &str) -> String {
+        Statements.less(a, b)
+    }
+
+    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
+        Statements.select(truth, yes, no)
+    }
+
+    fn has_statement(&self, node: usize, expression: Expression) -> bool {
+        Statements.has_statement(node, expression)
+    }
+
+    fn held_entry(&self, node: usize) -> String {
+        Statements.held_entry(node)
     }
 }
 
@@ -180,6 +246,19 @@ mod tests {
     }
 
     #[test]
+    fn a_literal_of_a_single_has_the_bits_of_the_nearest_one() {
+        for (number, literal) in [
+            (1.0, "0x1.000000p+0F"),
+            (-0.1, "-0x1.99999ap-4F"),
+            (0.0, "0x0p+0F"),
+            (f64::from(f32::from_bits(1)), "0x1.000000p-149F"),
+            (1e300, "0x1.fffffep+127F"),
+        ] {
+            assert_eq!(hexadecimal_single(number), literal);
+        }
+    }
+
+    #[test]
     fn a_statement_has_one_operation() {
         let graph = Graph::new();
         let (x, y) = (graph.variable("a", 0), graph.variable("a", 1));
@@ -193,6 +272,9 @@ mod tests {
     into[3] = v6;
 ";
         assert_eq!(c, expected);
+        let single = write_single_statements(&graph, &[((x - y).sqrt() * larger, "into", 3)]);
+        assert!(single.contains("const float v4 = (-0x1.000000p+1F) + v3;"), "{single}");
+        assert!(single.contains(" = sqrtf(v4);") && !single.contains("double"), "{single}");
         let rust = write_rust_statements(&graph, &[(larger, "into", 3)]);
         let expected = "    let v2 = a[0] < a[1];
     let v3 = a[0] * a[1];

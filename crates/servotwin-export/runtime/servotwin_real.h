@@ -1,0 +1,40 @@
+/*
+ * The numbers of this diagnosis: double precision. servotwin_real.h of an export in single precision has the same names,
+ * and every other hand-written file but servotwin_math.c has the same text in both.
+ */
+#ifndef SERVOTWIN_REAL_H
+#define SERVOTWIN_REAL_H
+
+#include <float.h>
+#include <stdint.h>
+
+#if FLT_EVAL_METHOD != 0
+#error "compile with arithmetic in double alone (x86: -msse2 -mfpmath=sse)"
+#endif
+#if DBL_MANT_DIG != 53
+#error "double must be IEEE 754 binary64"
+#endif
+
+typedef double servotwin_real;
+
+/* As many bits as a number has, and those of the usual NaN, which no plausible input has. */
+typedef uint64_t servotwin_bits;
+#define SERVOTWIN_BITS_OF_MISSING 0x7ff8000000000000U
+
+/* The largest number. */
+#define SERVOTWIN_REAL_MAX DBL_MAX
+
+/* The size of a number: a function of math.h. */
+#define SERVOTWIN_ABS fabs
+
+/* A random number of 64 bits as one from 0 to below 1: the bits that are dropped, and the step of the rest. */
+#define SERVOTWIN_DROPPED_BITS 11U
+#define SERVOTWIN_STEP 0x1p-53
+
+/* Upper limit of probabilities whose logarithm of odds is taken. */
+#define SERVOTWIN_MOST_PROBABILITY (1.0 - 1e-12)
+
+/* The least share of a sum of squares that a difference of two such sums can show. */
+#define SERVOTWIN_LEAST_LEFT 1e-12
+
+#endif
