@@ -1,7 +1,7 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
 use crate::c;
-use crate::certificate::{Certificate, Description, TwinDescription, VECTOR};
+use crate::certificate::{Certificate, DECISIONS, Description, MCDC, TwinDescription, VECTOR};
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::rust;
@@ -85,7 +85,7 @@ impl ExportFolder {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
         // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE, VECTOR] {
+        for name in [CERTIFICATE, PAGE, VECTOR, MCDC, DECISIONS] {
             let _ = std::fs::remove_file(self.file(name));
         }
         for SourceFile { name, text } in files {
@@ -153,7 +153,7 @@ impl ExportFolder {
         }
     }
 
-    /// Writes a certificate as data and as a page, and its sequence of samples; returns their paths.
+    /// Writes a certificate as data and as a page, and its sequences of samples; returns their paths.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -161,13 +161,19 @@ impl ExportFolder {
         &self,
         certificate: &Certificate,
         diagnoser: &Diagnoser,
-    ) -> Result<[PathBuf; 3], ExportError> {
+    ) -> Result<Vec<PathBuf>, ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        let vector = certificate.worst_path.csv(diagnoser);
-        for (name, text) in [(PAGE, certificate.page()), (VECTOR, vector)] {
-            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+        let mut texts =
+            vec![(PAGE, certificate.page()), (VECTOR, certificate.worst_path.csv(diagnoser))];
+        if let Some(vectors) = &certificate.vectors {
+            texts.extend([(MCDC, vectors.csv(diagnoser)), (DECISIONS, vectors.decisions_csv())]);
         }
-        Ok([CERTIFICATE, PAGE, VECTOR].map(|name| self.file(name)))
+        let mut paths = vec![self.file(CERTIFICATE)];
+        for (name, text) in texts {
+            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+            paths.push(self.file(name));
+        }
+        Ok(paths)
     }
 
     fn file(&self, name: &str) -> PathBuf {

@@ -18,6 +18,7 @@ mod features;
 pub mod fmu;
 pub mod folder;
 mod language;
+mod mcdc;
 pub mod prove;
 pub mod rust;
 mod source_file;

@@ -9,7 +9,9 @@ mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
-use servotwin_export::prove::{Build, Evidence, Mistakes, Mutant, Plan, WorstPath, mutants, prove};
+use servotwin_export::prove::{
+    Build, Evidence, Mistakes, Mutant, Plan, Vectors, WorstPath, mutants, prove,
+};
 use servotwin_export::rust;
 use servotwin_export::{SourceFile, Twin};
 use servotwin_model::program::Program;
@@ -238,4 +240,23 @@ fn a_proof_finds_every_mistake_of_a_hundred() {
 #[test]
 fn and_of_another_hundred() {
     assert_finds_mistakes(2);
+}
+
+#[test]
+fn a_small_set_of_samples_shows_mcdc_of_the_hand_written_code() {
+    let diagnoser = demanding();
+    let files = &c::files(&diagnoser).unwrap();
+    let build = Build { compiler: "gcc".into(), level: "-O2" };
+    let plan = Plan::new(&diagnoser, files);
+    let trials = std::env::var("TRIALS").map_or(60, |t| t.parse().unwrap());
+    let vectors = &Vectors::find(&plan, &build, trials, &mut |_| ()).unwrap();
+    println!("{:#?}", vectors.open);
+    println!("{:#?}", vectors.files);
+    println!("{} {} {} {}", vectors.sequences, vectors.samples, vectors.shown, vectors.conditions);
+    if let Ok(folder) = std::env::var("OUT") {
+        let folder = std::path::Path::new(&folder);
+        std::fs::write(folder.join("mcdc.csv"), vectors.csv(&diagnoser)).unwrap();
+        std::fs::write(folder.join("mcdc_decisions.csv"), vectors.decisions_csv()).unwrap();
+    }
+    assert!(vectors.holds(), "{:?}", vectors.differences);
 }

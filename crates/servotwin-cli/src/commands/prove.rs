@@ -10,13 +10,16 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Mistakes, Plan, Work, WorstPath, mutants, prove};
+use servotwin_export::prove::{Build, Mistakes, Plan, Vectors, Work, WorstPath, mutants, prove};
 use servotwin_export::{ExportError, Language, SourceFile};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// The number of sequences of samples that are tried for the most work.
 const TRIALS: u64 = 300;
+
+/// The number of sequences of samples that are searched for MC/DC.
+const VECTOR_TRIALS: u64 = 400;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
@@ -46,6 +49,10 @@ pub struct Options {
     /// Also make this many mistakes in the text of an export as C, one at a time, and prove that each is found.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     mutants: usize,
+    /// Also find samples that show modified condition/decision coverage (MC/DC) of the hand-written code of an export as C:
+    /// mcdc.csv has commands, samples and outcomes, and mcdc_decisions.csv names the samples for each condition.
+    #[arg(long)]
+    vectors: bool,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -85,7 +92,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let stages = Stages::new(global);
     stages.show("looking for the most work", 0.0);
     let worst_path = WorstPath::find(&diagnoser, TRIALS)?;
-    let plan = Plan {
+    let mut plan = Plan {
         twin: twin.as_ref(),
         study: study.as_ref().map(|(study, _)| study),
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
@@ -93,19 +100,27 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         worst_path: Some(&worst_path),
         ..Plan::new(&diagnoser, &files)
     };
+    let vectors = options.vectors.then(|| {
+        Vectors::find(&plan, first, VECTOR_TRIALS, &mut |done| {
+            stages.show("looking for MC/DC", done as f64 / VECTOR_TRIALS as f64);
+        })
+    });
+    let vectors = vectors.transpose()?;
+    plan.vectors = vectors.as_ref();
     let evidence = prove(&plan, &builds, &mut |what, share| stages.show(what, share))?;
     let mutants = mutants(&plan, first, mistakes, &mut |done| {
         stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
     })?;
     stages.end();
     let hashes = SourceFile::hashes(&files);
-    let certificate = Certificate::new(description, hashes, evidence, mutants, worst_path);
+    let certificate = Certificate::new(description, hashes, evidence, mutants, worst_path, vectors);
     let written = folder.write_certificate(&certificate, &diagnoser)?;
     let output = match global {
         Global { json: true, .. } => json(&json!(certificate)),
         Global { quiet: true, .. } => String::new(),
         _ => {
-            let paths = written.map(|path| format!("{}\n", path.display())).concat();
+            let paths = written.iter().map(|path| format!("{}\n", path.display()));
+            let paths = paths.collect::<String>();
             format!("{}{paths}", text_of(&certificate))
         }
     };
@@ -139,6 +154,7 @@ fn text_of(certificate: &Certificate) -> String {
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
     text += &worst_path_text(&certificate.worst_path);
+    text += &certificate.vectors.as_ref().map(vectors_text).unwrap_or_default();
     for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         text += &format!("  {verdict}  {}\n", build.command);
@@ -154,6 +170,16 @@ fn text_of(certificate: &Certificate) -> String {
         text += &format!("{found} of {} mistakes found\n", certificate.mutants);
     }
     text
+}
+
+fn vectors_text(vectors: &Vectors) -> String {
+    let Vectors { decisions, conditions, shown, sequences, samples, open, .. } = vectors;
+    let known = open.iter().filter(|condition| condition.reason.is_some()).count();
+    format!(
+        "MC/DC: {shown} of {conditions} conditions in {decisions} decisions are shown by {samples} samples in {sequences} \
+         sequences; {known} cannot be shown, {} were not found\n",
+        open.len() - known
+    )
 }
 
 fn worst_path_text(worst_path: &WorstPath) -> String {

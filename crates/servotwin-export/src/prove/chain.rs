@@ -126,7 +126,7 @@ impl Commands {
 }
 
 /// Passes a command to a session.
-fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), ExportError> {
+pub(super) fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), ExportError> {
     match command {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,
@@ -137,7 +137,7 @@ fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), E
 }
 
 /// Pushes a sample and writes everything that the session says.
-fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
+pub(super) fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
     let outcome = *session.push(&sample.inputs, &sample.measured, &sample.twin);
     said.integers.clear();
     said.integers.extend(integers(&outcome));
@@ -173,7 +173,7 @@ fn place(index: Option<u32>) -> i64 {
 }
 
 /// The integers of an outcome, in the order of `write_outcome` in the C text.
-fn integers(outcome: &Outcome) -> [i64; 18] {
+pub(super) fn integers(outcome: &Outcome) -> [i64; 18] {
     let none = -1;
     let kind = number_of_finding(&outcome.finding);
     let (actuator, action, detail, input, why) = match outcome.finding {

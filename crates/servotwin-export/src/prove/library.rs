@@ -145,6 +145,15 @@ impl Place {
     }
 }
 
+/// The entry points of a C export.
+pub(super) fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
+    let mut entries = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
+    if files.iter().any(|file| file.name == "servotwin_twin.c") {
+        entries.extend(PROVE_TWIN.map(|(name, text)| SourceFile { name, text: text.into() }));
+    }
+    entries
+}
+
 /// The object files of an export.
 pub(super) struct Objects<'b> {
     workplace: Workplace,
@@ -155,12 +164,16 @@ pub(super) struct Objects<'b> {
 impl<'b> Objects<'b> {
     /// Compiles all files into a temporary folder.
     pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
-        let has = |name: &str| files.iter().any(|file| file.name == name);
-        let mut proving = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
-        if has("servotwin_twin.c") {
-            proving.extend(PROVE_TWIN.map(|(name, text)| SourceFile { name, text: text.into() }));
-        }
-        let sources = files.iter().chain(&proving);
+        Self::with_entries(files, entries(files), build)
+    }
+
+    /// The same with other entry points.
+    pub fn with_entries(
+        files: &[SourceFile],
+        entries: Vec<SourceFile>,
+        build: &'b Build,
+    ) -> Result<Self, ExportError> {
+        let sources = files.iter().chain(&entries);
         let names = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
         let objects = Objects { workplace: Workplace::new(sources)?, build, names };
         objects.names.iter().try_for_each(|name| objects.compile(name))?;
@@ -231,6 +244,12 @@ impl Compiled {
         let library =
             unsafe { Library::new(workplace.path(&format!("target/{folder}/libprove.so"))) }?;
         Ok(Compiled { library })
+    }
+
+    /// A function of the library, whose type the caller knows.
+    pub fn symbol<T>(&self, name: &[u8]) -> Result<Symbol<'_, T>, ExportError> {
+        // SAFETY: the caller names a function of the C text with its type.
+        Ok(unsafe { self.library.get(name) }?)
     }
 
     /// Memory for a struct of the C text, in whole words, so that any member is aligned.

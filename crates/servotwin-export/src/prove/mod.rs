@@ -9,10 +9,12 @@ mod points;
 mod rows;
 mod samples;
 mod twin;
+mod vectors;
 mod worst_path;
 
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
+pub use vectors::{FileCoverage, OpenCondition, Vectors};
 pub use worst_path::{Work, WorstPath};
 
 use crate::error::ExportError;
@@ -84,6 +86,8 @@ pub struct Evidence {
     pub hybrid_samples: u64,
     /// Samples of the sequence that takes the most work.
     pub worst_path_samples: u64,
+    /// Samples of the vectors for MC/DC.
+    pub vector_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The number of differences after which nothing more is compared.
@@ -150,13 +154,15 @@ pub struct Plan<'p> {
     pub variants: u64,
     /// The sequence of samples that takes the most work.
     pub worst_path: Option<&'p WorstPath>,
+    /// Sequences of samples that show MC/DC.
+    pub vectors: Option<&'p Vectors>,
 }
 
 impl<'p> Plan<'p> {
     /// The comparison of trees alone: no twin, and no samples.
     pub fn new(diagnoser: &'p Arc<Diagnoser>, files: &'p [SourceFile]) -> Self {
-        let (twin, study, worst_path) = (None, None, None);
-        Plan { diagnoser, twin, study, files, samples: 0, variants: 0, worst_path }
+        let (twin, study, worst_path, vectors) = (None, None, None, None);
+        Plan { diagnoser, twin, study, files, samples: 0, variants: 0, worst_path, vectors }
     }
 }
 
@@ -196,6 +202,9 @@ pub fn prove(
     }
     if let Some(worst_path) = plan.worst_path {
         worst_path.compare(plan.diagnoser, &compiled, &mut all)?;
+    }
+    if let Some(vectors) = plan.vectors {
+        vectors.compare(plan, &compiled, &mut all)?;
     }
     let tell =
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);
