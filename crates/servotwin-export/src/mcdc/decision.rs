@@ -132,6 +132,7 @@ impl Kind {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Decision {
     pub file: &'static str,
+    pub function: String,
     /// Number of the line, from 1.
     pub line: usize,
     /// Its first byte in the line, from 1.

@@ -101,7 +101,8 @@ pub(crate) fn decisions(
 ) -> Result<Found, ExportError> {
     let tokens = tokens(file, text)?;
     let found = Found { decisions: Vec::new(), inserts: Vec::new() };
-    let mut reader = Reader { file, text, tokens, at: 0, types, first, found };
+    let function = String::new();
+    let mut reader = Reader { file, text, tokens, at: 0, types, first, function, found };
     reader.read_file()?;
     Ok(reader.found)
 }
@@ -113,6 +114,8 @@ struct Reader<'t> {
     at: usize,
     types: &'t BTreeSet<String>,
     first: usize,
+    /// The function that is read, or the last name before brackets.
+    function: String,
     found: Found,
 }
 
@@ -182,7 +185,11 @@ impl Reader<'_> {
             let before = self.at.checked_sub(1).map_or("", |place| self.tokens[place].text);
             match self.peek() {
                 "{" if before == ")" => self.read_block()?,
-                "{" | "(" | "[" => self.skip_brackets()?,
+                "(" => {
+                    self.function = before.into();
+                    self.skip_brackets()?;
+                }
+                "{" | "[" => self.skip_brackets()?,
                 _ => self.at += 1,
             }
         }
@@ -491,6 +498,7 @@ impl Reader<'_> {
     fn open(&mut self, node: &Node, kind: Kind) -> Result<usize, ExportError> {
         self.found.decisions.push(Decision {
             file: self.file,
+            function: self.function.clone(),
             line: line_of(self.text, node.start),
             column: 1 + node.start - self.text[..node.start].rfind('\n').map_or(0, |end| end + 1),
             kind,

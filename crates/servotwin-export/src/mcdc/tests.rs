@@ -69,7 +69,6 @@ fn conditions_are_shown_by_the_evaluations_of_the_textbooks() {
 
 #[test]
 fn a_condition_that_repeats_another_is_never_independent() {
-    // (a && b) || (a && c): the second a is evaluated after a && b was false; with a = 0 it decides as little as c.
     let twice = &decisions_of("return (a && b) || (a && c);")[0];
     let all = ["00", "01", "10", "11"]
         .map(|bc| ["0", "1"].map(|a| format!("{a}{}{a}{}", &bc[..1], &bc[1..])));

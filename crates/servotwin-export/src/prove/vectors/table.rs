@@ -134,11 +134,12 @@ fn place((sequence, sample): Spot) -> String {
 /// The conditions as CSV.
 pub(super) fn conditions(decisions: &[Decision], rows: &[Row]) -> String {
     let mut text = String::from(
-        "file,line,column,kind,decision,condition,times true,times false,shown by,\
+        "file,function,line,column,kind,decision,condition,times true,times false,shown by,\
          true: sequence,true: sample,false: sequence,false: sample,never decided as,reason\n",
     );
     for row in rows {
-        let Decision { file, line, column, kind, text: whole, conditions, .. } = &decisions[row.decision];
+        let Decision { file, function, line, column, kind, text: whole, conditions, .. } =
+            &decisions[row.decision];
         let how = match row.shown {
             Shown::Pair(_) if row.is_unique_cause => "unique cause",
             Shown::Pair(_) => "masking",
@@ -153,7 +154,7 @@ pub(super) fn conditions(decisions: &[Decision], rows: &[Row]) -> String {
         let (places, reason) = (places.join(","), quoted(row.reason.unwrap_or_default()));
         let kind = kind.name();
         text += &format!(
-            "{file},{line},{column},{kind},{decision},{condition},{times_true},{times_false},{how},{places},{never},{reason}\n"
+            "{file},{function},{line},{column},{kind},{decision},{condition},{times_true},{times_false},{how},{places},{never},{reason}\n"
         );
     }
     text
