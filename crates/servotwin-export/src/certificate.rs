@@ -195,7 +195,8 @@ impl Certificate {
 impl Certificate {
     fn write_vectors(&self, page: &mut String) {
         let Some(vectors) = &self.vectors else { return };
-        let Vectors { decisions, conditions, shown, unique_cause, sequences, samples, .. } = vectors;
+        let Vectors { decisions, conditions, shown, unique_cause, sequences, samples, .. } =
+            vectors;
         let _ = writeln!(
             page,
             "<h2>MC/DC</h2>\n<p>The {samples} samples of {sequences} sequences in {MCDC} show the independent effect of \

@@ -248,15 +248,41 @@ fn a_small_set_of_samples_shows_mcdc_of_the_hand_written_code() {
     let files = &c::files(&diagnoser).unwrap();
     let build = Build { compiler: "gcc".into(), level: "-O2" };
     let plan = Plan::new(&diagnoser, files);
-    let trials = std::env::var("TRIALS").map_or(60, |t| t.parse().unwrap());
-    let vectors = &Vectors::find(&plan, &build, trials, &mut |_| ()).unwrap();
-    println!("{:#?}", vectors.open);
-    println!("{:#?}", vectors.files);
-    println!("{} {} {} {}", vectors.sequences, vectors.samples, vectors.shown, vectors.conditions);
-    if let Ok(folder) = std::env::var("OUT") {
-        let folder = std::path::Path::new(&folder);
-        std::fs::write(folder.join("mcdc.csv"), vectors.csv(&diagnoser)).unwrap();
-        std::fs::write(folder.join("mcdc_decisions.csv"), vectors.decisions_csv()).unwrap();
-    }
+    let vectors = &Vectors::find(&plan, &build, 40, &mut |_| ()).unwrap();
     assert!(vectors.holds(), "{:?}", vectors.differences);
+    let Vectors { conditions, shown, samples, open, .. } = vectors;
+    let open_without_reason = open.iter().filter(|condition| condition.reason.is_none()).count();
+    assert_eq!(shown + open.len(), *conditions);
+    assert!(shown * 10 >= conditions * 8 && open_without_reason * 10 <= *conditions, "{open:#?}");
+    assert_eq!(vectors.csv(&diagnoser).lines().count() as u64, 1 + samples);
+    assert_eq!(vectors.decisions_csv().lines().count(), 1 + conditions);
+    // All builds give the outcomes of the file, and another text does not.
+    let plan = Plan { vectors: Some(vectors), ..plan };
+    let evidence = &prove(&plan, slice::from_ref(&build), &mut |_, _| ()).unwrap()[0];
+    assert!(evidence.holds() && evidence.vector_samples == *samples, "{evidence:?}");
+    let mistake = ("servotwin_session.c", "return blind;", "return !blind;");
+    let plan = Plan { files: &with_mistake(files, mistake), ..plan };
+    let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
+    assert!(!evidence.holds(), "{evidence:?}");
+}
+
+#[test]
+fn vectors_refuse_an_export_as_rust() {
+    let diagnoser = demanding();
+    let files = &rust::files(&diagnoser).unwrap();
+    let found = Vectors::find(&Plan::new(&diagnoser, files), &unoptimized(), 1, &mut |_| ());
+    assert!(found.is_err());
+}
+
+#[test]
+fn a_proof_of_a_rust_export_finds_every_mistake_of_a_few() {
+    let diagnoser = demanding();
+    let files = &rust::files(&diagnoser).unwrap();
+    let count = std::env::var("MUTANTS").map_or(18, |count| count.parse().unwrap());
+    let mistakes = Mistakes { count, seed: 1, only: None };
+    let mut all =
+        mutants(&Plan::new(&diagnoser, files), &unoptimized(), mistakes, &mut |_| ()).unwrap();
+    assert_eq!(all.len(), count);
+    all.retain(|mutant| !mutant.is_found);
+    assert_eq!(all, []);
 }

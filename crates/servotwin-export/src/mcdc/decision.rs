@@ -161,8 +161,7 @@ impl Decision {
     pub fn find(&self, condition: usize, vectors: &[Vector]) -> Shown {
         let decided = |value| {
             let of_value = move |(_, vector): &(usize, &Vector)| {
-                vector.value(condition) == Some(value)
-                    && self.tree.is_decided_by(condition, vector)
+                vector.value(condition) == Some(value) && self.tree.is_decided_by(condition, vector)
             };
             vectors.iter().enumerate().filter(of_value).map(|(place, _)| place).collect()
         };
@@ -179,10 +178,7 @@ impl Decision {
             }
             (one, other) => {
                 let is_case = self.kind == Kind::Switch;
-                Shown::Missing {
-                    with_true: one.is_none(),
-                    with_false: other.is_none() && !is_case,
-                }
+                Shown::Missing { with_true: one.is_none(), with_false: other.is_none() && !is_case }
             }
         }
     }

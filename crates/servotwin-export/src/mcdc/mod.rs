@@ -63,7 +63,9 @@ pub(crate) fn instrument(
 
 /// Generated files have no types, and many megabytes.
 fn is_written_by_hand(name: &str) -> bool {
-    !name.ends_with("_tables.c") && !name.ends_with("_features.c") && !name.ends_with("_equations.c")
+    !name.ends_with("_tables.c")
+        && !name.ends_with("_features.c")
+        && !name.ends_with("_equations.c")
 }
 
 /// The text with everything that records.

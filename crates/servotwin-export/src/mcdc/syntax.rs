@@ -19,8 +19,7 @@ const TYPES: [&str; 16] = [
 const QUALIFIERS: [&str; 7] =
     ["const", "static", "volatile", "struct", "enum", "unsigned", "extern"];
 
-const ASSIGNMENTS: [&str; 11] =
-    ["=", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "<<=", ">>="];
+const ASSIGNMENTS: [&str; 11] = ["=", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "<<=", ">>="];
 
 /// Binary operators from the weakest to the strongest.
 const BINARY: [&[&str]; 10] = [
@@ -337,7 +336,10 @@ impl Reader<'_> {
         let all = labels.join(", ");
         let id = self.first + number;
         let count = labels.len();
-        self.insert(node.start, format!("mcdc_switch({id}, (const int64_t[]){{ {all} }}, {count}, ("));
+        self.insert(
+            node.start,
+            format!("mcdc_switch({id}, (const int64_t[]){{ {all} }}, {count}, ("),
+        );
         self.insert(node.end, "))".into());
         labels.push("default".into());
         self.found.decisions[number].conditions = labels;

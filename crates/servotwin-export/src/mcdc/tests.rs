@@ -23,9 +23,7 @@ fn evaluated(tree: &Tree, values: u32) -> Vector {
                 value == 1
             }
             Tree::Not(inner) => !take(inner, values, vector),
-            Tree::And(sides) => {
-                take(&sides[0], values, vector) && take(&sides[1], values, vector)
-            }
+            Tree::And(sides) => take(&sides[0], values, vector) && take(&sides[1], values, vector),
             Tree::Or(sides) => take(&sides[0], values, vector) || take(&sides[1], values, vector),
             Tree::Cases => false,
         }
@@ -119,7 +117,9 @@ fn what_is_not_understood_is_refused_with_its_place() {
         ("int f(int a)\n{\n    return a @ 1;\n}\n", 3),
     ] {
         match read(text).map(|read| read.decisions) {
-            Err(ExportError::NotUnderstood { line: found, .. }) => assert_eq!(found, line, "{text}"),
+            Err(ExportError::NotUnderstood { line: found, .. }) => {
+                assert_eq!(found, line, "{text}")
+            }
             other => panic!("{text}: {other:?}"),
         }
     }
@@ -127,7 +127,8 @@ fn what_is_not_understood_is_refused_with_its_place() {
 
 #[test]
 fn the_copy_has_the_text_and_what_records_it() {
-    let Instrumented { files, .. } = read("int f(int a)\n{\n    return (a > 0) ? a : -a;\n}\n").unwrap();
+    let Instrumented { files, .. } =
+        read("int f(int a)\n{\n    return (a > 0) ? a : -a;\n}\n").unwrap();
     let expected = "#include \"mcdc.h\"\nint f(int a)\n{\n    return (mcdc_begin(0), mcdc_end(0, \
                     ((mcdc_condition(0, 0, (a > 0)))))) ? a : -a;\n}\n";
     assert_eq!(files[0].text, expected);

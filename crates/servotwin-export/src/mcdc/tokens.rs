@@ -50,10 +50,7 @@ pub(crate) fn refused(file: &'static str, text: &str, start: usize) -> ExportErr
 ///
 /// # Errors
 /// [`ExportError::NotUnderstood`] for a comment or text without an end, and for a macro that could hold a decision.
-pub(crate) fn tokens<'t>(
-    file: &'static str,
-    text: &'t str,
-) -> Result<Vec<Token<'t>>, ExportError> {
+pub(crate) fn tokens<'t>(file: &'static str, text: &'t str) -> Result<Vec<Token<'t>>, ExportError> {
     let (mut all, mut at) = (Vec::new(), 0);
     while let Some(first) = text[at..].chars().next() {
         let rest = &text[at..];
@@ -96,8 +93,8 @@ fn length_of_token(rest: &str) -> Option<usize> {
     if first == '"' || first == '\'' {
         return length_of_quoted(rest, first);
     }
-    let is_number =
-        first.is_ascii_digit() || first == '.' && rest[1..].starts_with(|c: char| c.is_ascii_digit());
+    let is_number = first.is_ascii_digit()
+        || first == '.' && rest[1..].starts_with(|c: char| c.is_ascii_digit());
     if is_number {
         return Some(length_of_number(rest));
     }

@@ -126,7 +126,10 @@ impl Commands {
 }
 
 /// Passes a command to a session.
-pub(super) fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), ExportError> {
+pub(super) fn obey(
+    session: &mut Session,
+    (command, place): (usize, usize),
+) -> Result<(), ExportError> {
     match command {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,

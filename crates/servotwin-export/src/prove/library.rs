@@ -207,21 +207,14 @@ impl<'b> Objects<'b> {
     }
 }
 
-/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
-pub(super) struct Compiled {
-    library: Library,
+/// The crate of an export in Rust, below one with its entry points.
+pub(super) struct Crate<'b> {
+    workplace: Workplace,
+    build: &'b Build,
 }
 
-impl Compiled {
-    /// Compiles the files and loads them.
-    pub fn new(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
-        match build.is_rust() {
-            true => Compiled::new_rust(files, build),
-            false => Objects::new(files, build)?.load("export.so"),
-        }
-    }
-
-    fn new_rust(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
+impl<'b> Crate<'b> {
+    fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
         let mut root = PROVE_RUST.to_owned();
         let mut proving = vec![SourceFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() }];
         if files.iter().any(|file| file.name == "src/twin.rs") {
@@ -230,20 +223,86 @@ impl Compiled {
             proving.extend(twin);
         }
         proving.push(SourceFile { name: "src/lib.rs", text: root });
-        let workplace = Workplace::new(&proving)?;
-        for SourceFile { name, text } in files {
-            workplace.write(&format!("export/{name}"), text)?;
-        }
-        let arguments = build.rust_arguments();
+        let own = Crate { workplace: Workplace::new(&proving)?, build };
+        files.iter().try_for_each(|SourceFile { name, text }| own.write(name, text))?;
+        own.compile()?;
+        Ok(own)
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        self.workplace.write(&format!("export/{name}"), text)
+    }
+
+    fn compile(&self) -> Result<(), ExportError> {
+        let arguments = self.build.rust_arguments();
         let fixed =
             ["--quiet", "--target-dir", "target", "--config", "build.rustflags=['-Dwarnings']"];
         let all = arguments.iter().map(String::as_str).chain(fixed);
-        workplace.run(CARGO, &build.command(), all)?;
-        let folder = if build.level == "opt-level=0" { "debug" } else { "release" };
+        self.workplace.run(CARGO, &self.build.command(), all)
+    }
+
+    fn load(&self, library: &str) -> Result<Compiled, ExportError> {
+        let folder = if self.build.level == "opt-level=0" { "debug" } else { "release" };
+        let built = self.workplace.path(&format!("target/{folder}/libprove.so"));
+        let own = self.workplace.path(library);
+        std::fs::copy(&built, &own).map_err(|cause| ExportError::from_io(&built, cause))?;
         // SAFETY: as in `Objects::load`.
-        let library =
-            unsafe { Library::new(workplace.path(&format!("target/{folder}/libprove.so"))) }?;
-        Ok(Compiled { library })
+        Ok(Compiled { library: unsafe { Library::new(own) }? })
+    }
+}
+
+/// An export that is compiled again and again with other texts.
+pub(super) enum Workshop<'b> {
+    C(Objects<'b>),
+    Rust(Crate<'b>),
+}
+
+impl<'b> Workshop<'b> {
+    /// Compiles all files into a temporary folder.
+    pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
+        Ok(match build.is_rust() {
+            true => Workshop::Rust(Crate::new(files, build)?),
+            false => Workshop::C(Objects::new(files, build)?),
+        })
+    }
+
+    /// Compiles another text for one of the files.
+    pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        match self {
+            Workshop::C(objects) => objects.replace(name, text),
+            Workshop::Rust(own) => {
+                own.write(name, text)?;
+                own.compile()
+            }
+        }
+    }
+
+    /// Puts the text of a file back, to be compiled with the next one.
+    pub fn restore(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        match self {
+            Workshop::C(objects) => objects.replace(name, text),
+            Workshop::Rust(own) => own.write(name, text),
+        }
+    }
+
+    /// Loads the library, which needs a name of its own.
+    pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
+        match self {
+            Workshop::C(objects) => objects.load(library),
+            Workshop::Rust(own) => own.load(library),
+        }
+    }
+}
+
+/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
+pub(super) struct Compiled {
+    library: Library,
+}
+
+impl Compiled {
+    /// Compiles the files and loads them.
+    pub fn new(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
+        Workshop::new(files, build)?.load("export.so")
     }
 
     /// A function of the library, whose type the caller knows.

@@ -238,9 +238,7 @@ impl Sequence {
     ) -> Result<(), ExportError> {
         match (self.entry, plan.subject()) {
             (Entry::Session, _) => self.run_session(plan.diagnoser, compiled, evidence, note),
-            (Entry::Hybrid, Some(subject)) => {
-                flight::run(self, &subject, compiled, evidence, note)
-            }
+            (Entry::Hybrid, Some(subject)) => flight::run(self, &subject, compiled, evidence, note),
             (Entry::Hybrid, None) => Ok(()),
         }
     }

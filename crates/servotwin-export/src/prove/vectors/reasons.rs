@@ -37,8 +37,7 @@ pub(super) fn of(
     condition: usize,
     diagnoser: &Diagnoser,
 ) -> Option<&'static str> {
-    let is_true =
-        |known: &&Known| known.concerns(decision, condition) && (known.holds)(diagnoser);
+    let is_true = |known: &&Known| known.concerns(decision, condition) && (known.holds)(diagnoser);
     KNOWN.iter().find(is_true).map(|known| known.why)
 }
 
@@ -128,7 +127,8 @@ fn stages_of_actions(diagnoser: &Diagnoser) -> impl Iterator<Item = &Stage> {
 
 /// Whether every stage below the actuator reads the view of the actuator.
 fn reads_own_views(diagnoser: &Diagnoser) -> bool {
-    asks_for_actuators(diagnoser) && stages_of_actions(diagnoser).all(|s| s.place.actuator.is_none())
+    asks_for_actuators(diagnoser)
+        && stages_of_actions(diagnoser).all(|s| s.place.actuator.is_none())
 }
 
 /// Whether every actuator has a view of its own.
@@ -141,7 +141,9 @@ fn has_all_views(diagnoser: &Diagnoser) -> bool {
 fn sends_missing_right(diagnoser: &Diagnoser) -> bool {
     let stages = hierarchies(diagnoser).flat_map(|hierarchy| &hierarchy.stages);
     let mut trees = stages.flat_map(|stage| crate::prove::models::trees(&stage.model));
-    trees.all(|tree| (0..tree.len()).all(|node| tree.split(node).is_none() || !tree.missing_left(node)))
+    trees.all(|tree| {
+        (0..tree.len()).all(|node| tree.split(node).is_none() || !tree.missing_left(node))
+    })
 }
 
 /// The largest distance of two scores that boosted trees with every class can reach.
@@ -218,7 +220,8 @@ const NO_DIFFERENCE: &str = "this diagnosis has no difference of inputs";
 const NO_BASELINE: &str = "this diagnosis has no windows beyond a baseline";
 const ONE_LENGTH: &str = "this diagnosis has one window length";
 const ONE_ACTUATOR: &str = "this diagnosis has one actuator";
-const TWO_ACTUATORS: &str = "two actuators have one pair of corresponding sensors, to which both belong";
+const TWO_ACTUATORS: &str =
+    "two actuators have one pair of corresponding sensors, to which both belong";
 const ALL_STAGES: &str = "this diagnosis has this stage for everything that is asked";
 const BANDS: &str = "all bands of this diagnosis are wider";
 
@@ -275,13 +278,6 @@ const KNOWN: &[Known] = &[
         "no scores of this diagnosis are so far apart",
     ),
     known(
-        MATH,
-        "servotwin_exp: ?: (x < 0.0)",
-        "x < 0.0",
-        always,
-        "no caller takes the exponential of a positive number of this size",
-    ),
-    known(
         MODELS,
         "",
         "largest < LEAST_PROBABILITY",
@@ -302,7 +298,13 @@ const KNOWN: &[Known] = &[
         sends_missing_right,
         "no tree of this diagnosis sends a missing value to the left",
     ),
-    known(MODELS, "", "hierarchy->actuator_stage == SERVOTWIN_NONE", asks_for_actuators, ALL_STAGES),
+    known(
+        MODELS,
+        "",
+        "hierarchy->actuator_stage == SERVOTWIN_NONE",
+        asks_for_actuators,
+        ALL_STAGES,
+    ),
     known(MODELS, "", "place == SERVOTWIN_NONE", asks_for_actions, ALL_STAGES),
     known(MODELS, "", "action < hierarchy->actions", asks_for_actions, ALL_STAGES),
     known(MODELS, "", "action.decided != SERVOTWIN_NONE", asks_for_actions, ALL_STAGES),

@@ -66,7 +66,8 @@ impl Recording {
             true => [SESSION, HYBRID].concat(),
             false => SESSION.to_vec(),
         };
-        entries.extend(calls.into_iter().map(|(name, text)| SourceFile { name, text: text.into() }));
+        entries
+            .extend(calls.into_iter().map(|(name, text)| SourceFile { name, text: text.into() }));
         let compiled = Objects::with_entries(&files, entries, build)?.load("recording.so")?;
         Ok(Recording { decisions, compiled })
     }
@@ -108,8 +109,9 @@ impl Recorder<'_> {
     pub fn take_new(&mut self) -> Result<Vec<Evaluation>, ExportError> {
         // SAFETY: the memory has room for all evaluations.
         let count = unsafe { (self.take_new)(self.memory.as_mut_ptr()) };
-        let count = usize::try_from(count)
-            .map_err(|_| ExportError::Recording("a decision has too many different evaluations".into()))?;
+        let count = usize::try_from(count).map_err(|_| {
+            ExportError::Recording("a decision has too many different evaluations".into())
+        })?;
         let rows = self.memory.chunks_exact(4).take(count);
         rows.map(|row| {
             let (decision, vector) =

@@ -92,7 +92,8 @@ impl<'d> Script<'d> {
         };
         if script.random.unit() < 0.3 {
             // The first command comes before the first sample, and stays for long.
-            let (command, actuators) = (2 * script.random.index(2), diagnoser.names().actuators.len());
+            let (command, actuators) =
+                (2 * script.random.index(2), diagnoser.names().actuators.len());
             script.to_undo = Some((command, script.random.index(actuators), 0));
         }
         script
