@@ -1,6 +1,6 @@
 #!/bin/sh
 # MC/DC of an export by other tools: sh peers/mcdc/run.sh EXPORT
-# Replays mcdc.csv, which 'servotwin prove EXPORT --vectors' writes, compares every outcome, and compares the coverage with
+# Replays mcdc.csv, which 'servotwin prove EXPORT --vectors 400' writes, compares every outcome, and compares the coverage with
 # the branches that gcov counts and with the MC/DC that clang and llvm-cov measure. Needs gcc and Python;
 # clang 18 or later is used if it is there: set CLANG, LLVM_PROFDATA and LLVM_COV (Debian: clang-19, llvm-19).
 set -eu

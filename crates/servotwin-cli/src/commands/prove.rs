@@ -18,9 +18,6 @@ use std::sync::Arc;
 /// The number of sequences of samples that are tried for the most work.
 const TRIALS: u64 = 300;
 
-/// The number of sequences of samples that are searched for MC/DC.
-const VECTOR_TRIALS: u64 = 400;
-
 /// Compile an export and prove that it decides as it was trained.
 ///
 /// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3; cargo for an export as Rust) is
@@ -49,10 +46,11 @@ pub struct Options {
     /// Also make this many mistakes in the exported text, one at a time, and prove that each is found.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     mutants: usize,
-    /// Also find samples that show modified condition/decision coverage (MC/DC) of the hand-written code of an export as C:
-    /// mcdc.csv has commands, samples and outcomes, and mcdc_decisions.csv names the samples for each condition.
-    #[arg(long)]
-    vectors: bool,
+    /// Also search this many sequences for samples that show modified condition/decision coverage (MC/DC) of the
+    /// hand-written code of an export as C, such as 400: mcdc.csv has commands, samples and outcomes, and
+    /// mcdc_decisions.csv names the samples for each condition.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    vectors: u64,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -75,6 +73,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Language::C => ExportError::NoBuild,
         Language::Rust => ExportError::NoRust,
     })?;
+    if options.vectors > 0 {
+        Vectors::check(first)?;
+    }
     let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
     let exported = description.twin.as_ref();
     let study = exported.map(|twin| {
@@ -99,9 +100,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         worst_path: Some(&worst_path),
         ..Plan::new(&diagnoser, &files)
     };
-    let vectors = options.vectors.then(|| {
-        Vectors::find(&plan, first, VECTOR_TRIALS, &mut |done| {
-            stages.show("looking for MC/DC", done as f64 / VECTOR_TRIALS as f64);
+    let vectors = (options.vectors > 0).then(|| {
+        Vectors::find(&plan, first, options.vectors, &mut |done| {
+            stages.show("looking for MC/DC", done as f64 / options.vectors as f64);
         })
     });
     let vectors = vectors.transpose()?;

@@ -116,21 +116,27 @@ struct Candidate {
 }
 
 impl Vectors {
+    /// Checks that vectors can be found for the text of a build.
+    ///
+    /// # Errors
+    /// [`ExportError::Unsupported`] for an export as Rust.
+    pub fn check(build: &Build) -> Result<(), ExportError> {
+        let why = "vectors are found for an export as C alone: leave '--vectors' out";
+        if build.is_rust() { Err(ExportError::Unsupported(why)) } else { Ok(()) }
+    }
+
     /// Searches so many sequences. `tell` hears how many so far.
     ///
     /// # Errors
-    /// [`ExportError::NotUnderstood`] for a text whose decisions are not certain; [`ExportError::Unsupported`] for an
-    /// export as Rust; those of [`super::prove`].
+    /// Those of [`Vectors::check`]; [`ExportError::NotUnderstood`] for a text whose decisions are not certain; those of
+    /// [`super::prove`].
     pub fn find(
         plan: &Plan,
         build: &Build,
         trials: u64,
         tell: &mut dyn FnMut(u64),
     ) -> Result<Self, ExportError> {
-        if build.is_rust() {
-            let why = "vectors are found for an export as C alone: leave '--vectors' out";
-            return Err(ExportError::Unsupported(why));
-        }
+        Self::check(build)?;
         let recording = Recording::new(plan.files, build)?;
         let mut candidates = Vec::new();
         for seed in 0..trials {
