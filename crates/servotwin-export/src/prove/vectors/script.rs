@@ -313,7 +313,7 @@ fn durations(diagnoser: &Diagnoser) -> Vec<u64> {
     let frozen = frozen.filter_map(|input| input.frozen_after_samples(diagnoser.period_s));
     let around = limits.into_iter().chain(frozen).flat_map(|limit| [limit - 1, limit, limit + 2]);
     let windows = diagnoser.lengths.iter().filter_map(|length| length.span.samples());
-    around.chain(windows.map(u64::from)).chain([1, 3, 30]).collect()
+    around.chain(windows).chain([1, 3, 30]).collect()
 }
 
 /// A value with few digits.
