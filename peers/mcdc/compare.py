@@ -64,7 +64,9 @@ def compare_llvm(table, export):
     for (name, decision, line, column), shown in own.items():
         if len(shown) < 2:
             continue
-        found = theirs.pop((name, line, column), None)
+        # The decision of a ?: may begin with a bracket.
+        inside = (name, line, str(int(column) + 1))
+        found = theirs.pop((name, line, column), None) or theirs.pop(inside, None)
         if found is None:
             # A switch is no decision there.
             continue

@@ -20,7 +20,7 @@ gcc $flags -O2 -o replay ./*.c -lm
 ./replay < "$vectors" || status=1
 gcc $flags -O0 --coverage -o counted ./*.c -lm
 ./counted < "$vectors" > counted.txt || status=1
-gcov --json-format ./*.gcda > gcov.txt
+gcov --branch-probabilities --json-format ./*.gcda > gcov.txt
 python3 "$here/compare.py" gcov "$table" ./*.gcov.json.gz || status=1
 if command -v "$clang" > found.txt; then
     $clang $flags -O0 -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc -o measured ./*.c -lm

@@ -192,6 +192,11 @@ fn has_time_for_all_lengths(diagnoser: &Diagnoser) -> bool {
     })
 }
 
+fn has_finite_ranges(diagnoser: &Diagnoser) -> bool {
+    let mut inputs = diagnoser.environment.inputs.iter();
+    inputs.all(|input| input.least.is_finite() && input.largest.is_finite())
+}
+
 fn freezes_no_input(diagnoser: &Diagnoser) -> bool {
     diagnoser.environment.inputs.iter().all(|input| input.frozen_after_s.is_none())
 }
@@ -209,6 +214,7 @@ const JUDGE: &str = "servotwin_judge.c";
 const BOUNDARY: &str = "servotwin_boundary.c";
 const WINDOWS: &str = "servotwin_windows.c";
 const MODELS: &str = "servotwin_models.c";
+const HYBRID: &str = "servotwin_hybrid.c";
 const MATH: &str = "servotwin_math.c";
 
 const ROUNDING: &str = "only a build that rounds otherwise gets there, and it must not be used";
@@ -251,6 +257,14 @@ const KNOWN: &[Known] = &[
     known(SESSION, "add_to_windows: if", "", has_no_baseline, NO_BASELINE),
     known(SESSION, "add_to_windows: ?:", "", has_no_baseline, NO_BASELINE),
     known(SESSION, "add_to_windows: for", "", has_no_baseline, NO_BASELINE),
+    known(SESSION, "add_to_windows: value has_new", "", has_no_baseline, NO_BASELINE),
+    known(
+        HYBRID,
+        "told >= known->least",
+        "fabs(told) <= DBL_MAX",
+        has_finite_ranges,
+        "a value within a finite range is finite",
+    ),
     known(WINDOWS, "servotwin_baseline_is_settled", "", has_no_baseline, NO_BASELINE),
     known(WINDOWS, "servotwin_baseline_learn", "", has_no_baseline, NO_BASELINE),
     known(
