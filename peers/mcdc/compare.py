@@ -60,15 +60,17 @@ def compare_llvm(table, export):
         name = pathlib.Path(file["filename"]).name
         for record in file.get("mcdc_records", []):
             theirs[name, str(record[0]), str(record[1])] = record[-1]
-    same = different = conditions = covered = 0
+    same = different = conditions = covered = unsupported = 0
+    switches = {(row["file"], row["line"], row["column"]) for row in table if row["kind"] == "switch"}
     for (name, decision, line, column), shown in own.items():
-        if len(shown) < 2:
+        if len(shown) < 2 or (name, line, column) in switches:
             continue
         # The decision of a ?: may begin with a bracket.
         inside = (name, line, str(int(column) + 1))
         found = theirs.pop((name, line, column), None) or theirs.pop(inside, None)
         if found is None:
-            # A switch is no decision there.
+            unsupported += 1
+            print(f"{name}:{line}: {decision}: not measured by llvm-cov")
             continue
         conditions += len(shown)
         covered += sum(found)
@@ -81,7 +83,8 @@ def compare_llvm(table, export):
     left = [place for place in theirs if place[0] in files]
     for place in left:
         print(f"{place}: a decision of llvm-cov alone")
-    print(f"llvm-cov: {same} decisions with the same conditions shown, {different} with others, {len(left)} unknown here; "
+    print(f"llvm-cov: {same} decisions with the same conditions shown, {different} with others, {len(left)} unknown here, "
+          f"{unsupported} not measured there; "
           f"{covered} of {conditions} conditions")
     return different == 0 and not left and same > 0
 
