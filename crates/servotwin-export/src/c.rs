@@ -161,6 +161,12 @@ fn together(
     written(list).chain(printed).collect()
 }
 
+/// All hand-written files.
+#[cfg(test)]
+pub(crate) fn written_by_hand() -> impl Iterator<Item = SourceFile> {
+    [DIAGNOSIS, TWIN, HYBRID].into_iter().flat_map(written)
+}
+
 /// The hand-written files of a list.
 fn written(
     list: impl IntoIterator<Item = (&'static str, &'static str)>,

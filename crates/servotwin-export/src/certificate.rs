@@ -2,7 +2,9 @@
 
 use crate::language::Language;
 use crate::precision::Precision;
-use crate::prove::{Decisions, Evidence, FlightDecisions, Mutant, SingleEvidence, WorstPath};
+use crate::prove::{
+    Decisions, Evidence, FlightDecisions, Mutant, OpenCondition, SingleEvidence, Vectors, WorstPath,
+};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
@@ -14,6 +16,12 @@ pub(crate) const DECISIONS: &str = "precision.csv";
 
 /// The name of the file with the sequence that takes the most work.
 pub(crate) const VECTOR: &str = "worst_path.csv";
+
+/// The name of the file with the sequences that show MC/DC.
+pub(crate) const MCDC: &str = "mcdc.csv";
+
+/// The name of the file with the decisions and their conditions.
+pub(crate) const MCDC_DECISIONS: &str = "mcdc_decisions.csv";
 
 /// What an export was made of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,6 +77,8 @@ pub struct Certificate {
     pub worst_path: WorstPath,
     /// What an export in single precision decides otherwise.
     pub single: Option<SingleEvidence>,
+    /// MC/DC of the hand-written code, if it was asked for.
+    pub vectors: Option<Vectors>,
 }
 
 impl Certificate {
@@ -79,14 +89,15 @@ impl Certificate {
         builds: Vec<Evidence>,
         mutants: Vec<Mutant>,
         worst_path: WorstPath,
-        single: Option<SingleEvidence>,
+        (single, vectors): (Option<SingleEvidence>, Option<Vectors>),
     ) -> Self {
         let count = mutants.len();
         let mutants_not_found: Vec<Mutant> =
             mutants.into_iter().filter(|mutant| !mutant.is_found).collect();
         let holds = builds.iter().all(Evidence::holds)
             && mutants_not_found.is_empty()
-            && worst_path.holds();
+            && worst_path.holds()
+            && vectors.as_ref().is_none_or(Vectors::holds);
         Certificate {
             holds,
             export,
@@ -96,6 +107,7 @@ impl Certificate {
             mutants_not_found,
             worst_path,
             single,
+            vectors,
         }
     }
 
@@ -126,6 +138,7 @@ impl Certificate {
         self.write_builds(&mut page);
         self.single.iter().for_each(|single| write_single(&mut page, single));
         self.write_worst_path(&mut page);
+        self.write_vectors(&mut page);
         if self.mutants > 0 {
             let (all, found) = (self.mutants, self.mutants - self.mutants_not_found.len());
             let _ = writeln!(page, "<p>{found} of {all} deliberate mistakes were found.</p>");
@@ -194,6 +207,38 @@ impl Certificate {
              one sample. The last of the {samples} samples in {VECTOR} reaches the other numbers, the best of {trials} \
              sequences that were tried.</p>"
         );
+    }
+}
+
+impl Certificate {
+    fn write_vectors(&self, page: &mut String) {
+        let Some(vectors) = &self.vectors else { return };
+        let Vectors { decisions, conditions, shown, unique_cause, sequences, samples, .. } =
+            vectors;
+        let _ = writeln!(
+            page,
+            "<h2>MC/DC</h2>\n<p>The {samples} samples of {sequences} sequences in {MCDC} show the independent effect of \
+             {shown} of {conditions} conditions in {decisions} decisions of the hand-written code; for {unique_cause} of them \
+             no other condition differs, for the others it is masked. {MCDC_DECISIONS} names the samples for each condition.</p>\n\
+             <table>\n<tr><th>File<th>Decisions<th>Conditions<th>Shown<th>Cannot be shown<th>Not found"
+        );
+        for (file, of) in &vectors.files {
+            let _ = writeln!(
+                page,
+                "<tr><td>{file}<td>{}<td>{}<td>{}<td>{}<td>{}",
+                of.decisions, of.conditions, of.shown, of.with_reason, of.not_found
+            );
+        }
+        *page += "</table>\n<table>\n<tr><th>Place<th>Decision<th>Condition<th>Never decided as<th>Reason\n";
+        for OpenCondition { file, line, decision, condition, never, reason } in &vectors.open {
+            let (decision, condition) = (escaped(decision), escaped(condition));
+            let reason = reason.unwrap_or("not found");
+            let _ = writeln!(
+                page,
+                "<tr><td>{file}:{line}<td>{decision}<td>{condition}<td>{never}<td>{reason}"
+            );
+        }
+        *page += "</table>\n";
     }
 }
 

@@ -92,6 +92,19 @@ pub enum ExportError {
         /// The first messages.
         messages: String,
     },
+    /// A C text whose decisions are not certain.
+    #[error("{file}, line {line}: the search for decisions does not understand '{what}'")]
+    NotUnderstood {
+        /// The file.
+        file: &'static str,
+        /// Number of the line, from 1.
+        line: usize,
+        /// What stands there.
+        what: String,
+    },
+    /// What a build recorded cannot be used.
+    #[error("the record of decisions is of no use: {0}")]
+    Recording(String),
     /// The compiled code cannot be loaded.
     #[error("the compiled export cannot be loaded: {0}")]
     Load(#[from] libloading::Error),

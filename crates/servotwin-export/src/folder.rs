@@ -1,7 +1,9 @@
 //! An export on disk: its files, and `export.json`, which says what they were made of.
 
 use crate::c;
-use crate::certificate::{Certificate, DECISIONS, Description, TwinDescription, VECTOR};
+use crate::certificate::{
+    Certificate, DECISIONS, Description, MCDC, MCDC_DECISIONS, TwinDescription, VECTOR,
+};
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::precision::Precision;
@@ -102,7 +104,7 @@ impl ExportFolder {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
         // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE, VECTOR, DECISIONS] {
+        for name in [CERTIFICATE, PAGE, VECTOR, DECISIONS, MCDC, MCDC_DECISIONS] {
             let _ = std::fs::remove_file(self.file(name));
         }
         for SourceFile { name, text } in files {
@@ -171,7 +173,7 @@ impl ExportFolder {
         }
     }
 
-    /// Writes a certificate as data and as a page, its sequence of samples, and what single precision decides otherwise;
+    /// Writes a certificate as data and as a page, its sequences of samples, and what single precision decides otherwise;
     /// returns their paths.
     ///
     /// # Errors
@@ -182,9 +184,15 @@ impl ExportFolder {
         diagnoser: &Diagnoser,
     ) -> Result<Vec<PathBuf>, ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        let vector = certificate.worst_path.csv(diagnoser);
-        let decisions = certificate.single.as_ref().map(|single| (DECISIONS, single.csv()));
-        let texts = [(PAGE, certificate.page()), (VECTOR, vector)].into_iter().chain(decisions);
+        let mut texts =
+            vec![(PAGE, certificate.page()), (VECTOR, certificate.worst_path.csv(diagnoser))];
+        texts.extend(certificate.single.iter().map(|single| (DECISIONS, single.csv())));
+        if let Some(vectors) = &certificate.vectors {
+            texts.extend([
+                (MCDC, vectors.csv(diagnoser)),
+                (MCDC_DECISIONS, vectors.decisions_csv()),
+            ]);
+        }
         let mut written = vec![self.file(CERTIFICATE)];
         for (name, text) in texts {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;

@@ -18,6 +18,7 @@ mod features;
 pub mod fmu;
 pub mod folder;
 mod language;
+mod mcdc;
 mod notation;
 mod precision;
 pub mod prove;

@@ -10,7 +10,7 @@ mod toy;
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
 use servotwin_export::prove::{
-    Build, Evidence, Mistakes, Mutant, Plan, SingleEvidence, WorstPath, mutants, prove,
+    Build, Evidence, Mistakes, Mutant, Plan, SingleEvidence, Vectors, WorstPath, mutants, prove,
     prove_single,
 };
 use servotwin_export::rust;
@@ -315,4 +315,48 @@ fn a_proof_finds_every_mistake_of_a_hundred() {
 #[test]
 fn and_of_another_hundred() {
     assert_finds_mistakes(2);
+}
+
+#[test]
+fn a_small_set_of_samples_shows_mcdc_of_the_hand_written_code() {
+    let diagnoser = demanding();
+    let files = &c::files(&diagnoser).unwrap();
+    let build = Build { compiler: "gcc".into(), level: "-O2" };
+    let plan = Plan::new(&diagnoser, files);
+    let vectors = &Vectors::find(&plan, &build, 40, &mut |_| ()).unwrap();
+    assert!(vectors.holds(), "{:?}", vectors.differences);
+    let Vectors { conditions, shown, samples, open, .. } = vectors;
+    let open_without_reason = open.iter().filter(|condition| condition.reason.is_none()).count();
+    assert_eq!(shown + open.len(), *conditions);
+    assert!(shown * 10 >= conditions * 8 && open_without_reason * 10 <= *conditions, "{open:#?}");
+    assert_eq!(vectors.csv(&diagnoser).lines().count() as u64, 1 + samples);
+    assert_eq!(vectors.decisions_csv().lines().count(), 1 + conditions);
+    // All builds give the outcomes of the file, and another text does not.
+    let plan = Plan { vectors: Some(vectors), ..plan };
+    let evidence = &prove(&plan, slice::from_ref(&build), &mut |_, _| ()).unwrap()[0];
+    assert!(evidence.holds() && evidence.vector_samples == *samples, "{evidence:?}");
+    let mistake = ("servotwin_session.c", "return blind;", "return !blind;");
+    let plan = Plan { files: &with_mistake(files, mistake), ..plan };
+    let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
+    assert!(!evidence.holds(), "{evidence:?}");
+}
+
+#[test]
+fn vectors_refuse_an_export_as_rust() {
+    let diagnoser = demanding();
+    let files = &rust::files(&diagnoser).unwrap();
+    let found = Vectors::find(&Plan::new(&diagnoser, files), &unoptimized(), 1, &mut |_| ());
+    assert!(found.is_err());
+}
+
+#[test]
+fn a_proof_of_a_rust_export_finds_every_mistake_of_a_few() {
+    let diagnoser = demanding();
+    let files = &rust::files(&diagnoser).unwrap();
+    let mistakes = Mistakes { count: 18, seed: 1, only: None };
+    let mut all =
+        mutants(&Plan::new(&diagnoser, files), &unoptimized(), mistakes, &mut |_| ()).unwrap();
+    assert_eq!(all.len(), mistakes.count);
+    all.retain(|mutant| !mutant.is_found);
+    assert_eq!(all, []);
 }

@@ -11,7 +11,7 @@ use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{
-    Build, Mistakes, Plan, Work, WorstPath, mutants, prove, prove_single,
+    Build, Mistakes, Plan, Vectors, Work, WorstPath, mutants, prove, prove_single,
 };
 use servotwin_export::{ExportError, Language, Precision, SourceFile};
 use std::path::PathBuf;
@@ -55,9 +55,14 @@ pub struct Options {
     /// The number of flights beside an export in single precision [default: 100].
     #[arg(long, value_name = "NUMBER")]
     flights: Option<u64>,
-    /// Also make this many mistakes in the text of an export as C, one at a time, and prove that each is found.
+    /// Also make this many mistakes in the exported text, one at a time, and prove that each is found.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     mutants: usize,
+    /// Also search this many sequences for samples that show modified condition/decision coverage (MC/DC) of the
+    /// hand-written code of an export as C, such as 400: mcdc.csv has commands, samples and outcomes, and
+    /// mcdc_decisions.csv names the samples for each condition.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    vectors: u64,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -80,8 +85,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Language::C => ExportError::NoBuild,
         Language::Rust => ExportError::NoRust,
     })?;
+    if options.vectors > 0 {
+        Vectors::check(first, description.precision)?;
+    }
     let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
-    mistakes.check(first, description.precision)?;
+    mistakes.check(description.precision)?;
     let flights = flights(options, description.precision)?;
     let exported = description.twin.as_ref();
     let place = match (exported, flights) {
@@ -101,7 +109,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let stages = Stages::new(global);
     stages.show("looking for the most work", 0.0);
     let worst_path = WorstPath::find(&diagnoser, TRIALS)?;
-    let plan = Plan {
+    let mut plan = Plan {
         twin: twin.as_ref(),
         study: study.as_ref().map(|(study, _)| study),
         precision: description.precision,
@@ -110,6 +118,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         worst_path: Some(&worst_path),
         ..Plan::new(&diagnoser, &files)
     };
+    let vectors = (options.vectors > 0).then(|| {
+        Vectors::find(&plan, first, options.vectors, &mut |done| {
+            stages.show("looking for MC/DC", done as f64 / options.vectors as f64);
+        })
+    });
+    let vectors = vectors.transpose()?;
+    plan.vectors = vectors.as_ref();
     let tell = &mut |what: &str, share| stages.show(what, share);
     let (evidence, single) = match description.precision {
         Precision::F64 => (prove(&plan, &builds, tell)?, None),
@@ -123,7 +138,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })?;
     stages.end();
     let hashes = SourceFile::hashes(&files);
-    let certificate = Certificate::new(description, hashes, evidence, mutants, worst_path, single);
+    let certificate =
+        Certificate::new(description, hashes, evidence, mutants, worst_path, (single, vectors));
     let written = folder.write_certificate(&certificate, &diagnoser)?;
     report(options, &certificate, &written, global)
 }
@@ -187,6 +203,7 @@ fn text_of(certificate: &Certificate) -> String {
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
     text += &worst_path_text(&certificate.worst_path);
+    text += &certificate.vectors.as_ref().map(vectors_text).unwrap_or_default();
     for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         text += &format!("  {verdict}  {}\n", build.command);
@@ -213,6 +230,16 @@ fn decisions_text(certificate: &Certificate) -> String {
     };
     let flights = single.flights.iter().map(|flights| lines("flights", flights.rows()));
     lines("random samples", single.chain.rows()) + &flights.collect::<String>()
+}
+
+fn vectors_text(vectors: &Vectors) -> String {
+    let Vectors { decisions, conditions, shown, sequences, samples, open, .. } = vectors;
+    let known = open.iter().filter(|condition| condition.reason.is_some()).count();
+    format!(
+        "MC/DC: {shown} of {conditions} conditions in {decisions} decisions are shown by {samples} samples in {sequences} \
+         sequences; {known} cannot be shown, {} were not found\n",
+        open.len() - known
+    )
 }
 
 fn worst_path_text(worst_path: &WorstPath) -> String {

@@ -26,9 +26,13 @@ fn exported(name: &str) -> (Folder, String, String) {
 #[test]
 fn an_export_is_proven_until_a_digit_of_it_changes() {
     let (_folder, _, out) = exported("export-proven");
-    let text = succeeds(&["prove", &out, "--hours", "0.02", "--mutants", "6", "--variants", "1"]);
+    let work = ["--hours", "0.02", "--mutants", "6", "--variants", "1", "--vectors", "3"];
+    let text = succeeds(&[&["prove", out.as_str()][..], &work].concat());
     assert!(text.contains("1 variants (0 without a steady state), 4500 samples"), "{text}");
     assert!(text.contains("same bits  gcc") && text.contains("6 of 6 mistakes found"), "{text}");
+    assert!(text.contains("conditions in ") && text.contains("mcdc_decisions.csv"), "{text}");
+    let vectors = fs::read_to_string(Path::new(&out).join("mcdc.csv")).unwrap();
+    assert!(vectors.contains(",session,") && vectors.contains(",hybrid,"));
     let certificate = Path::new(&out).join("proof.json");
     let proof: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(&certificate).unwrap()).unwrap();
@@ -175,12 +179,13 @@ fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
     let out = folder.file("crate");
     let text = succeeds(&["export", "rust", "--model", &model, "--out", &out]);
     assert!(text.contains("21 files"), "{text}");
-    let text = succeeds(&["prove", &out, "--hours", "0.02", "--variants", "1"]);
+    let text = succeeds(&["prove", &out, "--hours", "0.02", "--variants", "1", "--mutants", "2"]);
+    assert!(text.contains("2 of 2 mistakes found"), "{text}");
     assert_eq!(text.matches("same bits  cargo").count(), 3, "{text}");
     assert!(text.contains("1 variants (0 without a steady state), 4500 samples"), "{text}");
     assert!(text.contains("twin and diagnosis together: 3000 samples"), "{text}");
-    let message = fails(&["prove", &out, "--hours", "0", "--mutants", "1"], 3);
-    assert!(message.contains("in an export as C alone"), "{message}");
+    let message = fails(&["prove", &out, "--hours", "0", "--vectors", "1"], 3);
+    assert!(message.contains("for an export as C alone"), "{message}");
     let message = fails(&["export", "rust", "--model", &model, "--out", &c], 2);
     assert!(message.contains("earlier export in the same language and precision"), "{message}");
 

@@ -2,6 +2,10 @@
 //!
 //! # Safety
 //! Callers pass places that exist, and lists as long as the diagnoser has them.
+//!
+//! A panic is an answer that no diagnosis gives, so that the proof finds it instead of ending.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use servotwin_flight::models::{Hierarchy, MOST_CLASSES, Rule};
 use servotwin_flight::sizes::{
@@ -25,6 +29,13 @@ pub struct Diagnosis {
     detail: i32,
     confidence: f64,
     detail_confidence: f64,
+}
+
+/// What the work returns; `otherwise` if it panics.
+pub(crate) fn guarded<T>(otherwise: T, work: impl FnOnce() -> T) -> T {
+    static SILENCE: std::sync::Once = std::sync::Once::new();
+    SILENCE.call_once(|| std::panic::set_hook(Box::new(|_| ())));
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or(otherwise)
 }
 
 fn hierarchy(is_committee: i32, length: i32) -> &'static Hierarchy {
@@ -56,7 +67,7 @@ pub unsafe extern "C" fn prove_leaf(
     row: *const Row,
 ) -> i32 {
     let stage = &hierarchy(is_committee, length).stages[stage as usize];
-    stage.branches.leaf(tree as usize, unsafe { &*row }) as i32
+    guarded(i32::MIN, || stage.branches.leaf(tree as usize, unsafe { &*row }) as i32)
 }
 
 #[unsafe(no_mangle)]
@@ -66,16 +77,22 @@ pub unsafe extern "C" fn prove_decide(
     stage: i32,
     row: *const Row,
 ) -> Answer {
-    let answer = hierarchy(is_committee, length).stages[stage as usize].decide(unsafe { &*row });
-    Answer { decided: place(answer.decided) as i32, probability: answer.probability }
+    let stage = &hierarchy(is_committee, length).stages[stage as usize];
+    guarded(Answer { decided: i32::MIN, probability: f64::NAN }, || {
+        let answer = stage.decide(unsafe { &*row });
+        Answer { decided: place(answer.decided) as i32, probability: answer.probability }
+    })
 }
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn prove_shares(length: i32, stage: i32, row: *const Row, shares: *mut f64) {
     let stage = &hierarchy(1, length).stages[stage as usize];
-    let mut memory = [0.0; MOST_CLASSES];
-    let own = stage.shares(unsafe { &*row }, &mut memory);
-    unsafe { std::slice::from_raw_parts_mut(shares, own.len()) }.copy_from_slice(own);
+    unsafe { *shares = f64::NAN };
+    guarded((), || {
+        let mut memory = [0.0; MOST_CLASSES];
+        let own = stage.shares(unsafe { &*row }, &mut memory);
+        unsafe { std::slice::from_raw_parts_mut(shares, own.len()) }.copy_from_slice(own);
+    });
 }
 
 #[unsafe(no_mangle)]
@@ -84,14 +101,24 @@ pub unsafe extern "C" fn prove_diagnose(
     length: i32,
     views: *const *const Row,
 ) -> Diagnosis {
-    let found = hierarchy(is_committee, length).diagnose(&unsafe { rows(length, views) });
-    Diagnosis {
-        actuator: place(found.actuator) as i32,
-        action: place(found.action) as i32,
-        detail: place(found.detail) as i32,
-        confidence: found.confidence,
-        detail_confidence: found.detail_confidence,
-    }
+    let none = f64::NAN;
+    let panicked = Diagnosis {
+        actuator: i32::MIN,
+        action: 0,
+        detail: 0,
+        confidence: none,
+        detail_confidence: none,
+    };
+    guarded(panicked, || {
+        let found = hierarchy(is_committee, length).diagnose(&unsafe { rows(length, views) });
+        Diagnosis {
+            actuator: place(found.actuator) as i32,
+            action: place(found.action) as i32,
+            detail: place(found.detail) as i32,
+            confidence: found.confidence,
+            detail_confidence: found.detail_confidence,
+        }
+    })
 }
 
 #[unsafe(no_mangle)]
@@ -100,7 +127,9 @@ pub unsafe extern "C" fn prove_probabilities(
     views: *const *const Row,
     into: *mut [f64; HYPOTHESES],
 ) {
-    unsafe { *into = hierarchy(1, length).probabilities(&rows(length, views)) };
+    let panicked = [f64::NAN; HYPOTHESES];
+    let all = || hierarchy(1, length).probabilities(&unsafe { rows(length, views) });
+    unsafe { *into = guarded(panicked, all) };
 }
 
 #[unsafe(no_mangle)]
@@ -115,7 +144,8 @@ pub extern "C" fn prove_value(length: i32, stage: i32, leaf: i32, output: i32) -
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn prove_novelty(length: i32, known: i32, row: *const Row) -> f64 {
-    judge::novelty(&tables::LENGTHS[length as usize].known[known as usize], unsafe { &*row })
+    let known = &tables::LENGTHS[length as usize].known[known as usize];
+    guarded(f64::NAN, || judge::novelty(known, unsafe { &*row }))
 }
 
 #[unsafe(no_mangle)]
@@ -213,11 +243,13 @@ pub unsafe extern "C" fn prove_push(
     numbers_out: *mut f64,
 ) {
     let session = unsafe { &mut *session };
-    let outcome = *unsafe { session.push(&*inputs, &*measured, &*twin) };
-    let confidence = outcome.raised.map_or(0.0, |raised| raised.confidence);
-    let mut numbers = vec![outcome.confidence, outcome.worst, confidence];
-    numbers.extend((0..LENGTHS).flat_map(|length| numbers_of(session, length)));
-    let integers = integers(&outcome);
+    let (integers, numbers) = guarded((vec![i64::MIN], vec![]), || {
+        let outcome = *unsafe { session.push(&*inputs, &*measured, &*twin) };
+        let confidence = outcome.raised.map_or(0.0, |raised| raised.confidence);
+        let mut numbers = vec![outcome.confidence, outcome.worst, confidence];
+        numbers.extend((0..LENGTHS).flat_map(|length| numbers_of(session, length)));
+        (integers(&outcome), numbers)
+    });
     unsafe {
         integers_out.copy_from_nonoverlapping(integers.as_ptr(), integers.len());
         numbers_out.copy_from_nonoverlapping(numbers.as_ptr(), numbers.len());
@@ -232,10 +264,11 @@ pub unsafe extern "C" fn prove_row(session: *const Session, view: i32, into: *mu
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn prove_command(session: *mut Session, command: i32, place: i32) {
     let (session, place) = (unsafe { &mut *session }, place as usize);
-    match command {
+    // A session that panicked goes on otherwise than the diagnosis, or panics again at the next sample.
+    guarded((), || match command {
         0 => session.switched_off(place),
         1 => session.release(place),
         2 | 3 => session.inhibit(place, command == 2),
         _ => session.take_out(place, command == 4),
-    }
+    });
 }

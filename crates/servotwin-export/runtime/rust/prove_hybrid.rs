@@ -3,6 +3,7 @@
 //! # Safety
 //! Callers pass lists as long as those of the exported diagnoser.
 
+use crate::guarded;
 use servotwin_flight::hybrid::Hybrid;
 use servotwin_flight::sizes::{INPUTS, SENSORS};
 
@@ -26,9 +27,8 @@ pub unsafe extern "C" fn prove_hybrid_push(
     confidence: *mut f64,
 ) -> *const f64 {
     let hybrid = unsafe { &mut *hybrid };
-    let Some(outcome) = hybrid.push(unsafe { &*inputs }, unsafe { &*measured }) else {
-        return std::ptr::null();
-    };
+    let outcome = guarded(None, || hybrid.push(unsafe { &*inputs }, unsafe { &*measured }).copied());
+    let Some(outcome) = outcome else { return std::ptr::null() };
     let [finding, ..] = crate::finding(outcome.finding);
     unsafe {
         *integers = [finding, crate::alarm(outcome.alarm), outcome.since_sample as i64];

@@ -3,6 +3,7 @@
 //! # Safety
 //! Callers pass lists as long as those of the exported program.
 
+use crate::guarded;
 use servotwin_flight::course::Knot;
 use servotwin_flight::twin::Twin;
 use servotwin_flight::twin_sizes::{
@@ -36,7 +37,7 @@ pub unsafe extern "C" fn prove_twin_parameters(
 ) {
     unsafe {
         *parameters = twin_tables::PARAMETERS;
-        equations::faults(&*intensities, &mut *parameters);
+        guarded((), || equations::faults(&*intensities, &mut *parameters));
     }
 }
 
@@ -48,7 +49,7 @@ pub unsafe extern "C" fn prove_twin_start(
 ) -> i32 {
     unsafe { (&raw mut (*proven).twin).write(Twin::new()) };
     let (proven, parameters, pairs) = unsafe { (&mut *proven, &*parameters, &*pairs) };
-    let is_well = proven.twin.start(parameters, &knots(pairs)).is_ok();
+    let is_well = guarded(false, || proven.twin.start(parameters, &knots(pairs)).is_ok());
     proven.variables = *proven.twin.variables();
     i32::from(is_well)
 }
@@ -56,7 +57,7 @@ pub unsafe extern "C" fn prove_twin_start(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn prove_twin_step(proven: *mut ProvenTwin, pairs: *const Pairs) -> i32 {
     let (proven, pairs) = unsafe { (&mut *proven, &*pairs) };
-    let is_well = proven.twin.step(&knots(pairs)).is_ok();
+    let is_well = guarded(false, || proven.twin.step(&knots(pairs)).is_ok());
     proven.variables = *proven.twin.variables();
     i32::from(is_well)
 }
@@ -66,7 +67,7 @@ pub unsafe extern "C" fn prove_twin_load(
     proven: *mut ProvenTwin,
     parameters: *const [f64; PARAMETERS],
 ) {
-    unsafe { (&mut *proven).twin.load(&*parameters) };
+    guarded((), || unsafe { (&mut *proven).twin.load(&*parameters) });
 }
 
 #[unsafe(no_mangle)]
@@ -94,18 +95,36 @@ pub unsafe extern "C" fn prove_twin_point(
     let mut constants = [0.0; CONSTANTS];
     variables.fill(0.0);
     variables[..STATES + HELD].copy_from_slice(given);
-    equations::constants(parameters, &mut constants);
-    equations::stand_ins(parameters, variables);
+    guarded((), || {
+        equations::constants(parameters, &mut constants);
+        equations::stand_ins(parameters, variables);
+    });
     for (slope, place) in slopes.iter().zip(&twin_tables::SLOPES) {
         gradients[*place] = *slope;
     }
+    let is_evaluated = guarded(false, || {
+        evaluate(which, &constants, variables, gradients);
+        true
+    });
+    if !is_evaluated {
+        variables.fill(f64::NAN);
+    }
+}
+
+/// Evaluates all variables, their gradients, the motion, or a tick.
+fn evaluate(
+    which: i32,
+    constants: &[f64; CONSTANTS],
+    variables: &mut [f64; VARIABLES],
+    gradients: &mut [f64; GRADIENTS],
+) {
     match which {
-        1 => equations::begin(&constants, variables, gradients),
-        2 => equations::motion(&constants, variables),
+        1 => equations::begin(constants, variables, gradients),
+        2 => equations::motion(constants, variables),
         _ => {
-            equations::evaluate(&constants, variables);
+            equations::evaluate(constants, variables);
             if let Ok(clock) = usize::try_from(which - 3) {
-                equations::tick(clock, &constants, variables);
+                equations::tick(clock, constants, variables);
             }
         }
     }

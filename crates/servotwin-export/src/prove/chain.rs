@@ -181,7 +181,7 @@ fn place(index: Option<u32>) -> i64 {
 }
 
 /// The integers of an outcome, in the order of `write_outcome` in the C text.
-fn integers(outcome: &Outcome) -> [i64; 18] {
+pub(super) fn integers(outcome: &Outcome) -> [i64; 18] {
     let none = -1;
     let kind = number_of_finding(&outcome.finding);
     let (actuator, action, detail, input, why) = match outcome.finding {

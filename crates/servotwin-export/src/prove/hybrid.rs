@@ -7,6 +7,7 @@ use super::twin::Inputs;
 use super::{Evidence, Subject};
 use crate::error::ExportError;
 use servotwin::flight::runtime::Runtime;
+use servotwin_diagnosis::diagnoser::Outcome;
 use servotwin_diagnosis::random::Random;
 
 /// Share of samples with a missing or wild input, and with a missing reading.
@@ -45,11 +46,7 @@ pub(super) fn compare(
                 if is_missing { f64::NAN } else { twin + offset }
             });
         let measured: Vec<f64> = measured.collect();
-        let own = runtime.push(&told, &measured).ok().map(|outcome| {
-            let (finding, alarm) =
-                (number_of_finding(&outcome.finding), number_of_alarm(outcome.alarm));
-            ([finding, alarm, outcome.since_sample as i64], outcome.confidence)
-        });
+        let own = runtime.push(&told, &measured).ok().map(said);
         expected.copy_from_slice(runtime.expected());
         for (other, evidence) in others.iter_mut().zip(evidence.iter_mut()) {
             if !is_same(own, &expected, other, &told, &measured) {
@@ -62,7 +59,14 @@ pub(super) fn compare(
     Ok(())
 }
 
-fn is_same(
+/// What is compared of an outcome.
+pub(super) fn said(outcome: &Outcome) -> ([i64; 3], f64) {
+    let (finding, alarm) = (number_of_finding(&outcome.finding), number_of_alarm(outcome.alarm));
+    ([finding, alarm, outcome.since_sample as i64], outcome.confidence)
+}
+
+/// Whether a hybrid twin of a build says and expects the same of a sample.
+pub(super) fn is_same(
     own: Option<([i64; 3], f64)>,
     expected: &[f64],
     other: &mut RunningHybrid,

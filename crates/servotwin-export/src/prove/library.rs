@@ -154,6 +154,15 @@ impl Place {
     }
 }
 
+/// The entry points of a C export.
+pub(super) fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
+    let mut entries = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
+    if files.iter().any(|file| file.name == "servotwin_twin.c") {
+        entries.extend(PROVE_TWIN.map(|(name, text)| SourceFile { name, text: text.into() }));
+    }
+    entries
+}
+
 /// The object files of an export.
 pub(super) struct Objects<'b> {
     workplace: Workplace,
@@ -164,12 +173,16 @@ pub(super) struct Objects<'b> {
 impl<'b> Objects<'b> {
     /// Compiles all files into a temporary folder.
     pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
-        let has = |name: &str| files.iter().any(|file| file.name == name);
-        let mut proving = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
-        if has("servotwin_twin.c") {
-            proving.extend(PROVE_TWIN.map(|(name, text)| SourceFile { name, text: text.into() }));
-        }
-        let sources = files.iter().chain(&proving);
+        Self::with_entries(files, entries(files), build)
+    }
+
+    /// The same with other entry points.
+    pub fn with_entries(
+        files: &[SourceFile],
+        entries: Vec<SourceFile>,
+        build: &'b Build,
+    ) -> Result<Self, ExportError> {
+        let sources = files.iter().chain(&entries);
         let names = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
         let objects = Objects { workplace: Workplace::new(sources)?, build, names };
         objects.names.iter().try_for_each(|name| objects.compile(name))?;
@@ -203,21 +216,14 @@ impl<'b> Objects<'b> {
     }
 }
 
-/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
-pub(super) struct Compiled {
-    library: Library,
+/// The crate of an export in Rust, below one with its entry points.
+pub(super) struct Crate<'b> {
+    workplace: Workplace,
+    build: &'b Build,
 }
 
-impl Compiled {
-    /// Compiles the files and loads them.
-    pub fn new(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
-        match build.is_rust() {
-            true => Compiled::new_rust(files, build),
-            false => Objects::new(files, build)?.load("export.so"),
-        }
-    }
-
-    fn new_rust(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
+impl<'b> Crate<'b> {
+    fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
         let mut root = PROVE_RUST.to_owned();
         let mut proving = vec![SourceFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() }];
         if files.iter().any(|file| file.name == "src/twin.rs") {
@@ -226,20 +232,92 @@ impl Compiled {
             proving.extend(twin);
         }
         proving.push(SourceFile { name: "src/lib.rs", text: root });
-        let workplace = Workplace::new(&proving)?;
-        for SourceFile { name, text } in files {
-            workplace.write(&format!("export/{name}"), text)?;
-        }
-        let arguments = build.rust_arguments();
+        let own = Crate { workplace: Workplace::new(&proving)?, build };
+        files.iter().try_for_each(|SourceFile { name, text }| own.write(name, text))?;
+        own.compile()?;
+        Ok(own)
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        self.workplace.write(&format!("export/{name}"), text)
+    }
+
+    fn compile(&self) -> Result<(), ExportError> {
+        let arguments = self.build.rust_arguments();
         let fixed =
             ["--quiet", "--target-dir", "target", "--config", "build.rustflags=['-Dwarnings']"];
         let all = arguments.iter().map(String::as_str).chain(fixed);
-        workplace.run(CARGO, &build.command(), all)?;
-        let folder = if build.level == "opt-level=0" { "debug" } else { "release" };
+        self.workplace.run(CARGO, &self.build.command(), all)
+    }
+
+    fn load(&self, library: &str) -> Result<Compiled, ExportError> {
+        let folder = if self.build.level == "opt-level=0" { "debug" } else { "release" };
+        let built = self.workplace.path(&format!("target/{folder}/libprove.so"));
+        let own = self.workplace.path(library);
+        std::fs::copy(&built, &own).map_err(|cause| ExportError::from_io(&built, cause))?;
         // SAFETY: as in `Objects::load`.
-        let library =
-            unsafe { Library::new(workplace.path(&format!("target/{folder}/libprove.so"))) }?;
-        Ok(Compiled { library })
+        Ok(Compiled { library: unsafe { Library::new(own) }? })
+    }
+}
+
+/// An export that is compiled again and again with other texts.
+pub(super) enum Workshop<'b> {
+    C(Objects<'b>),
+    Rust(Crate<'b>),
+}
+
+impl<'b> Workshop<'b> {
+    /// Compiles all files into a temporary folder.
+    pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
+        Ok(match build.is_rust() {
+            true => Workshop::Rust(Crate::new(files, build)?),
+            false => Workshop::C(Objects::new(files, build)?),
+        })
+    }
+
+    /// Compiles another text for one of the files.
+    pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        match self {
+            Workshop::C(objects) => objects.replace(name, text),
+            Workshop::Rust(own) => {
+                own.write(name, text)?;
+                own.compile()
+            }
+        }
+    }
+
+    /// Puts the text of a file back, to be compiled with the next one.
+    pub fn restore(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        match self {
+            Workshop::C(objects) => objects.replace(name, text),
+            Workshop::Rust(own) => own.write(name, text),
+        }
+    }
+
+    /// Loads the library, which needs a name of its own.
+    pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
+        match self {
+            Workshop::C(objects) => objects.load(library),
+            Workshop::Rust(own) => own.load(library),
+        }
+    }
+}
+
+/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
+pub(super) struct Compiled {
+    library: Library,
+}
+
+impl Compiled {
+    /// Compiles the files and loads them.
+    pub fn new(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
+        Workshop::new(files, build)?.load("export.so")
+    }
+
+    /// A function of the library, whose type the caller knows.
+    pub fn symbol<T>(&self, name: &[u8]) -> Result<Symbol<'_, T>, ExportError> {
+        // SAFETY: the caller names a function of the C text with its type.
+        Ok(unsafe { self.library.get(name) }?)
     }
 
     /// Memory for a struct of the C text, in whole words, so that any member is aligned.

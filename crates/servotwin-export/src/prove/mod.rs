@@ -10,11 +10,13 @@ mod rows;
 mod samples;
 mod single;
 mod twin;
+mod vectors;
 mod worst_path;
 
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
 pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
+pub use vectors::{FileCoverage, OpenCondition, Vectors};
 pub use worst_path::{Work, WorstPath};
 
 use crate::error::ExportError;
@@ -92,6 +94,8 @@ pub struct Evidence {
     pub hybrid_samples: u64,
     /// Samples of the sequence that takes the most work.
     pub worst_path_samples: u64,
+    /// Samples of the vectors for MC/DC.
+    pub vector_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The number of differences after which nothing more is compared.
@@ -160,14 +164,24 @@ pub struct Plan<'p> {
     pub variants: u64,
     /// The sequence of samples that takes the most work.
     pub worst_path: Option<&'p WorstPath>,
+    /// Sequences of samples that show MC/DC.
+    pub vectors: Option<&'p Vectors>,
 }
 
 impl<'p> Plan<'p> {
     /// The comparison of trees alone, in double precision: no twin, and no samples.
     pub fn new(diagnoser: &'p Arc<Diagnoser>, files: &'p [SourceFile]) -> Self {
-        let (twin, study, worst_path) = (None, None, None);
-        let precision = Precision::F64;
-        Plan { diagnoser, twin, study, files, precision, samples: 0, variants: 0, worst_path }
+        Plan {
+            diagnoser,
+            twin: None,
+            study: None,
+            files,
+            precision: Precision::F64,
+            samples: 0,
+            variants: 0,
+            worst_path: None,
+            vectors: None,
+        }
     }
 }
 
@@ -207,6 +221,9 @@ pub fn prove(
     }
     if let Some(worst_path) = plan.worst_path {
         worst_path.compare(plan.diagnoser, &compiled, &mut all)?;
+    }
+    if let Some(vectors) = plan.vectors {
+        vectors.compare(plan, &compiled, &mut all)?;
     }
     let tell =
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);

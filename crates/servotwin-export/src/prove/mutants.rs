@@ -3,7 +3,9 @@
 //! A mistake is the last digit of a number, a wrong power of two (a wrong unit), swapped branches, another feature or
 //! class in the tables, or another arithmetic operator in the code.
 
-use super::library::{Build, Objects};
+mod rust;
+
+use super::library::{Build, Workshop};
 use super::{Evidence, HYBRID_SAMPLES, Plan, chain, compare_parts, hybrid, points, twin};
 use crate::error::ExportError;
 use crate::precision::Precision;
@@ -49,18 +51,13 @@ pub struct Mistakes<'m> {
 }
 
 impl Mistakes<'_> {
-    /// Checks that they can be made in the text of a build.
+    /// Checks that they can be made in an export of this precision.
     ///
     /// # Errors
-    /// [`ExportError::Unsupported`] for an export as Rust or in single precision.
-    pub fn check(&self, build: &Build, precision: Precision) -> Result<(), ExportError> {
-        let why = match precision {
-            Precision::F64 => "mistakes are made in an export as C alone: leave '--mutants' out",
-            Precision::F32 => {
-                "mistakes are made in double precision alone, with the same hand-written text: leave '--mutants' out"
-            }
-        };
-        let can_be_made = self.count == 0 || (!build.is_rust() && precision == Precision::F64);
+    /// [`ExportError::Unsupported`] for single precision.
+    pub fn check(&self, precision: Precision) -> Result<(), ExportError> {
+        let why = "mistakes are made in double precision alone, with the same hand-written text: leave '--mutants' out";
+        let can_be_made = self.count == 0 || precision == Precision::F64;
         if can_be_made { Ok(()) } else { Err(ExportError::Unsupported(why)) }
     }
 }
@@ -76,7 +73,7 @@ struct Site {
 /// Makes mistakes and tries to find each. `tell` hears how many so far.
 ///
 /// # Errors
-/// Those of [`Mistakes::check`], and as [`super::prove`] for the export without a mistake.
+/// As [`super::prove`] for the export without a mistake.
 pub fn mutants(
     plan: &Plan,
     build: &Build,
@@ -84,12 +81,15 @@ pub fn mutants(
     tell: &mut dyn FnMut(u64),
 ) -> Result<Vec<Mutant>, ExportError> {
     let files = plan.files;
-    mistakes.check(build, plan.precision)?;
+    mistakes.check(plan.precision)?;
     if mistakes.count == 0 {
         return Ok(Vec::new());
     }
-    let objects = Objects::new(files, build)?;
-    let kinds = sites(files, mistakes.only);
+    let workshop = Workshop::new(files, build)?;
+    let kinds = match build.is_rust() {
+        true => rust::sites(files, mistakes.only),
+        false => sites(files, mistakes.only),
+    };
     let mut random = Random::new(mistakes.seed);
     let mut all = Vec::new();
     for number in 0..mistakes.count {
@@ -97,12 +97,12 @@ pub fn mutants(
         let Site { file, start, old, new } = &kind[random.index(kind.len())];
         let SourceFile { name, text } = &files[*file];
         let changed = [&text[..*start], new, &text[start + old.len()..]].concat();
-        let is_found = match objects.replace(name, &changed) {
-            Ok(()) => is_found(plan, &objects, number)?,
+        let is_found = match workshop.replace(name, &changed) {
+            Ok(()) => is_found(plan, &workshop, number)?,
             Err(ExportError::Refused { .. }) => true,
             Err(other) => return Err(other),
         };
-        objects.replace(name, text)?;
+        workshop.restore(name, text)?;
         let line = 1 + text[..*start].matches('\n').count();
         all.push(Mutant { file: name, line, change: format!("{old} -> {new}"), is_found });
         tell(number as u64 + 1);
@@ -110,8 +110,8 @@ pub fn mutants(
     Ok(all)
 }
 
-fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, ExportError> {
-    let compiled = objects.load(&format!("mutant_{number}.so"))?;
+fn is_found(plan: &Plan, workshop: &Workshop, number: usize) -> Result<bool, ExportError> {
+    let compiled = workshop.load(&format!("mutant_{number}.so"))?;
     let mut evidence = Evidence::until(1);
     compare_parts(plan.diagnoser, (&compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
     let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
@@ -150,12 +150,25 @@ fn sites(files: &[SourceFile], only: Option<&str>) -> Vec<Vec<Site>> {
     kinds
 }
 
+/// How a language spells an array: what follows the name, and what stands before and after its items.
+struct Spelling {
+    follows: &'static str,
+    opens: &'static str,
+    closes: char,
+}
+
+const C: Spelling = Spelling { follows: "[", opens: "{", closes: '}' };
+
 /// The items of all arrays whose name ends thus, with their places.
-fn items<'t>(text: &'t str, ending: &'t str) -> impl Iterator<Item = (usize, &'t str)> + 't {
+fn items<'t>(
+    text: &'t str,
+    ending: &'t str,
+    Spelling { follows, opens, closes }: Spelling,
+) -> impl Iterator<Item = (usize, &'t str)> + 't {
     let starts = text.match_indices(ending).filter_map(move |(at, _)| {
-        let opened = at + text[at..].find('{')? + 1;
-        let is_array = text[at + ending.len()..].starts_with('[');
-        let closed = opened + text[opened..].find('}')?;
+        let opened = at + text[at..].find(opens)? + opens.len();
+        let is_array = text[at + ending.len()..].starts_with(follows);
+        let closed = opened + text[opened..].find(closes)?;
         is_array.then_some((opened, closed))
     });
     starts
@@ -173,7 +186,7 @@ fn items<'t>(text: &'t str, ending: &'t str) -> impl Iterator<Item = (usize, &'t
 /// Numbers, branches, features and classes of the tables.
 fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
     let changed = |ending: &str, change: &dyn Fn(&str) -> Option<String>| {
-        let sites = items(text, ending).filter_map(|(start, item)| {
+        let sites = items(text, ending, C).filter_map(|(start, item)| {
             Some(Site { file, start, old: item.into(), new: change(item)? })
         });
         sites.collect::<Vec<_>>()
@@ -189,37 +202,38 @@ fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
         changed("_thresholds", &unit),
         changed("_values", &unit),
         changed("_features", &next),
-        swapped_branches(file, text),
-        first_words(file, text, "servotwin_sensors[", &unit),
+        swapped_branches(file, items(text, "_left", C), items(text, "_right", C)),
+        first_words(file, text, ("servotwin_sensors[", ";", "{ "), &unit),
         changed("_decisions", &|item| Some(if item == "0" { "1".into() } else { "0".into() })),
     ]
 }
 
 /// Pairs of different children: `left` gets what `right` has. The arrays of one stage follow each other.
-fn swapped_branches(file: usize, text: &str) -> Vec<Site> {
-    let (left, right): (Vec<_>, Vec<_>) =
-        (items(text, "_left").collect(), items(text, "_right").collect());
-    let pairs = left.iter().zip(&right).filter(|(a, b)| a.1 != b.1);
-    pairs
-        .map(|((start, old), (_, new))| Site {
-            file,
-            start: *start,
-            old: (*old).into(),
-            new: (*new).into(),
-        })
-        .collect()
+fn swapped_branches<'t>(
+    file: usize,
+    left: impl Iterator<Item = (usize, &'t str)>,
+    right: impl Iterator<Item = (usize, &'t str)>,
+) -> Vec<Site> {
+    let pairs = left.zip(right).filter(|(a, b)| a.1 != b.1);
+    let swapped = |((start, old), (_, new)): ((usize, &str), (usize, &str))| Site {
+        file,
+        start,
+        old: old.into(),
+        new: new.into(),
+    };
+    pairs.map(swapped).collect()
 }
 
 /// The first number of each entry of an array of structs.
 fn first_words(
     file: usize,
     text: &str,
-    name: &str,
+    (name, end, before): (&str, &str, &str),
     change: &dyn Fn(&str) -> Option<String>,
 ) -> Vec<Site> {
     let Some(at) = text.find(name) else { return Vec::new() };
-    let end = at + text[at..].find(";").unwrap_or(0);
-    let entries = text[at..end].match_indices("{ 0x").map(|(place, _)| at + place + 2);
+    let end = at + text[at..].find(end).unwrap_or(0);
+    let entries = text[at..end].match_indices(before).map(|(place, _)| at + place + before.len());
     let sites = entries.filter_map(|start| {
         let old = &text[start..start + text[start..].find(',')?];
         Some(Site { file, start, old: old.into(), new: change(old)? })
@@ -245,16 +259,23 @@ fn power_of_two(literal: &str) -> Option<String> {
 /// Arithmetic operators of statements that compute a number. Guards (`least`) are left out: only numbers that do not occur
 /// would show a mistake in them.
 fn sites_of_code(file: usize, text: &str) -> Vec<Site> {
-    let mut sites = Vec::new();
-    let mut begin = 0;
-    for line in text.split_inclusive('\n') {
-        let is_statement = ["double", "servotwin_real"].into_iter().any(|number| {
+    let is_statement = |line: &str| {
+        ["double", "servotwin_real"].into_iter().any(|number| {
             line.trim_start().starts_with(&format!("const {number} "))
                 && !line.contains(&format!("{number} *"))
                 && !line.contains(&format!("{number} least"))
-        });
+        })
+    };
+    operators(file, text, &is_statement)
+}
+
+/// The first arithmetic operator of each kind in each statement.
+fn operators(file: usize, text: &str, is_statement: &dyn Fn(&str) -> bool) -> Vec<Site> {
+    let mut sites = Vec::new();
+    let mut begin = 0;
+    for line in text.split_inclusive('\n') {
         for (old, new) in [(" + ", " - "), (" - ", " + "), (" * ", " / "), (" / ", " * ")] {
-            let at = line.find(old).filter(|_| is_statement);
+            let at = line.find(old).filter(|_| is_statement(line));
             sites.extend(at.map(|at| Site {
                 file,
                 start: begin + at,
