@@ -182,6 +182,11 @@ fn judges_first_length_first(diagnoser: &Diagnoser) -> bool {
     first.baseline_corrected.is_none() && (1..diagnoser.lengths.len()).all(is_later)
 }
 
+/// The same, with other lengths behind it.
+fn ends_with_first_of_several(diagnoser: &Diagnoser) -> bool {
+    diagnoser.lengths.len() > 1 && judges_first_length_first(diagnoser)
+}
+
 /// Whether the lengths of a stream never wait for each other.
 fn has_time_for_all_lengths(diagnoser: &Diagnoser) -> bool {
     [false, true].into_iter().all(|is_corrected| {
@@ -400,8 +405,8 @@ const KNOWN: &[Known] = &[
         SESSION,
         "first < SERVOTWIN_LENGTHS",
         "first < SERVOTWIN_LENGTHS",
-        always,
-        "a decision needs a judged length, which ends the loop",
+        ends_with_first_of_several,
+        "the first of several lengths is judged before all others, which ends the loop",
     ),
     known(
         SESSION,
