@@ -142,8 +142,12 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     let plants = "[flights.other_plant]\nkinds = { cylinder = \"bristle_cylinder\" }\n\
                   draws = [{ parameters = [\"supply.temperature_k\"], plus = [20, 20] }]\n";
     let (wide, out) = (folder.file("wide.toml"), folder.file("wide"));
-    std::fs::write(&wide, format!("{}\n{plants}", tiny())).unwrap();
+    let text = format!("{}\n{plants}", tiny());
+    std::fs::write(&wide, &text).unwrap();
+    // The diagnoser of the narrow study, in a folder of the wide one.
     std::fs::create_dir(&out).unwrap();
+    std::fs::write(folder.file("wide/study.toml"), &text).unwrap();
+    std::fs::copy(folder.file("out/system.toml"), folder.file("wide/system.toml")).unwrap();
     std::fs::copy(diagnoser, folder.file("wide/diagnoser-realistic.json")).unwrap();
     let output = fly(&wide, &out);
     assert!(output.status.success(), "{}", stderr(&output));
