@@ -161,10 +161,10 @@ fn together(
     written(list).chain(printed).collect()
 }
 
-/// All hand-written files.
+/// All hand-written files in double precision.
 #[cfg(test)]
 pub(crate) fn written_by_hand() -> impl Iterator<Item = SourceFile> {
-    [DIAGNOSIS, TWIN, HYBRID].into_iter().flat_map(written)
+    written([ARITHMETIC, DIAGNOSIS, TWIN, HYBRID].concat())
 }
 
 /// The hand-written files of a list.
