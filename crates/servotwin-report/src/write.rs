@@ -6,7 +6,7 @@ use serde::Deserialize;
 use servotwin::campaign;
 use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::flight::band::BandMerit;
-use servotwin::job::healthy::HealthyPlants;
+use servotwin::flight::healthy::HealthyPlants;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, healthy, hierarchy, manifest};
 use servotwin::study::{Role, Setting, Study};
 use servotwin_diagnosis::diagnoser::Tuning;

@@ -8,6 +8,7 @@ use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::flight::fitted_twins::CalibrationRecords;
+use servotwin::flight::healthy::HealthyPlants;
 use servotwin::flight::judge::{
     ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics, STRONG,
 };
@@ -15,7 +16,7 @@ use servotwin::flight::unseen_faults::{
     ChallengeSetMetrics, UnseenFaultMetrics, UnseenFaultOutcome, set_names,
 };
 use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
-use servotwin::job::healthy::{self, HealthyPlants, HealthyRun};
+use servotwin::job::healthy::{self, HealthyRun};
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;

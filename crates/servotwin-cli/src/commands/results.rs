@@ -4,7 +4,7 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
-use servotwin::job::healthy::HealthyPlants;
+use servotwin::flight::healthy::HealthyPlants;
 use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, Results, flights, healthy};
 use servotwin_report::measured::Measured;

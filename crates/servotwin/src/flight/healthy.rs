@@ -8,7 +8,7 @@
 use super::campaign::{FlightCampaign, Observer};
 use super::evidence::EvidencePeak;
 use super::judge::{EnvironmentMetrics, RaisedLog};
-use super::other_plant::OtherPlants;
+use super::other_plant::{OTHER_PLANT, OtherPlants};
 use super::plan::{Flight, Onset, Purpose};
 use crate::campaign::CampaignError;
 use crate::parallel::Workers;
@@ -22,6 +22,38 @@ use std::ops::Range;
 
 /// The number of the first flight: beyond those of the evaluation, so that no specimen flies twice.
 const FIRST_NUMBER: usize = 200_000;
+
+/// The plants of healthy flights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HealthyPlants {
+    /// Those of a scenario, which differ from their twin as in training.
+    Of(Setting),
+    /// Those of `[flights.other_plant]`, beside the diagnoser of the scenario *realistic*.
+    Other,
+}
+
+impl HealthyPlants {
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = HealthyPlants> {
+        Setting::ALL.into_iter().map(HealthyPlants::Of).chain([HealthyPlants::Other])
+    }
+
+    /// The name in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            HealthyPlants::Of(setting) => setting.name(),
+            HealthyPlants::Other => OTHER_PLANT,
+        }
+    }
+
+    /// The scenario whose diagnoser flies, and whose tolerances the specimens have.
+    pub fn setting(self) -> Setting {
+        match self {
+            HealthyPlants::Of(setting) => setting,
+            HealthyPlants::Other => Setting::Realistic,
+        }
+    }
+}
 
 /// What a healthy flight gave.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -22,12 +22,12 @@
 //!
 //! Writers hold the folder ([`Hold`]); readers do not.
 
-use super::healthy::HealthyPlants;
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
 use crate::campaign::calibration_file;
 use crate::files::{self, FileError, create_folder, write_atomically};
+use crate::flight::healthy::HealthyPlants;
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
 use crate::study::{Role, Setting, Study};

@@ -4,10 +4,10 @@
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
 use crate::evaluation::model_file;
-use crate::flight::healthy::{self, HealthyFlight, HealthySummary};
-use crate::flight::other_plant::{OTHER_PLANT, OtherPlants};
+use crate::flight::healthy::{self, HealthyFlight, HealthyPlants, HealthySummary};
+use crate::flight::other_plant::OtherPlants;
 use crate::manifest::{sha256, sha256_of_text};
-use crate::study::{HealthyDraw, Setting, Study};
+use crate::study::{HealthyDraw, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Session;
 use std::sync::Arc;
@@ -17,38 +17,6 @@ pub(super) const BATCH: usize = 96;
 
 /// A run is stored whenever it has grown by this fraction: every batch at first, and rarely once its file is large.
 const STORED_EVERY: f64 = 0.05;
-
-/// The plants of healthy flights.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HealthyPlants {
-    /// Those of a scenario, which differ from their twin as in training.
-    Of(Setting),
-    /// Those of `[flights.other_plant]`, beside the diagnoser of the scenario *realistic*.
-    Other,
-}
-
-impl HealthyPlants {
-    /// All of them.
-    pub fn all() -> impl Iterator<Item = HealthyPlants> {
-        Setting::ALL.into_iter().map(HealthyPlants::Of).chain([HealthyPlants::Other])
-    }
-
-    /// The name in files and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            HealthyPlants::Of(setting) => setting.name(),
-            HealthyPlants::Other => OTHER_PLANT,
-        }
-    }
-
-    /// The scenario whose diagnoser flies, and whose tolerances the specimens have.
-    fn setting(self) -> Setting {
-        match self {
-            HealthyPlants::Of(setting) => setting,
-            HealthyPlants::Other => Setting::Realistic,
-        }
-    }
-}
 
 /// The healthy flights of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -177,7 +177,7 @@ mod tests {
             new(&system, "lever", "arm_m", 0.052),
         ];
         let text = system.rewritten(&["Fitted.".into()], &values).unwrap();
-        assert!(text.starts_with("# Fitted.\n# An aileron"));
+        assert!(text.starts_with("# Fitted.\n# Two equal"));
         assert!(text.contains("servo_valve.width_pa_m = 0.00241  # ± 1\n"), "{text}");
         assert!(text.contains("gain_m_pa = 2.4e-10  # ± 1; [J]\n"), "{text}");
         // Once more, replacing the values that were just written.
