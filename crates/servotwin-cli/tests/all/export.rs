@@ -185,7 +185,7 @@ fn an_export_as_rust_is_proven_until_an_operator_of_it_changes() {
     assert!(text.contains("1 variants (0 without a steady state), 4500 samples"), "{text}");
     assert!(text.contains("twin and diagnosis together: 3000 samples"), "{text}");
     let message = fails(&["prove", &out, "--hours", "0", "--vectors", "1"], 3);
-    assert!(message.contains("for an export as C alone"), "{message}");
+    assert!(message.contains("for an export as C in double precision alone"), "{message}");
     let message = fails(&["export", "rust", "--model", &model, "--out", &c], 2);
     assert!(message.contains("earlier export in the same language and precision"), "{message}");
 

@@ -110,6 +110,8 @@ fn what_is_not_understood_is_refused_with_its_place() {
         ("int f(int a)\n{\n    do { a--; } while (a > 0);\n}\n", 3),
         ("int f(int a)\n{\n    if (a) goto end;\n}\n", 3),
         ("#define BOTH(a, b) ((a) && (b))\n", 1),
+        ("#define TWICE(x) ((x) + (x))\n", 1),
+        ("#define OTHER(x) ((double)(y))\n", 1),
         ("int f(int a)\n{\n    return (unknown)a;\n}\n", 3),
         ("int f(int a)\n{\n    int b = 1, c = 2;\n}\n", 3),
         ("int f(int a)\n{\n    switch (a) {\n    case 1:\n        break;\n    }\n}\n", 3),
@@ -123,6 +125,14 @@ fn what_is_not_understood_is_refused_with_its_place() {
             other => panic!("{text}: {other:?}"),
         }
     }
+}
+
+#[test]
+fn a_macro_that_casts_its_argument_is_a_call() {
+    let read =
+        read("#define REAL(x) ((double)(x))\nint f(double a)\n{\n    return a > REAL(1.0);\n}\n")
+            .unwrap();
+    assert_eq!(read.decisions[0].text, "a > REAL(1.0)");
 }
 
 #[test]

@@ -83,8 +83,24 @@ fn preprocessor_line(rest: &str) -> Option<usize> {
     let line = &rest[..length];
     let Some(definition) = line.strip_prefix("#define ") else { return Some(length) };
     let name = definition.split([' ', '\t', '\n']).next().unwrap_or_default();
-    let may_decide = name.contains('(') || ["&&", "||", "?"].iter().any(|sign| line.contains(sign));
+    let has_unknown_argument = name.contains('(') && !is_cast(definition);
+    let may_decide =
+        has_unknown_argument || ["&&", "||", "?"].iter().any(|sign| line.contains(sign));
     (!may_decide).then_some(length)
+}
+
+/// Whether a macro only casts its argument, as `REAL(x) ((servotwin_real)(x))` does: it is evaluated once, like that of a
+/// function.
+fn is_cast(definition: &str) -> bool {
+    let Some((head, body)) = definition.trim_end().split_once(')') else { return false };
+    let Some((_, argument)) = head.split_once('(') else { return false };
+    let is_word =
+        |text: &str| text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+    let cast = body.trim_start().strip_prefix("((").and_then(|body| body.split_once(")("));
+    let is_same = |(kind, rest): (&str, &str)| {
+        is_word(kind) && is_word(argument) && rest.strip_suffix("))") == Some(argument)
+    };
+    cast.is_some_and(is_same)
 }
 
 /// The length of the token at the start of a text.

@@ -350,15 +350,15 @@ const KNOWN: &[Known] = &[
     known(BOUNDARY, "", "band > LEAST_BAND", has_wide_bands, BANDS),
     known(
         JUDGE,
-        "!(sum > 0.0)",
+        "!(sum > REAL(0.0))",
         "any",
         asks_for_actuators,
         "healthy always keeps some probability, so the sum is above 0",
     ),
     known(
         JUDGE,
-        "sum > 0.0",
-        "sum > 0.0",
+        "sum > REAL(0.0)",
+        "sum > REAL(0.0)",
         asks_for_actuators,
         "healthy always keeps some probability, so the sum is above 0",
     ),
