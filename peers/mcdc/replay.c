@@ -102,7 +102,7 @@ int main(void)
         if (strcmp(sequence, fields[0]) != 0) {
             (void)snprintf(sequence, sizeof sequence, "%s", fields[0]);
             if (!(is_hybrid ? servotwin_hybrid_start(&hybrid) : servotwin_session_start(&session))) {
-                (void)fprintf(stderr, "this build rounds otherwise\n");
+                (void)fprintf(stderr, "this build rounds differently\n");
                 return 2;
             }
         }

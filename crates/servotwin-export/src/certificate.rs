@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// The name of the file with what single precision decides otherwise.
+/// The name of the file with what single precision decides differently.
 pub(crate) const DECISIONS: &str = "precision.csv";
 
 /// The name of the file with the sequence that takes the most work.
@@ -75,7 +75,7 @@ pub struct Certificate {
     pub mutants_not_found: Vec<Mutant>,
     /// The most work of one sample: the bound, and what a sequence reaches.
     pub worst_path: WorstPath,
-    /// What an export in single precision decides otherwise.
+    /// What an export in single precision decides differently.
     pub single: Option<SingleEvidence>,
     /// MC/DC of the hand-written code, if it was asked for.
     pub vectors: Option<Vectors>,
@@ -118,10 +118,10 @@ impl Certificate {
             (true, Some(_)) => {
                 "All builds give the same bits, every tree decides as it was trained for every row of single precision, and \
                  the hand-written text gives the bits of training in double precision. Below is what rounding decides \
-                 otherwise."
+                 differently."
             }
             (false, _) => {
-                "A build decides otherwise than the trained diagnosis, a mistake was not found, or a bound does not hold."
+                "A build decides differently than the trained diagnosis, a mistake was not found, or a bound does not hold."
             }
         }
     }
@@ -208,9 +208,7 @@ impl Certificate {
              sequences that were tried.</p>"
         );
     }
-}
 
-impl Certificate {
     fn write_vectors(&self, page: &mut String) {
         let Some(vectors) = &self.vectors else { return };
         let Vectors { decisions, conditions, shown, unique_cause, sequences, samples, .. } =
@@ -250,7 +248,7 @@ fn write_hashes(page: &mut String, title: &str, hashes: &BTreeMap<String, String
     *page += "</table>\n";
 }
 
-/// What single precision decides otherwise, as tables.
+/// What single precision decides differently, as tables.
 fn write_single(page: &mut String, single: &SingleEvidence) {
     let _ = writeln!(
         page,

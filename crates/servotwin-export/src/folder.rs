@@ -173,8 +173,8 @@ impl ExportFolder {
         }
     }
 
-    /// Writes a certificate as data and as a page, its sequences of samples, and what single precision decides otherwise;
-    /// returns their paths.
+    /// Writes a certificate as data and as a page, its sequences of samples, and what single precision decides
+    /// differently; returns their paths.
     ///
     /// # Errors
     /// A file cannot be written.

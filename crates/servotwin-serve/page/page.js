@@ -221,9 +221,18 @@ function draw() {
       plot.setData(thinned(own, Math.max(0, from), plot.bbox.width / devicePixelRatio));
     }
     schematic.update();
-    compare(Math.max(0, from));
+    compareOnce(Math.floor(times[times.length - 1]), Math.max(0, from));
   }
   requestAnimationFrame(draw);
+}
+
+let compared = null;
+
+/** Compares at most once a second of the flight: nobody reads numbers that change with every frame. */
+function compareOnce(second, from) {
+  const now = `${second} ${$("span").value}`;
+  if (now !== compared) compare(from);
+  compared = now;
 }
 
 /** Says in numbers what the diagnosis changes: the flight beside the same one without it, over the time that is shown. */

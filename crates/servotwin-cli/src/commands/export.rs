@@ -73,7 +73,7 @@ enum Fmi {
 /// allocates nothing and needs only sqrt, fabs, memcpy and memset of the C library. 'servotwin prove' compiles it and
 /// proves that it decides as it was trained. With --precision f32 the diagnosis computes in single precision, for
 /// processors that have no doubles in hardware; then it has no twin and takes the twin's values with each sample, and
-/// 'servotwin prove' lists what it decides otherwise.
+/// 'servotwin prove' lists what it decides differently.
 #[derive(clap::Args)]
 struct COptions {
     #[command(flatten)]

@@ -32,9 +32,9 @@ const FLIGHTS: u64 = 100;
 /// beside the files, as proof.json and proof.html. It also bounds the work of one sample; worst_path.csv has samples that
 /// come near the bound.
 ///
-/// An export in single precision rounds otherwise than in training. Its trees must decide as they were trained for every row
-/// of single precision, its builds must give the same bits, and its hand-written text must give the bits of training in
-/// double precision. precision.csv lists what it decides otherwise, over the samples and over flights with faults.
+/// An export in single precision rounds differently than in training. Its trees must decide as they were trained for every
+/// row of single precision, its builds must give the same bits, and its hand-written text must give the bits of training
+/// in double precision. precision.csv lists what it decides differently, over the samples and over flights with faults.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -221,7 +221,7 @@ fn text_of(certificate: &Certificate) -> String {
     text
 }
 
-/// What single precision decides otherwise.
+/// What single precision decides differently.
 fn decisions_text(certificate: &Certificate) -> String {
     let Some(single) = &certificate.single else { return String::new() };
     let lines = |title: &str, rows: Vec<(&str, String)>| {

@@ -264,7 +264,7 @@ pub unsafe extern "C" fn prove_row(session: *const Session, view: i32, into: *mu
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn prove_command(session: *mut Session, command: i32, place: i32) {
     let (session, place) = (unsafe { &mut *session }, place as usize);
-    // A session that panicked goes on otherwise than the diagnosis, or panics again at the next sample.
+    // A session that panicked goes on differently than the diagnosis, or panics again at the next sample.
     guarded((), || match command {
         0 => session.switched_off(place),
         1 => session.release(place),

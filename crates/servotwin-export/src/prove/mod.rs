@@ -73,8 +73,8 @@ pub struct Evidence {
     pub thresholds: u64,
     /// Rows for leaves and thresholds.
     pub rows: u64,
-    /// Rows for which boosted trees decide otherwise, because two classes have the same sum but for rounding. There are none
-    /// in double precision.
+    /// Rows for which boosted trees decide differently, because two classes have the same sum but for rounding. There are
+    /// none in double precision.
     pub ties: u64,
     /// The largest difference of a probability or a novelty of a row; 0 in double precision.
     pub largest_difference: f64,
@@ -117,6 +117,15 @@ impl Evidence {
     /// Whether every answer was the same and every leaf was reached.
     pub fn holds(&self) -> bool {
         self.rounds_twice && self.leaves_not_reached == 0 && self.differences.is_empty()
+    }
+
+    /// No evidence of a build yet.
+    fn of(build: &Build) -> Self {
+        Evidence {
+            command: build.command(),
+            version: build.version(),
+            ..Evidence::until(MOST_DIFFERENCES)
+        }
     }
 
     /// No evidence yet.
@@ -196,20 +205,7 @@ pub fn prove(
     builds: &[Build],
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<Vec<Evidence>, ExportError> {
-    tell("compiling", 0.0);
-    let compiled = builds.iter().map(|build| Compiled::new(plan.files, build));
-    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
-    let mut all = Vec::new();
-    for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
-        tell("comparing trees", number as f64 / builds.len() as f64);
-        let mut evidence = Evidence {
-            command: build.command(),
-            version: build.version(),
-            ..Evidence::until(MOST_DIFFERENCES)
-        };
-        compare_parts(plan.diagnoser, (compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
-        all.push(evidence);
-    }
+    let (compiled, mut all) = compile(plan, builds, &|_| (), tell)?;
     if let Some(twin) = plan.twin {
         points::compare(twin, &compiled, POINTS, &mut all)?;
         let share = |done| done as f64 / plan.variants.max(1) as f64;
@@ -229,6 +225,28 @@ pub fn prove(
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);
     chain::compare(plan.diagnoser, &compiled, plan.samples, &mut all, tell)?;
     Ok(all)
+}
+
+/// Compiles an export in every build, and compares arithmetic and trees. `check` comes before that, with the evidence of each
+/// build.
+fn compile(
+    plan: &Plan,
+    builds: &[Build],
+    check: &dyn Fn(&mut Evidence),
+    tell: &mut dyn FnMut(&str, f64),
+) -> Result<(Vec<Compiled>, Vec<Evidence>), ExportError> {
+    tell("compiling", 0.0);
+    let compiled = builds.iter().map(|build| Compiled::new(plan.files, build));
+    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
+    let mut all = Vec::new();
+    for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
+        tell("comparing trees", number as f64 / builds.len() as f64);
+        let mut evidence = Evidence::of(build);
+        check(&mut evidence);
+        compare_parts(plan.diagnoser, (compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
+        all.push(evidence);
+    }
+    Ok((compiled, all))
 }
 
 /// Compares arithmetic and trees.

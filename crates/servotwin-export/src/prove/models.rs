@@ -16,7 +16,7 @@ const ROUNDING: f64 = 1e-4;
 
 /// Compares all stages of all window lengths, and random rows through the whole hierarchy of each, until there are
 /// enough differences. In single precision a single tree must decide the same for every row, and boosted trees must reach
-/// the same leaves; only the sums of their values are rounded otherwise.
+/// the same leaves; only the sums of their values are rounded differently.
 pub(super) fn compare(
     diagnoser: &Diagnoser,
     (compiled, precision): (&Compiled, Precision),

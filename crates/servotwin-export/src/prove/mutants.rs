@@ -73,7 +73,7 @@ struct Site {
 /// Makes mistakes and tries to find each. `tell` hears how many so far.
 ///
 /// # Errors
-/// As [`super::prove`] for the export without a mistake.
+/// Those of [`Mistakes::check`], and as [`super::prove`] for the export without a mistake.
 pub fn mutants(
     plan: &Plan,
     build: &Build,
@@ -186,10 +186,7 @@ fn items<'t>(
 /// Numbers, branches, features and classes of the tables.
 fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
     let changed = |ending: &str, change: &dyn Fn(&str) -> Option<String>| {
-        let sites = items(text, ending, C).filter_map(|(start, item)| {
-            Some(Site { file, start, old: item.into(), new: change(item)? })
-        });
-        sites.collect::<Vec<_>>()
+        changed_items(file, items(text, ending, C), change)
     };
     let digit = |item: &str| last_digit(item);
     let unit = |item: &str| power_of_two(item);
@@ -204,8 +201,25 @@ fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
         changed("_features", &next),
         swapped_branches(file, items(text, "_left", C), items(text, "_right", C)),
         first_words(file, text, ("servotwin_sensors[", ";", "{ "), &unit),
-        changed("_decisions", &|item| Some(if item == "0" { "1".into() } else { "0".into() })),
+        changed("_decisions", &other_decision),
     ]
+}
+
+/// Items that a change makes to something else.
+fn changed_items<'t>(
+    file: usize,
+    items: impl Iterator<Item = (usize, &'t str)>,
+    change: &dyn Fn(&str) -> Option<String>,
+) -> Vec<Site> {
+    let site = |(start, item): (usize, &str)| {
+        Some(Site { file, start, old: item.into(), new: change(item)? })
+    };
+    items.filter_map(site).collect()
+}
+
+/// The other of two decisions.
+fn other_decision(item: &str) -> Option<String> {
+    Some(if item == "0" { "1".into() } else { "0".into() })
 }
 
 /// Pairs of different children: `left` gets what `right` has. The arrays of one stage follow each other.

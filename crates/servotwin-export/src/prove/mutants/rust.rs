@@ -1,6 +1,8 @@
 //! The places of mistakes in an export as Rust.
 
-use super::{Site, Spelling, first_words, items, operators, swapped_branches};
+use super::{
+    Site, Spelling, changed_items, first_words, items, operators, other_decision, swapped_branches,
+};
 use crate::source_file::SourceFile;
 
 const ARRAY: Spelling = Spelling { follows: ": [", opens: "= [", closes: ']' };
@@ -33,10 +35,7 @@ fn is_statement(line: &str) -> bool {
 /// Numbers, branches, features and classes of the tables.
 fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
     let changed = |ending: &str, change: &dyn Fn(&str) -> Option<String>| {
-        let sites = items(text, ending, ARRAY).filter_map(|(start, item)| {
-            Some(Site { file, start, old: item.into(), new: change(item)? })
-        });
-        sites.collect::<Vec<_>>()
+        changed_items(file, items(text, ending, ARRAY), change)
     };
     let next = |item: &str| Some(format!("{}", item.parse::<u32>().ok()? + 1));
     let (left, right) = (items(text, "_LEFT", ARRAY), items(text, "_RIGHT", ARRAY));
@@ -50,7 +49,7 @@ fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
         changed("_FEATURES", &next),
         swapped_branches(file, left, right),
         first_words(file, text, sensors, &twice),
-        changed("_DECISIONS", &|item| Some(if item == "0" { "1".into() } else { "0".into() })),
+        changed("_DECISIONS", &other_decision),
     ]
 }
 

@@ -1,4 +1,4 @@
-//! What a diagnosis in single precision decides otherwise than the trained one: counted, and listed row by row.
+//! What a diagnosis in single precision decides differently than the trained one: counted, and listed row by row.
 
 use crate::prove::chain::Said;
 use serde::Serialize;
@@ -185,7 +185,7 @@ impl RaisedKind {
     }
 }
 
-/// What single precision decided otherwise.
+/// What single precision decided differently.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Decisions {
     /// Compared samples.

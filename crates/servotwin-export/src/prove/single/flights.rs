@@ -24,7 +24,7 @@ const ONSET_S: [f64; 2] = [2.0, 1.0];
 /// The duration of a flight after the onset of its fault, s.
 const AFTER_ONSET_S: f64 = 12.0;
 
-/// What single precision raised otherwise in flights.
+/// What single precision raised differently in flights.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FlightDecisions {
     /// All flights.

@@ -1,13 +1,13 @@
 //! The proof of an export in single precision.
 //!
-//! Its sums are rounded otherwise than in training, so equal bits cannot be demanded. The proof has four parts:
+//! Its sums are rounded differently than in training, so equal bits cannot be demanded. The proof has four parts:
 //!
 //! - the hand-written files, with the arithmetic and the tables of double precision, give the bits of training,
 //! - the printed files and the arithmetic are those that servotwin writes,
 //! - every tree takes the trained way for every row of single precision, and its leaves have the nearest numbers,
 //! - all builds give the same bits as each other.
 //!
-//! What is decided otherwise is then counted and listed, over random samples and over flights.
+//! What is decided differently is then counted and listed, over random samples and over flights.
 
 mod decisions;
 mod flights;
@@ -18,17 +18,18 @@ pub use flights::FlightDecisions;
 use super::chain::{Commands, Said, is_same, obey, push};
 use super::library::{Build, Compiled, RunningSession};
 use super::samples::{Sample, Samples};
-use super::{Evidence, MOST_DIFFERENCES, Plan, RANDOM_ROWS, chain, compare_parts};
+use super::{Evidence, Plan, RANDOM_ROWS, chain, compare_parts, compile};
 use crate::c;
 use crate::error::ExportError;
 use crate::precision::Precision;
+use crate::source_file::SourceFile;
 use decisions::{HEAD, Tracker};
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use std::slice;
 use std::sync::Arc;
 
-/// What an export in single precision decides otherwise than it was trained to. All builds decide the same.
+/// What an export in single precision decides differently than it was trained to. All builds decide the same.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct SingleEvidence {
     /// Over random samples.
@@ -60,17 +61,9 @@ pub fn prove_single(
     flights: u64,
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<(Vec<Evidence>, SingleEvidence), ExportError> {
-    tell("compiling", 0.0);
-    let compiled = builds.iter().map(|build| Compiled::new(plan.files, build));
-    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
-    let mut all = Vec::new();
-    for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
-        tell("comparing trees", number as f64 / builds.len() as f64);
-        let mut evidence = evidence_of(build, "");
-        check_text(plan, &mut evidence)?;
-        compare_parts(plan.diagnoser, (compiled, Precision::F32), RANDOM_ROWS, &mut evidence)?;
-        all.push(evidence);
-    }
+    let right = c::files_of_precision(plan.diagnoser, plan.precision)?;
+    let check = |evidence: &mut Evidence| check_text(plan, &right, evidence);
+    let (compiled, mut all) = compile(plan, builds, &check, tell)?;
     let mut single = SingleEvidence::default();
     if let Some(worst_path) = plan.worst_path {
         let mut beside = Beside::new(plan.diagnoser, &compiled)?;
@@ -104,24 +97,15 @@ pub fn prove_single(
     Ok((all, single))
 }
 
-fn evidence_of(build: &Build, note: &str) -> Evidence {
-    Evidence {
-        command: build.command() + note,
-        version: build.version(),
-        ..Evidence::until(MOST_DIFFERENCES)
-    }
-}
-
-/// Checks that the files which depend on the precision are those that servotwin writes for this diagnoser.
-fn check_text(plan: &Plan, evidence: &mut Evidence) -> Result<(), ExportError> {
-    for right in c::files_of_precision(plan.diagnoser, Precision::F32)? {
+/// Checks that the files which depend on the precision are the right ones: those that servotwin writes for this diagnoser.
+fn check_text(plan: &Plan, right: &[SourceFile], evidence: &mut Evidence) {
+    for right in right {
         let own = plan.files.iter().find(|file| file.name == right.name);
         if own.is_none_or(|own| own.text != right.text) {
             let what = "this is not the text that servotwin writes for the diagnoser".into();
             evidence.differ(right.name.into(), what);
         }
     }
-    Ok(())
 }
 
 /// Compares the hand-written files with the trained diagnosis, in double precision and bit by bit.
@@ -137,7 +121,8 @@ fn prove_text(
         }
     }
     let compiled = Compiled::new(&files, build)?;
-    let mut evidence = evidence_of(build, " (the hand-written files in double precision)");
+    let mut evidence = Evidence::of(build);
+    evidence.command += " (the hand-written files in double precision)";
     compare_parts(plan.diagnoser, (&compiled, Precision::F64), RANDOM_ROWS, &mut evidence)?;
     let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
     chain::compare(plan.diagnoser, compiled, plan.samples, all, tell)?;

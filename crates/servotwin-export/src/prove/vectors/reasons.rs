@@ -222,7 +222,7 @@ const MODELS: &str = "servotwin_models.c";
 const HYBRID: &str = "servotwin_hybrid.c";
 const MATH: &str = "servotwin_math.c";
 
-const ROUNDING: &str = "only a build that rounds otherwise gets there, and it must not be used";
+const ROUNDING: &str = "only a build that rounds differently gets there, and it must not be used";
 const COUNTER: &str = "the counter stops after 2^32 samples, which are 497 days at 100 Hz";
 const ENUMERATION: &str = "every value of the enumeration has a case of its own";
 const JUDGED: &str = "evidence is gathered from judgements and cleared with them, so there is one";

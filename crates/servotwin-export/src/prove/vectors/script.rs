@@ -1,7 +1,7 @@
 //! Sequences of samples that lead through the decisions of a session: random disturbances as in the proof of the chain, and
 //! beside them faults of the transmission and commands, for as long as the limits of the diagnosis ask for. More than half
-//! of the sequences change between a few disturbances of whole actuators instead, and come back to those that raised an action: so
-//! one action follows another.
+//! of the sequences change between a few disturbances of whole actuators instead, and come back to those that raised an
+//! action: so one action follows another.
 
 use super::Step;
 use crate::prove::samples::{Disturbance, Sample, Samples};
