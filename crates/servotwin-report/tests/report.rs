@@ -176,6 +176,7 @@ fn healthy_run() -> HealthyRun {
         shutdowns: 0,
         evidence: 0.001 * environment as f64,
         shutdown_evidence: 0.0,
+        shutdown_evidence_by_length: vec![],
     };
     let flights: Vec<HealthyFlight> = (0..500).map(flight).collect();
     HealthyRun {

@@ -21,7 +21,7 @@ use servotwin::job::sealed::Record;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
-use servotwin_diagnosis::diagnoser::HealthyEvidence;
+use servotwin_diagnosis::diagnoser::{HealthyEvidence, ShutdownMargin};
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment, by_environment_and_tail, number};
 use std::fmt::Write;
@@ -456,11 +456,13 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
 
 /// Describes what the margin of a shutdown rests on.
 fn margin_line(evidence: &HealthyEvidence) -> String {
-    let HealthyEvidence { learned, held_out, failed, shutdowns_before, added_nats, largest } =
+    let HealthyEvidence { learned, held_out, failed, scatter, shutdowns_before, added, largest } =
         evidence;
+    let ShutdownMargin { uncorrected_nats, baseline_corrected_nats } = added;
     format!(
-        "learned from {learned} environments; {shutdowns_before} of {held_out} held-out healthy flights with a shutdown at \
-         the usual margin ({failed} not finished), {added_nats} nats added, largest evidence then {largest:.2} of its limit"
+        "learned from {learned} environments; {shutdowns_before} of {held_out} held-out healthy flights with {scatter} times \
+         the scatter end with a shutdown at the usual margin ({failed} not finished); {uncorrected_nats} nats added, \
+         {baseline_corrected_nats} where residuals are baseline-corrected; largest evidence then {largest:.2} of its limit"
     )
 }
 

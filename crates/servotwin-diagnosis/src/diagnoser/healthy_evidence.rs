@@ -1,12 +1,55 @@
 //! How near healthy flights that training did not see come to a shutdown.
 //!
-//! Trees that learned from few healthy environments are too sure of a fault in others. So a trained diagnoser flies once in
-//! each of N held-out environments, and the allowance of a shutdown grows until no flight has more than half of the
-//! evidence that a shutdown needs. Within one environment, a CuSum exceeds a limit b with a probability that falls as
-//! e^−b. So if half of the limit is exceeded with a probability of at most p, the limit is exceeded with about p².
+//! Trees that learned from few healthy environments are too sure of a fault in others, and no plant deviates from its twin
+//! just as a study declares. So a trained diagnoser flies once in each of N held-out environments, by specimens that
+//! deviate more than declared, and the allowance of a shutdown grows until no flight has more than half of the evidence
+//! that a shutdown needs. Within one environment, a CuSum exceeds a limit b with a probability that falls as e^−b. So if
+//! half of the limit is exceeded with a probability of at most p, the limit is exceeded with about p².
 
 use crate::error::{Error, require};
 use serde::{Deserialize, Serialize};
+
+/// How much the allowance of a shutdown against health has grown, for each kind of residuals. Evidence of the two is
+/// gathered apart, and baseline-corrected residuals have the smaller allowance to begin with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Stored")]
+pub struct ShutdownMargin {
+    /// In windows of uncorrected residuals, nats.
+    pub uncorrected_nats: f64,
+    /// In windows of baseline-corrected residuals, nats.
+    pub baseline_corrected_nats: f64,
+}
+
+impl ShutdownMargin {
+    /// The same for both, nats.
+    pub fn of_both(nats: f64) -> Self {
+        ShutdownMargin { uncorrected_nats: nats, baseline_corrected_nats: nats }
+    }
+}
+
+/// A margin as files have it: once it was one number for both kinds of residuals.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Stored {
+    Both(f64),
+    Each { uncorrected_nats: f64, baseline_corrected_nats: f64 },
+}
+
+impl From<Stored> for ShutdownMargin {
+    fn from(stored: Stored) -> Self {
+        match stored {
+            Stored::Both(nats) => ShutdownMargin::of_both(nats),
+            Stored::Each { uncorrected_nats, baseline_corrected_nats } => {
+                ShutdownMargin { uncorrected_nats, baseline_corrected_nats }
+            }
+        }
+    }
+}
+
+/// As declared: what flights without a stated scatter had.
+fn declared() -> f64 {
+    1.0
+}
 
 /// The evidence of held-out healthy flights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -18,17 +61,26 @@ pub struct HealthyEvidence {
     pub held_out: u64,
     /// Number of those whose flight could not be finished; they say nothing.
     pub failed: u64,
-    /// Number of finished ones with a shutdown at the usual allowance.
+    /// How many times as large as declared the tolerances and draws of their specimens were.
+    #[serde(default = "declared")]
+    pub scatter: f64,
+    /// Number of finished ones with a shutdown at the usual allowances.
     pub shutdowns_before: u64,
-    /// What the allowance of a shutdown against health has grown by, nats.
-    pub added_nats: f64,
-    /// The largest evidence for a shutdown with that allowance, in parts of its limit.
+    /// What the allowances of a shutdown have grown by.
+    #[serde(alias = "added_nats")]
+    pub added: ShutdownMargin,
+    /// The largest evidence for a shutdown with these allowances, in parts of its limit.
     pub largest: f64,
 }
 
 impl HealthyEvidence {
     pub(super) fn check(&self) -> Result<(), Error> {
-        let numbers = [("added_nats", self.added_nats), ("largest", self.largest)];
+        let numbers = [
+            ("scatter", self.scatter),
+            ("uncorrected_nats", self.added.uncorrected_nats),
+            ("baseline_corrected_nats", self.added.baseline_corrected_nats),
+            ("largest", self.largest),
+        ];
         numbers.into_iter().try_for_each(|(name, value)| {
             require((0.0..=1e6).contains(&value), name, value, "0 to 1e6")
         })

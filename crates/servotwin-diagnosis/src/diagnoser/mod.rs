@@ -38,7 +38,7 @@ mod window_classifier;
 
 pub use boundary::Boundary;
 pub use environment::{Environment, Invalid, Why};
-pub use healthy_evidence::HealthyEvidence;
+pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
 pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use scatter::{Scatter, ScatterTest};
@@ -167,13 +167,13 @@ impl Diagnoser {
         }
     }
 
-    /// The same diagnoser with a larger allowance of a shutdown against health, in windows of every length.
+    /// The same diagnoser with larger allowances of a shutdown against health.
     #[must_use]
-    pub fn with_shutdown_allowance(&self, added_nats: f64) -> Self {
+    pub fn with_shutdown_margin(&self, margin: ShutdownMargin) -> Self {
         let mut changed = self.clone();
-        changed.tuning.off_allowance_nats += added_nats;
+        changed.tuning.off_allowance_nats += margin.uncorrected_nats;
         let corrected = changed.lengths.iter_mut().filter_map(|l| l.baseline_corrected.as_mut());
-        corrected.for_each(|allowances| allowances.off_nats += added_nats);
+        corrected.for_each(|allowances| allowances.off_nats += margin.baseline_corrected_nats);
         changed
     }
 

@@ -69,6 +69,8 @@ pub struct FlightCampaign<'s> {
     moving_twins: BTreeSet<usize>,
     pub(super) sensors: usize,
     pub(super) imperfections: Imperfections,
+    /// How many times as large as declared the deviations of drawn specimens are.
+    scatter: f64,
     /// The deviations of the specimen of each environment; `None` where specimens are drawn.
     deviations: Option<Vec<Vec<f64>>>,
     /// The actuator of each environment; empty where twins are not fitted.
@@ -189,6 +191,7 @@ impl<'s> FlightCampaign<'s> {
             moving_twins: BTreeSet::new(),
             sensors,
             imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
+            scatter: 1.0,
             deviations,
             calibrated: vec![],
         };
@@ -197,6 +200,13 @@ impl<'s> FlightCampaign<'s> {
         }
         (flown.twins, flown.moving_twins) = flown.simulate_twins()?;
         Ok(flown)
+    }
+
+    /// The same flights by specimens whose tolerances and draws are `scatter` times as large as declared. Specimens
+    /// that were chosen, or to which a twin is fitted, stay as they are.
+    #[must_use]
+    pub fn with_scatter(self, scatter: f64) -> Self {
+        FlightCampaign { scatter, ..self }
     }
 
     /// The same flights by plants that differ from the twins in structure.
@@ -374,7 +384,9 @@ impl<'s> FlightCampaign<'s> {
             (_, Some(all)) => {
                 realism.map(|r| r.specimen_with(self.study, &all[flight.environment]))
             }
-            _ => realism.map(|r| r.specimen(self.study, lot, self.specimen(flight))),
+            _ => realism.map(|r| {
+                r.scattered_specimen(self.study, lot, self.specimen(flight), self.scatter)
+            }),
         };
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
@@ -384,7 +396,8 @@ impl<'s> FlightCampaign<'s> {
             let stream = (lot as u64) << 48 ^ self.specimen(flight) as u64;
             let mut random = Random::stream(DRAWS ^ realism.map_or(0, |r| r.seed), stream);
             let parts = &self.study.system.network().components;
-            apply_draws(&self.study.flight_draws, parts, &mut random, &mut overrides);
+            let draws = &self.study.flight_draws;
+            apply_draws(draws, self.scatter, parts, &mut random, &mut overrides);
         }
         Variant {
             later: flight.later(self.study),

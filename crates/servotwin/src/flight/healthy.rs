@@ -55,8 +55,17 @@ impl HealthyPlants {
     }
 }
 
+/// How the plants of healthy flights differ from their twins.
+#[derive(Clone, Copy)]
+pub enum Differences<'p> {
+    /// By the tolerances and draws of the study, so many times as large as declared.
+    Scattered(f64),
+    /// In structure.
+    Structure(&'p OtherPlants),
+}
+
 /// What a healthy flight gave.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HealthyFlight {
     /// The number of its environment.
@@ -69,6 +78,9 @@ pub struct HealthyFlight {
     pub evidence: f64,
     /// The largest evidence for a shutdown, in parts of its limit.
     pub shutdown_evidence: f64,
+    /// The same for each length of windows; empty in files from before this was stored.
+    #[serde(default)]
+    pub shutdown_evidence_by_length: Vec<f64>,
 }
 
 /// What many healthy flights gave, counted by environment.
@@ -116,7 +128,7 @@ impl HealthySummary {
 }
 
 /// Flies each environment once without a fault, observed by a session. `environments` have the given numbers; the
-/// specimens and the noise follow from these and the seed. `other` plants differ from their twins in structure. Returns the finished flights in order, and how many failed.
+/// specimens and the noise follow from these and the seed. Returns the finished flights in order, and how many failed.
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
@@ -124,7 +136,7 @@ pub fn fly(
     study: &Study,
     (environments, numbers): (&[Environment], Range<usize>),
     (seed, duration_s): (u64, f64),
-    (setting, other): (Setting, Option<&OtherPlants>),
+    (setting, differences): (Setting, Differences),
     session: &Session,
     workers: Workers,
 ) -> Result<(Vec<HealthyFlight>, u64), CampaignError> {
@@ -141,9 +153,9 @@ pub fn fly(
     let environments = Cow::Borrowed(environments);
     let lot = (Purpose::Judge, seed);
     let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
-    let flown = match other {
-        Some(plants) => flown.with_plants(plants),
-        None => flown,
+    let flown = match differences {
+        Differences::Scattered(scatter) => flown.with_scatter(scatter),
+        Differences::Structure(plants) => flown.with_plants(plants),
     };
     let (mut finished, mut failed) = (vec![], 0);
     flown.fly(
@@ -191,8 +203,9 @@ impl EvidenceWatch {
             environment: environment as u64,
             alarms: self.log.raised.len() as u64,
             shutdowns: self.log.raised.iter().filter(is_off).count() as u64,
-            evidence: self.of_any.largest,
-            shutdown_evidence: self.of_shutdown.largest,
+            evidence: self.of_any.largest(),
+            shutdown_evidence: self.of_shutdown.largest(),
+            shutdown_evidence_by_length: self.of_shutdown.by_length,
         }
     }
 }

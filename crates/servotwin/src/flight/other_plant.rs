@@ -79,7 +79,7 @@ impl OtherPlants {
         });
         variant.later = later.collect();
         let mut random = self.random(specimen);
-        apply_draws(&self.differences.draws, parts, &mut random, &mut variant.overrides);
+        apply_draws(&self.differences.draws, 1.0, parts, &mut random, &mut variant.overrides);
     }
 
     /// The latency of each sensor of a specimen, in samples.

@@ -4,7 +4,7 @@
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
 use crate::evaluation::model_file;
-use crate::flight::healthy::{self, HealthyFlight, HealthyPlants, HealthySummary};
+use crate::flight::healthy::{self, Differences, HealthyFlight, HealthyPlants, HealthySummary};
 use crate::flight::other_plant::OtherPlants;
 use crate::manifest::{sha256, sha256_of_text};
 use crate::study::{HealthyDraw, Study};
@@ -78,6 +78,7 @@ pub fn fly(
             }
         }
     };
+    let differences = other.as_ref().map_or(Differences::Scattered(1.0), Differences::Structure);
     let setting = plants.setting();
     let session = Session::new(Arc::new(diagnoser(folder, setting)?))
         .map_err(|error| JobError::Evaluation(error.into()))?;
@@ -94,7 +95,7 @@ pub fn fly(
         let place = (&environments[..], numbers.clone());
         let of_seed = (draw.seed, duration_s);
         let (flights, failed) =
-            healthy::fly(study, place, of_seed, (setting, other.as_ref()), &session, crew.workers)?;
+            healthy::fly(study, place, of_seed, (setting, differences), &session, crew.workers)?;
         run.flights.extend(flights);
         run.failed += failed;
         run.flown = numbers.end as u64;

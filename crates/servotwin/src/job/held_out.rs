@@ -4,15 +4,19 @@
 
 use super::JobError;
 use super::healthy::BATCH;
-use crate::flight::healthy::{self, HealthyFlight};
+use crate::flight::healthy::{self, Differences, HealthyFlight};
 use crate::parallel::Workers;
 use crate::study::flights::{HELD_OUT, HELD_OUT_SEED};
 use crate::study::{Flights, Setting, Study};
-use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Session};
+use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Session, ShutdownMargin};
 use std::sync::Arc;
 
-/// By how much the allowance grows at a time, nats.
+/// By how much an allowance grows at a time, nats.
 const STEP_NATS: f64 = 1.0;
+
+/// How many times as large as declared the tolerances and draws of held-out specimens are: the factor of safety between
+/// the loads that a structure may see and those that it must withstand (CS 25.303).
+const SCATTER: f64 = 1.5;
 
 /// Flies a trained diagnoser in the held-out environments of a study, and returns it with the smallest margin of a
 /// shutdown that these allow. Without held-out environments it stays as it is.
@@ -30,9 +34,11 @@ pub fn with_margin(
         return Ok(diagnoser);
     }
     let (allowed, most_nats) = (diagnoser.tuning.pending_share, diagnoser.tuning.clip_nats);
-    let changed = |added_nats: f64| diagnoser.with_shutdown_allowance(added_nats);
-    let evidence = smallest_margin(flights.learned.len(), (allowed, most_nats), |added_nats| {
-        fly(study, flights, setting, changed(added_nats), workers)
+    let is_corrected: Vec<bool> =
+        diagnoser.lengths.iter().map(|length| length.baseline_corrected.is_some()).collect();
+    let learned = flights.learned.len();
+    let evidence = smallest_margin((learned, &is_corrected), (allowed, most_nats), |margin| {
+        fly(study, flights, setting, diagnoser.with_shutdown_margin(margin), workers)
     })?;
     if evidence.largest > allowed || evidence.held_out == 0 {
         return Err(JobError::UnsafeInHealth {
@@ -42,33 +48,50 @@ pub fn with_margin(
             evidence,
         });
     }
-    Ok(Diagnoser { healthy_evidence: Some(evidence), ..changed(evidence.added_nats) })
+    let healthy_evidence = Some(evidence);
+    Ok(Diagnoser { healthy_evidence, ..diagnoser.with_shutdown_margin(evidence.added) })
 }
 
-/// Lets the allowance grow until no flight has more than the allowed evidence, or the largest allowance is reached.
+/// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
+/// allowance is reached. `is_corrected` tells for each length of windows whether residuals are baseline-corrected.
 fn smallest_margin(
-    learned: usize,
+    (learned, is_corrected): (usize, &[bool]),
     (allowed, most_nats): (f64, f64),
-    mut fly: impl FnMut(f64) -> Result<(Vec<HealthyFlight>, u64), JobError>,
+    mut fly: impl FnMut(ShutdownMargin) -> Result<(Vec<HealthyFlight>, u64), JobError>,
 ) -> Result<HealthyEvidence, JobError> {
-    let (mut added_nats, mut shutdowns_before) = (0.0, None);
+    let (mut added, mut shutdowns_before) = (ShutdownMargin::default(), None);
     loop {
-        let (flown, failed) = fly(added_nats)?;
+        let (flown, failed) = fly(added)?;
         let shutdowns = flown.iter().filter(|flight| flight.shutdowns > 0).count() as u64;
         let shutdowns_before = *shutdowns_before.get_or_insert(shutdowns);
-        let largest = flown.iter().map(|flight| flight.shutdown_evidence).fold(0.0, f64::max);
-        if largest <= allowed || added_nats >= most_nats {
-            let (learned, held_out) = (learned as u64, flown.len() as u64);
+        let largest = |corrected: bool| {
+            let of_flight =
+                flown.iter().flat_map(|f| is_corrected.iter().zip(&f.shutdown_evidence_by_length));
+            let of_kind = of_flight.filter(|(is_corrected, _)| **is_corrected == corrected);
+            of_kind.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
+        };
+        let mut has_grown = false;
+        let kinds = [
+            (largest(false), &mut added.uncorrected_nats),
+            (largest(true), &mut added.baseline_corrected_nats),
+        ];
+        for (largest, nats) in kinds {
+            if largest > allowed && *nats < most_nats {
+                *nats += STEP_NATS;
+                has_grown = true;
+            }
+        }
+        if !has_grown {
             return Ok(HealthyEvidence {
-                learned,
-                held_out,
+                learned: learned as u64,
+                held_out: flown.len() as u64,
                 failed,
+                scatter: SCATTER,
                 shutdowns_before,
-                added_nats,
-                largest,
+                added,
+                largest: largest(false).max(largest(true)),
             });
         }
-        added_nats += STEP_NATS;
     }
 }
 
@@ -89,8 +112,14 @@ fn fly(
         let first = batch * BATCH;
         let place = (environments, first..first + environments.len());
         let of_seed = (HELD_OUT_SEED, duration_s);
-        let (flown, fallen) =
-            healthy::fly(study, place, of_seed, (setting, None), &session, workers)?;
+        let (flown, fallen) = healthy::fly(
+            study,
+            place,
+            of_seed,
+            (setting, Differences::Scattered(SCATTER)),
+            &session,
+            workers,
+        )?;
         finished.extend(flown);
         failed += fallen;
     }
@@ -101,32 +130,51 @@ fn fly(
 mod tests {
     use super::*;
 
-    /// Flights whose evidence falls by a quarter of its limit for each nat.
-    fn falling(evidence: &[f64]) -> impl FnMut(f64) -> Result<(Vec<HealthyFlight>, u64), JobError> {
-        move |added_nats| {
-            let flight = |largest: &f64| {
-                let shutdown_evidence = (largest - 0.25 * added_nats).max(0.0);
-                let shutdowns = u64::from(shutdown_evidence >= 1.0);
-                let (environment, alarms, evidence) = (0, shutdowns, shutdown_evidence);
-                HealthyFlight { environment, alarms, shutdowns, evidence, shutdown_evidence }
+    /// Flights with evidence of uncorrected and of baseline-corrected windows, each of which falls by a quarter of its
+    /// limit for each nat.
+    fn falling(
+        evidence: &[[f64; 2]],
+    ) -> impl FnMut(ShutdownMargin) -> Result<(Vec<HealthyFlight>, u64), JobError> {
+        move |margin| {
+            let flight = |[uncorrected, corrected]: &[f64; 2]| {
+                let fallen = |evidence: f64, nats: f64| (evidence - 0.25 * nats).max(0.0);
+                let by_length = vec![
+                    fallen(*uncorrected, margin.uncorrected_nats),
+                    fallen(*corrected, margin.baseline_corrected_nats),
+                ];
+                let largest = by_length[0].max(by_length[1]);
+                let shutdowns = u64::from(largest >= 1.0);
+                HealthyFlight {
+                    environment: 0,
+                    alarms: shutdowns,
+                    shutdowns,
+                    evidence: largest,
+                    shutdown_evidence: largest,
+                    shutdown_evidence_by_length: by_length,
+                }
             };
             Ok((evidence.iter().map(flight).collect(), 1))
         }
     }
 
     #[test]
-    fn the_margin_is_the_smallest_that_held_out_flights_allow() {
-        let found = |evidence: &[f64]| smallest_margin(24, (0.5, 8.0), falling(evidence)).unwrap();
-        let quiet = found(&[0.0, 0.5]);
-        assert_eq!((quiet.added_nats, quiet.shutdowns_before, quiet.largest), (0.0, 0, 0.5));
-        let loud = found(&[1.25, 0.1, 1.0]);
-        assert_eq!((loud.added_nats, loud.shutdowns_before, loud.largest), (3.0, 2, 0.5));
+    fn each_margin_is_the_smallest_that_held_out_flights_allow() {
+        let kinds = (24, &[false, true][..]);
+        let found = |evidence| smallest_margin(kinds, (0.5, 8.0), falling(evidence)).unwrap();
+        let quiet = found(&[[0.0, 0.0], [0.25, 0.5]]);
+        assert_eq!((quiet.added, quiet.shutdowns_before), (ShutdownMargin::default(), 0));
+        assert_eq!(quiet.largest, 0.5);
+        let loud = found(&[[0.75, 1.25], [0.0, 0.1], [0.0, 1.0]]);
+        let added = ShutdownMargin { uncorrected_nats: 1.0, baseline_corrected_nats: 3.0 };
+        assert_eq!((loud.added, loud.shutdowns_before, loud.largest), (added, 2, 0.5));
         assert_eq!((loud.learned, loud.held_out, loud.failed), (24, 3, 1));
     }
 
     #[test]
     fn a_search_for_a_margin_ends_at_the_largest_one() {
-        let found = smallest_margin(24, (0.5, 2.0), falling(&[1.5])).unwrap();
-        assert_eq!((found.added_nats, found.largest), (2.0, 1.0));
+        let evidence = [[1.5, 0.0]];
+        let found = smallest_margin((24, &[false, true]), (0.5, 2.0), falling(&evidence)).unwrap();
+        assert_eq!((found.added.uncorrected_nats, found.added.baseline_corrected_nats), (2.0, 0.0));
+        assert_eq!(found.largest, 1.0);
     }
 }

@@ -112,9 +112,11 @@ pub(super) fn draws(
     reader.sound(draws).into_iter().flatten().collect()
 }
 
-/// Draws values for a specimen of a system, on top of those that its overrides already have.
+/// Draws values for a specimen of a system, on top of those that its overrides already have. Offsets and the logarithms
+/// of factors are `scatter` times as large as drawn.
 pub(crate) fn apply_draws(
     draws: &[PlantDraw],
+    scatter: f64,
     parts: &[Instance],
     random: &mut Random,
     overrides: &mut Vec<(usize, usize, f64)>,
@@ -122,8 +124,8 @@ pub(crate) fn apply_draws(
     for draw in draws {
         let ([low, high], share) = (draw.range, random.unit());
         let drawn = match draw.is_factor {
-            true => exp(ln(low) + (ln(high) - ln(low)) * share),
-            false => low + (high - low) * share,
+            true => exp(scatter * (ln(low) + (ln(high) - ln(low)) * share)),
+            false => scatter * (low + (high - low) * share),
         };
         for (place, name) in &draw.parameters {
             let part = &parts[*place];

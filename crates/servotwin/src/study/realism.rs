@@ -247,18 +247,39 @@ impl Realism {
     /// The parameters of one specimen, as (component, parameter, value) within the allowed
     /// ranges.
     pub fn specimen(&self, study: &Study, lot: Lot, variant: usize) -> Vec<(usize, usize, f64)> {
+        self.scattered_specimen(study, lot, variant, 1.0)
+    }
+
+    /// The same specimen with deviations that are `scatter` times as large.
+    pub fn scattered_specimen(
+        &self,
+        study: &Study,
+        lot: Lot,
+        variant: usize,
+        scatter: f64,
+    ) -> Vec<(usize, usize, f64)> {
         let mut random = Random::new(mix(self.seed, variant, 1 + 2 * lot as u64));
         let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
-        self.specimen_with(study, &deviations)
+        self.deviating(study, &deviations, scatter)
     }
 
     /// The parameters of a specimen with these deviations, one for each tolerance, in standard deviations.
     pub fn specimen_with(&self, study: &Study, deviations: &[f64]) -> Vec<(usize, usize, f64)> {
+        self.deviating(study, deviations, 1.0)
+    }
+
+    fn deviating(
+        &self,
+        study: &Study,
+        deviations: &[f64],
+        scatter: f64,
+    ) -> Vec<(usize, usize, f64)> {
         let components = &study.system.network().components;
         let mut values = Vec::new();
         for (tolerance, deviation) in self.tolerances.iter().zip(deviations) {
             // A specimen beyond three standard deviations would not be delivered.
-            let deviation = deviation.clamp(-MAX_DEVIATION, MAX_DEVIATION) * tolerance.sigma;
+            let deviation =
+                deviation.clamp(-MAX_DEVIATION, MAX_DEVIATION) * scatter * tolerance.sigma;
             for &(component, parameter) in &tolerance.parameters {
                 let instance = &components[component];
                 let (min, max) = instance.range(parameter);

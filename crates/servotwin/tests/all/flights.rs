@@ -15,7 +15,7 @@ use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::flights::Size;
 use servotwin::study::{Flights, Setting, Study};
-use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::diagnoser::{Diagnoser, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::sync::{Arc, OnceLock};
@@ -109,7 +109,8 @@ fn a_diagnoser_states_the_healthy_flights_behind_its_margin() {
     let evidence = diagnoser().healthy_evidence.unwrap();
     assert_eq!((evidence.learned, evidence.held_out), (7, 3));
     assert!(evidence.largest <= diagnoser().tuning.pending_share, "{evidence:?}");
-    let wider = diagnoser().with_shutdown_allowance(2.0);
+    assert_eq!(evidence.scatter, 1.5);
+    let wider = diagnoser().with_shutdown_margin(ShutdownMargin::of_both(2.0));
     let limits = [&**diagnoser(), &wider].map(|d| d.limits_of(&d.lengths[0]));
     let added = limits[1].allowances_nats().iter().zip(limits[0].allowances_nats());
     let added: Vec<f64> = added.map(|(wider, usual)| wider - usual).collect();

@@ -103,7 +103,7 @@ impl MarginWatch {
     pub fn into_outcome(self) -> SearchOutcome {
         let is_visible = self.faulty.is_some() && self.visibility.seen.is_some();
         let counted = self.counted();
-        let evidence = self.peak.largest;
+        let evidence = self.peak.largest();
         let (margin, is_error) = match (self.target.objective, counted) {
             (SearchObjective::MissedShutdown, Some(raised)) => {
                 let left_s = self.target.duration_s - raised.sample as f64 * self.period_s;
