@@ -258,7 +258,7 @@ fn peer(
     println!("  {name}: no tolerance was as exact");
 }
 
-/// How many times ours, if ours can be told from nothing.
+/// How many times ours, if ours differs from nothing.
 fn ratio(seconds: f64, our_seconds: f64) -> String {
     if our_seconds < 0.1 {
         return "too short to compare".into();

@@ -188,7 +188,7 @@ pub enum Failure {
         error: TraceError,
     },
     /// A table contradicts a study file for traces, or a model.
-    #[error("error: {path} is not as {rule} says: {error}{}", hint::for_table(.error))]
+    #[error("error: {path} does not follow {rule}: {error}{}", hint::for_table(.error))]
     NotAs {
         path: PathBuf,
         /// The study file or the model.

@@ -33,7 +33,7 @@ pub fn for_table(error: &EvaluationError) -> &'static str {
             TableModelError::NumericLabel { .. } | TableModelError::Limits { .. },
         ) => " (--label-limits)",
         EvaluationError::TableModel(TableModelError::Split { test_value: None, .. }) => {
-            " (--test-value says what is tested with)"
+            " (--test-value names the value of the test rows)"
         }
         EvaluationError::TableModel(TableModelError::Empty { what: "class", .. }) => {
             " (rows without one are for 'servotwin predict')"

@@ -38,7 +38,7 @@ pub struct ExplainedActions {
     pub limit: f64,
 }
 
-/// What the conformal set says about an action.
+/// The verdict of the conformal set on an action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Explanation {
     /// The action explains the row, and no other does.

@@ -1,4 +1,4 @@
-//! An export on disk: its files, and `export.json`, which says what they were made of.
+//! An export on disk: its files, and `export.json`, which names what they were made of.
 
 use crate::c;
 use crate::certificate::{

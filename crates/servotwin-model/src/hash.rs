@@ -1,4 +1,4 @@
-//! A hash that tells texts apart: FNV-1a with 64 bits (Fowler, Noll, Vo). It does not resist forgery.
+//! A hash that distinguishes texts: FNV-1a with 64 bits (Fowler, Noll, Vo). It does not resist forgery.
 
 use core::fmt::{self, Write};
 

@@ -61,7 +61,7 @@ pub fn render(material: &TableMaterial) -> String {
     page.section("confusion", "Confusion matrices", |page| confusion(material, page));
     page.section("importances", "What the tree asks for", |page| importances(material, page));
     page.section("tree", "The tree", |page| tree(material, page));
-    page.finish(&format!("{}: what tells {} apart", material.name, material.tree.label)).0
+    page.finish(&format!("{}: what separates {}", material.name, material.tree.label)).0
 }
 
 fn data(material: &TableMaterial, page: &mut Page) {
@@ -284,7 +284,7 @@ fn tree(material: &TableMaterial, page: &mut Page) {
             0 if parts.len() == 1 => ("tree".to_owned(), "The whole tree.".to_owned()),
             0 => (
                 "tree_1".to_owned(),
-                format!("Part 1 of {}: the top; the others go on where it says so.", parts.len()),
+                format!("Part 1 of {}: the top; the others continue at the marked nodes.", parts.len()),
             ),
             _ => (format!("tree_{}", place + 1), format!("Part {}.", place + 1)),
         };

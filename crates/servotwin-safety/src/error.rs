@@ -36,7 +36,7 @@ pub enum SafetyError {
         /// The reason.
         error: RuntimeError,
     },
-    /// The folder has no manifest, so nothing says which system, study and model its results come from.
+    /// The folder has no manifest, so system, study and model of its results are unknown.
     #[error(
         "{folder}: there is no manifest.json here, so nothing says what the results were made of; 'servotwin study \
          STUDY --out {folder}' writes one"

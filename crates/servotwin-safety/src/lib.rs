@@ -7,7 +7,7 @@
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //!
 //! Nothing is invented: failure rates come from a table of the user ([`rates`]), everything else from simulations, and a
-//! cell without evidence says so.
+//! cell without evidence names what is missing.
 
 mod counts;
 mod error;

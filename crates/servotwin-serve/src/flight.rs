@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-/// A flight that is later than this gives up catching up, and says so.
+/// A flight that is later than this gives up catching up, and reports it.
 const TOO_LATE: Duration = Duration::from_millis(500);
 /// The time after which a paused flight looks for requests again.
 const PAUSED: Duration = Duration::from_millis(20);

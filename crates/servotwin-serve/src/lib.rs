@@ -9,7 +9,7 @@
 //! - [`injection`]: faults as they are injected by hand: a step, a ramp, or intermittent
 //! - [`shipped`]: a diagnosis that comes with the program
 //! - [`signals`]: what a frame contains, with names, units and bands
-//! - [`state`]: what viewers are told besides samples
+//! - [`state`]: what viewers receive besides samples
 //! - [`session`]: a flight as viewers saw it, as one file, and its replay
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
 //! - [`page`]: the page, and one file that holds it with a session
@@ -17,7 +17,7 @@
 //! - [`server`]: HTTP and WebSocket, and who may come in
 //!
 //! The flight never waits for a browser: it puts a frame into the feed and goes on. A viewer that is too slow loses
-//! frames, which it is told, and never a sample of the diagnosis.
+//! frames, and the feed reports how many. The diagnosis never loses a sample.
 
 pub mod feed;
 pub mod flight;

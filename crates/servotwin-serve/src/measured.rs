@@ -168,7 +168,7 @@ struct Screen<'w, 's> {
     signals: &'w Signals,
     frames: Frames,
     known: Known,
-    /// Alarm and finding that viewers were told; `None` before the first sample.
+    /// Alarm and finding that viewers received; `None` before the first sample.
     told: Option<(Alarm, Finding)>,
     actions: Vec<Act>,
     longest_s: f64,
@@ -317,7 +317,7 @@ impl Sink for Notices<'_> {
 }
 
 impl Notices<'_> {
-    /// Says in the state whether the stream is silent. The next state says that it is not.
+    /// Marks in the state whether the stream is silent. The next state removes the mark.
     fn be_silent(&self, is_silent: bool) {
         let state: Result<Value, _> = serde_json::from_str(&self.feed.state_now());
         if let Ok(Value::Object(mut state)) = state {

@@ -18,7 +18,7 @@
 //! | `/` | the page of the fleet, with a row for each source |
 //! | `/fleet` | state and age of each source |
 //!
-//! A browser tells where a page comes from. Requests from any other page than this server's are refused, so no other
+//! A browser states where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
 
 use crate::feed::{Begin, Feed, Message, Newest, RunError, Source};

@@ -1,4 +1,4 @@
-//! What viewers are told besides samples: what is shown, and the state of its diagnosis.
+//! What viewers receive besides samples: what is shown, and the state of its diagnosis.
 
 use crate::injection::Injection;
 use crate::signals::Signal;

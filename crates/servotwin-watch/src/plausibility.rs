@@ -152,7 +152,7 @@ impl Plausibility {
                 "its times seem to be in {unit}, in which its samples are {other_s} s apart: {apart}"
             )),
             _ if step_s < FAST * period_s => {
-                Some(format!("its times seem to be in a larger unit than the map says: {apart}"))
+                Some(format!("its times seem to be in a larger unit than the map states: {apart}"))
             }
             _ if step_s > SLOW * period_s => Some(format!(
                 "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",

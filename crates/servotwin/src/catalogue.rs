@@ -185,7 +185,7 @@ fn overview() -> String {
     table(&["kind", "description", "ports", "states", "faults"], all().map(row).collect())
 }
 
-/// All that the book says of the catalogue: a row and a page for each component, and the liquids.
+/// The pages of the book about the catalogue: a row and a page for each component, and the liquids.
 pub fn book() -> String {
     let pages: Vec<String> = all().map(markdown).collect();
     let rows = fluids().into_iter().map(Vec::from).collect();

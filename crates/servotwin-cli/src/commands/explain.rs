@@ -107,7 +107,7 @@ fn verdict(verdict: &Verdict, words: &Vocabulary) -> String {
         "isolated" => format!("together: {said}; the committee is {sure} sure\n"),
         "not_isolated" => {
             format!(
-                "together: detected, but not isolated; the committee says {said}, {sure} sure\n"
+                "together: detected, but not isolated; the committee answers {said} with probability {sure}\n"
             )
         }
         _ => "together: healthy\n".into(),

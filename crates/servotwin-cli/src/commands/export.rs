@@ -37,7 +37,7 @@ enum Target {
 ///
 /// The FMU serves co-simulation and model exchange in any tool with FMI 2.0 or 3.0. Each fault is a tunable parameter from
 /// 0 to 1 (fault.COMPONENT.NAME), so the tool can inject it while it simulates. With --model the FMU is the hybrid twin
-/// instead: it takes inputs and measured values and says what the diagnosis says; it serves co-simulation. The FMU holds C
+/// instead: it takes inputs and measured values and returns the diagnosis; it serves co-simulation. The FMU holds C
 /// sources and a binary for 64-bit Linux, for which gcc or clang is needed.
 #[derive(clap::Args)]
 struct FmuOptions {

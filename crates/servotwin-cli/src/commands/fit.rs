@@ -416,7 +416,7 @@ fn people(fitted: &FitResults, problem: &Fit) -> String {
     text += &grid.text();
     let unseen = fitted.known.directions.iter().filter(|direction| direction.information < 1.0);
     text += &format!(
-        "\nIn {} of {} directions the record says less than the tolerances did before.\n\n",
+        "\nIn {} of {} directions the record adds less than the tolerances already give.\n\n",
         unseen.count(),
         problem.unknowns.len()
     );

@@ -265,7 +265,7 @@ fn other_plant(
 pub fn no_flights(study: &Study) -> Result<Failure, Failure> {
     Ok(Failure::Options(match study.flights()? {
         Some(_) => "the [flights] of the study have no full sizes, which --full asks for",
-        None => "the study has no [flights]: docs/study-format.md says what stands there",
+        None => "the study has no [flights]: docs/study-format.md describes this section",
     }))
 }
 

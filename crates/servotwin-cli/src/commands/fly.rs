@@ -181,7 +181,7 @@ pub fn diagnoser(
     }
     let Some(plan) = study.flights()? else {
         return Err(Failure::Options(
-            "the study has no [flights] to learn from: docs/study-format.md says what stands there",
+            "the study has no [flights] to learn from: docs/study-format.md describes this section",
         ));
     };
     let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// Fill an FMEA (failure mode and effects analysis) from the results of a study.
 ///
 /// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and its
-/// rows, or a figure. A cell without evidence says so. Every fault of the study is flown in closed loop with the
+/// rows, or a figure. A cell without evidence names what is missing. Every fault of the study is flown in closed loop with the
 /// diagnosis and without it, and safety/fmea-flights.csv stores the flights. If the diagnoser is missing, the command
 /// learns it first. Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their
 /// rows as stale when the system, the study or the models change. With a study instead of a folder, the sheet holds

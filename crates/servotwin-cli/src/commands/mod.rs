@@ -310,7 +310,7 @@ impl TableOptions {
                 let part = if self.group.is_some() { "groups" } else { "part" };
                 format!("the last {part} of each class ({share})")
             }
-            (None, Some(column), _) => format!("as column {column} says"),
+            (None, Some(column), _) => format!("as column {column} states"),
             (None, None, Some(path)) => format!("the rows of {}", path.display()),
             (None, None, None) if self.group.is_some() => {
                 format!("{} folds, seed {}", self.folds, self.seed)

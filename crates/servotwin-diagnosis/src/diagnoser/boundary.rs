@@ -338,7 +338,7 @@ mod tests {
         assert!(doubt(4, moving, swinging).remains(NOISE, &Tuning::default()));
     }
 
-    /// Without motion nothing tells the two apart, however long it lasts.
+    /// Without motion nothing separates the two, however long it lasts.
     #[test]
     fn an_actuator_at_rest_stays_doubtful() {
         assert!(doubt(30, |_| 0.001, |_| [-0.04, -0.02]).remains(NOISE, &Tuning::default()));

@@ -215,7 +215,7 @@ tuning! {
         "How long this evidence is remembered: ten seconds of motion tell a wrong reading from a leak.";
     healthy_slope_memory_s: f64 = 60.0 in 1e-3..=1e6, "s",
         Statistical, "decisions/137-doubtful-boundary.md",
-        "How long the slope of a healthy line is remembered: a minute of motion tells it, and a filter clogs more slowly.";
+        "How long the slope of a healthy line is remembered: a minute of motion shows it, and a filter clogs more slowly.";
     line_slope_deviation: f64 = 0.15 in 1e-6..=1e6, "",
         Physical, "decisions/137-doubtful-boundary.md",
         "The standard deviation of a healthy line's slope that is not known yet: the resistance of lines and filters \

@@ -2,7 +2,7 @@
 //!
 //! The FMU holds C sources and a binary for 64-bit Linux, which needs nothing but the C library. Faults and parameters of a
 //! system are tunable parameters, so any tool can inject a fault while it simulates. A hybrid twin takes inputs and measured
-//! values, and its outputs are what the diagnosis says.
+//! values, and its outputs are those of the diagnosis.
 
 mod description;
 mod units;

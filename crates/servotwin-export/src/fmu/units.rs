@@ -54,7 +54,7 @@ pub(super) fn element(unit: Unit) -> Option<String> {
                 let _ = write!(text, " {name}=\"{exponent}\"");
             }
         }
-        // An angle is a pure number, which the base unit says of itself.
+        // An angle is a pure number, as the base unit states.
         text += if symbol.contains("rad") { " rad=\"1\"/>\n" } else { "/>\n" };
     }
     let (shown, factor, offset) = (unit.shown(), unit.difference_to_shown(1.0), unit.to_shown(0.0));

@@ -197,7 +197,7 @@ impl Variables {
         }
     }
 
-    /// What the diagnosis says, in the order of the C code.
+    /// The outcome of the diagnosis, in the order of the C code.
     fn add_results(&mut self, diagnoser: &Diagnoser) {
         let names = diagnoser.names();
         let list = |names: &[String]| {

@@ -1,4 +1,4 @@
-//! The whole chain, sample by sample: what a session says, its evidence, its probabilities and its features.
+//! The whole chain, sample by sample: the outcome of a session, its evidence, its probabilities and its features.
 
 use super::Evidence;
 use super::library::{Compiled, RunningSession};
@@ -9,7 +9,7 @@ use servotwin_diagnosis::panel::SensorBand;
 use servotwin_diagnosis::random::Random;
 use std::sync::Arc;
 
-/// The share of samples after which the flight control computer says something.
+/// The share of samples after which the flight control computer confirms or releases something.
 const COMMAND_SHARE: f64 = 2e-4;
 
 /// The same while an action is raised, which would stay for good if it switches off.
@@ -18,7 +18,7 @@ const ANSWER_SHARE: f64 = 5e-3;
 /// The longest time until a command is taken back, in samples.
 const LONGEST_COMMAND: usize = 1000;
 
-/// What a session says, as flat lists: `prove_push` of the C text.
+/// The outcome of a session, as flat lists: `prove_push` of the C text.
 #[derive(Default, PartialEq)]
 pub(super) struct Said {
     pub integers: Vec<i64>,
@@ -144,7 +144,7 @@ pub(super) fn obey(
     Ok(())
 }
 
-/// Pushes a sample and writes everything that the session says.
+/// Pushes a sample and writes the whole outcome of the session.
 pub(super) fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
     let outcome = *session.push(&sample.inputs, &sample.measured, &sample.twin);
     said.integers.clear();

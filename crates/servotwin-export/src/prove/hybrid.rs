@@ -65,7 +65,7 @@ pub(super) fn said(outcome: &Outcome) -> ([i64; 3], f64) {
     ([finding, alarm, outcome.since_sample as i64], outcome.confidence)
 }
 
-/// Whether a hybrid twin of a build says and expects the same of a sample.
+/// Whether a hybrid twin of a build has the same outcome and expects the same values for a sample.
 pub(super) fn is_same(
     own: Option<([i64; 3], f64)>,
     expected: &[f64],

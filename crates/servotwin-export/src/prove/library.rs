@@ -424,7 +424,7 @@ pub(super) struct RunningSession<'c> {
 impl Compiled {
     /// A new session.
     pub fn session(&self) -> Result<RunningSession<'_>, ExportError> {
-        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
                 self.library.get(b"prove_start")?;
@@ -515,7 +515,7 @@ pub(super) struct RunningTwin<'c> {
 impl Compiled {
     /// A twin of this program before its start.
     pub fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
-        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             Ok(RunningTwin {
                 memory: self.memory(b"prove_twin_size")?,
@@ -604,7 +604,7 @@ pub(super) struct RunningHybrid<'c> {
 impl Compiled {
     /// A hybrid twin before its first sample.
     pub fn hybrid(&self) -> Result<RunningHybrid<'_>, ExportError> {
-        // SAFETY: the types are those of the C text; the memory is as large as the library says.
+        // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
                 self.library.get(b"prove_hybrid_start")?;

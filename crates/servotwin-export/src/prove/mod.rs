@@ -50,7 +50,7 @@ const RANDOM_ROWS: usize = 20_000;
 pub struct Difference {
     /// The model.
     pub place: String,
-    /// What it says, and what it should say.
+    /// Its answer, and the right one.
     pub what: String,
 }
 

@@ -12,7 +12,7 @@ use servotwin_diagnosis::tree::Branches;
 /// Most nodes of a stage: children are 16-bit numbers with a sign.
 const MOST_NODES: usize = i16::MAX as usize;
 
-/// Most features: the highest bit of a node's feature says where missing values go.
+/// Most features: the highest bit of a node's feature is the side of missing values.
 const MOST_FEATURES: usize = 1 << 15;
 
 /// `SERVOTWIN_MISSING_LEFT` and `MISSING_LEFT` of the hand-written code.

@@ -33,7 +33,7 @@ const NO_SHAPE: f64 = 1e-9;
 /// Half of the 95 % quantile of χ² with one degree of freedom.
 const DROP_95: f64 = 1.920_729_410_347_062;
 
-/// The smallest probability that is told from zero.
+/// The smallest probability that differs from zero.
 const LEAST_PROBABILITY: f64 = 1e-12;
 
 /// Steps of a search over shapes and scales, of one over shares, and of the bisection of an interval's end.
@@ -70,7 +70,7 @@ pub struct Tail {
 
 impl Tail {
     /// Fits the tail of block maxima and extrapolates it to a level. `None` with fewer than [`LEAST_EXCESSES`] excesses,
-    /// or if the threshold is not below the level: then counting says more.
+    /// or if the threshold is not below the level: then counting gives more.
     pub fn fit(maxima: &[f64], level: f64) -> Option<Self> {
         let mut sorted: Vec<f64> = maxima.iter().copied().filter(|value| !value.is_nan()).collect();
         sorted.sort_by(|a, b| b.total_cmp(a));

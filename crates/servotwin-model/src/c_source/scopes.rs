@@ -19,7 +19,7 @@ pub(super) struct Scopes {
 }
 
 impl Scopes {
-    /// Divides the needed expressions into blocks of at most so many. `is_result` says which values are used after all.
+    /// Divides the needed expressions into blocks of at most so many. `is_result` marks the values that are used after all blocks.
     pub fn new(
         expressions: &[Expression],
         needed: &[bool],

@@ -559,7 +559,7 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> Grid {
 /// Writes the same flights with other target rates of false alarms.
 fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
     page.text(&format!(
-        "The sequential test is told how many false alarms are allowed, and takes the time that this \
+        "The sequential test gets the rate of false alarms that is allowed, and takes the time that this \
          needs. The same {}s, with several rates asked for:",
         words.run()
     ));

@@ -36,7 +36,7 @@ impl Section for Leaves {
         for result in &material.results.subjects {
             let mut grid = Grid::new([
                 ("tree", Side::Left),
-                ("says", Side::Left),
+                ("answer", Side::Left),
                 ("purity", Side::Right),
                 ("variants", Side::Right),
                 ("because", Side::Left),

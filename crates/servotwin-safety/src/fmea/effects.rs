@@ -12,7 +12,7 @@ use servotwin_model::spec::Unit;
 /// All flights, and those of a fault with their rows in the file.
 pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
 
-/// The flights of a fault, or the cell that says why there are none.
+/// The flights of a fault, or the cell with the reason why there are none.
 fn flown<'s>(
     sources: &'s FmeaSources,
     subject: &'s FmeaSubject,

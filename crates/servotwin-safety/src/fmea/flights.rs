@@ -160,7 +160,7 @@ impl FmeaFlights {
         };
         let stale = match EvidenceBasis::parse(&one("basis")?) {
             Some(basis) => results.basis.changes_since(&basis),
-            None => Some("nothing says of which model they are".into()),
+            None => Some("their model is not recorded".into()),
         };
         Ok(Some(FmeaFlights { list, case: one("case")?, setting: one("setting")?, stale }))
     }

@@ -225,7 +225,7 @@ fn status(
     };
     let changes = match &earlier.basis {
         Some(known) => basis.changes_since(known),
-        None => Some("nothing says for which system, study and model they were written".into()),
+        None => Some("their system, study and model are not recorded".into()),
     };
     match changes {
         None => ("current".into(), false, basis.clone()),

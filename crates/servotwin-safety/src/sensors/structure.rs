@@ -119,7 +119,7 @@ impl Whitening {
             let sum: f64 = centered.iter().map(|point| point[row] * point[column]).sum();
             sum / freedoms as f64
         };
-        // Columns have different units, so rounding is measured in their deviations. A constant column says nothing.
+        // Columns have different units, so rounding is measured in their deviations. A constant column has no information.
         let inverse = |variance: f64| if variance > 0.0 { 1.0 / variance.sqrt() } else { 0.0 };
         let scales: Vec<f64> =
             (0..size).map(|column| inverse(covariance(column, column))).collect();

@@ -415,6 +415,6 @@ fn unpacked(header: &ChunkHeader, data: &[u8]) -> io::Result<Vec<u8>> {
     }
     match content.len() as u64 == size {
         true => Ok(content),
-        false => Err(wrong("a chunk that is shorter than it says".into())),
+        false => Err(wrong("a chunk that is shorter than it states".into())),
     }
 }

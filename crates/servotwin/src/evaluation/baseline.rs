@@ -1,7 +1,7 @@
 //! The seed paper's trees as the paper describes them: its family of features, CART with Gini of depth 7, each actuator
 //! by itself, no mirror images.
 //!
-//! The paper reports one random third. One third says little, so the test is repeated with other thirds.
+//! The paper reports one random third. One third shows little, so the test is repeated with other thirds.
 
 use super::data_set::FeatureInfo;
 use super::protocol::{self, Holding, Protocol, ProtocolResult};

@@ -116,7 +116,7 @@ impl Known {
                 format!("partly known: the {source} narrows its tolerance, by less than half")
             }
             Knowledge::NotSeen => {
-                format!("not seen in this {source}: only its tolerance says where it lies")
+                format!("not seen in this {source}: only its tolerance limits it")
             }
             Knowledge::AtBound => "stands at the bound of its tolerance".into(),
             Knowledge::TradesOff { with, correlation } => {

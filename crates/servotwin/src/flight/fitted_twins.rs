@@ -2,7 +2,7 @@
 //!
 //! Each environment has one plant. It flies the study's calibration flight, and the twin of the environment is fitted
 //! to what the sensors show there: the tolerances and what every plant draws (`[flights].draws`) are unknown. What the
-//! environment sets itself, such as a temperature, is no property of a plant and stays as it is told.
+//! environment sets itself, such as a temperature, is no property of a plant and stays as the twin receives it.
 //!
 //! The twin cannot take over the structure of the plant, so a fit usually has a finding. `servotwin fit` would then
 //! write nothing, because a finding may be a fault. Here the plant is known to be healthy, and the twin takes the fit.

@@ -2,7 +2,7 @@
 //!
 //! False alarms cluster. What raises one in an environment raises others there, so hours in one environment do not count
 //! like hours in many. Here the environment is the unit: each is flown once, by a specimen of its own. A flight without an
-//! alarm still tells something, because the evidence for an action reaches some part of its limit. These largest values
+//! alarm still has information, because the evidence for an action reaches some part of its limit. These largest values
 //! are block maxima, and their tail gives a rate of false alarms where counting gives only a bound.
 
 use super::campaign::{FlightCampaign, Observer};

@@ -198,7 +198,7 @@ fn faults_never_trained_on_are_counted_once_each() {
     assert!(merit.outcomes.len() < unseen_faults::ALL.len() && !merit.outcomes.is_empty());
     // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
     for outcome in &merit.outcomes {
-        let is_told_wrong = outcome.title.contains("pressure that the twin is told is");
+        let is_told_wrong = outcome.title.contains("pressure at the twin is");
         assert_eq!(outcome.shutdowns_behind_wrong_sensor.is_some(), is_told_wrong, "{outcome:?}");
         assert!(!is_told_wrong || outcome.shutdowns_at_fault == 0, "{outcome:?}");
     }
@@ -239,10 +239,10 @@ fn faults_never_trained_on_are_counted_once_each() {
     let of = |title: &str| merit.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
     let missing = of("no reading of a pressure sensor");
     assert_eq!(missing.words.no_data, missing.flights);
-    let untold = of("the twin is told no command");
+    let untold = of("the command at the twin is missing");
     assert_eq!(untold.words.environment_invalid, untold.flights);
     // Both actuators deviate alike, and neither is at fault.
-    assert_eq!(of("the twin is told a frozen command").shutdowns_healthy, 0);
+    assert_eq!(of("the command at the twin freezes").shutdowns_healthy, 0);
     let jam = of("spool jams where it is");
     assert!(jam.words.healthy < jam.flights, "{jam:?}");
 }

@@ -34,7 +34,7 @@ pub fn open<'s>(
         let (map, rows) = options.input.open(&address, study, options.study.is_named(), global)?;
         Ok(Opened { address, map, rows })
     };
-    // A source that cannot be opened says so before training takes its time.
+    // A source that cannot be opened fails before training takes its time.
     let opened = options.source.iter().map(opened).collect::<Result<Vec<_>, _>>()?;
     let diagnoser = diagnoser(options, study, Setting::Realistic, global)?;
     opened.into_iter().map(|opened| source(study, opened, &diagnoser, global)).collect()
@@ -82,7 +82,7 @@ fn log(
         return Err(nothing(address, &counts));
     }
     if counts.judged == 0 {
-        warn(global, &[format!("{address}: nothing could be judged; servotwin watch says why")]);
+        warn(global, &[format!("{address}: nothing could be judged; servotwin watch reports why")]);
     }
     let too_long =
         "the log has too many events for one page: show a part of it with --from and --to";

@@ -71,7 +71,7 @@ impl InputOptions {
         address.from_senders(allowed).ok_or(Failure::Options(none))
     }
 
-    /// Opens a source, or the part of it that the options name, with the map of its columns. `is_study_named` says
+    /// Opens a source, or the part of it that the options name, with the map of its columns. `is_study_named` states
     /// whether the user named the study.
     pub fn open(
         &self,

@@ -198,7 +198,7 @@ impl Vectors {
         })
     }
 
-    /// Whether the recording build says what was trained, and every reason for an open condition is true.
+    /// Whether the recording build answers as trained, and every reason for an open condition is true.
     pub fn holds(&self) -> bool {
         let is_refuted = |row: &Row| row.is_shown() && row.reason.is_some();
         self.differences.is_empty() && !self.rows.iter().any(is_refuted)
@@ -280,7 +280,7 @@ impl Sequence {
     }
 }
 
-/// The steps of a script, with what a recording session says of them.
+/// The steps of a script, with the answers of a recording session.
 fn follow(
     diagnoser: &Arc<Diagnoser>,
     recording: &Recording,

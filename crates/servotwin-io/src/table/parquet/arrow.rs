@@ -24,7 +24,7 @@ pub(super) fn durations(schema: &str) -> HashMap<String, i64> {
     bytes.and_then(|bytes| read_durations(&bytes)).unwrap_or_default()
 }
 
-/// What a field's metadata says about its column.
+/// The meaning of a column in its field's metadata.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Facts {
     /// The value of `unit`.

@@ -20,7 +20,7 @@ const FEW_VALUES: usize = 64;
 
 /// Why a column of a data set is not used.
 const NO_FEATURE: &str =
-    "is no feature of the data set: it says what was simulated or how it was detected";
+    "is no feature of the data set: it holds what was simulated or how it was detected";
 
 /// The source of a model's feature.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -251,7 +251,7 @@ fn tells_the_class(column: &Column, labels: &[u32]) -> Option<String> {
         && of_value.values().all(Option::is_some);
     sure.then(|| {
         format!(
-            "column '{}' tells the class by itself in every row: is it known before the class is?",
+            "column '{}' determines the class by itself in every row: is it known before the class is?",
             column.name
         )
     })

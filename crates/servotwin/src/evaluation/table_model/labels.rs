@@ -220,8 +220,8 @@ pub(super) fn warnings(classes: &Coded, groups: &Coded, column: &str) -> Vec<Str
     if classes_of_group.iter().all(|of| of.len() == 1) {
         let fewest = groups_of_class.iter().map(BTreeSet::len).filter(|n| *n > 0).min();
         warnings.push(format!(
-            "every {column} has one class only, so it explains the label: what tells the {column} \
-             tells the class, and a class is known from no more than {} of them",
+            "every {column} has one class only, so it explains the label: whatever separates the {column} also \
+             separates the classes, and a class is known from no more than {} of them",
             fewest.unwrap_or(0)
         ));
     }

@@ -106,7 +106,7 @@ pub enum Touch {
 /// An effect on a specific system, with names resolved.
 #[derive(Clone, Debug)]
 enum Change {
-    /// A fault at its largest intensity, with the effect that says how it develops.
+    /// A fault at its largest intensity, with the effect that describes how it develops.
     Fault(FaultAt, Effect),
     /// A parameter, changed depending on its value and the time since the onset.
     Parameter(usize, usize, Effect),

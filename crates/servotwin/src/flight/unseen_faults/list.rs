@@ -223,39 +223,39 @@ pub static ALL: &[Foreign] = &[
             vec![whole(Weather("supply.temperature_k", s)), whole(Weather("tank.temperature_k", s))]
         },
     ),
-    foreign(ENVIRONMENT_SENSORS, "the twin is told a frozen command", ONCE, Nothing, |_| {
+    foreign(ENVIRONMENT_SENSORS, "the command at the twin freezes", ONCE, Nothing, |_| {
         vec![whole(ToldFrozen("command"))]
     }),
-    foreign(ENVIRONMENT_SENSORS, "the twin is told no command", ONCE, Nothing, |_| {
+    foreign(ENVIRONMENT_SENSORS, "the command at the twin is missing", ONCE, Nothing, |_| {
         vec![whole(ToldMissing("command"))]
     }),
-    foreign(ENVIRONMENT_SENSORS, "the twin is told an impossible command", ONCE, Nothing, |_| {
+    foreign(ENVIRONMENT_SENSORS, "the command at the twin is impossible", ONCE, Nothing, |_| {
         vec![whole(ToldTooLarge("command"))]
     }),
     foreign(
         ENVIRONMENT_SENSORS,
-        "the supply pressure that the twin is told is missing",
+        "the supply pressure at the twin is missing",
         ONCE,
         Any,
         |_| vec![own(ToldMissing("supply_pressure"))],
     ),
     foreign(
         ENVIRONMENT_SENSORS,
-        "the supply pressure that the twin is told is wrong, inside of its range",
+        "the supply pressure at the twin is wrong, within its range",
         (&[-0.04, 0.04], "−4 and +4 %"),
         NoShutdown,
         |s| vec![own(ToldOff("supply_pressure", s))],
     ),
     foreign(
         ENVIRONMENT_SENSORS,
-        "supply pressure falls, and the twin is told the old one",
+        "the supply pressure falls, and the twin keeps the old value",
         (&[0.9, 0.7], "to 90 and 70 %"),
         Any,
         |s| vec![own(InputTimes("supply_pressure", s)), own(ToldFrozen("supply_pressure"))],
     ),
     foreign(
         ENVIRONMENT_SENSORS,
-        "the return pressure that the twin is told is wrong, inside of its range",
+        "the return pressure at the twin is wrong, within its range",
         (&[-0.1, 0.1], "−10 and +10 %"),
         NoShutdown,
         |s| vec![own(ToldOff("return_pressure", s))],
@@ -269,7 +269,7 @@ pub static ALL: &[Foreign] = &[
     ),
     foreign(
         ENVIRONMENT_SENSORS,
-        "the supply pressure changes, and the twin is told late",
+        "the supply pressure changes, and the twin gets it late",
         (&[0.9, 1.03], "to 90 and 103 %, 0.2 s late"),
         Nothing,
         |s| {
@@ -281,7 +281,7 @@ pub static ALL: &[Foreign] = &[
     ),
     foreign(
         ENVIRONMENT_SENSORS,
-        "the return pressure changes, and the twin is told late",
+        "the return pressure changes, and the twin gets it late",
         (&[0.8, 1.5], "to 80 and 150 %, 0.2 s late"),
         Nothing,
         |s| {

@@ -147,7 +147,7 @@ impl Case {
     }
 }
 
-/// The cases, their flights and the environments as twins are told them.
+/// The cases, their flights and the environments as twins receive them.
 #[derive(Default)]
 struct Plan {
     cases: Vec<Case>,

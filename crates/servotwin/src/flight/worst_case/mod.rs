@@ -117,7 +117,7 @@ impl SearchOutcome {
 #[derive(Debug, thiserror::Error)]
 pub enum SearchError {
     /// The study has no flights to search in.
-    #[error("the study has no [flights]: docs/study-format.md says what stands there")]
+    #[error("the study has no [flights]: docs/study-format.md describes this section")]
     NoFlights,
     /// No fault of the study is of use to an objective.
     #[error(
