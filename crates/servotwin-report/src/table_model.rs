@@ -284,7 +284,10 @@ fn tree(material: &TableMaterial, page: &mut Page) {
             0 if parts.len() == 1 => ("tree".to_owned(), "The whole tree.".to_owned()),
             0 => (
                 "tree_1".to_owned(),
-                format!("Part 1 of {}: the top; the others continue at the marked nodes.", parts.len()),
+                format!(
+                    "Part 1 of {}: the top; the others continue at the marked nodes.",
+                    parts.len()
+                ),
             ),
             _ => (format!("tree_{}", place + 1), format!("Part {}.", place + 1)),
         };

@@ -168,7 +168,10 @@ impl Reader<'_> {
             .checked_mul(head.columns)
             .filter(|count| count.checked_mul(width) == Some(body.len()));
         let Some(count) = count else {
-            return Err(format!("'{}' does not have the size that it states", sanitize::text(name)));
+            return Err(format!(
+                "'{}' does not have the size that it states",
+                sanitize::text(name)
+            ));
         };
         let numbers = Numbers { body, kind, width, is_big: inner.is_big };
         if count < 2 {

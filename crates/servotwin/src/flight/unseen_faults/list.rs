@@ -232,13 +232,9 @@ pub static ALL: &[Foreign] = &[
     foreign(ENVIRONMENT_SENSORS, "the command at the twin is impossible", ONCE, Nothing, |_| {
         vec![whole(ToldTooLarge("command"))]
     }),
-    foreign(
-        ENVIRONMENT_SENSORS,
-        "the supply pressure at the twin is missing",
-        ONCE,
-        Any,
-        |_| vec![own(ToldMissing("supply_pressure"))],
-    ),
+    foreign(ENVIRONMENT_SENSORS, "the supply pressure at the twin is missing", ONCE, Any, |_| {
+        vec![own(ToldMissing("supply_pressure"))]
+    }),
     foreign(
         ENVIRONMENT_SENSORS,
         "the supply pressure at the twin is wrong, within its range",
