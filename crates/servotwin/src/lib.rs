@@ -68,6 +68,8 @@
 //! ```
 //!
 //! [`fit`] estimates the parameters of a twin, or the intensity of a fault, from a record.
+//! Files, signals and simulation are modules of [`servotwin_system`], whose page has a map of them; paths through this
+//! crate lead to the same types.
 //! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
 
 pub mod beside;
