@@ -156,7 +156,7 @@ pub struct OperatingCase {
     pub inputs: Vec<Piecewise>,
 }
 
-/// A study that is ready to run.
+/// A study that is ready to run. The trait `servotwin::job::RunStudy` runs it.
 pub struct Study {
     /// The name of the study in files.
     pub name: String,
