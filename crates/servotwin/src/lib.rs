@@ -38,7 +38,7 @@
 //! # 3. Run a study, and 4. train
 //!
 //! A [`Study`](study::Study) lists faults, intensities and operating cases.
-//! [`Study::run`](study::Study::run) simulates them all, trains the diagnosis and evaluates it on new commands.
+//! [`Study::run`](job::RunStudy::run) simulates them all, trains the diagnosis and evaluates it on new commands.
 //! The crate `servotwin-report` makes a page of the results.
 //!
 //! ```no_run
@@ -68,38 +68,28 @@
 //! ```
 //!
 //! [`fit`] estimates the parameters of a twin, or the intensity of a fault, from a record.
+//! Files, signals and simulation are modules of [`servotwin_system`], whose page has a map of them; paths through this
+//! crate lead to the same types.
 //! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
 
 pub mod beside;
-pub mod built_in;
 pub mod campaign;
-pub mod catalogue;
-pub mod compiled;
-pub mod eigenvalues;
-pub mod ensemble;
 pub mod evaluation;
 pub mod fit;
 pub mod flight;
-pub mod format;
 pub mod job;
-pub mod kind;
 pub mod monitor;
 pub mod observer;
-pub mod parallel;
 pub mod prelude;
-pub mod recording;
-pub mod rest;
-pub mod schema;
-pub mod shown;
-pub mod signal;
-pub mod simulate;
-pub mod study;
-pub mod system;
-pub mod template;
-pub mod units;
-pub mod validity;
 
+#[doc(no_inline)]
 pub use servotwin_io::{
     document, files, leftovers, manifest, moment, nearest, sanitize, table, text,
 };
+#[doc(no_inline)]
 pub use servotwin_plot as figure;
+#[doc(no_inline)]
+pub use servotwin_system::{
+    built_in, catalogue, compiled, eigenvalues, ensemble, format, kind, parallel, recording, rest,
+    schema, shown, signal, simulate, study, system, template, units, validity,
+};

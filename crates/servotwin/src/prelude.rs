@@ -2,7 +2,7 @@
 
 pub use crate::evaluation::model_file::read_diagnoser;
 pub use crate::fit::{Fit, FitError, FitResults, Record};
-pub use crate::job::{JobError, StudyEvent, StudyResults, StudyRun};
+pub use crate::job::{JobError, RunStudy, StudyEvent, StudyResults, StudyRun};
 pub use crate::monitor::Monitor;
 pub use crate::nearest::UnknownName;
 pub use crate::observer::{Finding, State};

@@ -119,7 +119,7 @@ fn every_command_of_the_book_works() {
 }
 
 /// The template that a page shows beside a shipped system.
-const DUAL: &str = include_str!("../../../servotwin/src/template/dual_system.toml");
+const DUAL: &str = include_str!("../../../servotwin-system/src/template/dual_system.toml");
 
 /// The book shows parts of shipped files and templates as they are.
 #[test]

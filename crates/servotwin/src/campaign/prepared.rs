@@ -50,7 +50,7 @@ impl Campaign<'_> {
         let model = self.model_text();
         let of = |&setting: &Setting| self.fingerprint(setting, &plan, &images, &model);
         let fingerprints = self.settings.iter().map(of).collect();
-        let counts = self.settings.iter().map(|setting| setting.planned(&plan)).collect();
+        let counts = self.settings.iter().map(|&setting| variant_count(setting, &plan)).collect();
         Prepared { plan, images, fingerprints, counts }
     }
 
@@ -89,7 +89,7 @@ impl Campaign<'_> {
         {
             mark.add(format_args!("{}", calibration.canonical()));
         }
-        for planned in &plan[..setting.planned(plan)] {
+        for planned in &plan[..variant_count(setting, plan)] {
             let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
             mark.add(format_args!("{} {fault} {} ", planned.case, planned.intensity));
         }
@@ -98,6 +98,13 @@ impl Campaign<'_> {
         }
         mark.to_string()
     }
+}
+
+/// Number of variants of a plan in the data set of a scenario. Without noise, healthy specimens equal the twin and are
+/// left out.
+fn variant_count(setting: Setting, plan: &[Planned]) -> usize {
+    let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
+    if setting.has_noise() { plan.len() } else { faults }
 }
 
 impl Prepared {

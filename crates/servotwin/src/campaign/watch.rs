@@ -1,6 +1,6 @@
 //! Reduces a running simulation to the windows of all variants that it serves, in every requested scenario.
 
-use super::{Campaign, Images, Setting};
+use super::{Campaign, Images};
 use crate::ensemble::Sink;
 use crate::signal::random::Random;
 use crate::system::imperfection::Imperfections;
@@ -116,14 +116,5 @@ impl Sink for Watch<'_> {
 fn copy_in_order(target: &mut [f64], values: &[f64], order: &[usize]) {
     for (slot, &sensor) in target.iter_mut().zip(order) {
         *slot = values[sensor];
-    }
-}
-
-impl Setting {
-    /// Number of variants of a plan in the data set of a scenario. Without noise, healthy specimens equal the twin and
-    /// are left out.
-    pub(super) fn planned(self, plan: &[super::Planned]) -> usize {
-        let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
-        if self.has_noise() { plan.len() } else { faults }
     }
 }

@@ -79,7 +79,7 @@ pub enum StudyEvent<'e> {
     },
 }
 
-/// Options of a study's run; see [`Study::run`] for the usual way.
+/// Options of a study's run; see [`RunStudy::run`] for the usual way.
 pub struct StudyRun<'r> {
     /// The study.
     pub study: &'r Study,
@@ -103,19 +103,27 @@ pub struct StudyResults {
     pub evaluation: Results,
     /// The results of the flights; `None` for a study without flights.
     pub flights: Option<FlightResults>,
-    /// The lock that keeps other processes from writing into the folder while the caller of [`Study::run`] holds the
+    /// The lock that keeps other processes from writing into the folder while the caller of [`RunStudy::run`] holds the
     /// results.
     _hold: Option<Hold>,
 }
 
-impl Study {
+/// Runs a whole study with one call, `study.run("out")`.
+///
+/// [`Study`] is a type of `servotwin-system`, which knows neither training nor evaluation.
+/// The prelude brings this trait with it.
+pub trait RunStudy {
     /// Runs the whole study on all processors: simulates, trains and evaluates, and writes all results into a folder.
     /// `servotwin_report::write` turns them into one HTML file.
     /// An interrupted study resumes where it stopped and gives the same bytes.
     ///
     /// # Errors
     /// The folder belongs to another study or cannot be written; a stage fails.
-    pub fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError> {
+    fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError>;
+}
+
+impl RunStudy for Study {
+    fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError> {
         StudyRun::new(self, out).run()
     }
 }
@@ -137,7 +145,7 @@ impl<'r> StudyRun<'r> {
     /// early. Flights come last.
     ///
     /// # Errors
-    /// As [`Study::run`]; [`CampaignError::Cancelled`].
+    /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
         // Report a mistake in the flights now, not after the campaigns.
@@ -213,7 +221,7 @@ impl<'r> StudyRun<'r> {
     /// Simulates the data sets of one scenario, and nothing else.
     ///
     /// # Errors
-    /// As [`Study::run`]; [`CampaignError::Cancelled`].
+    /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn data_sets(&self, setting: Setting) -> Result<(), JobError> {
         let _kept = self.folder.keep_study(self.study, self.replace)?;
         self.study.roles().into_iter().try_for_each(|role| self.simulate(role, vec![setting]))

@@ -114,7 +114,13 @@ pub(super) fn draws(
 
 /// Draws values for a specimen of a system, on top of those that its overrides already have. Offsets and the logarithms
 /// of factors are `scatter` times as large as drawn.
-pub(crate) fn apply_draws(
+///
+/// `parts` are the components of the system.
+/// An override is a component, a parameter of it, and the value in the parameter's unit.
+///
+/// # Panics
+/// The draws were read for a system with other components.
+pub fn apply_draws(
     draws: &[PlantDraw],
     scatter: f64,
     parts: &[Instance],

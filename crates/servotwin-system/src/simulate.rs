@@ -5,7 +5,8 @@
 //! [`Simulation::prepare`] resolves every name once and reports the first mistake; [`Prepared::run`] simulates.
 //!
 //! ```
-//! use servotwin::prelude::*;
+//! use servotwin_system::simulate::Simulation;
+//! use servotwin_system::system::System;
 //!
 //! let system = System::default();
 //! let results = Simulation::new(&system)

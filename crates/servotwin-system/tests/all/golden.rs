@@ -1,6 +1,6 @@
 //! Broken files and what is said of each.
 
-use servotwin::files::{read_text, write_atomically};
+use servotwin_io::files::{read_text, write_atomically};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 

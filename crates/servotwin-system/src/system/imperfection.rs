@@ -7,7 +7,7 @@ use servotwin_model::scalar::Primitive;
 
 /// Noise and quantization of one sensor, in physical units.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Imperfection {
+pub struct Imperfection {
     sigma: f64,
     /// The step of the converter; zero for none.
     step: f64,
@@ -48,7 +48,7 @@ impl Imperfection {
 
 /// The imperfections of several sensors, in their order.
 #[derive(Clone, Debug)]
-pub(crate) struct Imperfections(Vec<Imperfection>);
+pub struct Imperfections(Vec<Imperfection>);
 
 impl Imperfections {
     /// The imperfections of a system's sensors, given by index.
@@ -56,7 +56,7 @@ impl Imperfections {
         Self(sensors.iter().map(|&sensor| Imperfection::of(system, sensor)).collect())
     }
 
-    /// Applies the imperfections to one sample of all sensors.
+    /// Applies the imperfections to one sample of all sensors, in physical units.
     pub fn apply(&self, sample: &mut [f64], noise: &mut Random) {
         for (value, imperfection) in sample.iter_mut().zip(&self.0) {
             *value = imperfection.apply(*value, noise);

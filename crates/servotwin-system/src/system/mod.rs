@@ -4,7 +4,7 @@
 //! at their places, as many as possible at once.
 //!
 //! ```
-//! use servotwin::system::System;
+//! use servotwin_system::system::System;
 //!
 //! let system = System::parse(
 //!     r#"
@@ -24,11 +24,11 @@
 //!     "leaking_volume.toml",
 //! )?;
 //! assert_eq!(system.program.states()[0].name, "chamber.pressure_pa");
-//! # Ok::<(), servotwin::system::SystemError>(())
+//! # Ok::<(), servotwin_system::system::SystemError>(())
 //! ```
 
 mod check;
-pub(crate) mod imperfection;
+pub mod imperfection;
 pub mod listing;
 mod mistake;
 mod read;

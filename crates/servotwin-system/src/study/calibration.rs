@@ -73,19 +73,14 @@ impl Calibration {
     }
 
     /// The index of a variant's specimen in its pool.
-    pub(crate) fn specimen(
-        &self,
-        realism: &Realism,
-        role: Role,
-        case: usize,
-        variant: usize,
-    ) -> usize {
+    /// `case` is the index of its operating case, and `variant` its number in the data set.
+    pub fn specimen(&self, realism: &Realism, role: Role, case: usize, variant: usize) -> usize {
         let first = case * self.in_each_case;
         (first + realism.dealt(variant, self.in_each_case)) % self.specimens(role)
     }
 
-    /// A text that is the same for equal calibrations.
-    pub(crate) fn canonical(&self) -> String {
+    /// A text that is the same for equal calibrations, for fingerprints of stored results.
+    pub fn canonical(&self) -> String {
         format!("{self:?}")
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A study file names a system, the commands and loads, the classes of Table 1
 //! of the seed paper with their faults, and how reality differs from the twin. The
-//! fault list ([`faults`]), the campaign ([`crate::campaign`]) and the data set follow from
+//! fault list ([`faults`]), the campaign (`servotwin::campaign`) and the data set follow from
 //! it.
 
 mod calibration;
@@ -156,7 +156,7 @@ pub struct OperatingCase {
     pub inputs: Vec<Piecewise>,
 }
 
-/// A study that is ready to run.
+/// A study that is ready to run. The trait `servotwin::job::RunStudy` runs it.
 pub struct Study {
     /// The name of the study in files.
     pub name: String,

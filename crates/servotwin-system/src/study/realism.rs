@@ -300,7 +300,7 @@ impl Realism {
     }
 
     /// The random numbers for the sensors of one variant.
-    pub(crate) fn noise(&self, lot: Lot, variant: usize) -> Random {
+    pub fn noise(&self, lot: Lot, variant: usize) -> Random {
         Random::new(mix(self.seed, variant, 2 + 2 * lot as u64))
     }
 
@@ -310,8 +310,8 @@ impl Realism {
         ((draw * count as f64) as usize).min(count - 1)
     }
 
-    /// A text that is the same for equal settings.
-    pub(crate) fn canonical(&self) -> String {
+    /// A text that is the same for equal settings, for fingerprints of stored results.
+    pub fn canonical(&self) -> String {
         format!("{self:?}")
     }
 }

@@ -70,7 +70,7 @@ impl Study {
     }
 
     /// The text of the study in its full size.
-    pub(crate) fn full_text(&self) -> String {
+    pub fn full_text(&self) -> String {
         if self.is_full { self.text.clone() } else { with_full(&self.text) }
     }
 }

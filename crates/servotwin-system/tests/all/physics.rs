@@ -6,14 +6,14 @@
 
 use crate::aileron::{constant, fault, program, state, step, test};
 use nalgebra::{Complex, DMatrix, Schur};
-use servotwin::ensemble::Variant;
-use servotwin::signal::Signal;
 use servotwin_model::fluid::{Fluid, compressibility_per_pa};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{self, Cause, Failure, Job, JobSource, Settings, Statistics};
 use servotwin_model::spec::Unit;
+use servotwin_system::ensemble::Variant;
+use servotwin_system::signal::Signal;
 use std::f64::consts::TAU;
 
 const BAR: f64 = 1e5;

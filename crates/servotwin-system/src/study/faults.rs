@@ -114,6 +114,6 @@ fn listed_fault(class: usize, position: usize) -> Place<'static> {
 }
 
 /// Prefixes a name with its unit. An empty unit name stands for the whole system.
-pub(crate) fn full_name(unit: &str, rest: &str) -> String {
+pub fn full_name(unit: &str, rest: &str) -> String {
     if unit.is_empty() { rest.into() } else { format!("{unit}.{rest}") }
 }

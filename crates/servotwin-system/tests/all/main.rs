@@ -1,0 +1,16 @@
+//! The one integration test binary of this crate: one module per room.
+
+mod aileron;
+mod cavitation;
+mod compiled;
+mod crane;
+mod golden;
+mod peer_cases;
+mod physics;
+mod relief;
+mod schema;
+mod step_page;
+mod study_mistakes;
+mod system;
+mod triplex;
+mod val_peers;
