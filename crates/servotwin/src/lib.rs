@@ -78,6 +78,7 @@ pub mod compiled;
 pub mod eigenvalues;
 pub mod ensemble;
 pub mod evaluation;
+mod experiment;
 pub mod fit;
 pub mod flight;
 pub mod format;
