@@ -46,7 +46,7 @@ use shard::{Collector, Shards, variants_of};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use watch::{Observers, Views};
+use watch::Views;
 
 /// The format of shards; shards of another format are simulated again.
 const SHARD_FORMAT: &str = "windows 3";
@@ -421,8 +421,7 @@ impl Campaign<'_> {
         ensemble.prepare(jobs.len());
         stop.store(self.is_cancelled(), Ordering::Relaxed);
         let ensemble = Ensemble { cancel: Some(&stop), ..ensemble };
-        let Prepared { plan, images, counts, .. } = prepared;
-        let observers = Observers::new(self, images);
+        let (plan, scales) = (&prepared.plan, self.study.scales());
         let twin = |job: usize| &twins[&self.beside(jobs[job], plan[jobs[job]])];
         let all = outcome.variants;
         let mut error = None;
@@ -431,7 +430,7 @@ impl Campaign<'_> {
         ensemble.run(
             jobs.len(),
             |job| self.variant(jobs[job], plan[jobs[job]]),
-            |job| observers.watch(jobs[job], twin(job), counts),
+            |job| self.watch(prepared, jobs[job], twin(job), &scales),
             |job, views, result| {
                 if let Ok(work) = &result {
                     *statistics += *work;

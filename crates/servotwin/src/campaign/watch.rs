@@ -1,57 +1,38 @@
 //! Reduces a running simulation to the windows of all variants that it serves, in every requested scenario.
 
-use super::{Campaign, Images, Setting};
+use super::{Campaign, Prepared, Setting};
 use crate::ensemble::Sink;
 use crate::experiment::{Observer, RecordedRun, SensorChain, SpecimenDraw, Watch};
 use servotwin_diagnosis::residual::Window;
 
-/// Creates the sinks of simulated variants.
-pub(super) struct Observers<'c> {
-    campaign: &'c Campaign<'c>,
-    images: &'c Images,
-    scales: Vec<f64>,
-}
-
-impl<'c> Observers<'c> {
-    pub fn new(campaign: &'c Campaign<'c>, images: &'c Images) -> Self {
-        Self { campaign, images, scales: campaign.study.scales() }
-    }
-
-    /// The sink of a simulated variant. `planned` is the length of each scenario's plan.
-    pub fn watch<'w>(
-        &'w self,
+impl Campaign<'_> {
+    /// The sink of a simulated variant. `scales` are the study's.
+    pub(super) fn watch<'w>(
+        &self,
+        Prepared { images, counts, .. }: &Prepared,
         simulated: usize,
         twin: &'w RecordedRun,
-        planned: &[usize],
+        scales: &'w [f64],
     ) -> Views<'w> {
+        let Campaign { study, role, .. } = *self;
+        let sensors = study.measured.len();
         let mut views = Vec::new();
-        for (setting, &variants) in planned.iter().enumerate() {
-            let own = self.images.served(simulated).filter(|&variant| variant < variants);
-            views.extend(own.map(|variant| self.view(setting, variant, twin)));
+        for (place, (&setting, &planned)) in self.settings.iter().zip(counts).enumerate() {
+            let own = images.served(simulated).filter(|&variant| variant < planned);
+            views.extend(own.map(|number| {
+                let draw = SpecimenDraw { study, setting, lot: role.into(), number };
+                let view = View {
+                    setting: place,
+                    variant: number,
+                    scales,
+                    window: Window::watching(sensors, study.base_sensors()),
+                    trace: self.keep_traces.then(|| vec![Vec::new(); sensors]),
+                };
+                let chain = SensorChain::new(study, sensors, draw.noise());
+                Watch::new(twin, images.order(number, sensors), chain, view)
+            }));
         }
         Views(views)
-    }
-
-    /// One variant as its sensors show it in one scenario.
-    fn view<'w>(
-        &'w self,
-        setting: usize,
-        variant: usize,
-        twin: &'w RecordedRun,
-    ) -> Watch<'w, View<'w>> {
-        let Campaign { study, role, .. } = *self.campaign;
-        let count = study.measured.len();
-        let drawn = self.campaign.settings[setting];
-        let draw = SpecimenDraw { study, setting: drawn, lot: role.into(), number: variant };
-        let view = View {
-            setting,
-            variant,
-            scales: &self.scales,
-            window: Window::watching(count, study.base_sensors()),
-            trace: self.campaign.keep_traces.then(|| vec![Vec::new(); count]),
-        };
-        let order = self.images.order(variant).map_or_else(|| (0..count).collect(), Vec::from);
-        Watch::new(twin, order, SensorChain::new(study, count, draw.noise()), view)
     }
 }
 

@@ -29,24 +29,16 @@ pub(crate) use watch::Watch;
 
 use crate::ensemble::Ensemble;
 use crate::study::Study;
-use crate::system::System;
-use servotwin_model::program::Slot;
 
 /// An ensemble of the study's system that records the measured signals.
 pub fn ensemble(study: &Study) -> Ensemble<'_> {
     Ensemble {
-        record: sensor_slots(&study.system, &study.measured),
+        record: study.system.sensor_slots(&study.measured),
         duration_s: study.duration_s,
         sample_period_s: study.sample_period_s,
         ..Ensemble::of(&study.system)
     }
 }
 
-/// The variables that some sensors of a system measure.
-pub(crate) fn sensor_slots(system: &System, sensors: &[usize]) -> Vec<Slot> {
-    let slot = |&sensor: &usize| {
-        let name = &system.sensors[sensor].signal;
-        system.program.observable(name).expect("a sensor's signal is an output").slot
-    };
-    sensors.iter().map(slot).collect()
-}
+#[cfg(test)]
+mod tests;

@@ -11,7 +11,7 @@ use crate::recording::with_suffix;
 use crate::signal::Signal;
 use crate::signal::random::Random;
 use crate::study::Lot;
-use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 
 /// The command of the calibration flight.
@@ -49,10 +49,8 @@ fn flown_as(
     let signal: Signal = command.parse().unwrap();
     inputs[study.command_input] = signal.build(unit, duration_s).unwrap();
     let sensors = study.measured[..study.base_sensors()].to_vec();
-    let slot =
-        |&s: &usize| -> Slot { system.program.observable(&system.sensors[s].signal).unwrap().slot };
     let ensemble = Ensemble {
-        record: sensors.iter().map(slot).collect(),
+        record: system.sensor_slots(&sensors),
         duration_s,
         sample_period_s: study.sample_period_s,
         ..Ensemble::new(&system.program)

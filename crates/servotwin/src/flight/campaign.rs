@@ -13,7 +13,7 @@ use super::plan::{self, Flight, Purpose};
 use crate::ensemble::{Ensemble, Variant};
 use crate::experiment::{
     CampaignError, Overrides, SensorChain, SpecimenDraw, Twins, Watch, ensemble, fit_twins,
-    sensor_slots, simulate_twins,
+    simulate_twins,
 };
 use crate::parallel::Workers;
 use crate::signal::random::Random;
@@ -76,23 +76,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::where_it_is(study, flights, purpose, setting, |_| true, workers)
     }
 
-    /// The flights of one environment only, with the same numbers as among all flights.
-    ///
-    /// # Errors
-    /// The twin cannot be simulated.
-    pub fn in_environment(
-        study: &'s Study,
-        flights: &'s Flights,
-        purpose: Purpose,
-        setting: Setting,
-        environment: usize,
-        workers: Workers<'s>,
-    ) -> Result<Self, CampaignError> {
-        let own = |flown: usize| flown == environment;
-        FlightCampaign::where_it_is(study, flights, purpose, setting, own, workers)
-    }
-
-    /// The flights of selected environments.
+    /// The flights of selected environments, with the same numbers as among all flights.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -186,7 +170,7 @@ impl<'s> FlightCampaign<'s> {
     /// The same flights by plants that differ from the twins in structure.
     #[must_use]
     pub fn with_plants(mut self, plants: &'s OtherPlants) -> Self {
-        let record = sensor_slots(&plants.system, &self.study.measured[..self.sensors]);
+        let record = plants.system.sensor_slots(&self.study.measured[..self.sensors]);
         let Ensemble { program, compiled, .. } = Ensemble::of(&plants.system);
         self.others = Some((plants, Ensemble { program, compiled, record, ..self.ensemble }));
         self

@@ -38,13 +38,11 @@ impl<'s> Rig<'s> {
     fn simulated(&self, specimens: &[(usize, Option<FaultAt>)]) -> Vec<Option<Vec<f64>>> {
         let Self { study, calibration, sensors } = *self;
         let realism = study.realism.as_ref().unwrap();
-        let program = &study.system.program;
-        let slot = |&s: &usize| program.observable(&study.system.sensors[s].signal).unwrap().slot;
         let ensemble = Ensemble {
-            record: sensors.iter().map(slot).collect(),
+            record: study.system.sensor_slots(sensors),
             duration_s: calibration.duration_s,
             sample_period_s: study.sample_period_s,
-            ..Ensemble::new(program)
+            ..Ensemble::new(&study.system.program)
         };
         let mut all = vec![None; specimens.len()];
         ensemble.run(
