@@ -99,26 +99,16 @@ pub(crate) fn fit_twins(
         cancel: ensemble.cancel,
         ..Fit::new(&study.system, vec![calibration_record(study, calibration, sensors, first)])
     };
-    match fit_fleet(&problem, &measured) {
-        Err((_, FitError::Cancelled)) => Err(CampaignError::Cancelled),
-        Err((specimen, error)) => {
-            Err(CampaignError::Calibration { specimen, reason: error.to_string() })
-        }
-        Ok((specimens, errors)) => Ok(Calibrated { unknowns: problem.unknowns, specimens, errors }),
-    }
-}
-
-/// Fits all specimens; fails at the first that cannot be fitted.
-fn fit_fleet(
-    problem: &Fit,
-    measured: &[Vec<f64>],
-) -> Result<(Vec<Specimen>, Vec<f64>), (usize, FitError)> {
-    let of_all = |error| (0, error);
-    let fleet = Fleet::new(problem).map_err(of_all)?;
-    let covariance = fleet.covariance().ok_or((0, FitError::Undetermined))?;
+    let failed = |specimen: usize, error: FitError| match error {
+        FitError::Cancelled => CampaignError::Cancelled,
+        error => CampaignError::Calibration { specimen, reason: error.to_string() },
+    };
+    let fleet = Fleet::new(&problem).map_err(|error| failed(0, error))?;
+    let covariance = fleet.covariance().ok_or_else(|| failed(0, FitError::Undetermined))?;
     let errors = (0..problem.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
-    let found = fleet.fit(measured).map_err(of_all)?;
-    let numbered = found.into_iter().enumerate();
-    let specimens = numbered.map(|(n, specimen)| specimen.map_err(|error| (n, error)));
-    Ok((specimens.collect::<Result<_, _>>()?, errors))
+    let found = fleet.fit(&measured).map_err(|error| failed(0, error))?;
+    let found = found.into_iter().enumerate();
+    let specimens = found.map(|(place, fit)| fit.map_err(|error| failed(place, error)));
+    let specimens = specimens.collect::<Result<_, _>>()?;
+    Ok(Calibrated { unknowns: problem.unknowns, specimens, errors })
 }

@@ -10,13 +10,10 @@ pub(crate) type Overrides = Vec<(usize, usize, f64)>;
 /// alone.
 #[derive(Clone, Copy)]
 pub(crate) struct SpecimenDraw<'s> {
-    /// The study with the tolerances.
     pub study: &'s Study,
     /// The scenario: whether specimens have tolerances, and sensors noise.
     pub setting: Setting,
-    /// The lot.
     pub lot: Lot,
-    /// The number in the lot.
     pub number: usize,
 }
 

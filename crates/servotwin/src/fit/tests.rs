@@ -9,7 +9,6 @@ use crate::ensemble::{Ensemble, Variant};
 use crate::experiment::SensorChain;
 use crate::recording::with_suffix;
 use crate::signal::Signal;
-use crate::signal::random::Random;
 use crate::study::Lot;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -59,10 +58,10 @@ fn flown_as(
     let overrides = specimen.map(|n| realism.specimen(study, Lot::Training, n)).unwrap_or_default();
     let variant = Variant { overrides, inputs: inputs.iter().collect(), ..variant };
     let (columns, _) = ensemble.run_one(&variant).unwrap();
-    let noise: Random = realism.noise(Lot::Training, flight);
     let row = |row: usize| columns.iter().map(move |column| column[row]);
     let mut measured: Vec<f64> = (0..columns[0].len()).flat_map(row).collect();
-    let mut chain = SensorChain::new(study, sensors.len(), Some(noise));
+    let mut chain =
+        SensorChain::new(study, sensors.len(), Some(realism.noise(Lot::Training, flight)));
     measured.chunks_exact_mut(sensors.len()).for_each(|sample| chain.measure(sample));
     let samples = measured.len() / sensors.len();
     let logged: Vec<f64> = (0..samples)
