@@ -198,14 +198,8 @@ pub fn fly_piece(
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
         let purpose = purpose(diagnoser.is_none());
-        let flown = FlightCampaign::in_environment(
-            study,
-            &flights,
-            purpose,
-            setting,
-            environment,
-            workers,
-        )?;
+        let own = |flown: usize| flown == environment;
+        let flown = FlightCampaign::where_it_is(study, &flights, purpose, setting, own, workers)?;
         let text = match diagnoser {
             None => to_text(&training_windows::cut(study, &flights, &flown)),
             Some(diagnoser) => {

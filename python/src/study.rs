@@ -369,10 +369,7 @@ pub fn run_calibration(
     let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Parts)?;
         let fitted = vec![Setting::Fitted];
-        match planned(study, role(training), fitted, &folder, threads, watch).calibrate()? {
-            true => Ok(()),
-            false => Err(CampaignError::Cancelled.into()),
-        }
+        Ok(planned(study, role(training), fitted, &folder, threads, watch).calibrate()?)
     })?;
     Ok(result?)
 }

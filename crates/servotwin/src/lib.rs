@@ -75,6 +75,7 @@
 pub mod beside;
 pub mod campaign;
 pub mod evaluation;
+mod experiment;
 pub mod fit;
 pub mod flight;
 pub mod job;

@@ -49,7 +49,7 @@ use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
 use servotwin_model::components::Span;
 use servotwin_model::network::{self, Network};
-use servotwin_model::program::Program;
+use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::path::Path;
@@ -268,6 +268,15 @@ impl System {
     pub fn accepted_range(&self, input: usize) -> (f64, f64) {
         let (low, high) = self.network().input_range(input);
         (low - (high - low), high + (high - low))
+    }
+
+    /// The variables that some sensors measure, each given by its index.
+    pub fn sensor_slots(&self, sensors: &[usize]) -> Vec<Slot> {
+        let slot = |&sensor: &usize| {
+            let name = &self.sensors[sensor].signal;
+            self.program.observable(name).expect("a sensor's signal is an output").slot
+        };
+        sensors.iter().map(slot).collect()
     }
 
     /// A sensor by id.

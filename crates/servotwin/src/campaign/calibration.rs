@@ -1,26 +1,18 @@
-//! Calibration flights of the specimen pool in the scenario *fitted*: simulates the sensors, and fits the twin of each
-//! specimen.
+//! The specimen pool of the scenario *fitted*, each specimen with the twin that was fitted to its calibration flight.
 //!
-//! The fit uses only the noisy, quantized sensor samples of a specimen and the command samples that a logger stores.
 //! `calibration-fitted.parquet` stores the results with the true values, in standard deviations of the tolerances. It
 //! is computed once: every part of a campaign that finds the file uses exactly its values.
 
 use super::columns::DIMENSIONLESS;
-use super::{Campaign, CampaignError, Plants, Setting, described, ensemble};
-use crate::ensemble::{Ensemble, Rows, Variant};
-use crate::fit::fleet::{Fleet, Specimen};
-use crate::fit::{Fit, FitError, Record, Unknown};
-use crate::signal::random::Random;
-use crate::study::{Calibration, Lot, Role, Study};
-use crate::system::imperfection::Imperfections;
+use super::{Campaign, Plants, Setting};
+use crate::experiment::{
+    Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins,
+};
+use crate::fit::{Fit, Unknown};
+use crate::study::{Lot, Role};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::hash::TextHash;
-use servotwin_model::solver::{Failure, Settings};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Parameters that differ from the system's: (component, parameter, value).
-pub(crate) type Overrides = Vec<(usize, usize, f64)>;
 
 /// The path of the file with the specimens of a pool: true values, fitted values and standard errors.
 pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
@@ -66,101 +58,6 @@ pub fn calibrations(folder: &Path, role: Role) -> Result<Vec<Comparison>, Campai
     Ok(names.iter().enumerate().map(row).collect())
 }
 
-/// Fits twins to specimens in the calibration flight of a study.
-pub struct Calibrating<'s> {
-    /// The study with the calibration flight.
-    pub study: &'s Study,
-    /// Solver settings of the runs.
-    pub solver: Settings,
-    /// Number of threads.
-    pub threads: usize,
-    /// Set by another thread to stop.
-    pub cancel: Option<&'s AtomicBool>,
-}
-
-impl Calibrating<'_> {
-    /// Fits the twins of specimens, each with the noise of its own flight.
-    ///
-    /// # Errors
-    /// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`CampaignError::Cancelled`].
-    pub fn fit(
-        &self,
-        specimens: &[Overrides],
-        noise: impl Fn(usize) -> Random,
-    ) -> Result<Calibrated, CampaignError> {
-        let Some(calibration) = &self.study.calibration else {
-            return Err(CampaignError::no_section(Setting::Fitted, self.study));
-        };
-        let measured = self.measured(calibration, specimens, noise)?;
-        let sensors = self.study.measured[..self.study.base_sensors()].to_vec();
-        let (inputs, period_s) = (&calibration.inputs, self.study.sample_period_s);
-        let first = measured.first().cloned().unwrap_or_default();
-        let record = Record::logged("calibration flight", inputs, sensors, period_s, first);
-        let problem = Fit {
-            unknowns: Unknown::of_study(self.study),
-            solver: self.solver,
-            threads: self.threads,
-            cancel: self.cancel,
-            ..Fit::new(&self.study.system, vec![record])
-        };
-        match fitted(&problem, &measured) {
-            Err((_, FitError::Cancelled)) => Err(CampaignError::Cancelled),
-            Err((specimen, error)) => {
-                Err(CampaignError::Calibration { specimen, reason: error.to_string() })
-            }
-            Ok((specimens, errors)) => {
-                Ok(Calibrated { unknowns: problem.unknowns, specimens, errors })
-            }
-        }
-    }
-
-    /// The sensor values of each specimen in its calibration flight.
-    fn measured(
-        &self,
-        calibration: &Calibration,
-        specimens: &[Overrides],
-        noise: impl Fn(usize) -> Random,
-    ) -> Result<Vec<Vec<f64>>, CampaignError> {
-        let study = self.study;
-        let sensors = &study.measured[..study.base_sensors()];
-        let imperfections = Imperfections::of(&study.system, sensors);
-        let mut ensemble = Ensemble {
-            duration_s: calibration.duration_s,
-            settings: self.solver,
-            threads: self.threads,
-            cancel: self.cancel,
-            ..ensemble(study)
-        };
-        ensemble.record.truncate(sensors.len());
-        let mut all = vec![Vec::new(); specimens.len()];
-        let mut failed: Option<(usize, Failure)> = None;
-        ensemble.run(
-            specimens.len(),
-            |specimen| Variant {
-                overrides: specimens[specimen].clone(),
-                inputs: calibration.inputs.iter().collect(),
-                ..Variant::default()
-            },
-            |_| Rows::default(),
-            |specimen, rows, outcome| match outcome {
-                Ok(_) => all[specimen] = rows.0,
-                Err(failure) => failed = Some((specimen, failure)),
-            },
-        );
-        if self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
-            return Err(CampaignError::Cancelled);
-        }
-        if let Some((specimen, failure)) = failed {
-            let reason = described(study, &failure);
-            return Err(CampaignError::Calibration { specimen, reason });
-        }
-        for (specimen, samples) in all.iter_mut().enumerate() {
-            imperfections.apply_to_all(samples, &mut noise(specimen));
-        }
-        Ok(all)
-    }
-}
-
 impl Campaign<'_> {
     /// The name of the file that all parts read, so that not each part must fit the specimens; `None` if nothing is
     /// fitted.
@@ -168,35 +65,32 @@ impl Campaign<'_> {
         (self.plants() == Plants::Pool).then(|| calibration_name(self.role))
     }
 
-    /// Fits the specimens unless their file exists; `false` if cancelled.
+    /// Fits the specimens unless their file exists.
     ///
     /// # Errors
-    /// A specimen cannot be fitted, or the file cannot be written.
-    pub fn calibrate(&self) -> Result<bool, CampaignError> {
-        self.calibrated().map(|found| found.is_some())
+    /// A specimen cannot be fitted, or the file cannot be written; [`CampaignError::Cancelled`].
+    pub fn calibrate(&self) -> Result<(), CampaignError> {
+        self.fitted_twins().map(|_| ())
     }
 
-    /// The parameters of every specimen's twin, fitted to its calibration flight; `None` if cancelled.
-    pub(super) fn calibrated(&self) -> Result<Option<Vec<Overrides>>, CampaignError> {
-        let (Some(realism), Some(calibration)) = (&self.study.realism, &self.study.calibration)
-        else {
-            return Err(CampaignError::no_section(Setting::Fitted, self.study));
-        };
-        if let Some(known) = self.known(calibration.specimens(self.role)) {
-            return Ok(Some(known));
+    /// The parameters of every specimen's twin, fitted to its calibration flight.
+    pub(super) fn fitted_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
+        let specimens = calibration_of(self.study)?.specimens(self.role);
+        if let Some(known) = self.known(specimens) {
+            return Ok(known);
         }
-        let lot = Lot::pool(self.role);
-        let truth: Vec<Overrides> = (0..calibration.specimens(self.role))
-            .map(|specimen| realism.specimen(self.study, lot, specimen))
-            .collect();
-        let Campaign { study, solver, threads, cancel, .. } = *self;
-        let calibrating = Calibrating { study, solver, threads, cancel };
-        let found = match calibrating.fit(&truth, |specimen| realism.noise(lot, specimen)) {
-            Err(CampaignError::Cancelled) => return Ok(None),
-            found => found?,
-        };
+        let truth: Vec<Overrides> =
+            (0..specimens).map(|specimen| self.pooled(specimen).parameters()).collect();
+        let noise = |specimen| self.pooled(specimen).noise();
+        let found = fit_twins(self.study, &self.ensemble(), &truth, noise)?;
         self.write_calibration(&truth, &found)?;
-        Ok(Some(found.specimens.into_iter().map(|specimen| specimen.overrides).collect()))
+        Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
+    }
+
+    /// A specimen of the pool.
+    pub(super) fn pooled(&self, number: usize) -> SpecimenDraw<'_> {
+        let (study, lot) = (self.study, Lot::pool(self.role));
+        SpecimenDraw { study, setting: Setting::Fitted, lot, number }
     }
 
     /// The parameters stored in this campaign's file for `specimens` specimens; `None` without a matching file.
@@ -255,30 +149,4 @@ impl Campaign<'_> {
         .with_metadata("fingerprint", self.calibration_mark());
         Ok(table::write(calibration_file(&self.folder, self.role), &table)?)
     }
-}
-
-/// Specimens with their twins, and their common standard errors.
-#[derive(Clone, Debug)]
-pub struct Calibrated {
-    /// The fitted unknowns.
-    pub unknowns: Vec<Unknown>,
-    /// The fitted specimens.
-    pub specimens: Vec<Specimen>,
-    /// The standard error of each unknown, in standard deviations of its tolerance.
-    pub errors: Vec<f64>,
-}
-
-/// Fits all specimens; fails at the first that cannot be fitted.
-fn fitted(
-    problem: &Fit,
-    measured: &[Vec<f64>],
-) -> Result<(Vec<Specimen>, Vec<f64>), (usize, FitError)> {
-    let of_all = |error| (0, error);
-    let fleet = Fleet::new(problem).map_err(of_all)?;
-    let covariance = fleet.covariance().ok_or((0, FitError::Undetermined))?;
-    let errors = (0..problem.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
-    let found = fleet.fit(measured).map_err(of_all)?;
-    let numbered = found.into_iter().enumerate();
-    let specimens = numbered.map(|(n, specimen)| specimen.map_err(|error| (n, error)));
-    Ok((specimens.collect::<Result<_, _>>()?, errors))
 }

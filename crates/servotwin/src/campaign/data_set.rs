@@ -136,7 +136,8 @@ impl Maker<'_> {
         let Campaign { study, .. } = *self.campaign;
         let specimens: Vec<_> =
             variants.map(|variant| self.campaign.specimen(variant, self.plan[variant])).collect();
-        let numbers = specimens.iter().map(|specimen| specimen.number).collect();
+        let numbers = specimens.iter().map(|specimen| specimen.number as u32).collect();
+        let parameters: Vec<_> = specimens.iter().map(|specimen| specimen.parameters()).collect();
         let mut columns = vec![whole("specimen", numbers, SPECIMEN)];
         for (component, parameter) in toleranced(study) {
             let instance = &study.system.network().components[component];
@@ -146,7 +147,7 @@ impl Maker<'_> {
                 let is_it = |&&(c, p, _): &&(usize, usize, f64)| (c, p) == (component, parameter);
                 overrides.iter().rev().find(is_it).map_or(nominal, |&(_, _, value)| value)
             };
-            let values = specimens.iter().map(|specimen| own(&specimen.overrides)).collect();
+            let values = parameters.iter().map(|parameters| own(parameters)).collect();
             let unit = symbol_or_one(declared.unit.symbol());
             let what = format!("Specimen's parameter, without its fault: {}.", declared.summary);
             columns.push(number(
@@ -179,7 +180,7 @@ impl Maker<'_> {
         let (study, planned) = (self.campaign.study, self.plan[variant]);
         let Some(fault) = planned.fault.map(|fault| &study.faults[fault]) else {
             return match self.campaign.plants() {
-                Plants::Pool => self.campaign.specimen(variant, planned).number as usize % FOLDS,
+                Plants::Pool => self.campaign.specimen(variant, planned).number % FOLDS,
                 Plants::Twin | Plants::Specimens => variant % FOLDS,
             };
         };

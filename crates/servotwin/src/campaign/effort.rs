@@ -1,7 +1,7 @@
 //! The solver's effort for simulations. Steps depend only on the error control, so they are equal for any number of
 //! threads and lanes. They reveal ringing of internal states that no sensor may show.
 
-use super::watch::Twin;
+use crate::experiment::RecordedRun;
 use crate::table::{Column, Table, TableError, Values};
 use servotwin_model::solver::Statistics;
 
@@ -31,17 +31,20 @@ pub struct Effort {
 }
 
 /// Steps per simulated second of a run, without those of the search for the steady state.
-pub(super) fn steps_per_s(work: &Statistics, duration_s: f64) -> f64 {
+fn steps_per_s(work: &Statistics, duration_s: f64) -> f64 {
     (work.steps - work.settling) as f64 / duration_s
 }
 
 impl Effort {
-    /// The effort of a variant; `work` is `None` if it did not run to the end.
-    pub(super) fn of(work: Option<&Statistics>, duration_s: f64, twin: &Twin) -> Self {
+    /// The effort of a variant and its twin with their durations; `work` is `None` if it did not run to the end.
+    pub(super) fn of(
+        (work, duration_s): (Option<&Statistics>, f64),
+        (twin, twin_s): (&RecordedRun, f64),
+    ) -> Self {
         Effort {
             steps_per_s: work.map_or(0.0, |work| steps_per_s(work, duration_s)),
-            twin_steps_per_s: twin.steps_per_s,
-            began_on_the_move: work.is_some_and(|work| work.unsettled > 0 || twin.is_moving),
+            twin_steps_per_s: steps_per_s(&twin.work, twin_s),
+            began_on_the_move: work.is_some_and(|work| twin.is_on_the_move(work)),
             limit_cycle: work.is_some_and(|work| work.limit_cycles > 0),
         }
     }

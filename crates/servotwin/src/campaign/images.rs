@@ -126,10 +126,12 @@ impl Images {
         std::iter::once(simulated).chain(own.map(|&(_, variant)| variant as usize))
     }
 
-    /// The order of the simulated sensors for a variant; `None` for the same order.
-    pub fn order(&self, variant: usize) -> Option<&[usize]> {
-        let moved = self.sources[variant].moved.checked_sub(1)?;
-        Some(&self.orders[moved as usize])
+    /// The order of the simulated sensors for a variant.
+    pub fn order(&self, variant: usize, sensors: usize) -> Vec<usize> {
+        match self.sources[variant].moved {
+            0 => (0..sensors).collect(),
+            moved => self.orders[moved as usize - 1].clone(),
+        }
     }
 
     /// Whether a variant is the symmetric copy of another.

@@ -22,8 +22,8 @@ impl Campaign<'_> {
         }
         // If parts had separate folders, perhaps only their shards were copied together.
         let is_told = calibration_file(&self.folder, self.role).exists();
-        if self.plants() == Plants::Pool && !is_told && self.calibrated()?.is_none() {
-            return Err(CampaignError::Cancelled);
+        if self.plants() == Plants::Pool && !is_told {
+            self.calibrate()?;
         }
         self.joined(&prepared)
     }

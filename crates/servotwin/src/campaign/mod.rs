@@ -24,8 +24,8 @@ mod prepared;
 mod shard;
 mod watch;
 
-pub(crate) use calibration::Overrides;
-pub use calibration::{Calibrated, Calibrating, Comparison, calibration_file, calibrations};
+pub use crate::experiment::{CampaignError, ensemble};
+pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
 pub use effort::Effort;
@@ -34,20 +34,19 @@ pub use part::{Part, runs};
 pub use prepared::Prepared;
 pub use shard::Row;
 
-use crate::ensemble::{Ensemble, Rows, Variant};
-use crate::files::{FileError, create_folder};
-use crate::study::{
-    Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Section, Setting, Study,
-};
-use crate::table::{self, Column, Table, TableError, Values};
+use crate::ensemble::{Ensemble, Variant};
+use crate::experiment::{Overrides, SpecimenDraw, Twins, describe, simulate_twins};
+use crate::files::create_folder;
+use crate::study::{FaultCase, OperatingCase, Plants, Role, Setting, Study};
+use crate::table::{self, Column, Table, Values};
 use images::Images;
-use servotwin_model::program::{FaultAt, Slot};
-use servotwin_model::solver::{Failure, Settings, Statistics};
+use servotwin_model::program::FaultAt;
+use servotwin_model::solver::{Settings, Statistics};
 use shard::{Collector, Shards, variants_of};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use watch::{Observer, Twin, Watch};
+use watch::Views;
 
 /// The format of shards; shards of another format are simulated again.
 const SHARD_FORMAT: &str = "windows 3";
@@ -135,111 +134,6 @@ impl std::fmt::Display for OnTheMove {
         let why = if *limit_cycle { "limit cycle measured" } else { "no steady state found" };
         write!(out, "{} variant {variant} ({fault}, {case}): {why}", setting.name())
     }
-}
-
-/// Why a campaign failed or stopped.
-#[derive(Debug, thiserror::Error)]
-pub enum CampaignError {
-    /// A folder or file could not be written.
-    #[error(transparent)]
-    File(FileError),
-    /// A data set could not be read or written.
-    #[error(transparent)]
-    Table(#[from] TableError),
-    /// The study has neither faults nor healthy specimens.
-    #[error("the study has no faults: add [[classes]] with 'faults'")]
-    NoVariants,
-    /// The study lacks sections that a scenario needs.
-    #[error("{}", lacking_sections(*.setting, .lacks))]
-    NoSection {
-        /// The scenario.
-        setting: Setting,
-        /// The missing sections.
-        lacks: Vec<Section>,
-    },
-    /// A specimen's twin could not be fitted.
-    #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
-    Calibration {
-        /// The specimen's index, from zero.
-        specimen: usize,
-        /// The reason.
-        reason: String,
-    },
-    /// Data sets were requested of an incomplete campaign.
-    #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
-    Unfinished {
-        /// Number of missing variants.
-        missing: usize,
-        /// A damaged file that contains some of them.
-        damaged: Option<PathBuf>,
-    },
-    /// The run was stopped.
-    #[error("cancelled")]
-    Cancelled,
-    /// Symmetry was assumed, but the units are not alike.
-    #[error("the actuators are not alike enough for variants to be shown by others")]
-    NotAlike,
-    /// The plants of `[flights.other_plant]` are impossible.
-    #[error("the system is impossible with the kinds of [flights.other_plant]")]
-    OtherPlant,
-    /// The healthy twin could not be simulated.
-    #[error("the healthy system cannot be simulated in case {case}: {reason}")]
-    Twin {
-        /// The name of the operating case.
-        case: String,
-        /// The reason.
-        reason: String,
-    },
-}
-
-impl CampaignError {
-    /// The error for a study that lacks sections needed by a scenario.
-    pub fn no_section(setting: Setting, study: &Study) -> Self {
-        CampaignError::NoSection { setting, lacks: setting.lacks(study) }
-    }
-}
-
-fn lacking_sections(setting: Setting, lacks: &[Section]) -> String {
-    let names: Vec<String> = lacks.iter().map(|section| format!("[{}]", section.name)).collect();
-    let examples: String = lacks.iter().map(|section| format!("\n  {}", section.example)).collect();
-    format!(
-        "the study lacks {}, which setting '{}' needs; for example, above its first section:{examples}",
-        names.join(" and "),
-        setting.name()
-    )
-}
-
-fn unfinished(missing: usize, damaged: Option<&Path>) -> String {
-    match damaged {
-        Some(path) => format!(
-            "{} is damaged: 'servotwin campaign' simulates its variants again ({missing} are missing)",
-            path.display()
-        ),
-        None => format!(
-            "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
-        ),
-    }
-}
-
-/// An ensemble of the study's system that records the measured signals.
-pub fn ensemble(study: &Study) -> Ensemble<'_> {
-    let program = &study.system.program;
-    let slot = |&sensor: &usize| -> Slot {
-        let name = &study.system.sensors[sensor].signal;
-        program.observable(name).expect("a sensor's signal is an output").slot
-    };
-    Ensemble {
-        record: study.measured.iter().map(slot).collect(),
-        duration_s: study.duration_s,
-        sample_period_s: study.sample_period_s,
-        ..Ensemble::of(&study.system)
-    }
-}
-
-/// Describes why and where a run of a study's system ended early.
-fn described(study: &Study, failure: &Failure) -> String {
-    let state = &study.system.program.states()[failure.state].name;
-    format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
 }
 
 impl<'s> Campaign<'s> {
@@ -354,7 +248,11 @@ impl Campaign<'_> {
 
     /// How plants and twins are paired, common to all scenarios of a group.
     fn plants(&self) -> Plants {
-        self.settings.first().map_or(Plants::Twin, |setting| setting.plants())
+        self.first_setting().plants()
+    }
+
+    fn first_setting(&self) -> Setting {
+        self.settings.first().copied().unwrap_or(Setting::Ideal)
     }
 
     fn shard_folder(&self) -> PathBuf {
@@ -370,8 +268,20 @@ impl Campaign<'_> {
         self.settings.iter().enumerate().map(of).collect()
     }
 
-    /// Simulates the variants of the bundles whose rows no shard contains, round by round, unless cancelled.
+    /// Simulates the variants of the bundles whose rows no shard contains, unless cancelled.
     fn simulate(
+        &self,
+        prepared: &Prepared,
+        bundles: Vec<Vec<usize>>,
+        outcome: &mut Outcome,
+        progress: &(impl Fn(usize, usize) + Sync),
+    ) -> Result<(), CampaignError> {
+        let simulated = self.simulate_rounds(prepared, bundles, outcome, progress);
+        outcome.cancelled = matches!(simulated, Err(CampaignError::Cancelled));
+        if outcome.cancelled { Ok(()) } else { simulated }
+    }
+
+    fn simulate_rounds(
         &self,
         prepared: &Prepared,
         mut bundles: Vec<Vec<usize>>,
@@ -394,10 +304,7 @@ impl Campaign<'_> {
         if bundles.is_empty() && is_told {
             return Ok(());
         }
-        let Some(specimens) = (if is_pool { self.calibrated()? } else { Some(vec![]) }) else {
-            outcome.cancelled = true;
-            return Ok(());
-        };
+        let fitted = if is_pool { self.fitted_twins()? } else { vec![] };
         let mut done = outcome.resumed;
         for round in self.rounds(prepared, &bundles) {
             let pending = shards.iter().zip(&missing).map(|(own, missing)| {
@@ -406,17 +313,11 @@ impl Campaign<'_> {
             });
             let pending: Vec<Vec<usize>> = pending.collect();
             let jobs = self.hardest_first(prepared, &pending);
-            let twins = self.twins(&prepared.plan, &jobs, &specimens)?;
-            if let (Some(twins), false) = (twins, self.is_cancelled()) {
-                let collectors = shards.iter().zip(&pending);
-                let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
-                let run = Run { prepared, jobs: &jobs, twins: &twins };
-                self.run_pending(&run, collectors, outcome, &mut done, progress)?;
-            }
-            if self.is_cancelled() {
-                outcome.cancelled = true;
-                break;
-            }
+            let twins = self.twins(&prepared.plan, &jobs, &fitted)?;
+            let collectors = shards.iter().zip(&pending);
+            let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
+            let run = Run { prepared, jobs: &jobs, twins: &twins };
+            self.run_pending(&run, collectors, outcome, &mut done, progress)?;
         }
         Ok(())
     }
@@ -452,79 +353,41 @@ impl Campaign<'_> {
     }
 
     /// The twin that a variant is compared with: its case, and its specimen in the pool (0 without a pool).
-    fn beside(&self, variant: usize, planned: Planned) -> (usize, usize) {
-        let Some((realism, calibration)) = self.pool() else { return (planned.case, 0) };
-        (planned.case, calibration.specimen(realism, self.role, planned.case, variant))
-    }
-
-    /// The sections that define a pool; `None` in other scenarios.
-    fn pool(&self) -> Option<(&Realism, &Calibration)> {
-        let is_pool = self.plants() == Plants::Pool;
+    fn beside(&self, variant: usize, planned: Planned) -> TwinKey {
         let both = self.study.realism.as_ref().zip(self.study.calibration.as_ref());
-        both.filter(|_| is_pool)
+        let pool = both.filter(|_| self.plants() == Plants::Pool);
+        let specimen = pool.map_or(0, |(realism, calibration)| {
+            calibration.specimen(realism, self.role, planned.case, variant)
+        });
+        (planned.case, specimen)
     }
 
-    /// Simulates the healthy twins of the variants, each with the fitted parameters of its specimen; `None` if
-    /// cancelled.
+    /// Simulates the healthy twins of the variants, each with the fitted parameters of its specimen.
     fn twins(
         &self,
         plan: &[Planned],
         jobs: &[usize],
-        specimens: &[Vec<(usize, usize, f64)>],
-    ) -> Result<Option<Twins>, CampaignError> {
-        let ensemble = self.ensemble();
+        fitted: &[Overrides],
+    ) -> Result<Twins<TwinKey>, CampaignError> {
         let cases = self.cases();
-        let wanted: BTreeSet<(usize, usize)> =
-            jobs.iter().map(|&variant| self.beside(variant, plan[variant])).collect();
-        let wanted: Vec<(usize, usize)> = wanted.into_iter().collect();
-        let mut twins = Twins::new();
-        let mut failure = None;
-        ensemble.run(
-            wanted.len(),
-            |twin| {
-                let (case, specimen) = wanted[twin];
-                Variant {
-                    overrides: specimens.get(specimen).cloned().unwrap_or_default(),
-                    inputs: cases[case].inputs.iter().collect(),
-                    ..Variant::default()
-                }
-            },
-            |_| Rows(Vec::with_capacity(ensemble.samples() * ensemble.record.len())),
-            |twin, rows, result| match result {
-                Ok(work) => {
-                    let steps_per_s = effort::steps_per_s(&work, ensemble.duration_s);
-                    let is_moving = work.unsettled > 0;
-                    let twin_run = Twin { samples: rows.0, steps_per_s, is_moving };
-                    twins.insert(wanted[twin], twin_run);
-                }
-                Err(error) => failure = Some((wanted[twin].0, self.describe(&error))),
-            },
-        );
-        match failure {
-            Some((case, reason)) => {
-                Err(CampaignError::Twin { case: cases[case].name.clone(), reason })
-            }
-            None => Ok((twins.len() == wanted.len()).then_some(twins)),
-        }
-    }
-
-    fn describe(&self, failure: &Failure) -> String {
-        described(self.study, failure)
-    }
-
-    /// The specimen that flies a variant.
-    fn specimen(&self, index: usize, planned: Planned) -> SpecimenOfVariant {
-        let (number, overrides) = match (&self.study.realism, self.plants()) {
-            (None, _) | (_, Plants::Twin) => (0, Vec::new()),
-            (Some(realism), Plants::Specimens) => {
-                (index, realism.specimen(self.study, self.role.into(), index))
-            }
-            (Some(realism), Plants::Pool) => {
-                let (_, specimen) = self.beside(index, planned);
-                (specimen, realism.specimen(self.study, Lot::pool(self.role), specimen))
-            }
+        let twin = |(case, specimen): TwinKey| Variant {
+            overrides: fitted.get(specimen).cloned().unwrap_or_default(),
+            inputs: cases[case].inputs.iter().collect(),
+            ..Variant::default()
         };
-        SpecimenOfVariant { number: number as u32, overrides }
+        let wanted = jobs.iter().map(|&variant| self.beside(variant, plan[variant])).collect();
+        simulate_twins(&self.ensemble(), wanted, twin, |(case, _)| &cases[case].name)
+    }
+
+    /// The specimen that flies a variant: from the pool, or with the variant's number; 0 for one that equals its twin.
+    fn specimen(&self, variant: usize, planned: Planned) -> SpecimenDraw<'_> {
+        let number = match self.plants() {
+            Plants::Twin => 0,
+            Plants::Specimens => variant,
+            Plants::Pool => return self.pooled(self.beside(variant, planned).1),
+        };
+        let (study, lot) = (self.study, self.role.into());
+        SpecimenDraw { study, setting: self.first_setting(), lot, number }
     }
 
     fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
@@ -532,7 +395,7 @@ impl Campaign<'_> {
         let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
         Variant {
             faults: fault.into_iter().collect(),
-            overrides: self.specimen(index, planned).overrides,
+            overrides: self.specimen(index, planned).parameters(),
             inputs: self.cases()[planned.case].inputs.iter().collect(),
             duration_s: Some(self.lasting_s(planned)),
             ..Variant::default()
@@ -558,8 +421,8 @@ impl Campaign<'_> {
         ensemble.prepare(jobs.len());
         stop.store(self.is_cancelled(), Ordering::Relaxed);
         let ensemble = Ensemble { cancel: Some(&stop), ..ensemble };
-        let Prepared { plan, images, counts, .. } = prepared;
-        let observer = Observer::new(self, images);
+        let (plan, scales) = (&prepared.plan, self.study.scales());
+        let twin = |job: usize| &twins[&self.beside(jobs[job], plan[jobs[job]])];
         let all = outcome.variants;
         let mut error = None;
         progress(*done, all);
@@ -567,18 +430,15 @@ impl Campaign<'_> {
         ensemble.run(
             jobs.len(),
             |job| self.variant(jobs[job], plan[jobs[job]]),
-            |job| {
-                let twin = &twins[&self.beside(jobs[job], plan[jobs[job]])];
-                observer.watch(jobs[job], twin, counts)
-            },
-            |job, watch, result| {
+            |job| self.watch(prepared, jobs[job], twin(job), &scales),
+            |job, views, result| {
                 if let Ok(work) = &result {
                     *statistics += *work;
                 }
-                let duration_s = self.lasting_s(plan[jobs[job]]);
-                let effort = Effort::of(result.as_ref().ok(), duration_s, watch.twin);
-                let failure = result.err().map(|f| self.describe(&f)).unwrap_or_default();
-                match self.keep(watch, &failure, effort, &mut collectors) {
+                let plant = (result.as_ref().ok(), self.lasting_s(plan[jobs[job]]));
+                let effort = Effort::of(plant, (twin(job), ensemble.duration_s));
+                let failure = result.err().map(|f| describe(ensemble.program, &f));
+                match self.keep(views, &failure.unwrap_or_default(), effort, &mut collectors) {
                     Ok(rows) => *done += rows,
                     Err(failed) => drop(error.get_or_insert(failed)),
                 }
@@ -590,6 +450,7 @@ impl Campaign<'_> {
         );
         match error {
             Some(error) => Err(error),
+            None if self.is_cancelled() => Err(CampaignError::Cancelled),
             None => Ok(()),
         }
     }
@@ -597,13 +458,13 @@ impl Campaign<'_> {
     /// Stores the results of a simulation; returns the number of rows that were needed.
     fn keep(
         &self,
-        watch: Watch,
+        views: Views,
         failure: &str,
         effort: Effort,
         collectors: &mut [Collector],
     ) -> Result<usize, CampaignError> {
         let mut wanted = 0;
-        for view in watch.views {
+        for view in views.0.into_iter().map(|watch| watch.observer) {
             if let Some(trace) = view.trace {
                 self.write_trace(self.settings[view.setting], view.variant, trace)?;
             }
@@ -656,18 +517,12 @@ impl Campaign<'_> {
     }
 }
 
-/// The specimen of a variant: its number in its lot, and the parameters that differ from the nominal ones.
-struct SpecimenOfVariant {
-    number: u32,
-    overrides: Vec<(usize, usize, f64)>,
-}
-
-/// Twins by case and specimen ([`Campaign::beside`]).
-type Twins = BTreeMap<(usize, usize), Twin>;
+/// The case of a twin, and its specimen in the pool.
+type TwinKey = (usize, usize);
 
 /// Variants without stored rows, and the inputs for simulating them.
 struct Run<'r> {
     prepared: &'r Prepared,
     jobs: &'r [usize],
-    twins: &'r Twins,
+    twins: &'r Twins<TwinKey>,
 }

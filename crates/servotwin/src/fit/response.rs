@@ -12,7 +12,6 @@ use super::record::Record;
 use super::unknown::Unknown;
 use super::{Fit, FitError};
 use crate::ensemble::{Ensemble, Later, Sink, Variant};
-use servotwin_model::program::Slot;
 use servotwin_model::signal::Piecewise;
 use std::sync::atomic::Ordering;
 
@@ -80,16 +79,11 @@ impl Sink for Compare<'_> {
 impl<'s> Fit<'s> {
     /// The ensemble that runs a record's variants.
     pub(super) fn ensemble(&self, record: &Record) -> Ensemble<'s> {
-        let program = &self.system.program;
-        let slot = |&sensor: &usize| -> Slot {
-            let name = &self.system.sensors[sensor].signal;
-            program.observable(name).expect("a sensor's signal is an output").slot
-        };
         Ensemble {
             settings: self.solver,
             threads: self.threads,
             cancel: self.cancel,
-            record: record.sensors.iter().map(slot).collect(),
+            record: self.system.sensor_slots(&record.sensors),
             duration_s: record.duration_s(),
             sample_period_s: record.period_s,
             ..Ensemble::of(self.system)

@@ -6,12 +6,11 @@ mod onset;
 use super::record::smooth;
 use super::*;
 use crate::ensemble::{Ensemble, Variant};
+use crate::experiment::SensorChain;
 use crate::recording::with_suffix;
 use crate::signal::Signal;
-use crate::signal::random::Random;
 use crate::study::Lot;
-use crate::system::imperfection::Imperfections;
-use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 
 /// The command of the calibration flight.
@@ -49,10 +48,8 @@ fn flown_as(
     let signal: Signal = command.parse().unwrap();
     inputs[study.command_input] = signal.build(unit, duration_s).unwrap();
     let sensors = study.measured[..study.base_sensors()].to_vec();
-    let slot =
-        |&s: &usize| -> Slot { system.program.observable(&system.sensors[s].signal).unwrap().slot };
     let ensemble = Ensemble {
-        record: sensors.iter().map(slot).collect(),
+        record: system.sensor_slots(&sensors),
         duration_s,
         sample_period_s: study.sample_period_s,
         ..Ensemble::new(&system.program)
@@ -61,10 +58,11 @@ fn flown_as(
     let overrides = specimen.map(|n| realism.specimen(study, Lot::Training, n)).unwrap_or_default();
     let variant = Variant { overrides, inputs: inputs.iter().collect(), ..variant };
     let (columns, _) = ensemble.run_one(&variant).unwrap();
-    let mut noise: Random = realism.noise(Lot::Training, flight);
     let row = |row: usize| columns.iter().map(move |column| column[row]);
     let mut measured: Vec<f64> = (0..columns[0].len()).flat_map(row).collect();
-    Imperfections::of(system, &sensors).apply_to_all(&mut measured, &mut noise);
+    let mut chain =
+        SensorChain::new(study, sensors.len(), Some(realism.noise(Lot::Training, flight)));
+    measured.chunks_exact_mut(sensors.len()).for_each(|sample| chain.measure(sample));
     let samples = measured.len() / sensors.len();
     let logged: Vec<f64> = (0..samples)
         .map(|k| inputs[study.command_input].value(k as f64 * study.sample_period_s))

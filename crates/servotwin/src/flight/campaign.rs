@@ -5,33 +5,27 @@
 //! have a system of their own ([`FlightCampaign::with_plants`]), and their twins may be fitted to them as well
 //! ([`FlightCampaign::beside_fitted_twins`]).
 
+pub use crate::experiment::Observer;
+
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
 use super::plan::{self, Flight, Purpose};
-use crate::campaign::{Calibrating, CampaignError, Overrides, ensemble};
-use crate::ensemble::{Ensemble, Rows, Sink, Variant};
+use crate::ensemble::{Ensemble, Variant};
+use crate::experiment::{
+    CampaignError, Overrides, SensorChain, SpecimenDraw, Twins, Watch, ensemble, fit_twins,
+    simulate_twins,
+};
 use crate::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::flights::Environment;
 use crate::study::other_plant::apply_draws;
 use crate::study::{Flights, Lot, Plants, Setting, Study};
-use crate::system::imperfection::Imperfections;
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{Failure, Settings, Statistics};
+use servotwin_model::solver::{Failure, Statistics};
 use std::borrow::Cow;
-use std::collections::BTreeSet;
 
 /// The purpose of the random numbers of a specimen's draws.
 const DRAWS: u64 = 0x6472_6177_0000_0000;
-
-/// Observes a flight.
-pub trait Observer: Send {
-    /// Takes a sample: the sensor values, the twin's expected values and the inputs; SI.
-    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
-
-    /// Takes the tracked variables of the plant and of its twin at the same sample, before [`Observer::sample`].
-    fn track(&mut self, _index: usize, _plant: &[f64], _twin: &[f64]) {}
-}
 
 /// Specimens and variables of a campaign whose flights were chosen rather than drawn.
 #[derive(Clone, Debug, Default)]
@@ -40,12 +34,6 @@ pub struct ChosenSpecimens {
     pub deviations: Vec<Vec<f64>>,
     /// Variables of plant and twin that observers track.
     pub tracked: Vec<Slot>,
-}
-
-/// A calibrated actuator: the deviating parameters of the plant and of its twin.
-pub(super) struct Actuator {
-    pub parameters: Overrides,
-    pub twin: Overrides,
 }
 
 /// Flights for one purpose in one scenario.
@@ -63,18 +51,16 @@ pub struct FlightCampaign<'s> {
     pub plan: Vec<Flight>,
     /// The indices of the flights whose twins were simulated.
     pub which: Vec<usize>,
-    /// For each environment, the twin's sensors and inputs, ordered by sample.
-    twins: Vec<Vec<f64>>,
-    /// The environments whose twins began without a steady state.
-    moving_twins: BTreeSet<usize>,
+    /// The twins by environment.
+    twins: Twins<usize>,
     pub(super) sensors: usize,
-    pub(super) imperfections: Imperfections,
     /// How many times as large as declared the deviations of drawn specimens are.
     scatter: f64,
     /// The deviations of the specimen of each environment; `None` where specimens are drawn.
     deviations: Option<Vec<Vec<f64>>>,
-    /// The actuator of each environment; empty where twins are not fitted.
-    calibrated: Vec<Actuator>,
+    /// The parameters of the twin of each environment, whose specimen flies all flights there; empty where twins are not
+    /// fitted.
+    fitted: Vec<Overrides>,
 }
 
 impl<'s> FlightCampaign<'s> {
@@ -92,23 +78,7 @@ impl<'s> FlightCampaign<'s> {
         FlightCampaign::where_it_is(study, flights, purpose, setting, |_| true, workers)
     }
 
-    /// The flights of one environment only, with the same numbers as among all flights.
-    ///
-    /// # Errors
-    /// The twin cannot be simulated.
-    pub fn in_environment(
-        study: &'s Study,
-        flights: &'s Flights,
-        purpose: Purpose,
-        setting: Setting,
-        environment: usize,
-        workers: Workers<'s>,
-    ) -> Result<Self, CampaignError> {
-        let own = |flown: usize| flown == environment;
-        FlightCampaign::where_it_is(study, flights, purpose, setting, own, workers)
-    }
-
-    /// The flights of selected environments.
+    /// The flights of selected environments, with the same numbers as among all flights.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -187,18 +157,16 @@ impl<'s> FlightCampaign<'s> {
             others: None,
             plan,
             which,
-            twins: vec![],
-            moving_twins: BTreeSet::new(),
+            twins: Twins::new(),
             sensors,
-            imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
             scatter: 1.0,
             deviations,
-            calibrated: vec![],
+            fitted: vec![],
         };
         if setting.plants() == Plants::Pool {
-            flown.calibrated = flown.calibrate(workers)?;
+            flown.fitted = flown.fit_twins()?;
         }
-        (flown.twins, flown.moving_twins) = flown.simulate_twins()?;
+        flown.twins = flown.simulate_twins()?;
         Ok(flown)
     }
 
@@ -212,11 +180,7 @@ impl<'s> FlightCampaign<'s> {
     /// The same flights by plants that differ from the twins in structure.
     #[must_use]
     pub fn with_plants(mut self, plants: &'s OtherPlants) -> Self {
-        let slot = |&sensor: &usize| {
-            let name = &plants.system.sensors[sensor].signal;
-            plants.system.program.observable(name).expect("the same ports have the same names").slot
-        };
-        let record = self.study.measured[..self.sensors].iter().map(slot).collect();
+        let record = plants.system.sensor_slots(&self.study.measured[..self.sensors]);
         let Ensemble { program, compiled, .. } = Ensemble::of(&plants.system);
         self.others = Some((plants, Ensemble { program, compiled, record, ..self.ensemble }));
         self
@@ -231,9 +195,9 @@ impl<'s> FlightCampaign<'s> {
         mut self,
         workers: Workers,
     ) -> Result<(Self, CalibrationRecords), CampaignError> {
-        let (actuators, records) = fitted_twins::fit(&self, workers)?;
-        self.calibrated = actuators;
-        (self.twins, self.moving_twins) = self.simulate_twins()?;
+        let (fitted, records) = fitted_twins::fit(&self, workers)?;
+        self.fitted = fitted;
+        self.twins = self.simulate_twins()?;
         Ok((self, records))
     }
 
@@ -242,55 +206,43 @@ impl<'s> FlightCampaign<'s> {
         environment + (self.seed as usize) * 1_000_000
     }
 
+    /// A draw of specimen or noise for these flights.
+    fn draw(&self, number: usize) -> SpecimenDraw<'s> {
+        let (study, setting, lot) = (self.study, self.setting, self.purpose.lot());
+        SpecimenDraw { study, setting, lot, number }
+    }
+
     /// The parameters of the specimen of each environment.
-    pub(super) fn specimens(&self) -> Result<Vec<Overrides>, CampaignError> {
-        let Some(realism) = &self.study.realism else {
-            return Err(CampaignError::no_section(self.setting, self.study));
-        };
-        let lot = self.purpose.lot();
-        let specimen = |place: usize| realism.specimen(self.study, lot, self.number_of(place));
-        Ok((0..self.environments.len()).map(specimen).collect())
+    pub(super) fn specimens(&self) -> Vec<Overrides> {
+        let specimen = |place: usize| self.draw(self.number_of(place)).parameters();
+        (0..self.environments.len()).map(specimen).collect()
     }
 
     /// The noise in the calibration flight of an environment's specimen.
     pub(super) fn calibration_noise(&self, environment: usize) -> Option<Random> {
         // Test flights have other noise than training flights.
         let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
-        let number = first + self.number_of(environment);
-        self.study.realism.as_ref().map(|r| r.noise(Lot::FlightsCalibrated, number))
+        let draw = self.draw(first + self.number_of(environment));
+        SpecimenDraw { lot: Lot::FlightsCalibrated, ..draw }.noise()
     }
 
-    /// Calibrates an actuator for each environment.
-    fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
-        let specimens = self.specimens()?;
-        let calibrating = Calibrating {
-            study: self.study,
-            solver: Settings::campaign(),
-            threads: workers.threads(),
-            cancel: workers.cancel(),
-        };
-        let noise = |place| self.calibration_noise(place).expect("there are tolerances");
-        let found = calibrating.fit(&specimens, noise)?;
-        let twins = found.specimens.into_iter().map(|specimen| specimen.overrides);
-        let pairs = specimens.into_iter().zip(twins);
-        Ok(pairs.map(|(parameters, twin)| Actuator { parameters, twin }).collect())
+    /// Fits the twin of each environment to its specimen.
+    fn fit_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
+        let noise = |environment| self.calibration_noise(environment);
+        let found = fit_twins(self.study, &self.ensemble, &self.specimens(), noise)?;
+        Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
     }
 
-    /// The samples of the twins by environment, and the environments whose twins began without a steady state.
-    fn simulate_twins(&self) -> Result<(Vec<Vec<f64>>, BTreeSet<usize>), CampaignError> {
+    /// Simulates the twins of the flights' environments.
+    fn simulate_twins(&self) -> Result<Twins<usize>, CampaignError> {
         let externals = self.study.system.program.externals();
         let inputs = externals.map(|slot| slot as Slot);
         let record = self.ensemble.record.iter().copied().chain(inputs).collect();
         let longest = self.plan.iter().map(|flight| flight.duration_s).fold(0.0, f64::max);
         let ensemble = Ensemble { record, duration_s: longest, ..self.ensemble };
-        let mut twins = vec![vec![]; self.environments.len()];
-        let flown: BTreeSet<usize> = self.which.iter().map(|&k| self.plan[k].environment).collect();
-        let flown: Vec<usize> = flown.into_iter().collect();
-        let (mut error, mut moving) = (None, BTreeSet::new());
-        let variant = |job: usize| {
-            let place = flown[job];
+        let twin = |place: usize| {
             let environment = &self.environments[place];
-            let fitted = self.calibrated.get(place).map_or(&[][..], |actuator| &actuator.twin);
+            let fitted = self.fitted.get(place).map_or(&[][..], Vec::as_slice);
             Variant {
                 overrides: [&environment.parameters, fitted].concat(),
                 inputs: environment.inputs.iter().collect(),
@@ -298,30 +250,13 @@ impl<'s> FlightCampaign<'s> {
                 ..Variant::default()
             }
         };
-        ensemble.run(
-            flown.len(),
-            variant,
-            |_| Rows::default(),
-            |job, rows, outcome| match outcome {
-                Ok(work) => {
-                    twins[flown[job]] = rows.0;
-                    moving.extend((work.unsettled > 0).then_some(flown[job]));
-                }
-                Err(failure) => error = Some((flown[job], failure)),
-            },
-        );
-        match error {
-            Some((place, failure)) => Err(CampaignError::Twin {
-                case: self.environments[place].name.clone(),
-                reason: format!("{} at {:.4} s", failure.cause, failure.time_s),
-            }),
-            None => Ok((twins, moving)),
-        }
+        let wanted = self.which.iter().map(|&flight| self.plan[flight].environment).collect();
+        simulate_twins(&ensemble, wanted, twin, |place| &self.environments[place].name)
     }
 
     /// Whether a flight, or the twin of its environment, began without a steady state.
     pub fn is_on_the_move(&self, flight: &Flight, work: &Statistics) -> bool {
-        work.unsettled > 0 || self.moving_twins.contains(&flight.environment)
+        self.twins[&flight.environment].is_on_the_move(work)
     }
 
     fn longest_s(&self, environment: usize) -> Option<f64> {
@@ -377,24 +312,18 @@ impl<'s> FlightCampaign<'s> {
 
     fn variant(&self, flight: &Flight) -> Variant<'_> {
         let environment = &self.environments[flight.environment];
-        let lot = self.purpose.lot();
-        let realism = self.study.realism.as_ref().filter(|_| self.setting.has_tolerances());
-        let specimen = match (self.calibrated.get(flight.environment), &self.deviations) {
-            (Some(actuator), _) => Some(actuator.parameters.clone()),
-            (_, Some(all)) => {
-                realism.map(|r| r.specimen_with(self.study, &all[flight.environment]))
-            }
-            _ => realism.map(|r| {
-                r.scattered_specimen(self.study, lot, self.specimen(flight), self.scatter)
-            }),
+        let draw = self.draw(self.plant(flight));
+        let specimen = match &self.deviations {
+            _ if !self.fitted.is_empty() => draw.parameters(),
+            Some(all) => draw.parameters_with(&all[flight.environment]),
+            None => draw.scattered_parameters(self.scatter),
         };
-        let overrides =
-            environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
-        let mut overrides: Vec<_> = overrides.collect();
+        let mut overrides = [&environment.parameters[..], &specimen].concat();
         // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances.
         if self.setting.plants() == Plants::Specimens && self.others.is_none() {
-            let stream = (lot as u64) << 48 ^ self.specimen(flight) as u64;
-            let mut random = Random::stream(DRAWS ^ realism.map_or(0, |r| r.seed), stream);
+            let stream = (draw.lot as u64) << 48 ^ draw.number as u64;
+            let seed = self.study.realism.as_ref().map_or(0, |realism| realism.seed);
+            let mut random = Random::stream(DRAWS ^ seed, stream);
             let parts = &self.study.system.network().components;
             let draws = &self.study.flight_draws;
             apply_draws(draws, self.scatter, parts, &mut random, &mut overrides);
@@ -408,81 +337,26 @@ impl<'s> FlightCampaign<'s> {
         }
     }
 
-    /// The number from which specimen and noise are derived.
-    fn specimen(&self, flight: &Flight) -> usize {
+    /// The number from which the noise of a flight is derived.
+    fn number(&self, flight: &Flight) -> usize {
         flight.number + (self.seed as usize) * 1_000_000
     }
 
-    /// The number from which the draws of another plant are derived.
+    /// The number from which the specimen of a flight is derived, and the draws of another plant.
     fn plant(&self, flight: &Flight) -> usize {
-        match self.calibrated.is_empty() {
-            true => self.specimen(flight),
+        match self.fitted.is_empty() {
+            true => self.number(flight),
             false => self.number_of(flight.environment),
         }
     }
 
     fn watch<O>(&self, flight: &Flight, observer: O) -> Watch<'_, O> {
-        let realism = self.study.realism.as_ref().filter(|_| self.setting.has_noise());
-        let noise = realism.map(|realism| realism.noise(self.purpose.lot(), self.specimen(flight)));
-        let twin = &self.twins[flight.environment];
-        let latencies = self
-            .others
-            .as_ref()
-            .map(|(plants, _)| Latencies::new(plants.latencies(self.plant(flight), self.sensors)));
-        Watch { flown: self, twin, noise, latencies, measured: vec![0.0; self.sensors], observer }
-    }
-}
-
-struct Watch<'f, O> {
-    flown: &'f FlightCampaign<'f>,
-    twin: &'f [f64],
-    noise: Option<Random>,
-    latencies: Option<Latencies>,
-    measured: Vec<f64>,
-    observer: O,
-}
-
-/// Latencies of at most one sample, by linear interpolation between samples.
-pub(super) struct Latencies {
-    /// The latency of each sensor, in samples.
-    samples: Vec<f64>,
-    /// The values of the sample before.
-    before: Vec<f64>,
-}
-
-impl Latencies {
-    pub fn new(samples: Vec<f64>) -> Self {
-        Self { samples, before: vec![] }
-    }
-
-    pub fn apply(&mut self, values: &mut [f64]) {
-        if self.before.is_empty() {
-            self.before = values.to_vec();
+        let noise = self.draw(self.number(flight)).noise();
+        let mut chain = SensorChain::new(self.study, self.sensors, noise);
+        if let Some((plants, _)) = self.others {
+            chain = chain.with_latencies(plants.latencies(self.plant(flight), self.sensors));
         }
-        let both = values.iter_mut().zip(&mut self.before).zip(&self.samples);
-        for ((value, before), share) in both {
-            let now = *value;
-            *value = now + (*before - now) * share;
-            *before = now;
-        }
-    }
-}
-
-impl<O: Observer> Sink for Watch<'_, O> {
-    fn sample(&mut self, index: usize, values: &[f64]) {
-        let sensors = self.flown.sensors;
-        let width = values.len() + self.flown.study.system.program.externals().len();
-        let (twin, inputs) = self.twin[index * width..][..width].split_at(values.len());
-        let (twin, tracked_twin) = twin.split_at(sensors);
-        let (values, tracked) = values.split_at(sensors);
-        self.observer.track(index, tracked, tracked_twin);
-        self.measured.copy_from_slice(values);
-        if let Some(latencies) = &mut self.latencies {
-            latencies.apply(&mut self.measured);
-        }
-        if let Some(noise) = &mut self.noise {
-            self.flown.imperfections.apply(&mut self.measured, noise);
-        }
-        self.observer.sample(index, &self.measured, twin, inputs);
+        let order = (0..self.sensors).collect();
+        Watch::new(&self.twins[&flight.environment], order, chain, observer)
     }
 }

@@ -2,10 +2,10 @@
 //! control computer that executes the raised actions.
 
 use super::runtime::{self, Runtime, RuntimeError};
+use crate::experiment::{SensorChain, SpecimenDraw};
 use crate::signal::bus::Bus;
 use crate::signal::random::Random;
-use crate::study::{Lot, Reaction, Study};
-use crate::system::imperfection::Imperfections;
+use crate::study::{Lot, Reaction, Setting, Study};
 use crate::system::reservoir::Level;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised, Session};
 use servotwin_model::program::{FaultAt, Slot};
@@ -129,8 +129,7 @@ pub struct Flight<'f> {
     /// The number of faults that have begun.
     begun: usize,
     slots: Vec<Slot>,
-    imperfections: Imperfections,
-    noise: Random,
+    sensors: SensorChain,
     runtime: Runtime<'f>,
     /// The inputs at the current sample, as received from their buses.
     inputs: Vec<f64>,
@@ -157,14 +156,13 @@ impl<'f> Flight<'f> {
         let period_s = diagnoser.period_s;
         let names = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
         let slots = runtime::slots(study, names)?;
-        let realism = study.realism.as_ref();
-        let drawn = specimen.zip(realism);
-        let overrides = drawn.map_or(vec![], |(n, r)| r.specimen(study, Lot::FlightsJudged, n));
-        let noise = realism.map(|r| r.noise(Lot::FlightsJudged, specimen.unwrap_or(0)));
+        let (setting, lot) = (Setting::Realistic, Lot::FlightsJudged);
+        let draw = |number: usize| SpecimenDraw { study, setting, lot, number };
+        let overrides = specimen.map_or(vec![], |number| draw(number).parameters());
+        let noise = draw(specimen.unwrap_or(0)).noise().unwrap_or_else(|| Random::new(1));
         let program = &study.system.program;
         let mut plant = Twin::new(program, Settings::campaign(), period_s, runtime::between(study));
         plant.load(&program.parameters_with(&overrides, &[]));
-        let sensors = &study.measured[..slots.len()];
         Ok(Flight {
             scenario,
             period_s,
@@ -174,9 +172,8 @@ impl<'f> Flight<'f> {
             overrides,
             begun: 0,
             measured: vec![0.0; slots.len()],
-            imperfections: Imperfections::of(&study.system, sensors),
+            sensors: SensorChain::new(study, slots.len(), Some(noise)),
             slots,
-            noise: noise.unwrap_or_else(|| Random::new(1)),
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
             inputs: vec![0.0; scenario.inputs.len()],
             buses: vec![Bus::default(); scenario.inputs.len()],
@@ -259,7 +256,7 @@ impl<'f> Flight<'f> {
         for (measured, &slot) in self.measured.iter_mut().zip(&self.slots) {
             *measured = self.plant.value(slot);
         }
-        self.imperfections.apply(&mut self.measured, &mut self.noise);
+        self.sensors.measure(&mut self.measured);
         let outcome = self.runtime.push(&self.inputs, &self.measured)?;
         let said = (outcome.finding, outcome.alarm);
         let (finding, alarm) = said;

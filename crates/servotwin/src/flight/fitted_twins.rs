@@ -7,15 +7,15 @@
 //! The twin cannot take over the structure of the plant, so a fit usually has a finding. `servotwin fit` would then
 //! write nothing, because a finding may be a fault. Here the plant is known to be healthy, and the twin takes the fit.
 
-use super::campaign::{Actuator, FlightCampaign, Latencies};
-use crate::campaign::{CampaignError, Overrides};
-use crate::ensemble::{Ensemble, Rows, Variant};
+use super::campaign::FlightCampaign;
+use crate::experiment::{
+    CampaignError, Overrides, SensorChain, calibration_flights, calibration_of, calibration_record,
+};
 use crate::fit::unknown::Moved;
-use crate::fit::{Fit, FitError, Record, Unknown};
+use crate::fit::{Fit, FitError, Unknown};
 use crate::parallel::Workers;
-use crate::study::{Calibration, Setting};
+use crate::study::Calibration;
 use serde::{Deserialize, Serialize};
-use servotwin_model::solver::{Failure, Settings};
 use std::collections::BTreeSet;
 
 /// What became of the calibration flights.
@@ -29,32 +29,26 @@ pub struct CalibrationRecords {
     pub with_findings: usize,
 }
 
-/// Fits the twin of each environment to its plant.
+/// Fits the twin of each environment to its plant. Returns the parameters of the twins.
 pub(super) fn fit(
     flown: &FlightCampaign,
     workers: Workers,
-) -> Result<(Vec<Actuator>, CalibrationRecords), CampaignError> {
+) -> Result<(Vec<Overrides>, CalibrationRecords), CampaignError> {
     let study = flown.study;
-    let Some(calibration) = &study.calibration else {
-        return Err(CampaignError::no_section(Setting::Fitted, study));
-    };
-    let specimens = flown.specimens()?;
-    let measured = measured(flown, calibration, &specimens)?;
+    let calibration = calibration_of(study)?;
+    let measured = measured(flown, calibration)?;
     let unknowns = unknowns(flown);
-    let sensors = &study.measured[..flown.sensors];
-    let mut records = CalibrationRecords { flown: specimens.len(), ..Default::default() };
-    let mut actuators = vec![];
-    for (parameters, measured) in specimens.into_iter().zip(measured) {
-        let (inputs, period_s) = (&calibration.inputs, study.sample_period_s);
-        let record =
-            Record::logged("calibration flight", inputs, sensors.to_vec(), period_s, measured);
+    let mut records = CalibrationRecords { flown: measured.len(), ..Default::default() };
+    let mut twins = vec![];
+    for measured in measured {
+        let record = calibration_record(study, calibration, flown.sensors, measured);
         let problem = Fit {
             unknowns: unknowns.clone(),
             threads: workers.threads(),
             cancel: workers.cancel(),
             ..Fit::new(&study.system, vec![record])
         };
-        let twin = match problem.solve() {
+        twins.push(match problem.solve() {
             Ok(fitted) => {
                 records.with_findings += usize::from(!fitted.is_update());
                 fitted.overrides
@@ -64,10 +58,9 @@ pub(super) fn fit(
                 records.rejected += 1;
                 vec![]
             }
-        };
-        actuators.push(Actuator { parameters, twin });
+        });
     }
-    Ok((actuators, records))
+    Ok((twins, records))
 }
 
 /// Tolerances and draws, without what an environment sets.
@@ -87,44 +80,17 @@ fn unknowns(flown: &FlightCampaign) -> Vec<Unknown> {
 fn measured(
     flown: &FlightCampaign,
     calibration: &Calibration,
-    specimens: &[Overrides],
 ) -> Result<Vec<Vec<f64>>, CampaignError> {
     let (plants, ensemble) = flown.others.as_ref().expect("plants of another structure");
-    let ensemble = Ensemble {
-        duration_s: calibration.duration_s,
-        settings: Settings::campaign(),
-        record: ensemble.record.clone(),
-        ..*ensemble
+    let sensors = |place| {
+        let chain = SensorChain::new(flown.study, flown.sensors, flown.calibration_noise(place));
+        chain.with_latencies(plants.latencies(flown.number_of(place), flown.sensors))
     };
-    let mut all = vec![Vec::new(); specimens.len()];
-    let mut failed: Option<(usize, Failure)> = None;
-    ensemble.run(
-        specimens.len(),
-        |place| {
-            let mut variant = Variant {
-                overrides: specimens[place].clone(),
-                inputs: calibration.inputs.iter().collect(),
-                ..Variant::default()
-            };
-            plants.alter(flown.study, flown.number_of(place), &mut variant);
-            variant
-        },
-        |_| Rows::default(),
-        |place, rows, outcome| match outcome {
-            Ok(_) => all[place] = rows.0,
-            Err(failure) => failed = Some((place, failure)),
-        },
-    );
-    if let Some((specimen, failure)) = failed {
-        let reason = format!("{} at {:.4} s", failure.cause, failure.time_s);
-        return Err(CampaignError::Calibration { specimen, reason });
-    }
-    for (place, samples) in all.iter_mut().enumerate() {
-        let mut latencies = Latencies::new(plants.latencies(flown.number_of(place), flown.sensors));
-        samples.chunks_exact_mut(flown.sensors).for_each(|sample| latencies.apply(sample));
-        if let Some(mut noise) = flown.calibration_noise(place) {
-            flown.imperfections.apply_to_all(samples, &mut noise);
-        }
-    }
-    Ok(all)
+    calibration_flights(
+        ensemble,
+        calibration,
+        &flown.specimens(),
+        |place, variant| plants.alter(flown.study, flown.number_of(place), variant),
+        sensors,
+    )
 }

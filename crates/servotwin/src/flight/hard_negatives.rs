@@ -8,7 +8,7 @@ use super::campaign::{FlightCampaign, Observer};
 use super::plan::{Flight, Purpose};
 use super::training_windows::{BaselineCorrected, Cut, TrainingWindow, TrainingWindows};
 use super::windows::{self, Kind};
-use crate::campaign::CampaignError;
+use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::{Flights, Setting, Study};
 use servotwin_diagnosis::sliding::{Sliding, Span};

@@ -1,9 +1,9 @@
 //! Plants that differ from their twin in structure: a system of its own, whose specimens are named as those of the
 //! twin's system and mapped to it by name.
 
-use crate::campaign::CampaignError;
 use crate::compiled::Compiled;
 use crate::ensemble::{Later, Variant};
+use crate::experiment::CampaignError;
 use crate::signal::random::Random;
 use crate::study::other_plant::apply_draws;
 use crate::study::{OtherPlant, Study};

@@ -7,9 +7,9 @@
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
 use super::windows::{self, Kind};
-use crate::campaign::CampaignError;
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
+use crate::experiment::CampaignError;
 use crate::parallel::{self, Workers};
 use crate::signal::random::Random;
 use crate::study::{Flights, Setting, Study};

@@ -148,8 +148,8 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     let apart = |purpose: Purpose, environments: usize| {
         (0..environments).rev().map(move |environment| {
             let (setting, workers) = (Setting::Noise, Workers::new(1));
-            FlightCampaign::in_environment(study(), flights, purpose, setting, environment, workers)
-                .unwrap()
+            let own = |flown: usize| flown == environment;
+            FlightCampaign::where_it_is(study(), flights, purpose, setting, own, workers).unwrap()
         })
     };
     // Through a text, as it comes from another machine.

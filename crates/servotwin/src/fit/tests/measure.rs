@@ -7,6 +7,7 @@
 
 use super::*;
 use crate::ensemble::Rows;
+use crate::experiment::calibration_record;
 use crate::study::{Calibration, FaultCase};
 use servotwin_learning::metrics::Rate;
 
@@ -37,13 +38,11 @@ impl<'s> Rig<'s> {
     fn simulated(&self, specimens: &[(usize, Option<FaultAt>)]) -> Vec<Option<Vec<f64>>> {
         let Self { study, calibration, sensors } = *self;
         let realism = study.realism.as_ref().unwrap();
-        let program = &study.system.program;
-        let slot = |&s: &usize| program.observable(&study.system.sensors[s].signal).unwrap().slot;
         let ensemble = Ensemble {
-            record: sensors.iter().map(slot).collect(),
+            record: study.system.sensor_slots(sensors),
             duration_s: calibration.duration_s,
             sample_period_s: study.sample_period_s,
-            ..Ensemble::new(program)
+            ..Ensemble::new(&study.system.program)
         };
         let mut all = vec![None; specimens.len()];
         ensemble.run(
@@ -62,15 +61,14 @@ impl<'s> Rig<'s> {
 
     /// The samples with noise and quantization of the sensors.
     fn shown(&self, specimen: usize, mut samples: Vec<f64>) -> Vec<f64> {
-        let mut noise = self.study.realism.as_ref().unwrap().noise(Lot::Training, specimen);
-        let imperfections = Imperfections::of(&self.study.system, self.sensors);
-        imperfections.apply_to_all(&mut samples, &mut noise);
+        let noise = self.study.realism.as_ref().unwrap().noise(Lot::Training, specimen);
+        let mut chain = SensorChain::new(self.study, self.sensors.len(), Some(noise));
+        samples.chunks_exact_mut(self.sensors.len()).for_each(|sample| chain.measure(sample));
         samples
     }
 
     fn record(&self, measured: Vec<f64>) -> Record {
-        let (inputs, period_s) = (&self.calibration.inputs, self.study.sample_period_s);
-        Record::logged("calibration flight", inputs, self.sensors.to_vec(), period_s, measured)
+        calibration_record(self.study, self.calibration, self.sensors.len(), measured)
     }
 
     /// The largest change of a sensor due to its fault, as a fraction of its scale.

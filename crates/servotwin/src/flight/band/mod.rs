@@ -27,7 +27,7 @@ pub use learn::{Coverage, Trace, coverage, learn};
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
-use crate::campaign::CampaignError;
+use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::{Flights, Setting, Study};

@@ -13,7 +13,7 @@ pub use list::{ALL, Foreign, Sensible, set_names};
 use super::campaign::{FlightCampaign, Observer};
 use super::judge::{Latency, latency};
 use super::plan::{Flight, Onset, Purpose};
-use crate::campaign::CampaignError;
+use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
 use crate::study::{Flights, Setting, Study};

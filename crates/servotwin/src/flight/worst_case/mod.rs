@@ -14,7 +14,7 @@ pub mod space;
 use super::campaign::{ChosenSpecimens, FlightCampaign};
 use super::plan::{Flight, Onset, Purpose};
 use super::tracking::TrackedQuantities;
-use crate::campaign::CampaignError;
+use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::{Setting, Study, StudyError};
 use margin::{MarginWatch, Target};

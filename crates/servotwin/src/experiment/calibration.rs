@@ -1,0 +1,114 @@
+//! Calibration flights: specimens fly the calibration flight of a study, and twins are fitted to what their sensors
+//! show there.
+//!
+//! A fit uses only the noisy, quantized sensor samples of a specimen and the command samples that a logger stores.
+
+use super::twins::{RecordedRun, record_runs};
+use super::{CampaignError, Overrides, SensorChain};
+use crate::ensemble::{Ensemble, Variant};
+use crate::fit::fleet::{Fleet, Specimen};
+use crate::fit::{Fit, FitError, Record, Unknown};
+use crate::signal::random::Random;
+use crate::study::{Calibration, Setting, Study};
+
+/// The calibration flight of a study.
+///
+/// # Errors
+/// The study has none.
+pub(crate) fn calibration_of(study: &Study) -> Result<&Calibration, CampaignError> {
+    study.calibration.as_ref().ok_or_else(|| CampaignError::no_section(Setting::Fitted, study))
+}
+
+/// The sensor values of specimens in a calibration flight, each ordered by sample. `alter` changes the plant of a
+/// specimen, `sensors` are its sensors.
+///
+/// # Errors
+/// [`CampaignError::Calibration`] for a specimen that cannot be simulated; [`CampaignError::Cancelled`].
+pub(crate) fn calibration_flights(
+    ensemble: &Ensemble,
+    calibration: &Calibration,
+    specimens: &[Overrides],
+    alter: impl Fn(usize, &mut Variant) + Sync,
+    sensors: impl Fn(usize) -> SensorChain,
+) -> Result<Vec<Vec<f64>>, CampaignError> {
+    let (record, duration_s) = (ensemble.record.clone(), calibration.duration_s);
+    let variant = |specimen: usize| {
+        let mut variant = Variant {
+            overrides: specimens[specimen].clone(),
+            inputs: calibration.inputs.iter().collect(),
+            ..Variant::default()
+        };
+        alter(specimen, &mut variant);
+        variant
+    };
+    let error = |specimen, reason| CampaignError::Calibration { specimen, reason };
+    let ensemble = Ensemble { record, duration_s, ..*ensemble };
+    let runs = record_runs(&ensemble, specimens.len(), variant, error)?;
+    let measured = |(specimen, mut run): (usize, RecordedRun)| {
+        let mut sensors = sensors(specimen);
+        run.samples.chunks_exact_mut(ensemble.record.len()).for_each(|s| sensors.measure(s));
+        run.samples
+    };
+    Ok(runs.into_iter().enumerate().map(measured).collect())
+}
+
+/// The record of a calibration flight from the values of the first `sensors` measured sensors, ordered by sample.
+pub(crate) fn calibration_record(
+    study: &Study,
+    calibration: &Calibration,
+    sensors: usize,
+    measured: Vec<f64>,
+) -> Record {
+    let sensors = study.measured[..sensors].to_vec();
+    let (inputs, period_s) = (&calibration.inputs, study.sample_period_s);
+    Record::logged("calibration flight", inputs, sensors, period_s, measured)
+}
+
+/// Specimens with their twins, and their common standard errors.
+#[derive(Clone, Debug)]
+pub(crate) struct Calibrated {
+    /// The fitted unknowns.
+    pub unknowns: Vec<Unknown>,
+    /// The fitted specimens.
+    pub specimens: Vec<Specimen>,
+    /// The standard error of each unknown, in standard deviations of its tolerance.
+    pub errors: Vec<f64>,
+}
+
+/// Fits the twins of specimens in the calibration flight of a study, each with the noise of its own flight. The
+/// ensemble is one of the study's system and records its sensors first.
+///
+/// # Errors
+/// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`CampaignError::Cancelled`].
+pub(crate) fn fit_twins(
+    study: &Study,
+    ensemble: &Ensemble,
+    specimens: &[Overrides],
+    noise: impl Fn(usize) -> Option<Random>,
+) -> Result<Calibrated, CampaignError> {
+    let (calibration, sensors) = (calibration_of(study)?, study.base_sensors());
+    let record = ensemble.record[..sensors].to_vec();
+    let ensemble = Ensemble { record, ..*ensemble };
+    let chain = |specimen| SensorChain::new(study, sensors, noise(specimen));
+    let measured = calibration_flights(&ensemble, calibration, specimens, |_, _| (), chain)?;
+    let first = measured.first().cloned().unwrap_or_default();
+    let problem = Fit {
+        unknowns: Unknown::of_study(study),
+        solver: ensemble.settings,
+        threads: ensemble.threads,
+        cancel: ensemble.cancel,
+        ..Fit::new(&study.system, vec![calibration_record(study, calibration, sensors, first)])
+    };
+    let failed = |specimen: usize, error: FitError| match error {
+        FitError::Cancelled => CampaignError::Cancelled,
+        error => CampaignError::Calibration { specimen, reason: error.to_string() },
+    };
+    let fleet = Fleet::new(&problem).map_err(|error| failed(0, error))?;
+    let covariance = fleet.covariance().ok_or_else(|| failed(0, FitError::Undetermined))?;
+    let errors = (0..problem.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
+    let found = fleet.fit(&measured).map_err(|error| failed(0, error))?;
+    let found = found.into_iter().enumerate();
+    let specimens = found.map(|(place, fit)| fit.map_err(|error| failed(place, error)));
+    let specimens = specimens.collect::<Result<_, _>>()?;
+    Ok(Calibrated { unknowns: problem.unknowns, specimens, errors })
+}

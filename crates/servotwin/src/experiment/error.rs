@@ -1,0 +1,90 @@
+//! Errors of campaigns and flights.
+
+use crate::files::FileError;
+use crate::study::{Section, Setting, Study};
+use crate::table::TableError;
+use std::path::{Path, PathBuf};
+
+/// Why a campaign failed or stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// A folder or file could not be written.
+    #[error(transparent)]
+    File(FileError),
+    /// A data set could not be read or written.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The study has neither faults nor healthy specimens.
+    #[error("the study has no faults: add [[classes]] with 'faults'")]
+    NoVariants,
+    /// The study lacks sections that a scenario needs.
+    #[error("{}", lacking_sections(*.setting, .lacks))]
+    NoSection {
+        /// The scenario.
+        setting: Setting,
+        /// The missing sections.
+        lacks: Vec<Section>,
+    },
+    /// A specimen's twin could not be fitted.
+    #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
+    Calibration {
+        /// The specimen's index, from zero.
+        specimen: usize,
+        /// The reason.
+        reason: String,
+    },
+    /// Data sets were requested of an incomplete campaign.
+    #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
+    Unfinished {
+        /// Number of missing variants.
+        missing: usize,
+        /// A damaged file that contains some of them.
+        damaged: Option<PathBuf>,
+    },
+    /// The run was stopped.
+    #[error("cancelled")]
+    Cancelled,
+    /// Symmetry was assumed, but the units are not alike.
+    #[error("the actuators are not alike enough for variants to be shown by others")]
+    NotAlike,
+    /// The plants of `[flights.other_plant]` are impossible.
+    #[error("the system is impossible with the kinds of [flights.other_plant]")]
+    OtherPlant,
+    /// The healthy twin could not be simulated.
+    #[error("the healthy system cannot be simulated in case {case}: {reason}")]
+    Twin {
+        /// The name of the operating case.
+        case: String,
+        /// The reason.
+        reason: String,
+    },
+}
+
+impl CampaignError {
+    /// The error for a study that lacks sections needed by a scenario.
+    pub fn no_section(setting: Setting, study: &Study) -> Self {
+        CampaignError::NoSection { setting, lacks: setting.lacks(study) }
+    }
+}
+
+fn lacking_sections(setting: Setting, lacks: &[Section]) -> String {
+    let names: Vec<String> = lacks.iter().map(|section| format!("[{}]", section.name)).collect();
+    let examples: String = lacks.iter().map(|section| format!("\n  {}", section.example)).collect();
+    format!(
+        "the study lacks {}, which setting '{}' needs; for example, above its first section:{examples}",
+        names.join(" and "),
+        setting.name()
+    )
+}
+
+fn unfinished(missing: usize, damaged: Option<&Path>) -> String {
+    match damaged {
+        Some(path) => format!(
+            "{} is damaged: 'servotwin campaign' simulates its variants again ({missing} are missing)",
+            path.display()
+        ),
+        None => format!(
+            "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
+        ),
+    }
+}

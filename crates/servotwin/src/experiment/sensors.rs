@@ -1,0 +1,53 @@
+//! What stands between the variables of a plant and the values that a diagnosis receives: latencies, noise, and the
+//! steps of converters.
+
+use crate::signal::random::Random;
+use crate::study::Study;
+use crate::system::imperfection::Imperfections;
+
+/// The sensors of one plant in one run.
+pub(crate) struct SensorChain {
+    /// Noise and converter steps with their random numbers; `None` for perfect sensors.
+    noise: Option<(Imperfections, Random)>,
+    /// The latency of each sensor, at most one sample, in samples; empty without latencies.
+    latencies: Vec<f64>,
+    /// The variables at the sample before.
+    before: Vec<f64>,
+}
+
+impl SensorChain {
+    /// The first `count` measured sensors of a study. They are perfect without random numbers for their noise.
+    pub fn new(study: &Study, count: usize, noise: Option<Random>) -> Self {
+        let imperfections = || Imperfections::of(&study.system, &study.measured[..count]);
+        let noise = noise.map(|noise| (imperfections(), noise));
+        SensorChain { noise, latencies: vec![], before: vec![] }
+    }
+
+    /// The same with a latency of each sensor, in samples, at most one.
+    pub fn with_latencies(self, latencies: Vec<f64>) -> Self {
+        SensorChain { latencies, ..self }
+    }
+
+    /// Turns the variables of the next sample into measured values.
+    pub fn measure(&mut self, sample: &mut [f64]) {
+        if !self.latencies.is_empty() {
+            self.delay(sample);
+        }
+        if let Some((imperfections, noise)) = &mut self.noise {
+            imperfections.apply(sample, noise);
+        }
+    }
+
+    /// Interpolates linearly between the samples.
+    fn delay(&mut self, sample: &mut [f64]) {
+        if self.before.is_empty() {
+            self.before = sample.to_vec();
+        }
+        let both = sample.iter_mut().zip(&mut self.before).zip(&self.latencies);
+        for ((value, before), share) in both {
+            let now = *value;
+            *value = now + (*before - now) * share;
+            *before = now;
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! A plant beside its twin, sample by sample.
+
+use super::{RecordedRun, SensorChain};
+use crate::ensemble::Sink;
+
+/// Observes a plant beside its twin.
+pub trait Observer: Send {
+    /// Takes a sample: the sensor values, the twin's expected values and the inputs; SI. Inputs are empty where the twin
+    /// does not record them.
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
+
+    /// Takes the tracked variables of the plant and of its twin at the same sample, before [`Observer::sample`].
+    fn track(&mut self, _index: usize, _plant: &[f64], _twin: &[f64]) {}
+}
+
+/// Passes a plant to an observer as its sensors show it, beside its twin.
+///
+/// The plant records its sensors, then what is tracked. The twin records the same, then the inputs.
+pub(crate) struct Watch<'t, O> {
+    twin: &'t RecordedRun,
+    /// The recorded sensor whose place each sensor takes. With symmetric actuators this is another one.
+    order: Vec<usize>,
+    sensors: SensorChain,
+    measured: Vec<f64>,
+    expected: Vec<f64>,
+    pub observer: O,
+}
+
+impl<'t, O> Watch<'t, O> {
+    pub fn new(
+        twin: &'t RecordedRun,
+        order: Vec<usize>,
+        sensors: SensorChain,
+        observer: O,
+    ) -> Self {
+        let [measured, expected] = [(); 2].map(|()| vec![0.0; order.len()]);
+        Watch { twin, order, sensors, measured, expected, observer }
+    }
+}
+
+impl<O: Observer> Sink for Watch<'_, O> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        let (twin, inputs) = self.twin.at(index).split_at(values.len());
+        for (place, &sensor) in self.order.iter().enumerate() {
+            self.measured[place] = values[sensor];
+            self.expected[place] = twin[sensor];
+        }
+        let sensors = self.order.len();
+        self.observer.track(index, &values[sensors..], &twin[sensors..]);
+        self.sensors.measure(&mut self.measured);
+        self.observer.sample(index, &self.measured, &self.expected, inputs);
+    }
+}
