@@ -18,12 +18,12 @@ pub struct Excerpt {
     /// The features of the columns shown: the first three and the last.
     pub shown_features: Vec<String>,
     /// The rows shown: up to two for each shown fault, ending with the last detectable row.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ExcerptRow>,
 }
 
 /// A row of the excerpt.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct ExcerptRow {
     /// The number of the variant.
     pub variant: u32,
     /// Intensities of the shown faults.
@@ -82,7 +82,7 @@ pub fn read(path: &Path) -> Result<Option<Excerpt>, TableError> {
     let (intensities, values) = numbers.split_at(shown_faults.len());
     let [unit, command, detail] = [0, 1, 2].map(|place| table.text(CLASSES[place]));
     let classes = [unit?, command?, detail?];
-    let row = |&row: &usize| Row {
+    let row = |&row: &usize| ExcerptRow {
         variant: variants[row],
         intensities: intensities.iter().map(|values| values[row]).collect(),
         classes: classes.map(|texts| texts[row].clone()),

@@ -140,7 +140,7 @@ impl Who {
 }
 
 /// One row of the headline.
-pub struct Row {
+pub struct HeadlineRow {
     /// The name of the measure.
     pub title: String,
     /// The part of the diagnosis that answers.
@@ -162,13 +162,13 @@ pub fn learned(result: &SubjectResult) -> Option<&[Band]> {
 }
 
 /// The headline of some settings. Rows without any rate are left out.
-pub fn headline(settings: &[&SubjectResult], words: &Vocabulary) -> Vec<Row> {
+pub fn headline(settings: &[&SubjectResult], words: &Vocabulary) -> Vec<HeadlineRow> {
     let mut rows = vec![];
     let mut push = |title: &str, who, is_safety, of: &dyn Fn(&Evaluation) -> Option<Rate>| {
         let rates = settings.iter().map(|result| of(&result.evaluation));
         let rates: Vec<_> = rates.map(|rate| rate.filter(|rate| rate.of > 0)).collect();
         if rates.iter().any(Option::is_some) {
-            rows.push(Row { title: title.to_owned(), who, is_safety, rates });
+            rows.push(HeadlineRow { title: title.to_owned(), who, is_safety, rates });
         }
     };
     for measure in safety(words) {

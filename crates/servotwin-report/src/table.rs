@@ -4,7 +4,7 @@ use servotwin::study::Study;
 
 /// A row of table 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Row {
+pub struct FaultRow {
     /// The action that the flight control computer must take.
     pub command: String,
     /// The fault class.
@@ -16,10 +16,10 @@ pub struct Row {
 }
 
 /// Returns the rows in the order of the study's classes.
-pub fn rows(study: &Study) -> Vec<Row> {
+pub fn rows(study: &Study) -> Vec<FaultRow> {
     let row = |(place, class): (usize, &servotwin::study::Class)| {
         let own = study.faults.iter().filter(|fault| fault.class == place && fault.unit == 0);
-        Row {
+        FaultRow {
             command: class.command.clone(),
             detail: class.detail.clone(),
             components: class.components(),

@@ -5,7 +5,7 @@ use crate::feed::{Feed, Frames, RunError, Source};
 use crate::injection::Injection;
 use crate::request::{Refused, Request};
 use crate::signals::{Sample, Signals};
-use crate::state::{Act, Kind, Known, State, about, event};
+use crate::state::{Act, SourceKind, Known, State, about, event};
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{Flight, Scenario};
 use servotwin::flight::runtime::RuntimeError;
@@ -47,7 +47,7 @@ enum End {
 impl Source for Live {
     fn about(&self) -> Value {
         let list = Signals::of_flights(&self.study, &self.diagnoser).list;
-        about(Kind::Flight, &self.study.system.title, &self.study, &self.diagnoser, &list)
+        about(SourceKind::Flight, &self.study.system.title, &self.study, &self.diagnoser, &list)
     }
 
     /// Flies until `stop` is set, one flight after the other.

@@ -4,7 +4,7 @@ use crate::feed::{Feed, Frames, RunError, Source};
 use crate::request::{Refused, Request};
 use crate::session::Session;
 use crate::signals::{Beside, Sample, Signals};
-use crate::state::{Act, Kind, Known, State, about, event};
+use crate::state::{Act, SourceKind, Known, State, about, event};
 use serde_json::{Value, json};
 use servotwin::flight::watcher::Watcher;
 use servotwin::moment;
@@ -53,7 +53,7 @@ pub struct Log {
 }
 
 impl Measured<'_> {
-    fn about(&self, kind: Kind) -> Value {
+    fn about(&self, kind: SourceKind) -> Value {
         let list = Signals::of_measured(self.study, &self.diagnoser).list;
         about(kind, &self.title, self.study, &self.diagnoser, &list)
     }
@@ -70,7 +70,7 @@ impl Measured<'_> {
     ) -> Result<Log, RunError> {
         let feed = Feed::default();
         let (end, counts) = self.watch(rows, &feed, (stop, None), show)?;
-        let about = self.about(Kind::Log);
+        let about = self.about(SourceKind::Log);
         let session = feed.session().map(|messages| Session { about, messages });
         Ok(Log { session, end, counts })
     }
@@ -127,7 +127,7 @@ impl<'s> Stream<'s> {
 
 impl Source for Stream<'_> {
     fn about(&self) -> Value {
-        self.measured.about(Kind::Stream)
+        self.measured.about(SourceKind::Stream)
     }
 
     fn run(

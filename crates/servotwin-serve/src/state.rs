@@ -12,7 +12,7 @@ use servotwin_diagnosis::hierarchy::Stage;
 /// Where the samples come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum SourceKind {
     /// A simulated flight, which takes faults.
     Flight,
     /// A log that was read.
@@ -23,14 +23,14 @@ pub enum Kind {
 
 /// Everything that a viewer must know to show frames, and to inject faults into a flight.
 pub fn about(
-    kind: Kind,
+    kind: SourceKind,
     title: &str,
     study: &Study,
     diagnoser: &Diagnoser,
     list: &[Signal],
 ) -> Value {
     let system = &study.system;
-    let faults = if kind == Kind::Flight { system.fault_list() } else { vec![] };
+    let faults = if kind == SourceKind::Flight { system.fault_list() } else { vec![] };
     let components = system.network().components.iter().map(|instance| {
         let own = faults.iter().filter(|fault| fault.component == instance.id);
         let own = own.map(|fault| {
@@ -64,9 +64,9 @@ fn answer(study: &Study, fault: &str) -> Value {
 }
 
 /// What each action does to a simulated flight, in words. What is measured is not acted on from here.
-fn effects(kind: Kind, study: &Study, diagnoser: &Diagnoser) -> Value {
+fn effects(kind: SourceKind, study: &Study, diagnoser: &Diagnoser) -> Value {
     let names = diagnoser.names();
-    if kind != Kind::Flight {
+    if kind != SourceKind::Flight {
         return Value::Null;
     }
     let details = || names.details.iter().map(|detail| Some(detail.as_str())).chain([None]);

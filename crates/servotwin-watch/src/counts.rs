@@ -6,7 +6,7 @@ use std::fmt;
 /// A kind of irregularity in the incoming data, and how it was handled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum Irregularity {
     /// Bytes that are not text.
     Noise,
     /// A line longer than the limit.
@@ -53,58 +53,58 @@ pub enum Kind {
     Overflow,
 }
 
-impl Kind {
+impl Irregularity {
     /// All kinds, in the order of reports.
-    pub const ALL: [Kind; 22] = [
-        Kind::Noise,
-        Kind::TooLong,
-        Kind::CutShort,
-        Kind::WrongColumns,
-        Kind::NoHeader,
-        Kind::BadObject,
-        Kind::NoTime,
-        Kind::BadValue,
-        Kind::Impossible,
-        Kind::Reordered,
-        Kind::Doubled,
-        Kind::Late,
-        Kind::Outlier,
-        Kind::Surplus,
-        Kind::Gap,
-        Kind::ClockBack,
-        Kind::ClockForward,
-        Kind::Disconnected,
-        Kind::Reconnected,
-        Kind::Retained,
-        Kind::ForeignSender,
-        Kind::Overflow,
+    pub const ALL: [Irregularity; 22] = [
+        Irregularity::Noise,
+        Irregularity::TooLong,
+        Irregularity::CutShort,
+        Irregularity::WrongColumns,
+        Irregularity::NoHeader,
+        Irregularity::BadObject,
+        Irregularity::NoTime,
+        Irregularity::BadValue,
+        Irregularity::Impossible,
+        Irregularity::Reordered,
+        Irregularity::Doubled,
+        Irregularity::Late,
+        Irregularity::Outlier,
+        Irregularity::Surplus,
+        Irregularity::Gap,
+        Irregularity::ClockBack,
+        Irregularity::ClockForward,
+        Irregularity::Disconnected,
+        Irregularity::Reconnected,
+        Irregularity::Retained,
+        Irregularity::ForeignSender,
+        Irregularity::Overflow,
     ];
 
     /// The name in JSON, and a description of what was found and done.
     pub fn words(self) -> (&'static str, &'static str) {
         match self {
-            Kind::Noise => ("noise", "bytes that are no text: dropped"),
-            Kind::TooLong => ("too_long", "line too long: dropped"),
-            Kind::CutShort => ("cut_short", "the stream ends within a line: dropped"),
-            Kind::WrongColumns => ("wrong_columns", "wrong number of columns: dropped"),
-            Kind::NoHeader => ("no_header", "before the names of the columns: dropped"),
-            Kind::BadObject => ("bad_object", "no JSON object: dropped"),
-            Kind::NoTime => ("no_time", "no time: dropped"),
-            Kind::BadValue => ("bad_value", "value that is no finite number: missing"),
-            Kind::Impossible => ("impossible", "value that its sensor cannot show: missing"),
-            Kind::Reordered => ("reordered", "out of order: put in order"),
-            Kind::Doubled => ("doubled", "sent twice: dropped"),
-            Kind::Late => ("late", "too late: dropped"),
-            Kind::Outlier => ("outlier", "impossible time: dropped"),
-            Kind::Surplus => ("surplus", "between two periods: left out"),
-            Kind::Gap => ("gap", "period without a sample: all values missing"),
-            Kind::ClockBack => ("clock_back", "clock set back: begun anew"),
-            Kind::ClockForward => ("clock_forward", "clock set forward: begun anew"),
-            Kind::Disconnected => ("disconnected", "connection lost"),
-            Kind::Reconnected => ("reconnected", "connection made again"),
-            Kind::Retained => ("retained", "kept by the broker from before: no sample"),
-            Kind::ForeignSender => ("foreign_sender", "from another sender: dropped"),
-            Kind::Overflow => ("overflow", "came faster than it was diagnosed: dropped"),
+            Irregularity::Noise => ("noise", "bytes that are no text: dropped"),
+            Irregularity::TooLong => ("too_long", "line too long: dropped"),
+            Irregularity::CutShort => ("cut_short", "the stream ends within a line: dropped"),
+            Irregularity::WrongColumns => ("wrong_columns", "wrong number of columns: dropped"),
+            Irregularity::NoHeader => ("no_header", "before the names of the columns: dropped"),
+            Irregularity::BadObject => ("bad_object", "no JSON object: dropped"),
+            Irregularity::NoTime => ("no_time", "no time: dropped"),
+            Irregularity::BadValue => ("bad_value", "value that is no finite number: missing"),
+            Irregularity::Impossible => ("impossible", "value that its sensor cannot show: missing"),
+            Irregularity::Reordered => ("reordered", "out of order: put in order"),
+            Irregularity::Doubled => ("doubled", "sent twice: dropped"),
+            Irregularity::Late => ("late", "too late: dropped"),
+            Irregularity::Outlier => ("outlier", "impossible time: dropped"),
+            Irregularity::Surplus => ("surplus", "between two periods: left out"),
+            Irregularity::Gap => ("gap", "period without a sample: all values missing"),
+            Irregularity::ClockBack => ("clock_back", "clock set back: begun anew"),
+            Irregularity::ClockForward => ("clock_forward", "clock set forward: begun anew"),
+            Irregularity::Disconnected => ("disconnected", "connection lost"),
+            Irregularity::Reconnected => ("reconnected", "connection made again"),
+            Irregularity::Retained => ("retained", "kept by the broker from before: no sample"),
+            Irregularity::ForeignSender => ("foreign_sender", "from another sender: dropped"),
+            Irregularity::Overflow => ("overflow", "came faster than it was diagnosed: dropped"),
         }
     }
 }
@@ -135,7 +135,7 @@ pub struct Counts {
     /// In how many of these periods the diagnosis judged the actuators.
     #[serde(default)]
     pub judged: u64,
-    /// How often each kind of [`Kind::ALL`] occurred.
+    /// How often each kind of [`Irregularity::ALL`] occurred.
     tallies: Vec<Tally>,
     /// For each input and sensor, the number of periods without a value.
     pub missing: Vec<u64>,
@@ -144,7 +144,7 @@ pub struct Counts {
 impl Counts {
     /// Empty counts for a number of inputs and sensors.
     pub fn new(counted: &str, channels: usize) -> Self {
-        let tallies = vec![Tally::default(); Kind::ALL.len()];
+        let tallies = vec![Tally::default(); Irregularity::ALL.len()];
         Counts {
             counted: counted.into(),
             frames: 0,
@@ -164,7 +164,7 @@ impl Counts {
             tally.detail.len() <= LONGEST_DETAIL && !tally.detail.contains(char::is_control)
         };
         let checks = [
-            (self.tallies.len() == Kind::ALL.len(), "the number of kinds"),
+            (self.tallies.len() == Irregularity::ALL.len(), "the number of kinds"),
             (self.missing.len() == channels, "the number of inputs and sensors"),
             (self.counted == counted, "what is counted"),
             (counters.all(|count| count <= super::LARGEST_COUNT), "a count"),
@@ -175,12 +175,12 @@ impl Counts {
     }
 
     /// Counts one occurrence of a kind.
-    pub fn note(&mut self, kind: Kind, place: u64) {
+    pub fn note(&mut self, kind: Irregularity, place: u64) {
         self.note_with(kind, place, &"");
     }
 
     /// Counts one occurrence of a kind; the detail of the first is kept.
-    pub fn note_with(&mut self, kind: Kind, place: u64, detail: &dyn fmt::Display) {
+    pub fn note_with(&mut self, kind: Irregularity, place: u64, detail: &dyn fmt::Display) {
         let tally = &mut self.tallies[kind as usize];
         if tally.count == 0 {
             tally.first = place;
@@ -190,7 +190,7 @@ impl Counts {
     }
 
     /// Counts several occurrences of a kind.
-    pub fn note_many(&mut self, kind: Kind, place: u64, count: u64, detail: &dyn fmt::Display) {
+    pub fn note_many(&mut self, kind: Irregularity, place: u64, count: u64, detail: &dyn fmt::Display) {
         if count > 0 {
             self.note_with(kind, place, detail);
             self.tallies[kind as usize].count += count - 1;
@@ -198,13 +198,13 @@ impl Counts {
     }
 
     /// How often a kind occurred, and where first.
-    pub fn of(&self, kind: Kind) -> &Tally {
+    pub fn of(&self, kind: Irregularity) -> &Tally {
         &self.tallies[kind as usize]
     }
 
-    /// All kinds that occurred, in the order of [`Kind::ALL`].
-    pub fn met(&self) -> impl Iterator<Item = (Kind, &Tally)> {
-        Kind::ALL.into_iter().map(|kind| (kind, self.of(kind))).filter(|(_, t)| t.count > 0)
+    /// All kinds that occurred, in the order of [`Irregularity::ALL`].
+    pub fn met(&self) -> impl Iterator<Item = (Irregularity, &Tally)> {
+        Irregularity::ALL.into_iter().map(|kind| (kind, self.of(kind))).filter(|(_, t)| t.count > 0)
     }
 
     /// Where a kind occurred first: `line 17: 5 cells, 12 are needed`.
@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn kinds_stand_at_their_places_and_have_names_of_their_own() {
-        for (place, kind) in Kind::ALL.into_iter().enumerate() {
+        for (place, kind) in Irregularity::ALL.into_iter().enumerate() {
             assert_eq!(kind as usize, place);
             let name = serde_json::to_value(kind).unwrap();
             assert_eq!(name, kind.words().0);
@@ -230,10 +230,10 @@ mod tests {
     #[test]
     fn the_first_place_is_kept() {
         let mut counts = Counts::new("line", 0);
-        counts.note_with(Kind::WrongColumns, 7, &"5 cells, 12 are needed");
-        counts.note_with(Kind::WrongColumns, 9, &"6 cells, 12 are needed");
+        counts.note_with(Irregularity::WrongColumns, 7, &"5 cells, 12 are needed");
+        counts.note_with(Irregularity::WrongColumns, 9, &"6 cells, 12 are needed");
         let (kind, tally) = counts.met().next().unwrap();
-        assert_eq!((kind, tally.count), (Kind::WrongColumns, 2));
+        assert_eq!((kind, tally.count), (Irregularity::WrongColumns, 2));
         assert_eq!(counts.place(tally), "line 7: 5 cells, 12 are needed");
         assert_eq!(counts.met().count(), 1);
     }

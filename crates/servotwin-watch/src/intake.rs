@@ -4,7 +4,7 @@
 //! Rows with the same time form one sample. A sample that arrives slightly late is sorted in. A few samples whose time
 //! no others confirm are dropped. All of this is counted. The result is a [`Table`] in SI units.
 
-use super::counts::{Counts, Kind};
+use super::counts::{Counts, Irregularity};
 use super::cut::Cut;
 use super::map::{Map, MapError, Trust, guess};
 use super::sequencer::Stamped;
@@ -117,11 +117,11 @@ fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Coun
                 let sample = map.sample(&row, rows);
                 if row.bad > 0 {
                     let detail = row.bad_in_words(map.wanted());
-                    counts.note_with(Kind::BadValue, row.place, &detail);
+                    counts.note_with(Irregularity::BadValue, row.place, &detail);
                 }
                 match sample.time_s.is_finite() {
                     true => put(&mut samples, sample, map, &mut counts),
-                    false => counts.note(Kind::NoTime, row.place),
+                    false => counts.note(Irregularity::NoTime, row.place),
                 }
             }
             Read::Flawed(flaw) => counts.note_with(flaw.kind(), row.place, &flaw),
@@ -154,12 +154,12 @@ fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Coun
             }
         }
         if !is_new {
-            counts.note(Kind::Doubled, sample.place);
+            counts.note(Irregularity::Doubled, sample.place);
         }
         return;
     }
     if is_late {
-        counts.note(Kind::Reordered, sample.place);
+        counts.note(Irregularity::Reordered, sample.place);
         samples.insert(behind.map_or(0, |place| place + 1), sample);
     } else {
         samples.push(sample);
@@ -178,7 +178,7 @@ fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamp
         return samples;
     }
     for sample in groups.iter().filter(|group| !is_confirmed(group)).flat_map(|group| *group) {
-        counts.note_with(Kind::Outlier, sample.place, &moment::shown(sample.time_s));
+        counts.note_with(Irregularity::Outlier, sample.place, &moment::shown(sample.time_s));
     }
     groups.into_iter().filter(is_confirmed).flatten().cloned().collect()
 }

@@ -27,7 +27,7 @@ pub use servotwin::observer::{Finding, Observation, Observer, Phase, State};
 
 use checkpoint::{Checkpoint, CheckpointError, Expected};
 use checkpoint_writer::CheckpointWriter;
-use counts::{Counts, Kind};
+use counts::{Counts, Irregularity};
 use map::Map;
 use plausibility::Plausibility;
 use sequencer::{Sequencer, Tick};
@@ -277,17 +277,17 @@ impl<'w> Watch<'w> {
                 progress.begin(row.place);
                 if row.bad > 0 {
                     let detail = row.bad_in_words(self.map.wanted());
-                    progress.counts.note_with(Kind::BadValue, row.place, &detail);
+                    progress.counts.note_with(Irregularity::BadValue, row.place, &detail);
                 }
                 self.plausibility.sample(&sample);
                 if let Some((id, value)) = self.map.leave_out(&mut sample) {
                     let detail = format_args!("{id} = {} in SI", Quantity(value, ""));
-                    progress.counts.note_with(Kind::Impossible, row.place, &detail);
+                    progress.counts.note_with(Irregularity::Impossible, row.place, &detail);
                 }
                 if sample.time_s.is_finite() {
                     progress.sequencer.push(sample, &mut progress.counts);
                 } else {
-                    progress.counts.note(Kind::NoTime, row.place);
+                    progress.counts.note(Irregularity::NoTime, row.place);
                 }
                 self.drain()?;
             }
@@ -296,13 +296,13 @@ impl<'w> Watch<'w> {
                 progress.counts.note_with(flaw.kind(), row.place, &flaw);
             }
             Read::Disconnected { cause } => {
-                progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
+                progress.counts.note_with(Irregularity::Disconnected, progress.place, &cause);
                 progress.sequencer.flush();
                 self.drain()?;
                 self.report(WatchEvent::Disconnected { reason: cause }, None)?;
             }
             Read::Reconnected => {
-                progress.counts.note(Kind::Reconnected, progress.place);
+                progress.counts.note(Irregularity::Reconnected, progress.place);
                 self.report(WatchEvent::Reconnected, None)?;
             }
             Read::Dropped(dropped) => {

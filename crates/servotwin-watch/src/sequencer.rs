@@ -16,7 +16,7 @@
 //!
 //! A sequencer never holds more than `longest_gap_s + wait_s` of periods.
 
-use super::counts::{Counts, Kind};
+use super::counts::{Counts, Irregularity};
 use super::{LARGEST_COUNT, bits};
 use serde::{Deserialize, Serialize};
 use servotwin_io::moment;
@@ -212,7 +212,7 @@ impl Sequencer {
             grid.next += 1;
             self.given = given;
             if self.given.values.is_empty() {
-                counts.note(Kind::Gap, grid.next);
+                counts.note(Irregularity::Gap, grid.next);
                 self.given.values.resize(self.width, f64::NAN);
             }
             counts.samples += 1;
@@ -261,7 +261,7 @@ impl Sequencer {
         let slot = &mut grid.waiting[index];
         if slot.values.is_empty() {
             if reordered {
-                counts.note(Kind::Reordered, sample.place);
+                counts.note(Irregularity::Reordered, sample.place);
             }
             *slot = sample;
             return;
@@ -281,8 +281,8 @@ impl Sequencer {
         }
         match (filled, same) {
             (true, _) => {}
-            (false, true) => counts.note(Kind::Doubled, place),
-            (false, false) => counts.note(Kind::Surplus, place),
+            (false, true) => counts.note(Irregularity::Doubled, place),
+            (false, false) => counts.note(Irregularity::Surplus, place),
         }
     }
 
@@ -292,7 +292,7 @@ impl Sequencer {
         if let Some(last) = self.suspects.last() {
             let ahead_s = sample.time_s - last.time_s;
             if ahead_s == 0.0 {
-                counts.note(Kind::Doubled, sample.place);
+                counts.note(Irregularity::Doubled, sample.place);
                 return;
             }
             if !(0.0..=self.rules.sudden_s(step_s)).contains(&ahead_s) {
@@ -316,7 +316,7 @@ impl Sequencer {
         }
         let newest_s = self.grid.as_ref().map_or(f64::NAN, |grid| grid.newest_s);
         let back = first_s < newest_s;
-        let kind = if back { Kind::ClockBack } else { Kind::ClockForward };
+        let kind = if back { Irregularity::ClockBack } else { Irregularity::ClockForward };
         counts.note_with(kind, place, &leap(newest_s, first_s));
         self.restart = true;
     }
@@ -348,7 +348,7 @@ impl Sequencer {
 
     fn drop(&mut self, sample: &Stamped, counts: &mut Counts) {
         let late = self.turn(sample.time_s) == Turn::Late;
-        let kind = if late { Kind::Late } else { Kind::Outlier };
+        let kind = if late { Irregularity::Late } else { Irregularity::Outlier };
         counts.note_with(kind, sample.place, &moment::shown(sample.time_s));
     }
 }

@@ -1,7 +1,7 @@
 //! `modelDescription.xml` for both versions of FMI.
 
 use super::units;
-use super::variables::{Kind, Variable, Variables};
+use super::variables::{VariableKind, Variable, Variables};
 use servotwin_io::text::escaped;
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
@@ -191,11 +191,11 @@ impl Description<'_> {
 /// Attributes that both versions have at the variable.
 fn identity(variable: &Variable) -> String {
     let kind = match variable.kind {
-        Kind::Input => "causality=\"input\" variability=\"continuous\"",
-        Kind::Output => "causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
-        Kind::Sampled => "causality=\"output\" variability=\"discrete\" initial=\"calculated\"",
-        Kind::Local => "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
-        Kind::Tunable => "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
+        VariableKind::Input => "causality=\"input\" variability=\"continuous\"",
+        VariableKind::Output => "causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
+        VariableKind::Sampled => "causality=\"output\" variability=\"discrete\" initial=\"calculated\"",
+        VariableKind::Local => "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
+        VariableKind::Tunable => "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
     };
     let mut text = format!(
         "name=\"{}\" valueReference=\"{}\" {kind}",

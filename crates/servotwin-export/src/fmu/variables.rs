@@ -18,7 +18,7 @@ const FIRST_RESULT: usize = 40_000;
 
 /// What a variable is to the importing tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum VariableKind {
     Input,
     Output,
     /// An output that changes with samples only.
@@ -33,7 +33,7 @@ pub(super) enum Kind {
 pub(super) struct Variable {
     pub name: String,
     pub reference: usize,
-    pub kind: Kind,
+    pub kind: VariableKind,
     pub unit: Unit,
     pub description: String,
     pub start: Option<f64>,
@@ -67,7 +67,7 @@ impl Variables {
         variables.add_inputs(program);
         for slot in twin.sensors.iter().map(|&slot| slot as usize) {
             if let Some(measured) = program.observables().iter().find(|o| o.slot as usize == slot) {
-                variables.add_slot(slot, &measured.name, measured.unit, Kind::Output);
+                variables.add_slot(slot, &measured.name, measured.unit, VariableKind::Output);
             }
         }
         for (slot, state) in program.states().iter().enumerate() {
@@ -75,16 +75,16 @@ impl Variables {
             let is_taken =
                 program.observable(&state.name).is_some_and(|read| read.slot as usize != slot);
             let name = if is_taken { format!("state.{}", state.name) } else { state.name.clone() };
-            variables.add_slot(slot, &name, state.unit, Kind::Local);
+            variables.add_slot(slot, &name, state.unit, VariableKind::Local);
         }
         for observable in program.observables() {
             let slot = observable.slot as usize;
-            variables.add_slot(slot, &observable.name, observable.unit, Kind::Local);
+            variables.add_slot(slot, &observable.name, observable.unit, VariableKind::Local);
         }
         for (state, slot) in program.derivatives().enumerate() {
             let name = format!("der({})", program.states()[state].name);
             // The unit of a derivative is that of the state over a second, which has no name of its own.
-            variables.add_slot(slot, &name, Unit::None, Kind::Local);
+            variables.add_slot(slot, &name, Unit::None, VariableKind::Local);
             variables.all[variables.of_slots[&slot]].derivative_of = Some(state);
         }
         for (state, declared) in program.states().iter().enumerate() {
@@ -108,7 +108,7 @@ impl Variables {
         for (actuator, name) in diagnoser.names().actuators.iter().enumerate() {
             let reference = FIRST_SWITCH + actuator;
             let switch =
-                variables.add(format!("switched_off.{name}"), reference, Kind::Input, Unit::None);
+                variables.add(format!("switched_off.{name}"), reference, VariableKind::Input, Unit::None);
             switch.description = "1: the flight control computer has switched it off".into();
             switch.start = Some(0.0);
             switch.range = [Some(0.0), Some(1.0)];
@@ -130,7 +130,7 @@ impl Variables {
     /// The places of the outputs.
     pub fn outputs(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.all.len())
-            .filter(|&place| matches!(self.all[place].kind, Kind::Output | Kind::Sampled))
+            .filter(|&place| matches!(self.all[place].kind, VariableKind::Output | VariableKind::Sampled))
     }
 
     /// Everything that the initialization computes, in order: outputs, states, derivatives.
@@ -147,7 +147,7 @@ impl Variables {
         self.of_slots.get(&slot).copied()
     }
 
-    fn add(&mut self, name: String, reference: usize, kind: Kind, unit: Unit) -> &mut Variable {
+    fn add(&mut self, name: String, reference: usize, kind: VariableKind, unit: Unit) -> &mut Variable {
         let (description, range) = (String::new(), [None; 2]);
         self.all.push(Variable {
             name,
@@ -165,7 +165,7 @@ impl Variables {
     }
 
     /// Adds a variable for a slot, unless it has one.
-    fn add_slot(&mut self, slot: usize, name: &str, unit: Unit, kind: Kind) {
+    fn add_slot(&mut self, slot: usize, name: &str, unit: Unit, kind: VariableKind) {
         if !self.of_slots.contains_key(&slot) {
             self.of_slots.insert(slot, self.all.len());
             self.add(name.into(), slot, kind, unit);
@@ -177,7 +177,7 @@ impl Variables {
         for ((place, input), slot) in inputs.zip(program.externals()) {
             self.of_slots.insert(slot, self.all.len());
             let (least, largest) = program.network().input_range(place);
-            let variable = self.add(input.id.clone(), slot, Kind::Input, input.unit);
+            let variable = self.add(input.id.clone(), slot, VariableKind::Input, input.unit);
             variable.start = Some(input.default);
             variable.range = [least, largest].map(finite);
         }
@@ -192,8 +192,8 @@ impl Variables {
         for (place, (sensor, &slot)) in diagnoser.sensors.iter().zip(&twin.sensors).enumerate() {
             let (name, unit) = (&sensor.name, unit_of(slot));
             let reference = FIRST_MEASURED + place;
-            self.add(format!("measured.{name}"), reference, Kind::Input, unit).start = Some(0.0);
-            self.add(format!("expected.{name}"), FIRST_EXPECTED + place, Kind::Sampled, unit);
+            self.add(format!("measured.{name}"), reference, VariableKind::Input, unit).start = Some(0.0);
+            self.add(format!("expected.{name}"), FIRST_EXPECTED + place, VariableKind::Sampled, unit);
         }
     }
 
@@ -226,7 +226,7 @@ impl Variables {
         ];
         for (place, (name, description)) in results.into_iter().enumerate() {
             let name = format!("diagnosis.{name}");
-            let result = self.add(name, FIRST_RESULT + place, Kind::Sampled, Unit::None);
+            let result = self.add(name, FIRST_RESULT + place, VariableKind::Sampled, Unit::None);
             result.description = description.into();
         }
     }
@@ -237,7 +237,7 @@ impl Variables {
             let declared = instance.component.spec().parameters.iter();
             for (parameter, &value) in declared.zip(&instance.parameters) {
                 let name = format!("parameter.{}.{}", instance.id, parameter.name);
-                let variable = self.add(name, reference, Kind::Tunable, parameter.unit);
+                let variable = self.add(name, reference, VariableKind::Tunable, parameter.unit);
                 variable.description = parameter.summary.into();
                 variable.start = Some(value);
                 variable.range = [parameter.min, parameter.max].map(finite);
@@ -251,7 +251,7 @@ impl Variables {
             let instance = &program.network().components[component];
             let declared = &instance.component.spec().faults[fault];
             let name = format!("fault.{}.{}", instance.id, declared.name);
-            let variable = self.add(name, FIRST_FAULT + number, Kind::Tunable, Unit::None);
+            let variable = self.add(name, FIRST_FAULT + number, VariableKind::Tunable, Unit::None);
             variable.description = format!("intensity: {}", declared.summary);
             variable.start = Some(0.0);
             variable.range = [Some(0.0), Some(1.0)];

@@ -103,7 +103,7 @@ impl Tree {
 
 /// Where a decision stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum DecisionKind {
     If,
     While,
     For,
@@ -114,16 +114,16 @@ pub(crate) enum Kind {
     Value,
 }
 
-impl Kind {
+impl DecisionKind {
     /// Its name in tables.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::If => "if",
-            Kind::While => "while",
-            Kind::For => "for",
-            Kind::Switch => "switch",
-            Kind::Choice => "?:",
-            Kind::Value => "value",
+            DecisionKind::If => "if",
+            DecisionKind::While => "while",
+            DecisionKind::For => "for",
+            DecisionKind::Switch => "switch",
+            DecisionKind::Choice => "?:",
+            DecisionKind::Value => "value",
         }
     }
 }
@@ -137,7 +137,7 @@ pub(crate) struct Decision {
     pub line: usize,
     /// Its first byte in the line, from 1.
     pub column: usize,
-    pub kind: Kind,
+    pub kind: DecisionKind,
     /// Its text in one line.
     pub text: String,
     /// The text of each condition, or of each case.
@@ -167,7 +167,7 @@ impl Decision {
         };
         let (with_true, with_false): (Vec<usize>, Vec<usize>) = (decided(true), decided(false));
         match (with_true.first(), with_false.first()) {
-            (Some(case), _) if self.kind == Kind::Switch => Shown::Case(*case),
+            (Some(case), _) if self.kind == DecisionKind::Switch => Shown::Case(*case),
             (Some(one), Some(other)) => {
                 let mut pairs =
                     with_true.iter().flat_map(|a| with_false.iter().map(move |b| (*a, *b)));
@@ -177,7 +177,7 @@ impl Decision {
                 Shown::Pair([a, b])
             }
             (one, other) => {
-                let is_case = self.kind == Kind::Switch;
+                let is_case = self.kind == DecisionKind::Switch;
                 Shown::Missing { with_true: one.is_none(), with_false: other.is_none() && !is_case }
             }
         }

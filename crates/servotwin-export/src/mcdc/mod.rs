@@ -7,7 +7,7 @@ mod decision;
 mod syntax;
 mod tokens;
 
-pub(crate) use decision::{Decision, Kind, Shown, Vector};
+pub(crate) use decision::{Decision, DecisionKind, Shown, Vector};
 
 use crate::error::ExportError;
 use crate::source_file::SourceFile;

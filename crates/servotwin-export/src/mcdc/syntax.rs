@@ -4,7 +4,7 @@
 //! This reads functions of the hand-written code, statement by statement. What it does not understand it refuses, with the
 //! place: a decision that is overlooked would look like one that is covered.
 
-use super::decision::{Decision, Kind, MOST_CONDITIONS, Tree};
+use super::decision::{Decision, DecisionKind, MOST_CONDITIONS, Tree};
 use super::tokens::{Token, line_of, refused, tokens};
 use crate::error::ExportError;
 use std::collections::BTreeSet;
@@ -208,7 +208,7 @@ impl Reader<'_> {
             "{" => self.read_block(),
             "if" => self.read_if(),
             "while" => {
-                self.read_condition(Kind::While)?;
+                self.read_condition(DecisionKind::While)?;
                 self.read_statement()
             }
             "for" => self.read_for(),
@@ -274,7 +274,7 @@ impl Reader<'_> {
     }
 
     /// A keyword with a condition in brackets.
-    fn read_condition(&mut self, kind: Kind) -> Result<(), ExportError> {
+    fn read_condition(&mut self, kind: DecisionKind) -> Result<(), ExportError> {
         self.at += 1;
         self.expect("(")?;
         let node = self.expression()?;
@@ -283,7 +283,7 @@ impl Reader<'_> {
     }
 
     fn read_if(&mut self) -> Result<(), ExportError> {
-        self.read_condition(Kind::If)?;
+        self.read_condition(DecisionKind::If)?;
         self.read_statement()?;
         if self.accept("else") {
             self.read_statement()?;
@@ -296,7 +296,7 @@ impl Reader<'_> {
         self.expect("(")?;
         self.read_plain()?;
         let condition = self.expression()?;
-        self.decide(&condition, Kind::For)?;
+        self.decide(&condition, DecisionKind::For)?;
         self.expect(";")?;
         self.read_value()?;
         self.expect(")")?;
@@ -308,7 +308,7 @@ impl Reader<'_> {
         self.expect("(")?;
         let node = self.expression()?;
         self.expect(")")?;
-        let number = self.open(&node, Kind::Switch)?;
+        let number = self.open(&node, DecisionKind::Switch)?;
         self.visit(&node)?;
         self.expect("{")?;
         let mut labels = Vec::new();
@@ -486,10 +486,10 @@ impl Reader<'_> {
     /// Finds the decisions in an expression whose value is no decision of a statement.
     fn visit(&mut self, node: &Node) -> Result<(), ExportError> {
         match node.shape {
-            Shape::And | Shape::Or | Shape::Not | Shape::Compare => self.decide(node, Kind::Value),
+            Shape::And | Shape::Or | Shape::Not | Shape::Compare => self.decide(node, DecisionKind::Value),
             Shape::Choice => {
                 let [condition, branches @ ..] = node.parts.as_slice() else { return Ok(()) };
-                self.decide(condition, Kind::Choice)?;
+                self.decide(condition, DecisionKind::Choice)?;
                 branches.iter().try_for_each(|branch| self.visit(branch))
             }
             Shape::Group | Shape::Other => node.parts.iter().try_for_each(|part| self.visit(part)),
@@ -497,7 +497,7 @@ impl Reader<'_> {
     }
 
     /// Notes a decision without its conditions; returns its place among those of the file.
-    fn open(&mut self, node: &Node, kind: Kind) -> Result<usize, ExportError> {
+    fn open(&mut self, node: &Node, kind: DecisionKind) -> Result<usize, ExportError> {
         self.found.decisions.push(Decision {
             file: self.file,
             function: self.function.clone(),
@@ -511,7 +511,7 @@ impl Reader<'_> {
         Ok(self.found.decisions.len() - 1)
     }
 
-    fn decide(&mut self, node: &Node, kind: Kind) -> Result<(), ExportError> {
+    fn decide(&mut self, node: &Node, kind: DecisionKind) -> Result<(), ExportError> {
         let number = self.open(node, kind)?;
         let id = self.first + number;
         self.insert(node.start, format!("(mcdc_begin({id}), mcdc_end({id}, ("));

@@ -54,14 +54,14 @@ fn conditions_are_shown_by_the_evaluations_of_the_textbooks() {
     assert_eq!(shown(both, &["11", "01", "10"]), [true, true]);
     assert_eq!(shown(both, &["11", "01"]), [true, false]);
     let nested = &decisions_of("if (a || (b && c)) { return 1; }\nreturn 0;")[0];
-    assert_eq!((nested.kind, nested.conditions.len()), (Kind::If, 3));
+    assert_eq!((nested.kind, nested.conditions.len()), (DecisionKind::If, 3));
     assert_eq!(shown(nested, &["100", "011", "001", "010"]), [true; 3]);
     // Without b = 0 and c = 1, b never decides.
     assert_eq!(shown(nested, &["100", "011", "010"]), [true, false, true]);
     // With a true, b and c are not evaluated at all.
     assert_eq!(shown(nested, &["100", "111", "101"]), [false; 3]);
     let one = &decisions_of("return a ? b : c;")[0];
-    assert_eq!((one.kind, shown(one, &["1"])), (Kind::Choice, vec![false]));
+    assert_eq!((one.kind, shown(one, &["1"])), (DecisionKind::Choice, vec![false]));
     assert_eq!(shown(one, &["1", "0"]), [true]);
 }
 

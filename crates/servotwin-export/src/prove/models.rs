@@ -2,7 +2,7 @@
 
 use super::Evidence;
 use super::library::{Compiled, Diagnosis, Place};
-use super::rows::{Row, Rows};
+use super::rows::{TestRow, Rows};
 use crate::error::ExportError;
 use crate::precision::Precision;
 use servotwin_diagnosis::classifiers::Model;
@@ -122,7 +122,7 @@ impl ComparedStage<'_> {
     }
 
     /// A row with the values of the stage's features, and zeros elsewhere.
-    fn set_row(&mut self, row: &Row) {
+    fn set_row(&mut self, row: &TestRow) {
         self.row.fill(0.0);
         for (&feature, &value) in &row.values {
             self.row[self.stage.columns[feature] as usize] = value;

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 type Interval = (f64, f64);
 
 /// A row at a test of a tree.
-pub(super) struct Row {
+pub(super) struct TestRow {
     /// The tested node.
     pub node: usize,
     /// All features that the tree reads on the way, by place in the stage's row.
@@ -21,7 +21,7 @@ pub(super) struct Row {
 
 /// The rows of a tree, and the nodes that no row reaches.
 pub(super) struct Rows {
-    pub rows: Vec<Row>,
+    pub rows: Vec<TestRow>,
     pub unreachable: Vec<usize>,
     precision: Precision,
 }
@@ -55,7 +55,7 @@ impl Rows {
                 .map(|(&place, &interval)| (place, within(interval, precision)))
                 .collect();
             values.insert(feature, value);
-            self.rows.push(Row { node, values });
+            self.rows.push(TestRow { node, values });
         }
         for (child, interval) in
             [(left, (low, high.min(threshold))), (right, (low.max(threshold), high))]

@@ -1,6 +1,6 @@
 //! The layout of the data set for training and evaluation (figure 8 of the seed paper).
 
-use crate::excerpt::{Excerpt, Row};
+use crate::excerpt::{Excerpt, ExcerptRow};
 use crate::page::Page;
 use crate::vocabulary::Vocabulary;
 use crate::words::{chosen, number, spoken};
@@ -50,7 +50,7 @@ fn sheet(excerpt: &Excerpt, words: &Vocabulary) -> Sheet {
         classes.insert(0, unit);
     }
     let (first, last) = rows.split_at(rows.len().saturating_sub(1));
-    let text = |row: &Row| {
+    let text = |row: &ExcerptRow| {
         let classes = row.classes.iter().skip(usize::from(!words.has_several()));
         let classes = classes.map(|class| spoken(class)).collect();
         [

@@ -21,7 +21,7 @@ mod survey;
 mod table;
 pub mod udp;
 
-use super::counts::Kind;
+use super::counts::Irregularity;
 use crate::span::CutError;
 use servotwin_io::files::FileError;
 use servotwin_io::moment;
@@ -151,7 +151,7 @@ pub enum Read {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dropped {
     /// The reason for dropping it.
-    pub kind: Kind,
+    pub kind: Irregularity,
     /// How many were dropped since the last report.
     pub count: u64,
     /// The place of the first.
@@ -529,17 +529,17 @@ fn plain(topic: &str) -> String {
 
 impl Flaw {
     /// The kind under which it is counted.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> Irregularity {
         match self {
-            Flaw::Noise => Kind::Noise,
-            Flaw::TooLong => Kind::TooLong,
-            Flaw::CutShort => Kind::CutShort,
-            Flaw::WrongColumns { .. } => Kind::WrongColumns,
-            Flaw::NoHeader => Kind::NoHeader,
-            Flaw::BadObject { .. } => Kind::BadObject,
-            Flaw::NoTime { .. } => Kind::NoTime,
-            Flaw::Retained { .. } => Kind::Retained,
-            Flaw::NoNumber => Kind::BadValue,
+            Flaw::Noise => Irregularity::Noise,
+            Flaw::TooLong => Irregularity::TooLong,
+            Flaw::CutShort => Irregularity::CutShort,
+            Flaw::WrongColumns { .. } => Irregularity::WrongColumns,
+            Flaw::NoHeader => Irregularity::NoHeader,
+            Flaw::BadObject { .. } => Irregularity::BadObject,
+            Flaw::NoTime { .. } => Irregularity::NoTime,
+            Flaw::Retained { .. } => Irregularity::Retained,
+            Flaw::NoNumber => Irregularity::BadValue,
         }
     }
 }

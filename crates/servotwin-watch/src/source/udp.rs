@@ -4,7 +4,7 @@
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
-use super::{Dropped, Kind, PAUSE, Read, Row, Source, SourceError, Wanted};
+use super::{Dropped, Irregularity, PAUSE, Read, Row, Source, SourceError, Wanted};
 use socket2::SockRef;
 use std::collections::VecDeque;
 use std::io;
@@ -142,7 +142,7 @@ impl Shared {
         self.dropped.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn drop_one(&self, kind: Kind, place: u64, sender: SocketAddr) {
+    fn drop_one(&self, kind: Irregularity, place: u64, sender: SocketAddr) {
         let mut dropped = self.dropped();
         match dropped.iter_mut().find(|known| known.kind == kind) {
             Some(known) => known.count += 1,
@@ -245,14 +245,14 @@ fn receive(socket: &UdpSocket, queue: &SyncSender<io::Result<Datagram>>, shared:
         };
         place += 1;
         if !shared.senders().takes(sender, Instant::now()) {
-            shared.drop_one(Kind::ForeignSender, place, sender);
+            shared.drop_one(Irregularity::ForeignSender, place, sender);
             continue;
         }
         let waiting = shared.waiting_bytes.fetch_add(length, Ordering::Relaxed);
         let datagram = Datagram { place, sender, bytes: buffer[..length].to_vec() };
         if waiting + length > WAITING_BYTES || queue.try_send(Ok(datagram)).is_err() {
             shared.waiting_bytes.fetch_sub(length, Ordering::Relaxed);
-            shared.drop_one(Kind::Overflow, place, sender);
+            shared.drop_one(Irregularity::Overflow, place, sender);
         }
     }
 }
@@ -383,7 +383,7 @@ mod tests {
         found.sort_by_key(|(read, _)| *read != Read::Row);
         assert_eq!((&found[0].0, &found[0].1.values[..]), (&Read::Row, &[2.0, 3.0][..]));
         let detail = other.local_addr().unwrap().to_string();
-        let kind = Kind::ForeignSender;
+        let kind = Irregularity::ForeignSender;
         assert_eq!(found[1].0, Read::Dropped(Dropped { kind, count: 1, place: 3, detail }));
     }
 
@@ -438,7 +438,7 @@ mod tests {
         }
         let (read, _) = next(&mut source);
         assert!(
-            matches!(&read, Read::Dropped(Dropped { kind: Kind::Overflow, count, .. }) if *count >= 1),
+            matches!(&read, Read::Dropped(Dropped { kind: Irregularity::Overflow, count, .. }) if *count >= 1),
             "{read:?}"
         );
         let waiting = source.shared.waiting_bytes.load(Ordering::Relaxed);

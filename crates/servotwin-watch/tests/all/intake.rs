@@ -3,7 +3,7 @@
 use crate::folder::Folder;
 use servotwin::fit::{Record, RecordError};
 use servotwin::study::Study;
-use servotwin_watch::counts::Kind;
+use servotwin_watch::counts::Irregularity;
 use servotwin_watch::intake::{self, IntakeError, Whole};
 use servotwin_watch::map::{Guess, Map, Trust, guess};
 use servotwin_watch::source::{Address, LogColumn, Read, Row, SourceError};
@@ -68,8 +68,8 @@ fn a_rig_log_with_preamble_units_and_decimal_commas_gives_the_numbers_of_a_plain
     assert_eq!(plain.counts.met().count(), 0);
     // The header is no row of data, and nothing else is lost unsaid.
     assert_eq!((mapped.counts.frames, mapped.counts.samples), (603, 600));
-    assert_eq!(mapped.counts.of(Kind::NoHeader).count, 1);
-    let timeless = mapped.counts.of(Kind::NoTime);
+    assert_eq!(mapped.counts.of(Irregularity::NoHeader).count, 1);
+    let timeless = mapped.counts.of(Irregularity::NoTime);
     assert_eq!((timeless.count, timeless.first, timeless.detail.as_str()), (2, 3, "'s'"));
     // The row of units is read for a map that is made.
     let columns = Address::File(rig).columns().unwrap();
@@ -99,10 +99,10 @@ fn numbers_as_text_are_numbers_and_one_stale_sample_is_left_out_and_counted() {
                [sensors]\np_a_1 = { column = \"act1.p_a\", unit = \"bar\" }\n";
     let whole = read(&log, Some(map), &Study::default()).unwrap();
     assert_eq!(whole.counts.samples, 300);
-    let outlier = whole.counts.of(Kind::Outlier);
+    let outlier = whole.counts.of(Irregularity::Outlier);
     assert_eq!((outlier.count, outlier.first), (1, 1));
     assert_eq!(outlier.detail, "2025-10-08 23:53:20.000");
-    let bad = whole.counts.of(Kind::BadValue);
+    let bad = whole.counts.of(Irregularity::BadValue);
     assert_eq!((bad.count, bad.detail.as_str()), (1, "column 'mode.1' has 'stand-by'"));
     assert!(column(&whole, "actuator_1.mode").iter().all(|mode| *mode == 1.0));
     assert_eq!(column(&whole, "p_a_1_pa")[0], pressure_bar(1) * 1e5);
@@ -159,7 +159,7 @@ fn mcap_written_topic_by_topic_is_read_in_the_order_of_its_times() {
     assert_eq!(column(&sorted, "command_rad")[777], 777.0);
     assert_eq!(column(&sorted, "p_a_1_pa")[777], 777.0);
     assert_eq!(column(&sorted, "x_p_1_m")[10_500], 0.5);
-    assert_eq!(sorted.counts.of(Kind::BadValue).detail, "column 'act1.p_a_1_pa' has 'x'");
+    assert_eq!(sorted.counts.of(Irregularity::BadValue).detail, "column 'act1.p_a_1_pa' has 'x'");
     // The same messages in order give the same numbers.
     let pairs = commands.into_iter().zip(values).flat_map(|(command, value)| [command, value]);
     let in_order = folder.write("order.mcap", mcap(&pairs.collect::<Vec<_>>()));

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin_watch::checkpoint::Checkpoint;
-use servotwin_watch::counts::{Counts, Kind};
+use servotwin_watch::counts::{Counts, Irregularity};
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::sequencer::{Rules, Sequencer, Stamped, Tick};
 use servotwin_watch::sink::events::Events;
@@ -153,8 +153,8 @@ fn a_log_comes_in_as_its_map_says() {
     assert_eq!(held, [true, true, true, false, false, true]);
     assert!(kept.0.iter().all(|(_, inputs, _)| inputs[1] == 2e7));
     assert!(kept.0[3].1[0].is_nan());
-    let met: Vec<(Kind, u64, u64)> = counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
-    assert_eq!(met, [(Kind::NoHeader, 1, 1), (Kind::Gap, 1, 5)]);
+    let met: Vec<(Irregularity, u64, u64)> = counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
+    assert_eq!(met, [(Irregularity::NoHeader, 1, 1), (Irregularity::Gap, 1, 5)]);
     assert_eq!((counts.frames, counts.samples), (6, 6));
     assert_eq!(counts.missing[0], 2, "the command");
 }
@@ -269,7 +269,7 @@ fn sequence(samples: &[(f64, f64)], rules: Rules) -> (Vec<Option<(f64, f64)>>, C
     (out, counts)
 }
 
-fn count(counts: &Counts, kind: Kind) -> u64 {
+fn count(counts: &Counts, kind: Irregularity) -> u64 {
     counts.of(kind).count
 }
 
@@ -282,8 +282,8 @@ fn samples_out_of_order_are_put_in_order() {
     let values: Vec<f64> = out.iter().map(|tick| tick.unwrap().1).collect();
     assert_eq!(values, (0..17).map(f64::from).collect::<Vec<_>>());
     assert!(out.iter().enumerate().all(|(k, tick)| tick.unwrap().0 == time(k)));
-    let met: Vec<(Kind, u64, u64)> = counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
-    assert_eq!(met, [(Kind::Reordered, 2, 4), (Kind::Doubled, 1, 7), (Kind::Late, 1, 19)]);
+    let met: Vec<(Irregularity, u64, u64)> = counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
+    assert_eq!(met, [(Irregularity::Reordered, 2, 4), (Irregularity::Doubled, 1, 7), (Irregularity::Late, 1, 19)]);
 }
 
 #[test]
@@ -292,10 +292,10 @@ fn a_faster_log_gives_the_nearest_samples_and_a_slower_one_gaps() {
     let (out, counts) = sequence(&fast, Rules::default());
     assert_eq!(out.len(), 26);
     assert!(out.iter().take(25).enumerate().all(|(k, tick)| tick.unwrap().1 == 4.0 * k as f64));
-    assert_eq!(count(&counts, Kind::Surplus), 74);
+    assert_eq!(count(&counts, Irregularity::Surplus), 74);
     let slow: Vec<(f64, f64)> = (0..10).map(|k| (f64::from(k) * 0.03, f64::from(k))).collect();
     let (out, counts) = sequence(&slow, Rules::default());
-    assert_eq!((out.len(), count(&counts, Kind::Gap)), (28, 18));
+    assert_eq!((out.len(), count(&counts, Irregularity::Gap)), (28, 18));
     assert!(out[1].unwrap().1.is_nan() && out[3].unwrap().1 == 1.0);
 }
 
@@ -307,10 +307,10 @@ fn one_wrong_time_is_dropped_and_ten_are_another_clock() {
     samples.extend([(1e9, -1.0), (3.0, -1.0)]);
     samples.extend(steady(0.5, 20));
     let (out, counts) = sequence(&samples, rules);
-    assert_eq!((out.len(), count(&counts, Kind::Outlier)), (70, 2));
+    assert_eq!((out.len(), count(&counts, Irregularity::Outlier)), (70, 2));
     assert!(out.iter().all(|tick| tick.unwrap().1 != -1.0));
 
-    for (to, kind) in [(1e9, Kind::ClockForward), (-500.0, Kind::ClockBack), (0.2, Kind::ClockBack)]
+    for (to, kind) in [(1e9, Irregularity::ClockForward), (-500.0, Irregularity::ClockBack), (0.2, Irregularity::ClockBack)]
     {
         let mut samples: Vec<(f64, f64)> = steady(0.0, 50).collect();
         samples.extend(steady(to, 30));
@@ -324,7 +324,7 @@ fn one_wrong_time_is_dropped_and_ten_are_another_clock() {
     // A gap that is not too long is one of missing values.
     let gap = steady(0.0, 10).chain(steady(5.0, 10)).collect::<Vec<_>>();
     let (out, counts) = sequence(&gap, rules);
-    assert_eq!((out.len(), count(&counts, Kind::Gap)), (510, 490));
+    assert_eq!((out.len(), count(&counts, Irregularity::Gap)), (510, 490));
 }
 
 proptest! {
@@ -346,7 +346,7 @@ proptest! {
             times.iter().map(|&t| (f64::from(t) * 0.004, f64::from(t))).collect();
         let (out, counts) = sequence(&samples, rules);
         let given = out.iter().flatten().filter(|(_, value)| !value.is_nan()).count() as u64;
-        let dropped = [Kind::Doubled, Kind::Surplus, Kind::Late, Kind::Outlier];
+        let dropped = [Irregularity::Doubled, Irregularity::Surplus, Irregularity::Late, Irregularity::Outlier];
         let dropped: u64 = dropped.iter().map(|&kind| count(&counts, kind)).sum();
         prop_assert_eq!(given + dropped, samples.len() as u64);
         prop_assert_eq!(out.iter().flatten().count() as u64, counts.samples);
@@ -355,7 +355,7 @@ proptest! {
                 prop_assert!((after - before - 0.01).abs() < 1e-9);
             }
         }
-        let restarts = count(&counts, Kind::ClockBack) + count(&counts, Kind::ClockForward);
+        let restarts = count(&counts, Irregularity::ClockBack) + count(&counts, Irregularity::ClockForward);
         prop_assert_eq!(out.iter().filter(|tick| tick.is_none()).count() as u64, restarts);
     }
 }
@@ -657,8 +657,8 @@ fn survives(frames: u64, seed: u64) {
     let system = spring();
     let (kept, counts, _) = watch_file(&log, &simple_map(&system));
     assert_eq!(counts.samples, kept.0.len() as u64);
-    let met: Vec<Kind> = counts.met().map(|(kind, _)| kind).collect();
-    for kind in [Kind::Noise, Kind::WrongColumns, Kind::BadObject, Kind::Late, Kind::Outlier] {
+    let met: Vec<Irregularity> = counts.met().map(|(kind, _)| kind).collect();
+    for kind in [Irregularity::Noise, Irregularity::WrongColumns, Irregularity::BadObject, Irregularity::Late, Irregularity::Outlier] {
         assert!(met.contains(&kind), "{kind:?} of {met:?}");
     }
     // More than half of the lines were good.
@@ -686,7 +686,7 @@ fn an_hour_is_a_small_page() {
     let scene = Scene::new("An hour <of> flight", &system, features, 0.01);
     let (mut timeline, mut strip) = (Timeline::new(scene), Strip::default());
     let mut counts = Counts::new("row", 24);
-    counts.note_with(Kind::NoTime, 3, &"'<x>'");
+    counts.note_with(Irregularity::NoTime, 3, &"'<x>'");
     let mut dice = Dice(7);
     let mut noise = |count: usize| -> Vec<f64> {
         (0..count).map(|_| dice.roll(1000) as f64 / 500.0 - 1.0).collect()
@@ -788,7 +788,7 @@ fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
     let bytes = std::fs::read(&path).unwrap();
     let cut = folder.write("cut.mcap", &bytes[..bytes.len() / 2]);
     let (_, counts, _) = watch_file(&cut, &map);
-    assert_eq!(count(&counts, Kind::CutShort), 1);
+    assert_eq!(count(&counts, Irregularity::CutShort), 1);
     let mut dice = Dice(3);
     for _ in 0..100 {
         let mut damaged = bytes.clone();

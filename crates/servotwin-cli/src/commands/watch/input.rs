@@ -13,7 +13,7 @@ use servotwin::system::System;
 use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::diagnoser::environment::Input as BoundaryInput;
-use servotwin_watch::counts::{Counts, Kind};
+use servotwin_watch::counts::{Counts, Irregularity};
 use servotwin_watch::cut::Cut;
 use servotwin_watch::map::{Guess, Map, Trust, guess};
 use servotwin_watch::source::udp::Allowed;
@@ -292,7 +292,7 @@ pub fn told(guess: &Guess, global: Global) {
 
 /// Explains why a log gave no sample to judge.
 pub fn nothing(address: &Address, counts: &Counts) -> Failure {
-    let timeless = counts.of(Kind::NoTime);
+    let timeless = counts.of(Irregularity::NoTime);
     let reason = match counts.frames {
         0 => "nothing stands below the names of its columns".to_owned(),
         frames if timeless.count == frames => format!(

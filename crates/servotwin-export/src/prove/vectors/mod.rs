@@ -18,7 +18,7 @@ use super::library::{Build, Compiled};
 use super::samples::Sample;
 use super::{Evidence, MOST_DIFFERENCES, Plan};
 use crate::error::ExportError;
-use crate::mcdc::{Decision, Kind, Shown, Vector};
+use crate::mcdc::{Decision, DecisionKind, Shown, Vector};
 use crate::precision::Precision;
 use recorder::{Evaluation, Recorder, Recording};
 use script::Script;
@@ -421,7 +421,7 @@ fn rows(
             }
             let is_unique_cause = match shown {
                 Shown::Pair([a, b]) => vectors[a].differs_only_in(&vectors[b], condition),
-                _ => decision.kind == Kind::Switch,
+                _ => decision.kind == DecisionKind::Switch,
             };
             let reason = reasons::of(decision, condition, diagnoser);
             let spots = places.into_iter().map(|place| seen[place].1).collect();
