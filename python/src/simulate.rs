@@ -12,7 +12,7 @@ use servotwin::simulate::{
     VariantSpec,
 };
 use servotwin::system::System as Inner;
-use servotwin_model::solver::{Method, Settings};
+use servotwin_model::solver::{Method, SolverSettings};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 type Mapping<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
@@ -52,7 +52,7 @@ pub fn resolve(
     steps: Option<&Steps>,
     faults: Mapping,
     parameters: Mapping,
-) -> PyResult<(PreparedRun, Settings)> {
+) -> PyResult<(PreparedRun, SolverSettings)> {
     let mut simulation = Simulation::new(system).variant(variant(None, faults, parameters)?);
     if let Some(steps) = steps {
         simulation = steps.apply(simulation)?;

@@ -6,7 +6,7 @@ use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict, PyList};
 use servotwin::recording::{self, Recorded};
-use servotwin::table::{self as tables, Column, Kind, Values};
+use servotwin::table::{self as tables, Column, ColumnKind, Values};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -244,8 +244,8 @@ impl Table {
         let inner = &slf.get().inner;
         let part = |(place, column): (usize, &Column)| -> PyResult<Part<'py>> {
             let kind = match column.values.kind() {
-                Kind::Unsigned => "unsigned",
-                Kind::Text => "text",
+                ColumnKind::Unsigned => "unsigned",
+                ColumnKind::Text => "text",
                 _ => "as it is",
             };
             let values = array::column(py, inner, place)?;

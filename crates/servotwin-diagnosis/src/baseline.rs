@@ -27,14 +27,14 @@ const MOST: f64 = 0.25;
 /// Time constants of a baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub struct BaselineSettings {
     /// Samples of the initial mean; at least 1.
     pub settle_samples: u32,
     /// Memory of the slow update afterwards, in samples; at least `settle_samples`.
     pub memory_samples: u32,
 }
 
-impl Settings {
+impl BaselineSettings {
     /// Checks the settings.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl Settings {
 /// The mean residual of every sensor, in fixed memory.
 #[derive(Debug, Clone)]
 pub struct Baseline {
-    settings: Settings,
+    settings: BaselineSettings,
     samples: u64,
     /// Mean residuals, in the sensors' units.
     means: Vec<f64>,
@@ -70,8 +70,8 @@ impl Baseline {
     /// An empty baseline for this many sensors.
     ///
     /// # Errors
-    /// As [`Settings::check`].
-    pub fn new(settings: Settings, sensors: usize) -> Result<Self, Error> {
+    /// As [`BaselineSettings::check`].
+    pub fn new(settings: BaselineSettings, sensors: usize) -> Result<Self, Error> {
         settings.check()?;
         Ok(Baseline { settings, samples: 0, means: vec![0.0; sensors] })
     }
@@ -141,7 +141,7 @@ impl Baseline {
 mod tests {
     use super::*;
 
-    const SETTINGS: Settings = Settings { settle_samples: 10, memory_samples: 1000 };
+    const SETTINGS: BaselineSettings = BaselineSettings { settle_samples: 10, memory_samples: 1000 };
 
     const SCALE: f64 = 100.0;
 
@@ -208,7 +208,7 @@ mod tests {
         baseline.clear();
         assert_eq!(baseline.store(), Baseline::new(SETTINGS, 1).unwrap().store());
         for (settle_samples, memory_samples) in [(0, 10), (10, 9)] {
-            assert!(Baseline::new(Settings { settle_samples, memory_samples }, 1).is_err());
+            assert!(Baseline::new(BaselineSettings { settle_samples, memory_samples }, 1).is_err());
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The virtual twin that an export takes along.
 
 use servotwin_model::program::{Program, Slot};
-use servotwin_model::solver::{Between, Control, Settings};
+use servotwin_model::solver::{Between, Control, SolverSettings};
 
 /// A virtual twin to be exported.
 #[derive(Clone)]
@@ -9,7 +9,7 @@ pub struct Twin<'p> {
     /// Its system.
     pub program: &'p Program,
     /// Method and control of its steps.
-    pub settings: Settings,
+    pub settings: SolverSettings,
     /// The time between samples, s.
     pub period_s: f64,
     /// The course of each external input between samples.

@@ -16,7 +16,7 @@ use servotwin_export::prove::{
 use servotwin_export::rust;
 use servotwin_export::{Precision, SourceFile, Twin};
 use servotwin_model::program::Program;
-use servotwin_model::solver::{Between, Method, Settings};
+use servotwin_model::solver::{Between, Method, SolverSettings};
 use std::slice;
 use std::sync::Arc;
 
@@ -197,7 +197,7 @@ fn a_sequence_comes_near_the_bound_of_work_and_no_sample_exceeds_it() {
 }
 
 /// An actuator whose controller has a clock, with inputs that are held, straight and curved.
-fn twin(program: &Program, settings: Settings) -> Twin<'_> {
+fn twin(program: &Program, settings: SolverSettings) -> Twin<'_> {
     // The command is read on ticks only; the load acts all the time.
     let courses = [Between::Line, Between::Hold, Between::Cubic];
     let inputs = &program.network().inputs;
@@ -216,8 +216,8 @@ fn twin(program: &Program, settings: Settings) -> Twin<'_> {
 #[test]
 fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let reference = Settings { method: Method::Rodas5P, ..Settings::campaign() };
-    for settings in [Settings::campaign(), Settings::real_time(), reference] {
+    let reference = SolverSettings { method: Method::Rodas5P, ..SolverSettings::campaign() };
+    for settings in [SolverSettings::campaign(), SolverSettings::real_time(), reference] {
         let twin = twin(&program, settings);
         for (files, build) in [
             (c::files_with_twin(&diagnoser, &twin), Build { compiler: "gcc".into(), level: "-O2" }),
@@ -245,7 +245,7 @@ fn evidence_of_twin(
 #[test]
 fn mistakes_in_a_rust_twin_are_found() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let twin = &twin(&program, Settings::campaign());
+    let twin = &twin(&program, SolverSettings::campaign());
     let whole = rust::files_with_twin(&diagnoser, twin).unwrap();
     for (name, old, new) in [
         ("src/twin.rs", "at_least > most { most }", "at_least > most { at_least }"),
@@ -272,7 +272,7 @@ fn mistakes_in_a_rust_twin_are_found() {
 #[test]
 fn mistakes_in_a_twin_are_found() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let twin = twin(&program, Settings::campaign());
+    let twin = twin(&program, SolverSettings::campaign());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
     let plan = Plan { twin: Some(&twin), ..Plan::new(diagnoser, files) };

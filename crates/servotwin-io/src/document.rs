@@ -19,7 +19,7 @@ use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
 /// A range of bytes in the text.
-pub type Span = Range<usize>;
+pub type TextSpan = Range<usize>;
 
 /// The display of a mistake in a file, in one line, and advice.
 pub trait Explained: fmt::Display {
@@ -188,7 +188,7 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// `breaks` are the byte positions of all line ends.
-    fn new(text: &str, breaks: &[usize], span: &Span, mistake: &impl Explained) -> Self {
+    fn new(text: &str, breaks: &[usize], span: &TextSpan, mistake: &impl Explained) -> Self {
         let start = floor(text, span.start);
         let before = breaks.partition_point(|&at| at < start);
         let begin = before.checked_sub(1).map_or(0, |last| breaks[last] + 1);
@@ -264,7 +264,7 @@ pub fn write_mistakes(
 /// The mistakes found so far.
 #[derive(Clone, Debug)]
 pub struct Collector<M> {
-    found: Vec<(Span, M)>,
+    found: Vec<(TextSpan, M)>,
     /// For each place, the indices of its mistakes in `found`.
     at: BTreeMap<(usize, usize), Vec<usize>>,
 }
@@ -276,7 +276,7 @@ impl<M: PartialEq> Collector<M> {
     }
 
     /// Adds a mistake; the same one at the same place only once.
-    pub fn note(&mut self, span: &Span, mistake: impl Into<M>) {
+    pub fn note(&mut self, span: &TextSpan, mistake: impl Into<M>) {
         let mistake = mistake.into();
         let here = self.at.entry((span.start, span.end)).or_default();
         if here.iter().all(|&known| self.found[known].1 != mistake) {
@@ -291,7 +291,7 @@ impl<M: PartialEq> Collector<M> {
     }
 
     /// Whether a place has a mistake.
-    pub fn knows(&self, span: &Span) -> bool {
+    pub fn knows(&self, span: &TextSpan) -> bool {
         self.at.contains_key(&(span.start, span.end))
     }
 
@@ -328,7 +328,7 @@ pub struct Entry<'a> {
     /// The key.
     pub key: &'a str,
     /// Byte range of the key.
-    pub at: Span,
+    pub at: TextSpan,
     /// The value.
     pub value: &'a Spanned<DeValue<'a>>,
 }
@@ -397,7 +397,7 @@ impl<'p> Place<'p> {
 
     /// Finds the byte range at the end of the path in the parsed file. A table under a key is marked at the key. If the
     /// path leaves the file, the range is that of the last step inside it.
-    pub fn find(&self, root: &DeTable) -> Span {
+    pub fn find(&self, root: &DeTable) -> TextSpan {
         let mut found = 0..0;
         let mut table = Some(root);
         let mut list = None;
@@ -492,7 +492,7 @@ impl<'a> Entry<'a> {
     }
 
     /// Byte range of the value.
-    pub fn value_at(&self) -> Span {
+    pub fn value_at(&self) -> TextSpan {
         self.value.span()
     }
 

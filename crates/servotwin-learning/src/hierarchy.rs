@@ -349,7 +349,7 @@ fn details_of_actions(names: &Names, labels: &[Label]) -> Vec<Vec<u32>> {
 /// Training settings of a hierarchy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Settings {
+pub struct HierarchySettings {
     /// The classifier for the actuator.
     pub actuator: classifiers::Settings,
     /// The classifier for the action.
@@ -363,7 +363,7 @@ pub struct Settings {
     pub pool: bool,
 }
 
-impl Default for Settings {
+impl Default for HierarchySettings {
     /// CART of depth 7 everywhere, mirrored and pooled.
     fn default() -> Self {
         let cart = classifiers::Settings::Cart(classifiers::cart::Settings {
@@ -371,7 +371,7 @@ impl Default for Settings {
             max_depth: Some(7),
             ..Default::default()
         });
-        Settings {
+        HierarchySettings {
             actuator: cart.clone(),
             action: cart.clone(),
             detail: cart,
@@ -381,10 +381,10 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl HierarchySettings {
     /// The same classifier for every stage.
     pub fn all(classifier: classifiers::Settings) -> Self {
-        Settings {
+        HierarchySettings {
             actuator: classifier.clone(),
             action: classifier.clone(),
             detail: classifier,
@@ -430,7 +430,7 @@ impl Settings {
     /// Trains one stage; `None` without rows for it.
     ///
     /// # Errors
-    /// As [`Settings::fit`].
+    /// As [`HierarchySettings::fit`].
     pub fn fit_stage(
         &self,
         examples: &Examples,

@@ -26,12 +26,12 @@ pub struct PortOf {
 
 /// The equation of a block, as its index in the catalogue's list, which holds the equation itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Kind(pub(crate) u8);
+pub struct EquationIndex(pub(crate) u8);
 
 /// An equation block of the catalogue's list.
 pub trait Listed {
     /// Its index in the list.
-    const KIND: Kind;
+    const KIND: EquationIndex;
 }
 
 /// A variable that an equation can read.
@@ -74,7 +74,7 @@ impl Output {
 /// A wired equation block of a component.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
-    pub kind: Kind,
+    pub kind: EquationIndex,
     pub component: usize,
     pub which: usize,
     pub inputs: Vec<Variable>,

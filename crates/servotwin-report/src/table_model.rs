@@ -5,7 +5,7 @@ use super::looks;
 use super::page::{Grid, Page, Side};
 use super::words::{NONE, number, percent, rate};
 use servotwin::evaluation::table_model::{Judged, Prepared, TableModel, question};
-use servotwin_diagnosis::classifiers::{Kind, Model};
+use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_plot::bars::{Bar, Bars};
 use servotwin_plot::heatmap::ConfusionMatrix;
@@ -34,9 +34,9 @@ pub struct TableMaterial<'a> {
     /// A description of the class weights.
     pub class_weights: &'a str,
     /// The results of each classifier on held-out rows.
-    pub results: &'a [(Kind, Judged)],
+    pub results: &'a [(ClassifierKind, Judged)],
     /// The classifiers that could not be trained on the table, with the reasons.
-    pub refused: &'a [(Kind, String)],
+    pub refused: &'a [(ClassifierKind, String)],
     /// The tree trained with all training rows, or the model that was trained elsewhere.
     pub tree: &'a TableModel,
     /// The file of a model that was trained elsewhere and classified every row.
@@ -156,7 +156,7 @@ fn classifiers(material: &TableMaterial, page: &mut Page) {
 }
 
 /// Why classifiers could not be trained on the table. Classifiers with the same reason share a sentence.
-fn refusals(refused: &[(Kind, String)]) -> Vec<String> {
+fn refusals(refused: &[(ClassifierKind, String)]) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = vec![];
     for (kind, reason) in refused {
         match reasons.iter_mut().find(|known| known.0 == reason) {
@@ -168,7 +168,7 @@ fn refusals(refused: &[(Kind, String)]) -> Vec<String> {
 }
 
 /// The result for which classes and groups are shown: the most accurate, and the first among equals.
-fn best<'a>(material: &TableMaterial<'a>) -> Option<&'a (Kind, Judged)> {
+fn best<'a>(material: &TableMaterial<'a>) -> Option<&'a (ClassifierKind, Judged)> {
     let share = |judged: &Judged| judged.score.accuracy.share.unwrap_or(0.0);
     let results = material.results.iter().rev();
     results.max_by(|a, b| share(&a.1).total_cmp(&share(&b.1)))
@@ -362,7 +362,7 @@ mod tests {
             (b, "too slow".into()),
             (c, "no missing values".into()),
         ];
-        let [a, b, c] = [a, b, c].map(Kind::title);
+        let [a, b, c] = [a, b, c].map(ClassifierKind::title);
         assert_eq!(
             refusals(&refused),
             [format!("{a}, {c}: no missing values."), format!("{b}: too slow.")]

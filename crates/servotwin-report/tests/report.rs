@@ -329,7 +329,7 @@ fn evaluation() -> Evaluation {
 /// The report of a study of the press.
 fn press_report(text: &str) -> String {
     let study = Study::parse(text, "studies/press_axis.toml").unwrap();
-    let settings = servotwin::evaluation::Settings::default();
+    let settings = servotwin::evaluation::EvaluationSettings::default();
     let subject = SubjectResult::new(Subject::Noise, &study, settings, evaluation());
     let results = Results::new(&study, vec![subject], vec![]);
     let manifest = manifest();

@@ -442,7 +442,7 @@ mod tests {
     #[cfg(feature = "mcap")]
     #[test]
     fn a_session_as_mcap_is_a_log_of_its_signals() {
-        use servotwin_watch::source::{Address, Read, Row, Wanted};
+        use servotwin_watch::source::{Address, Read, LogRow, Wanted};
 
         let path = path("mcap").with_extension("mcap");
         let mut session = session();
@@ -454,7 +454,7 @@ mod tests {
         let name = names.iter().find(|name| name.ends_with('a')).expect("the signal is a column");
         let wanted = Wanted { names: vec![name.clone()], ..Wanted::default() };
         let mut source = address.open(&wanted).unwrap();
-        let (mut row, mut read) = (Row::default(), vec![]);
+        let (mut row, mut read) = (LogRow::default(), vec![]);
         loop {
             match source.read(&mut row).unwrap() {
                 Read::Row => read.push(row.values[0] as f32),

@@ -20,7 +20,7 @@ use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    CompiledStep, CompiledSteps, Failure, Job, JobSource, Method, Settings, Statistics, run,
+    CompiledStep, CompiledSteps, Failure, Job, JobSource, Method, SolverSettings, Statistics, run,
 };
 use std::env;
 use std::error::Error;
@@ -105,7 +105,7 @@ impl Compiled {
         let asked_s =
             self.asked_s.load(Ordering::Relaxed).saturating_add(simulated_s.ceil() as u64);
         let is_worth = asked_s >= WORTH_S || policy() == Policy::Only;
-        method == Settings::campaign().method && is_worth
+        method == SolverSettings::campaign().method && is_worth
     }
 
     /// The functions if an earlier call has found them; never compiles.
@@ -345,7 +345,7 @@ impl Loaded {
         compiler: &str,
         patience: &Patience,
     ) -> Result<Self, Option<CompileProblem>> {
-        let text = c_source::write_step(program, Settings::campaign().method).ok_or(None)?;
+        let text = c_source::write_step(program, SolverSettings::campaign().method).ok_or(None)?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let iterating = if roots_wait() { ITERATING } else { "" };
         let entry = cache::Entry::new(&text, &[compiler, iterating]);
@@ -385,7 +385,7 @@ impl Loaded {
         libraries: Vec<Library>,
         origin: Origin,
     ) -> Option<Self> {
-        let method = Settings::campaign().method;
+        let method = SolverSettings::campaign().method;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
             // SAFETY: the functions of our own text, compiled for lanes of this level, which is available; the library
             // stays loaded as long as they exist.
@@ -581,7 +581,7 @@ fn simulated_per_second(program: &Program) -> f64 {
     let job = trial_job(program, 0, &inputs, DURATION_S);
     let mut moments = Moments { waiting: vec![job], of_jobs: vec![Moment::default()] };
     let begin = Instant::now();
-    run(program, None, Settings::campaign(), &[], Level::Single, &mut moments);
+    run(program, None, SolverSettings::campaign(), &[], Level::Single, &mut moments);
     DURATION_S / begin.elapsed().as_secs_f64()
 }
 
@@ -643,7 +643,7 @@ fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>)
     let mut moments =
         Moments { waiting: (0..count).map(job).collect(), of_jobs: vec![Moment::default(); count] };
     let record: Vec<Slot> = program.observables().iter().map(|o| o.slot).collect();
-    run(program, steps, Settings::campaign(), &record, level, &mut moments);
+    run(program, steps, SolverSettings::campaign(), &record, level, &mut moments);
     moments.of_jobs
 }
 
@@ -856,7 +856,7 @@ mod tests {
     #[test]
     fn little_work_is_not_worth_it() {
         let compiled = Compiled::default();
-        let (program, method) = (System::default().program, Settings::campaign().method);
+        let (program, method) = (System::default().program, SolverSettings::campaign().method);
         assert!(compiled.when_worth(&program, method, Level::Portable, 1.0, None).is_none());
         assert!(compiled.loaded.iter().all(|loaded| loaded.get().is_none()));
     }

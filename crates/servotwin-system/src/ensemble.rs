@@ -10,7 +10,7 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Change, CompiledSteps, Failure, Job, JobSource, Settings, Statistics, run, settle,
+    Change, CompiledSteps, Failure, Job, JobSource, SolverSettings, Statistics, run, settle,
     settle_counted,
 };
 use std::sync::Mutex;
@@ -23,7 +23,7 @@ pub struct Ensemble<'p> {
     /// Its compiled step, for large amounts of work.
     pub compiled: Option<&'p Compiled>,
     /// The solver's settings.
-    pub settings: Settings,
+    pub settings: SolverSettings,
     /// The lanes of every thread.
     pub level: Level,
     /// Number of threads, at least one.
@@ -104,7 +104,7 @@ impl<'p> Ensemble<'p> {
         Self {
             program,
             compiled: None,
-            settings: Settings::campaign(),
+            settings: SolverSettings::campaign(),
             level: Level::best(),
             threads: processors(),
             record: Vec::new(),

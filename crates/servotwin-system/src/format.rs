@@ -1,6 +1,6 @@
 //! File formats as data. Checks, the JSON Schema and the book's table of keys are derived from it.
 
-use crate::document::{self, Entry, Span, entries};
+use crate::document::{self, Entry, TextSpan, entries};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use serde::Deserialize;
@@ -139,10 +139,10 @@ macro_rules! section {
 pub(crate) use section;
 
 /// Receives mistakes with their places.
-pub type Note<'n> = &'n mut dyn FnMut(&Span, document::Mistake);
+pub type Note<'n> = &'n mut dyn FnMut(&TextSpan, document::Mistake);
 
 /// Checks the keys of a table; `at` and `place` locate it in messages.
-pub fn check_table(keys: &[Key], at: &Span, place: &str, all: &[Entry], note: Note) {
+pub fn check_table(keys: &[Key], at: &TextSpan, place: &str, all: &[Entry], note: Note) {
     for entry in all {
         match keys.iter().find(|key| key.name == entry.key) {
             Some(key) => key.value.check(key.summary, entry, note),

@@ -35,7 +35,7 @@ use crate::validity::{PressureFinding, PressureMonitor};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::{CurveError, Piecewise};
-use servotwin_model::solver::{self, Control, Knot, Method, Settings, Statistics};
+use servotwin_model::solver::{self, Control, Knot, Method, SolverSettings, Statistics};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -194,7 +194,7 @@ pub struct Simulation<'s> {
     record: Vec<String>,
     duration_s: f64,
     sample_period_s: f64,
-    settings: Settings,
+    settings: SolverSettings,
     level: Level,
     threads: usize,
     noise_seed: Option<u64>,
@@ -211,7 +211,7 @@ impl<'s> Simulation<'s> {
             record: vec![],
             duration_s: 5.0,
             sample_period_s: 0.01,
-            settings: Settings::campaign(),
+            settings: SolverSettings::campaign(),
             level: Level::best(),
             threads: processors(),
             noise_seed: None,
@@ -646,7 +646,7 @@ pub struct Prepared<'s> {
 
 impl<'s> Prepared<'s> {
     /// The solver's settings.
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> SolverSettings {
         self.simulation.settings
     }
 

@@ -1,6 +1,6 @@
 //! A source that keeps the part of a log between two times.
 
-use super::source::{Read, Row, Source, SourceError};
+use super::source::{Read, LogRow, Source, SourceError};
 use crate::map::Map;
 use crate::span::{CutError, Span};
 use servotwin_io::moment;
@@ -26,7 +26,7 @@ impl Cut {
     }
 
     /// Whether a row lies in the span. Rows without a time are kept.
-    fn keeps(&mut self, row: &Row) -> Result<bool, SourceError> {
+    fn keeps(&mut self, row: &LogRow) -> Result<bool, SourceError> {
         let time_s = self.map.time_s(row, self.rows);
         self.rows += 1;
         if !time_s.is_finite() {
@@ -43,7 +43,7 @@ impl Cut {
 }
 
 impl Source for Cut {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         row.cut = 0;
         let read = self.source.read(row)?;
         match (&read, self.reach) {

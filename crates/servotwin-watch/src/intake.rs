@@ -8,7 +8,7 @@ use super::counts::{Counts, Irregularity};
 use super::cut::Cut;
 use super::map::{Map, MapError, Trust, guess};
 use super::sequencer::Stamped;
-use super::source::{Address, Read, Row, Source, SourceError};
+use super::source::{Address, Read, LogRow, Source, SourceError};
 use super::span::Span;
 use servotwin::fit::{RecordError, TIME_UNIT};
 use servotwin::recording::with_suffix;
@@ -110,7 +110,7 @@ fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), Intak
 /// Reads all samples, ordered by time.
 fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Counts), SourceError> {
     let mut counts = Counts::new(source.counted(), map.width());
-    let (mut samples, mut row, mut rows) = (vec![], Row::default(), 0);
+    let (mut samples, mut row, mut rows) = (vec![], LogRow::default(), 0);
     loop {
         match source.read(&mut row)? {
             Read::Row => {

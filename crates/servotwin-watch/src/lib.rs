@@ -34,7 +34,7 @@ use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
 use servotwin_io::document::Quantity;
 use sink::{Sample, Sink, SinkError};
-use source::{Read, Row, Source, SourceError};
+use source::{Read, LogRow, Source, SourceError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use watchdog::{
@@ -203,7 +203,7 @@ impl<'w> Watch<'w> {
         self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
         self.observer.restore(&checkpoint.observer).map_err(CheckpointError::Observer)?;
         let last = self.progress.place;
-        let mut row = Row::default();
+        let mut row = LogRow::default();
         while !self.source.is_live() && row.place < last {
             if self.source.read(&mut row)? == Read::End {
                 return Err(CheckpointError::ShortLog { needed: last }.into());
@@ -225,7 +225,7 @@ impl<'w> Watch<'w> {
         stop: &AtomicBool,
         show: &mut dyn FnMut(f64, Option<f64>),
     ) -> Result<End, WatchError> {
-        let mut row = Row::default();
+        let mut row = LogRow::default();
         let mut saved = self.progress.counts.samples;
         let mut shown = 0_u64;
         let end = loop {
@@ -268,7 +268,7 @@ impl<'w> Watch<'w> {
     }
 
     /// Reads the next row; `false` at the end.
-    fn row(&mut self, row: &mut Row) -> Result<bool, WatchError> {
+    fn row(&mut self, row: &mut LogRow) -> Result<bool, WatchError> {
         let read = self.source.read(row)?;
         let progress = &mut self.progress;
         match read {

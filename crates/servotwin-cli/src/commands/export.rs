@@ -15,7 +15,7 @@ use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::{ExportError, Language, Precision, Twin};
-use servotwin_model::solver::Settings;
+use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
 /// Write a trained diagnosis and its virtual twin for a flight control computer.
@@ -254,7 +254,7 @@ pub fn twin_of<'s>(
 ) -> Result<Twin<'s>, RuntimeError> {
     let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
     let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
-    let settings = if has_fixed_step { Settings::real_time() } else { Settings::campaign() };
+    let settings = if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::campaign() };
     twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)
 }
 
@@ -263,13 +263,13 @@ fn twin_alone(study: &Study) -> Result<Twin<'_>, RuntimeError> {
     let network = study.system.network();
     let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
     let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
-    twin(study, Settings::campaign(), study.sample_period_s, ranges.collect(), sensors)
+    twin(study, SolverSettings::campaign(), study.sample_period_s, ranges.collect(), sensors)
 }
 
 /// A twin of a study with these sensors, by label.
 fn twin<'s, 'n>(
     study: &'s Study,
-    settings: Settings,
+    settings: SolverSettings,
     period_s: f64,
     ranges: Vec<[f64; 2]>,
     sensors: impl Iterator<Item = &'n str>,

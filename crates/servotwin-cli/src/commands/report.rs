@@ -12,7 +12,7 @@ use servotwin::evaluation::comparison::default_classifiers;
 use servotwin::evaluation::table_model::TableModelError;
 use servotwin::files::write_atomically;
 use servotwin::job::Folder;
-use servotwin_diagnosis::classifiers::Kind;
+use servotwin_diagnosis::classifiers::ClassifierKind;
 use servotwin_report::table_model::{TableMaterial, render};
 use std::path::{Path, PathBuf};
 
@@ -135,10 +135,10 @@ fn of_classifiers(options: &Options, label: &str, global: Global) -> Result<Stri
     if let Some((_, judged)) = results.first() {
         warn(global, &judged.warnings);
     }
-    let cart = list.iter().find(|settings| settings.kind() == Kind::Cart);
+    let cart = list.iter().find(|settings| settings.kind() == ClassifierKind::Cart);
     let cart = cart
         .cloned()
-        .unwrap_or_else(|| servotwin_learning::classifiers::Settings::default_of(Kind::Cart));
+        .unwrap_or_else(|| servotwin_learning::classifiers::Settings::default_of(ClassifierKind::Cart));
     Ok(render(&TableMaterial {
         name: &name(&options.input),
         prepared: &prepared,

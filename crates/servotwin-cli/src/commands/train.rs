@@ -13,7 +13,7 @@ use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model::{GroupResult, Judged};
 use servotwin::job::{self, Folder, manifest};
 use servotwin::parallel::Workers;
-use servotwin_diagnosis::classifiers::{ALL, Kind};
+use servotwin_diagnosis::classifiers::{ALL, ClassifierKind};
 use servotwin_learning::classifiers::Settings;
 use servotwin_report::words::rate;
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ pub struct Options {
 
 /// A kind of classifier, by its name on the command line.
 #[derive(Debug, Clone, Copy)]
-struct Choice(Kind);
+struct Choice(ClassifierKind);
 
 impl ValueEnum for Choice {
     fn value_variants<'a>() -> &'a [Self] {
@@ -139,7 +139,7 @@ fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Fa
     let kind = options.classifier.0;
     warn(global, &judged.warnings);
     // A single tree trains quickly, so its warnings appear even if no model is written.
-    if options.out.is_some() || kind == Kind::Cart {
+    if options.out.is_some() || kind == ClassifierKind::Cart {
         let model = prepared.train(&settings)?;
         warn(global, &prepared.hairline_warnings(&model));
         if let Some(path) = &options.out {

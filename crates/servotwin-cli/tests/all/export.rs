@@ -7,7 +7,7 @@ use servotwin::flight::runtime::{Runtime, between, defaults, slots};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Finding, Outcome};
 use servotwin_model::program::FaultAt;
-use servotwin_model::solver::{Knot, Settings, Twin};
+use servotwin_model::solver::{Knot, SolverSettings, Twin};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -93,7 +93,7 @@ fn flight(study: &Study, diagnoser: &Diagnoser) -> Vec<(Vec<f64>, Vec<f64>)> {
     let slots = slots(study, sensors).unwrap();
     let (component, fault) = program.find_fault("actuator_1.leakage_a.leakage").unwrap();
     let leak = FaultAt { component, fault, intensity: 0.8 };
-    let mut plant = Twin::new(program, Settings::campaign(), diagnoser.period_s, between(study));
+    let mut plant = Twin::new(program, SolverSettings::campaign(), diagnoser.period_s, between(study));
     plant.load(&program.parameters(&[]));
     let mut samples = Vec::new();
     for k in 0..1200_usize {

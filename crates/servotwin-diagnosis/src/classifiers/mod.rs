@@ -90,25 +90,25 @@ macro_rules! classifiers {
         /// The kinds of classifier.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
-        pub enum Kind {
+        pub enum ClassifierKind {
             $(#[doc = $title] $kind,)*
         }
 
         /// Every kind of classifier, in the order of the reports.
-        pub const ALL: &[Kind] = &[$(Kind::$kind,)*];
+        pub const ALL: &[ClassifierKind] = &[$(ClassifierKind::$kind,)*];
 
-        impl Kind {
+        impl ClassifierKind {
             /// The stable name of the kind in files: that of its source file.
             pub fn id(self) -> &'static str {
                 match self {
-                    $(Kind::$kind => stringify!($file),)*
+                    $(ClassifierKind::$kind => stringify!($file),)*
                 }
             }
 
             /// The name to show.
             pub fn title(self) -> &'static str {
                 match self {
-                    $(Kind::$kind => $title,)*
+                    $(ClassifierKind::$kind => $title,)*
                 }
             }
         }
@@ -124,9 +124,9 @@ macro_rules! classifiers {
 
         impl Model {
             /// Which classifier it is.
-            pub fn kind(&self) -> Kind {
+            pub fn kind(&self) -> ClassifierKind {
                 match self {
-                    $(Model::$kind(_) => Kind::$kind,)*
+                    $(Model::$kind(_) => ClassifierKind::$kind,)*
                 }
             }
 
@@ -152,10 +152,10 @@ classifiers! {
     boosted_trees BoostedTrees "Gradient-boosted trees",
 }
 
-impl Kind {
+impl ClassifierKind {
     /// Whether it consists of trees that learn from rows without a value, and ignore rows of weight zero bit for bit.
     pub fn learns_from_missing(self) -> bool {
-        matches!(self, Kind::Cart | Kind::RandomForest | Kind::Adaboost)
+        matches!(self, ClassifierKind::Cart | ClassifierKind::RandomForest | ClassifierKind::Adaboost)
     }
 }
 

@@ -107,7 +107,7 @@ pub struct Diagnoser {
     pub lengths: Vec<Length>,
     /// Settings of the baseline for lengths with baseline-corrected residuals.
     #[serde(default, rename = "reference", skip_serializing_if = "Option::is_none")]
-    pub baseline: Option<baseline::Settings>,
+    pub baseline: Option<baseline::BaselineSettings>,
     /// A band that depends on the operating point, in place of the bands of lengths with uncorrected residuals.
     #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
     pub conditional_band: Option<ConditionalBand>,

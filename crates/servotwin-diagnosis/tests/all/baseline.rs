@@ -1,7 +1,7 @@
 //! Windows of what residuals are beyond a reference, beside toy actuators that are far from their twins.
 
 use crate::toy::{self, Fault, Flight, Kind};
-use servotwin_diagnosis::baseline::Settings;
+use servotwin_diagnosis::baseline::BaselineSettings;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
 use std::sync::Arc;
@@ -129,7 +129,7 @@ fn a_reference_and_the_windows_beyond_it_need_each_other() {
         |d| {
             d.lengths[2].baseline_corrected = Some(Allowances { off_nats: -1.0, ..toy::ALLOWANCES })
         },
-        |d| d.baseline = Some(Settings { settle_samples: 0, memory_samples: 10 }),
+        |d| d.baseline = Some(BaselineSettings { settle_samples: 0, memory_samples: 10 }),
     ];
     for (place, wrong) in breaks.iter().enumerate() {
         let mut broken = toy::with_baseline();

@@ -12,7 +12,7 @@ use servotwin_diagnosis::panel::{self, Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::sliding::{Sliding, Span};
 use servotwin_learning::classifiers;
-use servotwin_learning::hierarchy::{Label, Settings};
+use servotwin_learning::hierarchy::{Label, HierarchySettings};
 use std::sync::{Arc, OnceLock};
 
 mod lessons;
@@ -227,13 +227,13 @@ fn learn(span: Span, lessons: &Lessons, actuators: usize) -> Length {
         learning_rate: 0.3,
         ..Default::default()
     };
-    let boosted = Settings::all(classifiers::Settings::BoostedTrees(boosted));
+    let boosted = HierarchySettings::all(classifiers::Settings::BoostedTrees(boosted));
     let band = |s: Sensor| SensorBand { sensor: s.name, half_width: BAND };
     let panel = Panel {
         format: panel::FORMAT.into(),
         bands: sensors(actuators).into_iter().take(4 * actuators).map(band).collect(),
         least_confidence: None,
-        trees: Settings::default().fit(&examples, &rows).unwrap(),
+        trees: HierarchySettings::default().fit(&examples, &rows).unwrap(),
         committee: boosted.fit(&examples, &rows).unwrap(),
     };
     let novelty =
@@ -247,8 +247,8 @@ pub fn diagnoser() -> Arc<Diagnoser> {
     TRAINED.get_or_init(|| train::<SENSORS>(2)).clone()
 }
 
-pub const BASELINE: baseline::Settings =
-    baseline::Settings { settle_samples: 205, memory_samples: 2000 };
+pub const BASELINE: baseline::BaselineSettings =
+    baseline::BaselineSettings { settle_samples: 205, memory_samples: 2000 };
 pub const ALLOWANCES: decision::Allowances =
     decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0, other_nats: 0.0 };
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::parquet::{LIMIT_VARIABLE, Limits};
-use super::{ALL, Kind};
+use super::{ALL, ColumnKind};
 use crate::files::FileError;
 use crate::sanitize;
 
@@ -52,9 +52,9 @@ pub enum TableError {
         /// The column.
         column: String,
         /// The kind needed.
-        expected: Kind,
+        expected: ColumnKind,
         /// The kind found.
-        found: Kind,
+        found: ColumnKind,
     },
     /// Two columns would have the same name.
     #[error("there is already a column '{column}'")]
@@ -140,7 +140,7 @@ pub enum ContentError {
         /// The cell's text.
         text: String,
         /// Kind of the column.
-        expected: Kind,
+        expected: ColumnKind,
     },
     /// A line is no JSON object.
     #[error("line {line} is no JSON object")]
@@ -158,7 +158,7 @@ pub enum ContentError {
         /// The value as JSON.
         text: String,
         /// Kind of the column.
-        expected: Kind,
+        expected: ColumnKind,
     },
     /// A quoted cell is not closed before the file ends.
     #[error("line {line}: a quote is opened and never closed")]

@@ -3,7 +3,7 @@
 //! A key is a column; keys of nested objects and lists are joined with dots. Missing or null values become NaN, or an
 //! empty string in text columns. Blank lines are skipped.
 
-use super::{Column, ContentError, Kind, Table, TableError, Values};
+use super::{Column, ContentError, ColumnKind, Table, TableError, Values};
 use crate::files;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -70,9 +70,9 @@ pub fn leaves(value: Value, path: String, found: &mut Vec<(String, Value)>) {
 /// The values of a column, with the kind of its first cell.
 fn values(name: &str, cells: &Cells, lines: &[usize]) -> Result<Values, ContentError> {
     let kind = match &cells[0].1 {
-        Value::Bool(_) if cells.len() == lines.len() => Kind::Flag,
-        Value::String(_) => Kind::Text,
-        _ => Kind::Float,
+        Value::Bool(_) if cells.len() == lines.len() => ColumnKind::Flag,
+        Value::String(_) => ColumnKind::Text,
+        _ => ColumnKind::Float,
     };
     let wrong = |row: usize, value: &Value| ContentError::BadValue {
         line: lines[row],
@@ -81,8 +81,8 @@ fn values(name: &str, cells: &Cells, lines: &[usize]) -> Result<Values, ContentE
         expected: kind,
     };
     let mut values = match kind {
-        Kind::Flag => Values::Flag(vec![false; lines.len()]),
-        Kind::Text => Values::Text(vec![String::new(); lines.len()]),
+        ColumnKind::Flag => Values::Flag(vec![false; lines.len()]),
+        ColumnKind::Text => Values::Text(vec![String::new(); lines.len()]),
         _ => Values::Float(vec![f64::NAN; lines.len()]),
     };
     for &(row, ref value) in cells {

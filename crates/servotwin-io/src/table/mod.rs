@@ -113,7 +113,7 @@ pub fn format_of(path: &Path) -> Result<&'static Format, TableError> {
 
 /// The kind of a column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnKind {
     /// `f64`.
     Float,
     /// `i64`.
@@ -126,15 +126,15 @@ pub enum Kind {
     Text,
 }
 
-impl Kind {
+impl ColumnKind {
     /// The kind in words, for messages.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Float => "numbers",
-            Kind::Integer => "whole numbers",
-            Kind::Unsigned => "non-negative whole numbers",
-            Kind::Flag => "true or false",
-            Kind::Text => "text",
+            ColumnKind::Float => "numbers",
+            ColumnKind::Integer => "whole numbers",
+            ColumnKind::Unsigned => "non-negative whole numbers",
+            ColumnKind::Flag => "true or false",
+            ColumnKind::Text => "text",
         }
     }
 }
@@ -156,24 +156,24 @@ pub enum Values {
 
 impl Values {
     /// An empty column of a kind.
-    pub fn empty(kind: Kind) -> Self {
+    pub fn empty(kind: ColumnKind) -> Self {
         match kind {
-            Kind::Float => Values::Float(Vec::new()),
-            Kind::Integer => Values::Integer(Vec::new()),
-            Kind::Unsigned => Values::Unsigned(Vec::new()),
-            Kind::Flag => Values::Flag(Vec::new()),
-            Kind::Text => Values::Text(Vec::new()),
+            ColumnKind::Float => Values::Float(Vec::new()),
+            ColumnKind::Integer => Values::Integer(Vec::new()),
+            ColumnKind::Unsigned => Values::Unsigned(Vec::new()),
+            ColumnKind::Flag => Values::Flag(Vec::new()),
+            ColumnKind::Text => Values::Text(Vec::new()),
         }
     }
 
     /// The kind of the values.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ColumnKind {
         match self {
-            Values::Float(_) => Kind::Float,
-            Values::Integer(_) => Kind::Integer,
-            Values::Unsigned(_) => Kind::Unsigned,
-            Values::Flag(_) => Kind::Flag,
-            Values::Text(_) => Kind::Text,
+            Values::Float(_) => ColumnKind::Float,
+            Values::Integer(_) => ColumnKind::Integer,
+            Values::Unsigned(_) => ColumnKind::Unsigned,
+            Values::Flag(_) => ColumnKind::Flag,
+            Values::Text(_) => ColumnKind::Text,
         }
     }
 
@@ -270,7 +270,7 @@ impl Column {
             Values::Float(values) => Cow::Borrowed(values),
             Values::Integer(values) => values.iter().map(|value| *value as f64).collect(),
             Values::Unsigned(values) => values.iter().map(|value| f64::from(*value)).collect(),
-            _ => return Err(wrong_kind(self, Kind::Float)),
+            _ => return Err(wrong_kind(self, ColumnKind::Float)),
         })
     }
 }
@@ -542,7 +542,7 @@ impl Table {
         Ok(match &column.values {
             Values::Integer(values) => Cow::Borrowed(values),
             Values::Unsigned(values) => values.iter().map(|value| i64::from(*value)).collect(),
-            _ => return Err(wrong_kind(column, Kind::Integer)),
+            _ => return Err(wrong_kind(column, ColumnKind::Integer)),
         })
     }
 
@@ -561,7 +561,7 @@ impl Table {
             Values::Integer(values) => {
                 Cow::Owned(values.iter().enumerate().map(convert).collect::<Result<_, _>>()?)
             }
-            _ => return Err(wrong_kind(column, Kind::Unsigned)),
+            _ => return Err(wrong_kind(column, ColumnKind::Unsigned)),
         })
     }
 
@@ -569,7 +569,7 @@ impl Table {
     pub fn bool(&self, name: &str) -> Result<&[bool], TableError> {
         match self.column(name)? {
             Column { values: Values::Flag(values), .. } => Ok(values),
-            column => Err(wrong_kind(column, Kind::Flag)),
+            column => Err(wrong_kind(column, ColumnKind::Flag)),
         }
     }
 
@@ -577,7 +577,7 @@ impl Table {
     pub fn text(&self, name: &str) -> Result<&[String], TableError> {
         match self.column(name)? {
             Column { values: Values::Text(values), .. } => Ok(values),
-            column => Err(wrong_kind(column, Kind::Text)),
+            column => Err(wrong_kind(column, ColumnKind::Text)),
         }
     }
 
@@ -600,14 +600,14 @@ pub fn unknown_column<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
     TableError::UnknownColumn { column: name.to_owned(), nearest, known }
 }
 
-fn require_kind(column: &Column, expected: Kind) -> Result<(), TableError> {
+fn require_kind(column: &Column, expected: ColumnKind) -> Result<(), TableError> {
     if column.values.kind() == expected {
         return Ok(());
     }
     Err(wrong_kind(column, expected))
 }
 
-fn wrong_kind(column: &Column, expected: Kind) -> TableError {
+fn wrong_kind(column: &Column, expected: ColumnKind) -> TableError {
     let found = column.values.kind();
     TableError::WrongKind { column: column.name.clone(), expected, found }
 }

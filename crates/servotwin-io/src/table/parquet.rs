@@ -44,7 +44,7 @@ use ::parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use ::parquet::schema::types::{Type, TypePtr};
 use serde_json::Value;
 
-use super::{Column, ContentError, Format, Kind, Table, TableError, Values, unknown_column};
+use super::{Column, ContentError, Format, ColumnKind, Table, TableError, Values, unknown_column};
 use arrow::Facts;
 use decode::{Source, bytes_of_texts, values_of};
 use limits::{Budget, text_bytes};
@@ -222,11 +222,11 @@ fn schema_of(table: &Table) -> Result<TypePtr, ParquetError> {
 
 fn field_of(column: &Column) -> Result<TypePtr, ParquetError> {
     let (physical, logical) = match column.values.kind() {
-        Kind::Float => (Physical::DOUBLE, None),
-        Kind::Integer => (Physical::INT64, None),
-        Kind::Unsigned => (Physical::INT32, Some(LogicalType::integer(32, false))),
-        Kind::Flag => (Physical::BOOLEAN, None),
-        Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        ColumnKind::Float => (Physical::DOUBLE, None),
+        ColumnKind::Integer => (Physical::INT64, None),
+        ColumnKind::Unsigned => (Physical::INT32, Some(LogicalType::integer(32, false))),
+        ColumnKind::Flag => (Physical::BOOLEAN, None),
+        ColumnKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
     };
     let field = Type::primitive_type_builder(&column.name, physical)
         .with_logical_type(logical)
@@ -414,13 +414,13 @@ impl ParquetReader {
     /// Reads the values of a column in all row groups.
     fn whole_column(&self, source: &Source, budget: Budget) -> Result<Values, ContentError> {
         let width = match source.kind {
-            Kind::Float | Kind::Integer => 8,
-            Kind::Unsigned => 4,
-            Kind::Flag => 1,
-            Kind::Text => text_bytes(0),
+            ColumnKind::Float | ColumnKind::Integer => 8,
+            ColumnKind::Unsigned => 4,
+            ColumnKind::Flag => 1,
+            ColumnKind::Text => text_bytes(0),
         };
         budget.allow(&source.name, (self.row_count() as u64).saturating_mul(width))?;
-        if source.kind == Kind::Text {
+        if source.kind == ColumnKind::Text {
             // Counted first, so that a column above the limit uses no memory.
             let mut bytes = 0;
             self.read_column(source, budget, |reader, rows, _| {
@@ -663,8 +663,8 @@ impl Field<'_> {
             chunk.statistics().and_then(|known| known.null_count_opt()).is_some_and(|gaps| gaps > 0)
         };
         let kind = match kind {
-            Kind::Integer | Kind::Unsigned | Kind::Flag if chunks.iter().any(has_gap) => {
-                Kind::Float
+            ColumnKind::Integer | ColumnKind::Unsigned | ColumnKind::Flag if chunks.iter().any(has_gap) => {
+                ColumnKind::Float
             }
             kind => kind,
         };

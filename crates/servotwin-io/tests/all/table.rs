@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use servotwin_io::table::parquet::{
     Limits, ParquetReader, ParquetWriter, read_columns, read_within,
 };
-use servotwin_io::table::{self, Column, Kind, Table, TableError, Values};
+use servotwin_io::table::{self, Column, ColumnKind, Table, TableError, Values};
 
 use crate::folder::Folder;
 
@@ -53,7 +53,7 @@ fn assert_same(found: &Table, expected: &Table) {
     assert_eq!(found.names().collect::<Vec<_>>(), expected.names().collect::<Vec<_>>());
     for (one, other) in found.columns().iter().zip(expected.columns()) {
         assert_eq!(bits(&one.values), bits(&other.values), "{}", one.name);
-        if one.values.kind() != Kind::Float {
+        if one.values.kind() != ColumnKind::Float {
             assert_eq!(one.values, other.values, "{}", one.name);
         }
         assert_eq!(one.values.kind(), other.values.kind());

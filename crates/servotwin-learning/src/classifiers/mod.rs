@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::Samples;
-use servotwin_diagnosis::classifiers::{Classifier, Kind, Model};
+use servotwin_diagnosis::classifiers::{Classifier, ClassifierKind, Model};
 use servotwin_diagnosis::error::{Error, same_length};
 
 pub mod adaboost;
@@ -48,16 +48,16 @@ macro_rules! classifiers {
 
         impl Settings {
             /// The default settings of a classifier in a study.
-            pub fn default_of(kind: Kind) -> Self {
+            pub fn default_of(kind: ClassifierKind) -> Self {
                 match kind {
-                    $(Kind::$kind => Settings::$kind(Default::default()),)*
+                    $(ClassifierKind::$kind => Settings::$kind(Default::default()),)*
                 }
             }
 
             /// The kind of classifier.
-            pub fn kind(&self) -> Kind {
+            pub fn kind(&self) -> ClassifierKind {
                 match self {
-                    $(Settings::$kind(_) => Kind::$kind,)*
+                    $(Settings::$kind(_) => ClassifierKind::$kind,)*
                 }
             }
         }

@@ -1,12 +1,12 @@
 //! The promises that every classifier keeps.
 
 use crate::tables::{clouds, samples};
-use servotwin_diagnosis::classifiers::{ALL, Classifier, Kind, Model, Scores};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind, Model, Scores};
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::{Fit, Settings, predict};
 
 /// Defaults, but quick.
-fn settings(kind: Kind) -> Settings {
+fn settings(kind: ClassifierKind) -> Settings {
     let mut settings = Settings::default_of(kind);
     match &mut settings {
         Settings::RandomForest(forest) => forest.trees = 20,
@@ -17,7 +17,7 @@ fn settings(kind: Kind) -> Settings {
     settings
 }
 
-fn fit(kind: Kind, samples: &Samples) -> Model {
+fn fit(kind: ClassifierKind, samples: &Samples) -> Model {
     settings(kind).fit(samples).unwrap_or_else(|error| panic!("{kind:?}: {error}"))
 }
 
@@ -116,7 +116,7 @@ fn settings_are_stored_with_their_kind_and_refuse_unknown_names() {
 
 /// All scores must be numbers (a class without rows may have minus infinity as margin), and a
 /// stored model must keep every one of its numbers.
-fn check_sound(kind: Kind, samples: &Samples) -> Model {
+fn check_sound(kind: ClassifierKind, samples: &Samples) -> Model {
     let model = fit(kind, samples);
     assert!(!json(&model).contains("null"), "{kind:?} holds a number that is not finite");
     for row in rows(samples) {
@@ -180,7 +180,7 @@ fn one_row_per_class_is_enough() {
     for &kind in ALL {
         let model = check_sound(kind, &samples);
         // A forest's trees see a part of the rows only, a stump has two leaves.
-        if !matches!(kind, Kind::RandomForest) {
+        if !matches!(kind, ClassifierKind::RandomForest) {
             assert_eq!(predict(&model, &samples).unwrap(), [0, 1, 2], "{kind:?}");
         }
     }
@@ -222,11 +222,11 @@ fn weight_two_is_two_rows() {
     let weights = (0..30).map(|row| if row % 4 == 0 { 2.0 } else { 1.0 }).collect();
     let weighted = samples.with_weights(weights).unwrap();
     let tested = [
-        Kind::Cart,
-        Kind::NaiveBayes,
-        Kind::LogisticRegression,
-        Kind::Adaboost,
-        Kind::BoostedTrees,
+        ClassifierKind::Cart,
+        ClassifierKind::NaiveBayes,
+        ClassifierKind::LogisticRegression,
+        ClassifierKind::Adaboost,
+        ClassifierKind::BoostedTrees,
     ];
     for kind in tested {
         let (a, b) = (fit(kind, &twice), fit(kind, &weighted));

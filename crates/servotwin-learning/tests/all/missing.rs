@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use servotwin_diagnosis::Error;
-use servotwin_diagnosis::classifiers::{ALL, Classifier, Kind};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::cart::Settings;
@@ -171,7 +171,7 @@ fn rows_without_weight_are_as_if_they_were_not_there() {
     kept.iter().for_each(|&row| weights[row] = 1.0);
     let weighted = samples.clone().with_weights(weights).unwrap();
     let selected = samples.select_rows(&kept).unwrap();
-    for kind in [Kind::Cart, Kind::RandomForest, Kind::Adaboost] {
+    for kind in [ClassifierKind::Cart, ClassifierKind::RandomForest, ClassifierKind::Adaboost] {
         let settings = classifiers::Settings::default_of(kind);
         assert_eq!(settings.fit(&weighted).unwrap(), settings.fit(&selected).unwrap(), "{kind:?}");
     }

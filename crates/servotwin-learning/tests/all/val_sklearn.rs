@@ -3,7 +3,7 @@
 //! The golden files are written by peers/sklearn_classifiers.py.
 
 use crate::tables::{golden, golden_table};
-use servotwin_diagnosis::classifiers::{ALL, Classifier, Kind};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use servotwin_learning::calibration::Forecasts;
@@ -15,7 +15,7 @@ use servotwin_learning::tree::{Criterion, pruning_path};
 const TWO_POINTS: f64 = 0.02;
 
 /// The settings of the peer script.
-fn settings(kind: Kind) -> Settings {
+fn settings(kind: ClassifierKind) -> Settings {
     let mut settings = Settings::default_of(kind);
     match &mut settings {
         Settings::Mlp(mlp) => mlp.max_epochs = 50,
@@ -33,7 +33,7 @@ fn splits(folds: &[usize]) -> Vec<Split> {
     (0..5).map(split).collect()
 }
 
-fn mean_accuracy(kind: Kind, samples: &Samples, splits: &[Split]) -> f64 {
+fn mean_accuracy(kind: ClassifierKind, samples: &Samples, splits: &[Split]) -> f64 {
     let tables = cross_validate(&settings(kind), samples, splits).unwrap();
     tables.iter().map(|table| table.accuracy().unwrap()).sum::<f64>() / splits.len() as f64
 }
@@ -56,7 +56,7 @@ fn compare_accuracies(table: &str) {
 }
 
 /// Mean log loss of the probabilities of rows held out.
-fn mean_log_loss(kind: Kind, samples: &Samples, splits: &[Split]) -> f64 {
+fn mean_log_loss(kind: ClassifierKind, samples: &Samples, splits: &[Split]) -> f64 {
     let of_split = |split: &Split| {
         let model = settings(kind).fit(&samples.select_rows(&split.train).unwrap()).unwrap();
         let mut shares = vec![0.0; split.test.len() * samples.classes()];
@@ -78,7 +78,7 @@ fn val_sklearn_log_loss_of_boosted_trees() {
     for record in golden("sklearn_log_loss.csv").1 {
         let (samples, folds) = golden_table(&record[0]);
         let theirs: f64 = record[2].parse().unwrap();
-        let ours = mean_log_loss(Kind::BoostedTrees, &samples, &splits(&folds));
+        let ours = mean_log_loss(ClassifierKind::BoostedTrees, &samples, &splits(&folds));
         println!("{:15} sklearn {theirs:.4} ours {ours:.4}", &record[0]);
         assert!(ours < 1.1 * theirs, "{}: sklearn {theirs:.4}, ours {ours:.4}", record[0]);
     }

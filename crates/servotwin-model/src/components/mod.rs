@@ -9,7 +9,7 @@ pub use crate::component::{Component, Span};
 
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::wiring::{Block, Kind, Listed};
+use crate::wiring::{Block, EquationIndex, Listed};
 use alloc::string::String;
 use alloc::vec::Vec;
 
@@ -90,7 +90,7 @@ macro_rules! catalogue {
         }
 
         $($(impl Listed for $module::$block {
-            const KIND: Kind = Kind(BlockKind::$block as u8);
+            const KIND: EquationIndex = EquationIndex(BlockKind::$block as u8);
         })*)*
 
         /// The kinds, indexed by [`Kind`].

@@ -4,7 +4,7 @@ use super::compiled_step::CompiledSteps;
 use super::lane_state::{LaneState, Moving, Phase};
 use super::lane_stepper::{LaneStepper, Numbers};
 use super::tableau::Tableau;
-use super::{Failure, SAME_TIME_S, Settings, Statistics};
+use super::{Failure, SAME_TIME_S, SolverSettings, Statistics};
 use crate::lanes::{Kernel, Level, dispatch};
 use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
@@ -65,7 +65,7 @@ pub trait JobSource<'a> {
 pub fn run<'a>(
     program: &Program,
     compiled: Option<&CompiledSteps>,
-    settings: Settings,
+    settings: SolverSettings,
     record: &[Slot],
     level: Level,
     source: &mut dyn JobSource<'a>,
@@ -73,7 +73,7 @@ pub fn run<'a>(
     struct All<'w, 'a> {
         program: &'w Program,
         compiled: Option<&'w CompiledSteps>,
-        settings: Settings,
+        settings: SolverSettings,
         record: &'w [Slot],
         source: &'w mut dyn JobSource<'a>,
         under_way: Vec<UnderWay<'a>>,

@@ -1,7 +1,7 @@
 //! The progress of one variant through time: its current time and the length of its next step.
 
 use super::follow::{self, Following};
-use super::{Control, Failure, SAME_TIME_S, Settings, Statistics};
+use super::{Control, Failure, SAME_TIME_S, SolverSettings, Statistics};
 use crate::signal::{Cubic, Piecewise};
 use alloc::boxed::Box;
 use alloc::vec;
@@ -200,7 +200,7 @@ impl LaneState {
 
     /// The next time that a step must not cross, s.
     #[inline(always)]
-    fn next_event_s(&self, settings: &Settings, periods_s: &[f64]) -> f64 {
+    fn next_event_s(&self, settings: &SolverSettings, periods_s: &[f64]) -> f64 {
         let is_running = self.phase == Phase::Running;
         let mut event = if is_running { self.halt_s } else { f64::INFINITY };
         let mut consider = |time: f64| {
@@ -224,7 +224,7 @@ impl LaneState {
     /// Chooses the step that the error control requests, but ends it on the next event
     /// and avoids a tiny step before the event.
     #[inline(always)]
-    pub fn choose_step(&mut self, settings: &Settings, periods_s: &[f64]) {
+    pub fn choose_step(&mut self, settings: &SolverSettings, periods_s: &[f64]) {
         match self.phase {
             Phase::Idle | Phase::Settled => {
                 self.step_s = FIRST_STEP_S;
@@ -257,7 +257,7 @@ impl LaneState {
 
     /// The fixed step, s; `None` under error control. The steady-state search always has error control.
     #[inline(always)]
-    pub fn fixed_step_s(&self, settings: &Settings) -> Option<f64> {
+    pub fn fixed_step_s(&self, settings: &SolverSettings) -> Option<f64> {
         match settings.control {
             Control::Fixed { step_s } if !self.seeks_rest() => Some(step_s),
             _ => None,
@@ -278,7 +278,7 @@ impl LaneState {
     /// The permitted error and the longest step, s; `None` for fixed
     /// steps.
     #[inline(always)]
-    pub fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
+    pub fn allowed(&self, settings: &SolverSettings) -> Option<(f64, f64)> {
         match (self.phase, settings.control) {
             (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, MAX_SETTLING_STEP_S)),
             (Phase::Following, _) => Some((follow::TOLERANCE, MAX_SETTLING_STEP_S)),
@@ -299,7 +299,7 @@ impl LaneState {
 
     /// Chooses the next step from this step's growth factor. `was_rejected` states whether an earlier attempt failed.
     #[inline(always)]
-    pub fn adapt(&mut self, settings: &Settings, factor: f64, was_rejected: bool) {
+    pub fn adapt(&mut self, settings: &SolverSettings, factor: f64, was_rejected: bool) {
         let Some((_, longest)) = self.allowed(settings) else {
             return;
         };

@@ -12,7 +12,7 @@ use super::lane_state::{LaneState, Phase};
 use super::step::MAX_LANES;
 use super::step_memory::StepMemory;
 use super::tableau::Tableau;
-use super::{Cause, Failure, MIN_STEP_S, Settings};
+use super::{Cause, Failure, MIN_STEP_S, SolverSettings};
 use crate::math;
 use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
@@ -33,7 +33,7 @@ const MAX_SETTLING_S: f64 = 1e5;
 
 pub(super) struct LaneStepper<'p, V> {
     pub program: &'p Program,
-    pub settings: Settings,
+    pub settings: SolverSettings,
     memory: StepMemory<'p, V>,
     /// One for each lane.
     pub lane_states: Vec<LaneState>,
@@ -64,7 +64,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
     /// A stepper with idle lanes.
     pub fn new(
         program: &'p Program,
-        settings: Settings,
+        settings: SolverSettings,
         compiled: Option<&'p CompiledSteps>,
     ) -> Self {
         let periods_s: Vec<f64> = program.clock_periods_s().collect();

@@ -142,7 +142,7 @@ impl Control {
 
 /// Method and step-size control of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct SolverSettings {
     /// The method.
     pub method: Method,
     /// The step-size control.
@@ -152,7 +152,7 @@ pub struct Settings {
     pub land_on_samples: bool,
 }
 
-impl Settings {
+impl SolverSettings {
     /// For campaigns: keeps every state within 1e-4 of its scale (test `val_cvode_aileron_at_the_campaign_setting`),
     /// except where a valve oscillates forever.
     pub fn campaign() -> Self {
@@ -308,7 +308,7 @@ mod tests {
         }
     }
 
-    fn pressures(settings: Settings, level: Level, jobs: usize) -> Vec<Vec<f64>> {
+    fn pressures(settings: SolverSettings, level: Level, jobs: usize) -> Vec<Vec<f64>> {
         let program = filling();
         let swing = Piecewise::new(vec![0.0], vec![[2e7, -3e7, 4e7, -1e7]]).unwrap();
         let parameters = program.parameters(&[]);
@@ -335,13 +335,13 @@ mod tests {
 
     fn fixed(method: Method, step_s: f64) -> f64 {
         let control = Control::Fixed { step_s };
-        let settings = Settings { method, control, land_on_samples: true };
+        let settings = SolverSettings { method, control, land_on_samples: true };
         pressures(settings, Level::Portable, 1)[0][4]
     }
 
     #[test]
     fn every_method_converges_with_its_order() {
-        let exact = pressures(Settings::reference(), Level::Portable, 1)[0][4];
+        let exact = pressures(SolverSettings::reference(), Level::Portable, 1)[0][4];
         for (method, order, step) in [
             (Method::Rodas3, 3.0, 0.005),
             (Method::Rodas4P2, 4.0, 0.01),
@@ -358,7 +358,7 @@ mod tests {
 
     #[test]
     fn a_variant_is_the_same_alone_in_any_lane_and_at_any_level() {
-        let settings = Settings { method: Method::Rodas4P2, ..Settings::campaign() };
+        let settings = SolverSettings { method: Method::Rodas4P2, ..SolverSettings::campaign() };
         let together = pressures(settings, Level::Portable, 11);
         for level in crate::lanes::ALL.into_iter().filter(|l| l.available()) {
             assert_eq!(pressures(settings, level, 11), together, "{}", level.name());
@@ -374,8 +374,8 @@ mod tests {
                 max_step_s: 1.0,
                 attempt_rate_limit_per_s: f64::INFINITY,
             };
-            let landing = Settings { method, control, land_on_samples: true };
-            let dense = Settings { land_on_samples: false, ..landing };
+            let landing = SolverSettings { method, control, land_on_samples: true };
+            let dense = SolverSettings { land_on_samples: false, ..landing };
             let a = &pressures(landing, Level::best(), 1)[0];
             let b = &pressures(dense, Level::best(), 1)[0];
             for (a, b) in a.iter().zip(b) {

@@ -1,7 +1,7 @@
 //! The steady state that a run starts from.
 
 use super::ensemble::{Job, JobSource, run};
-use super::{Failure, Settings, Statistics};
+use super::{Failure, SolverSettings, Statistics};
 use crate::lanes::Level;
 use crate::program::{Program, Slot};
 use alloc::vec::Vec;
@@ -42,6 +42,6 @@ pub fn settle_counted(program: &Program, job: Job) -> Result<(Vec<f64>, Statisti
     let job = Job { settle: true, duration_s: 0.0, ..job };
     let mut catch =
         Catch { job: Some(job), states: Vec::new(), outcome: Ok(Statistics::default()) };
-    run(program, None, Settings::campaign(), &record, Level::best(), &mut catch);
+    run(program, None, SolverSettings::campaign(), &record, Level::best(), &mut catch);
     catch.outcome.map(|statistics| (catch.states, statistics))
 }

@@ -14,7 +14,7 @@
 use super::compiled_step::CompiledSteps;
 use super::lane_state::{LaneState, Moving, Phase};
 use super::lane_stepper::{LaneStepper, Numbers};
-use super::{Failure, MIN_STEP_S, Settings, Statistics};
+use super::{Failure, MIN_STEP_S, SolverSettings, Statistics};
 use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
 use alloc::vec::Vec;
@@ -95,14 +95,14 @@ impl<'p> Twin<'p> {
     /// method is explicit. An explicit method cannot search for the steady state.
     pub fn new(
         program: &'p Program,
-        settings: Settings,
+        settings: SolverSettings,
         period_s: f64,
         between: Vec<Between>,
     ) -> Self {
         assert_eq!(between.len(), program.externals().len(), "one way for each input");
         assert!(period_s > 0.0, "samples are apart");
         assert!(settings.method.tableau().is_some(), "the method is implicit");
-        let settings = Settings { land_on_samples: true, ..settings };
+        let settings = SolverSettings { land_on_samples: true, ..settings };
         let inputs = alloc::vec![Knot::default(); between.len()];
         let stepper = LaneStepper::new(program, settings, None);
         let mut twin = Self { stepper, between, period_s, inputs, loaded: None };

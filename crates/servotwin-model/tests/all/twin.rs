@@ -5,7 +5,7 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Between, Change, Failure, Job, JobSource, Knot, Settings, Snapshot, Statistics, Twin, run,
+    Between, Change, Failure, Job, JobSource, Knot, SolverSettings, Snapshot, Statistics, Twin, run,
 };
 
 const PERIOD_S: f64 = 0.01;
@@ -77,12 +77,12 @@ fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level
         changes: later.into_iter().map(change).collect(),
     };
     let mut one = One { job: Some(job), samples: Vec::new() };
-    run(program, None, Settings::campaign(), &record(program), level, &mut one);
+    run(program, None, SolverSettings::campaign(), &record(program), level, &mut one);
     one.samples
 }
 
 fn settled(program: &Program) -> Twin<'_> {
-    let mut twin = Twin::new(program, Settings::campaign(), PERIOD_S, BETWEEN.to_vec());
+    let mut twin = Twin::new(program, SolverSettings::campaign(), PERIOD_S, BETWEEN.to_vec());
     let parameters = program.parameters(&[]);
     twin.load(&parameters);
     twin.settle(&inputs(0), &program.first_guess(&parameters)).unwrap();
@@ -139,7 +139,7 @@ fn a_twin_goes_on_from_what_it_remembered() {
             twin.save(&mut snapshot);
         }
     }
-    let mut other = Twin::new(&program, Settings::campaign(), PERIOD_S, BETWEEN.to_vec());
+    let mut other = Twin::new(&program, SolverSettings::campaign(), PERIOD_S, BETWEEN.to_vec());
     other.load(&program.parameters(&[]));
     other.restore(&snapshot).unwrap();
     for k in 34..=SAMPLES {

@@ -12,7 +12,7 @@ use servotwin_serve::feed::{Frame, Message};
 use servotwin_serve::{Measured, Session, Stream};
 use servotwin_watch::End;
 use servotwin_watch::map::Map;
-use servotwin_watch::source::{Read, Row, Source, SourceError};
+use servotwin_watch::source::{Read, LogRow, Source, SourceError};
 use servotwin_watch::watchdog::WatchdogRules;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -74,10 +74,10 @@ fn flown(study: &Study, map: &Map, samples: usize) -> Vec<Vec<f64>> {
 struct Rows(std::vec::IntoIter<Vec<f64>>, u64);
 
 impl Source for Rows {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let Some(values) = self.0.next() else { return Ok(Read::End) };
         self.1 += 1;
-        *row = Row { place: self.1, values, ..Row::default() };
+        *row = LogRow { place: self.1, values, ..LogRow::default() };
         Ok(Read::Row)
     }
 
@@ -90,11 +90,11 @@ impl Source for Rows {
 struct Sent(Receiver<Vec<f64>>, u64);
 
 impl Source for Sent {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         match self.0.recv_timeout(Duration::from_millis(20)) {
             Ok(values) => {
                 self.1 += 1;
-                *row = Row { place: self.1, values, ..Row::default() };
+                *row = LogRow { place: self.1, values, ..LogRow::default() };
                 Ok(Read::Row)
             }
             Err(RecvTimeoutError::Timeout) => Ok(Read::Pause),

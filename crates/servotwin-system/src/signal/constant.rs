@@ -1,7 +1,7 @@
 //! A value that does not change.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A value that does not change.
@@ -21,7 +21,7 @@ static SPEC: Spec = Spec {
     }],
 };
 
-impl Kind for Constant {
+impl SignalKind for Constant {
     fn spec(&self) -> &'static Spec {
         &SPEC
     }

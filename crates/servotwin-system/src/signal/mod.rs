@@ -23,7 +23,7 @@ mod text;
 mod units;
 
 pub use error::SignalError;
-pub use spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+pub use spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
 pub use text::QuantityError;
 pub use units::Measure;
 
@@ -33,7 +33,7 @@ use servotwin_model::spec::Unit;
 use std::fmt;
 
 /// Every kind of signal, in the order of the documentation.
-pub static ALL: &[&dyn Kind] = &[
+pub static ALL: &[&dyn SignalKind] = &[
     &constant::Constant,
     &step::Step,
     &ramp::Ramp,
@@ -44,7 +44,7 @@ pub static ALL: &[&dyn Kind] = &[
 ];
 
 /// The kind with a given name.
-pub fn find(kind: &str) -> Option<&'static dyn Kind> {
+pub fn find(kind: &str) -> Option<&'static dyn SignalKind> {
     ALL.iter().copied().find(|k| k.spec().kind == kind)
 }
 
@@ -90,14 +90,14 @@ pub enum Argument {
 /// One term of a signal: a kind with its arguments, checked as far as possible without the input's unit.
 #[derive(Clone)]
 pub struct Term {
-    kind: &'static dyn Kind,
+    kind: &'static dyn SignalKind,
     /// One entry per declared parameter.
     arguments: Vec<Option<Argument>>,
 }
 
 impl Term {
     /// The kind of signal.
-    pub fn kind(&self) -> &'static dyn Kind {
+    pub fn kind(&self) -> &'static dyn SignalKind {
         self.kind
     }
 

@@ -19,7 +19,7 @@
 
 use super::error::SignalError;
 use super::random::Random;
-use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
 use servotwin_model::math::{sin_cos, tanh};
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
@@ -174,7 +174,7 @@ impl Shape {
     }
 }
 
-impl Kind for Noise {
+impl SignalKind for Noise {
     fn spec(&self) -> &'static Spec {
         &SPEC
     }

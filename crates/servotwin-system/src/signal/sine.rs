@@ -6,7 +6,7 @@
 //! of the amplitude.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
 use servotwin_model::math::sin_cos;
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
@@ -58,7 +58,7 @@ pub(super) fn sin_cos_of_periods(periods: f64) -> (f64, f64) {
     sin_cos(TAU * (periods - periods.round_ties_even()))
 }
 
-impl Kind for Sine {
+impl SignalKind for Sine {
     fn spec(&self) -> &'static Spec {
         &SPEC
     }

@@ -166,7 +166,7 @@ impl Spec {
 }
 
 /// A kind of signal.
-pub trait Kind: Sync {
+pub trait SignalKind: Sync {
     /// The declaration of the kind.
     fn spec(&self) -> &'static Spec;
 

@@ -1,7 +1,7 @@
 //! A jump from zero.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A jump from zero.
@@ -31,7 +31,7 @@ static SPEC: Spec = Spec {
     ],
 };
 
-impl Kind for Step {
+impl SignalKind for Step {
     fn spec(&self) -> &'static Spec {
         &SPEC
     }

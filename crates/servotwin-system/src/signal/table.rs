@@ -4,7 +4,7 @@
 //! are in SI. Times are in seconds and strictly increasing.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
 use crate::table;
 use crate::units::{NamedUnit, TABLE};
 use servotwin_model::signal::{CurveError, Piecewise};
@@ -70,7 +70,7 @@ fn unit_of(column: &str, wanted: Unit) -> Option<&'static NamedUnit> {
     TABLE.iter().max_by_key(|row| length(row)).filter(|row| length(row).is_some())
 }
 
-impl Kind for Recorded {
+impl SignalKind for Recorded {
     fn spec(&self) -> &'static Spec {
         &SPEC
     }

@@ -1,7 +1,7 @@
 //! The compact text of a signal: `kind:name=value,name=value + …`.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Kind, Parameter, Sort, Spec, check_range, check_unit};
+use super::spec::{Fallback, SignalKind, Parameter, Sort, Spec, check_range, check_unit};
 use super::{Argument, Measure, Quantity, Signal, Term, find, units};
 use servotwin_model::spec::Unit;
 use std::fmt;
@@ -152,7 +152,7 @@ impl Quantity {
 
 /// A term under construction from names and values.
 pub(super) struct Builder {
-    kind: &'static dyn Kind,
+    kind: &'static dyn SignalKind,
     arguments: Vec<Option<Argument>>,
 }
 

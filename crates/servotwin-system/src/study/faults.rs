@@ -3,7 +3,7 @@
 
 use super::mistake::Mistake;
 use super::reader::{Noted, Reader};
-use crate::document::{Place, Span};
+use crate::document::{Place, TextSpan};
 use servotwin_model::program::FaultAt;
 
 /// A row of Table 1.
@@ -62,7 +62,7 @@ impl Reader<'_> {
     }
 
     /// The place in the file where a class lists a fault.
-    pub(super) fn place_of_fault(&self, FaultCase { class, kind, .. }: &FaultCase) -> Span {
+    pub(super) fn place_of_fault(&self, FaultCase { class, kind, .. }: &FaultCase) -> TextSpan {
         let of_class = &self.text.classes[*class].faults;
         let own = of_class.iter().position(|name| name == kind);
         self.span(&listed_fault(*class, own.unwrap_or(of_class.len())))

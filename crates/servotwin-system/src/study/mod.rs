@@ -33,7 +33,7 @@ pub use warning::Warning;
 
 use crate::built_in;
 use crate::document::{
-    self, Collector, Diagnostic, Entry, Place, Span, entries, plain_table, write_mistakes,
+    self, Collector, Diagnostic, Entry, Place, TextSpan, entries, plain_table, write_mistakes,
 };
 use crate::files::FileError;
 use crate::format::{self, Value, section};
@@ -558,7 +558,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         mistakes.note(&format.value_at(), mistake);
     }
     if mistakes.is_empty() {
-        let note = &mut |at: &Span, mistake| mistakes.note(at, mistake);
+        let note = &mut |at: &TextSpan, mistake| mistakes.note(at, mistake);
         format::check_table(Text::KEYS, &(0..0), "the file", &all, note);
         repetitions(&all, &mut mistakes);
         // The mistakes are already noted, and must not prevent further checks.
@@ -644,7 +644,7 @@ fn listed_in<'a>(tables: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
 }
 
 /// The place in the text where it names its system.
-fn system_at(text: &str) -> Span {
+fn system_at(text: &str) -> TextSpan {
     let (root, _) = DeTable::parse_recoverable(text);
     let all = entries(root.get_ref());
     all.iter().find(|entry| entry.key == "system").map_or(0..0, Entry::value_at)

@@ -3,7 +3,7 @@
 
 use super::mistake::Mistake;
 use super::{StudyError, Text};
-use crate::document::{self, Collector, Place, Span};
+use crate::document::{self, Collector, Place, TextSpan};
 use crate::nearest::nearest;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
@@ -42,7 +42,7 @@ const LISTED: usize = 30;
 
 impl<'a> Reader<'a> {
     /// Notes a mistake, at most one for each place. Mistakes that may come from a substitute are dropped.
-    pub fn note(&self, at: &Span, mistake: Mistake) -> Noted {
+    pub fn note(&self, at: &TextSpan, mistake: Mistake) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
         if !mistakes.knows(at) && self.is_certain(&mistake) {
             mistakes.note(at, mistake);
@@ -192,7 +192,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The byte range of a place in the file.
-    pub fn span(&self, at: &Place) -> Span {
+    pub fn span(&self, at: &Place) -> TextSpan {
         let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
         at.find(root.get_ref())
     }

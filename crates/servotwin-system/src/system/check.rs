@@ -4,7 +4,7 @@
 use super::mistake::Mistake;
 use super::read::{Named, Reader};
 use super::scope::{Input, Part, Scope};
-use crate::document::{self, Collector, Quantities, Span};
+use crate::document::{self, Collector, Quantities, TextSpan};
 use servotwin_model::fluid::{Fluid, FluidKind};
 use servotwin_model::network::{self, PortOf};
 use servotwin_model::program::Program;
@@ -85,7 +85,7 @@ fn temperature_k(part: &Part) -> Option<f64> {
 }
 
 /// Whether this was not reported before: instances of an assembly share its places.
-fn once(told: &mut BTreeSet<(usize, usize)>, at: &Span, which: usize) -> bool {
+fn once(told: &mut BTreeSet<(usize, usize)>, at: &TextSpan, which: usize) -> bool {
     told.insert((at.start, which))
 }
 
@@ -164,7 +164,7 @@ fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     let key = |port: &PortOf| (port.component, port.port);
     let joined: BTreeSet<_> =
         scope.connections.iter().flatten().map(|end| key(&end.port)).collect();
-    let mut open: Vec<(Span, PortOf, Vec<String>)> = Vec::new();
+    let mut open: Vec<(TextSpan, PortOf, Vec<String>)> = Vec::new();
     let mut places: BTreeMap<(usize, usize, usize), usize> = BTreeMap::new();
     for mistake in found {
         if let network::Mistake::OpenPort(port) = mistake {
@@ -196,7 +196,7 @@ fn explained(
     scope: &Scope,
     fluids: &[Fluid],
     mistake: &network::Mistake,
-) -> Option<(Span, Mistake)> {
+) -> Option<(TextSpan, Mistake)> {
     let place = |component: usize| scope.parts[component].at.clone();
     let id = |component: usize| scope.parts[component].id.clone();
     let port_id = |port: PortOf| scope.port_id(port);
@@ -243,7 +243,7 @@ fn explained(
     })
 }
 
-fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(Span, Mistake)> {
+fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(TextSpan, Mistake)> {
     let unit_of = |port: PortOf| match scope.port(port).kind {
         PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit),
         _ => None,

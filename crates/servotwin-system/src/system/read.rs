@@ -7,7 +7,7 @@ use super::mistake::Mistake;
 use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor};
-use crate::document::{self, Collector, Entry, Span, entries};
+use crate::document::{self, Collector, Entry, TextSpan, entries};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
 use crate::units;
@@ -153,7 +153,7 @@ fn allowed(index: usize, before: Option<f64>) -> (f64, f64) {
 /// A named declaration, with its place and whether it is used.
 pub(super) struct Named<T> {
     pub name: String,
-    pub at: Span,
+    pub at: TextSpan,
     pub used: bool,
     pub value: T,
 }
@@ -354,7 +354,7 @@ impl Reader {
         table.map_or_else(Vec::new, entries)
     }
 
-    fn missing(&mut self, at: &Span, place: impl Into<String>, key: &'static str, write: String) {
+    fn missing(&mut self, at: &TextSpan, place: impl Into<String>, key: &'static str, write: String) {
         let place = place.into();
         self.mistakes.note(at, document::Mistake::Missing { place, key, write });
     }
@@ -366,7 +366,7 @@ impl Reader {
         }
     }
 
-    fn good_name(&mut self, name: &str, at: &Span) {
+    fn good_name(&mut self, name: &str, at: &TextSpan) {
         let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if RESERVED.contains(&name) {
             self.mistakes.note(at, Mistake::ReservedName { name: name.into() });
@@ -921,7 +921,7 @@ impl Reader {
         }
     }
 
-    fn unit(&mut self, of: &Entry, place: &str, entry: Option<&Entry>) -> Option<(Unit, Span)> {
+    fn unit(&mut self, of: &Entry, place: &str, entry: Option<&Entry>) -> Option<(Unit, TextSpan)> {
         let Some(entry) = entry else {
             let write = "unit = \"Pa\" (or \"1\" for a pure number)".to_owned();
             self.missing(&of.at, place, "unit", write);
@@ -1006,7 +1006,7 @@ impl Reader {
     }
 
     /// Checks that the scale of a sensor exceeds its noise: otherwise residuals would consist of noise.
-    fn above_noise(&mut self, part: &Part, (id, scale, unit): (&str, f64, Unit), at: &Span) {
+    fn above_noise(&mut self, part: &Part, (id, scale, unit): (&str, f64, Unit), at: &TextSpan) {
         let noise = Imperfection::of_component(part.component, &part.parameters).deviation();
         if part.sound && noise > scale {
             let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);

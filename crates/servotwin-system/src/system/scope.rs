@@ -1,6 +1,6 @@
 //! The parsed content of a system or an assembly: components, inputs and connections, with their places in the file.
 
-use crate::document::Span;
+use crate::document::TextSpan;
 use servotwin_model::components::Component;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub(super) struct Part {
     pub id: String,
     /// The place of its name; for an assembly's component, within the assembly.
-    pub at: Span,
+    pub at: TextSpan,
     pub component: &'static dyn Component,
     /// The values in SI; NaN where a required one is missing.
     pub parameters: Vec<f64>,
@@ -24,7 +24,7 @@ pub(super) struct Part {
 }
 
 impl Part {
-    pub fn new(id: String, at: Span, component: &'static dyn Component) -> Self {
+    pub fn new(id: String, at: TextSpan, component: &'static dyn Component) -> Self {
         let Instance { parameters, fault_full, .. } = Instance::new("", component);
         Self { id, at, component, parameters, faults: fault_full, fluid: None, sound: true }
     }
@@ -38,17 +38,17 @@ impl Part {
 #[derive(Clone)]
 pub(super) struct End {
     pub port: PortOf,
-    pub at: Span,
+    pub at: TextSpan,
 }
 
 /// An external input.
 #[derive(Clone)]
 pub(super) struct Input {
     pub id: String,
-    pub at: Span,
+    pub at: TextSpan,
     pub unit: Unit,
     /// The place of the unit.
-    pub unit_at: Span,
+    pub unit_at: TextSpan,
     /// NaN if the file has no readable value.
     pub default: f64,
     pub targets: Vec<End>,
@@ -150,7 +150,7 @@ impl Scope {
     }
 
     /// The place where the file names a port, otherwise its component.
-    pub fn mention(&self, port: PortOf) -> Span {
+    pub fn mention(&self, port: PortOf) -> TextSpan {
         let fed = self.inputs.iter().flat_map(|input| &input.targets);
         let mut ends = self.connections.iter().flatten().chain(fed);
         ends.find(|end| end.port == port)

@@ -2,7 +2,7 @@
 
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Failure, Settings, Statistics};
+use servotwin_model::solver::{Failure, SolverSettings, Statistics};
 use servotwin_system::ensemble::{Ensemble, Variant};
 use servotwin_system::system::System;
 use std::collections::BTreeMap;
@@ -58,7 +58,7 @@ pub struct Test {
     inputs: Vec<Piecewise>,
     faults: Vec<FaultAt>,
     overrides: Vec<(usize, usize, f64)>,
-    settings: Settings,
+    settings: SolverSettings,
     duration_s: f64,
     period_s: f64,
 }
@@ -98,7 +98,7 @@ pub fn test() -> Test {
         inputs,
         faults: Vec::new(),
         overrides: Vec::new(),
-        settings: Settings::campaign(),
+        settings: SolverSettings::campaign(),
         duration_s: 1.0,
         period_s: 1e-3,
     }
@@ -141,7 +141,7 @@ impl Test {
         self.with(&format!("actuator_1.{id}"), value).with(&format!("actuator_2.{id}"), value)
     }
 
-    pub fn settings(mut self, settings: Settings) -> Self {
+    pub fn settings(mut self, settings: SolverSettings) -> Self {
         self.settings = settings;
         self
     }

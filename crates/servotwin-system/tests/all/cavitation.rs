@@ -2,7 +2,7 @@
 //! that it has lost is back.
 
 use servotwin_model::fluid::{Fluid, FluidKind, VAPOR_PRESSURE_PA, compressibility_per_pa};
-use servotwin_model::solver::{Control, Method, Settings};
+use servotwin_model::solver::{Control, Method, SolverSettings};
 use servotwin_system::ensemble::Ensemble;
 use servotwin_system::ensemble::Variant;
 use servotwin_system::signal::Signal;
@@ -40,7 +40,7 @@ impl Case<'_> {
         };
         let mut ensemble = Ensemble::new(program);
         let control = Control::within(1e-5);
-        ensemble.settings = Settings { method: Method::Rodas4P2, control, land_on_samples: true };
+        ensemble.settings = SolverSettings { method: Method::Rodas4P2, control, land_on_samples: true };
         ensemble.duration_s = self.duration_s;
         ensemble.sample_period_s = PERIOD_S;
         ensemble.record = record.iter().map(|id| program.observable(id).unwrap().slot).collect();

@@ -10,7 +10,7 @@ use servotwin_model::fluid::{Fluid, compressibility_per_pa};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{self, Cause, Failure, Job, JobSource, Settings, Statistics};
+use servotwin_model::solver::{self, Cause, Failure, Job, JobSource, SolverSettings, Statistics};
 use servotwin_model::spec::Unit;
 use servotwin_system::ensemble::Variant;
 use servotwin_system::signal::Signal;
@@ -331,7 +331,7 @@ fn with_both_damped_the_aileron_floats_where_the_air_wants_it() {
 /// A smooth move there and back.
 fn move_there_and_back() -> crate::aileron::Test {
     let command = Piecewise::hermite(&[0.05, 0.25, 0.5], &[0.0, 0.2, -0.14], &[0.0; 3]).unwrap();
-    test().command(command).settings(Settings::reference()).lasting(0.6, 1e-4)
+    test().command(command).settings(SolverSettings::reference()).lasting(0.6, 1e-4)
 }
 
 /// All that takes oil in actuator 1, each with its pressure and the flow into it.
@@ -486,7 +486,7 @@ fn what_the_aileron_does_downwards_it_does_upwards_with_the_chambers_exchanged()
             .with("air.hinge_moment_zero", 0.0)
             .input("incidence", constant(0.0))
             .command(command)
-            .settings(Settings::reference())
+            .settings(SolverSettings::reference())
             .lasting(0.5, 1e-2)
             .run(&all_states())
     };
@@ -585,7 +585,7 @@ fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
     };
     let record: Vec<u16> = (0..start.len() as u16).collect();
     let mut one = One(Some(job), Vec::new());
-    solver::run(program(), None, Settings::real_time(), &record, Level::best(), &mut one);
+    solver::run(program(), None, SolverSettings::real_time(), &record, Level::best(), &mut one);
     one.1
 }
 
@@ -741,7 +741,7 @@ fn residuals_have_the_size_and_sign_of_their_fault() {
 /// Twelve variants of which some are hard, run on a number of threads with some
 /// lanes; `spoiled` are given a mass of zero.
 fn twelve(threads: usize, level: Level, spoiled: &[usize]) -> Vec<Result<Vec<Vec<f64>>, Failure>> {
-    let base = move_there_and_back().settings(Settings::campaign()).lasting(0.3, 1e-2);
+    let base = move_there_and_back().settings(SolverSettings::campaign()).lasting(0.3, 1e-2);
     let mut ensemble = base.ensemble(&all_states());
     (ensemble.threads, ensemble.level) = (threads, level);
     let faults = faults_of(|c| c == "actuator_1.servo_valve");
@@ -821,13 +821,13 @@ fn rest_is_found_where_the_loop_swings_by_itself() {
 fn the_work_of_a_run_is_what_it_was() {
     // Golden counters: a change of the method shows here before it shows in time.
     let signal: Signal = "noise:rms=5deg,bandwidth=1Hz,seed=3".parse().unwrap();
-    let work = |settings: Settings| {
+    let work = |settings: SolverSettings| {
         let command = signal.build(Unit::Radian, 2.0).unwrap();
         let statistics =
             test().command(command).settings(settings).lasting(2.0, 0.01).run(&[ANGLE]).statistics;
         [statistics.steps, statistics.rejected, statistics.jacobians, statistics.evaluations]
     };
-    assert_eq!(work(Settings::campaign()), [328, 11, 340, 1700]);
+    assert_eq!(work(SolverSettings::campaign()), [328, 11, 340, 1700]);
     // Of one Jacobian: entries, products of the chain rule; of its factors: entries, updates.
     let (jacobian, lu) = (program().jacobian(), program().lu());
     let sizes = [jacobian.entries().len(), jacobian.products(), lu.slots(), lu.updates()];

@@ -1,6 +1,6 @@
 //! The drawing of one solver step shows the lengths of the arrays as they are.
 
-use servotwin_model::solver::{Method, Settings};
+use servotwin_model::solver::{Method, SolverSettings};
 use servotwin_system::system::System;
 use std::collections::BTreeSet;
 
@@ -50,7 +50,7 @@ fn the_drawing_of_a_step_shows_the_lengths_of_the_arrays() {
         ("Jacobian entries", jacobian.entries().len()),
         ("update products", lu.updates()),
         ("factors", lu.slots()),
-        ("stages of the method", stages(Settings::campaign().method)),
+        ("stages of the method", stages(SolverSettings::campaign().method)),
         ("stages", most_stages * states),
         ("y_new", states),
     ]

@@ -3,7 +3,7 @@
 use crate::aileron::{Samples, Test, program, test};
 use crate::peer_cases::{CASES, DURATION_S, PERIOD_S};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::Settings;
+use servotwin_model::solver::SolverSettings;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -67,7 +67,7 @@ fn largest_error(run: &Samples, golden: &Golden, case: &str) -> (f64, String) {
 }
 
 /// `period_s` is the time between samples, of which those of the peer count.
-fn against_cvode(settings: Settings, period_s: f64, allowed: f64) {
+fn against_cvode(settings: SolverSettings, period_s: f64, allowed: f64) {
     let golden = golden("cvode_aileron.csv");
     let names: Vec<&str> = golden.names.iter().map(String::as_str).collect();
     assert_eq!(names.len(), program().states().len());
@@ -91,12 +91,12 @@ fn against_cvode(settings: Settings, period_s: f64, allowed: f64) {
 
 #[test]
 fn val_cvode_aileron_at_the_reference_setting() {
-    against_cvode(Settings::reference(), PERIOD_S, 1e-5);
+    against_cvode(SolverSettings::reference(), PERIOD_S, 1e-5);
 }
 
 #[test]
 fn val_cvode_aileron_at_the_campaign_setting() {
-    against_cvode(Settings::campaign(), 0.01, 1e-4);
+    against_cvode(SolverSettings::campaign(), 0.01, 1e-4);
 }
 
 /// The command of `peers/radau_aileron.py`: its value and slope.
@@ -120,7 +120,7 @@ fn val_scipy_radau_aileron() {
     let names: Vec<&str> = golden.names.iter().map(String::as_str).collect();
     let run = test()
         .command(command)
-        .settings(Settings::reference())
+        .settings(SolverSettings::reference())
         .lasting(DURATION_S, PERIOD_S)
         .run(&names);
     let (error, place) = largest_error(&run, &golden, "healthy");

@@ -11,9 +11,9 @@ pub use guess::{Guess, Trust, guess};
 pub use mistake::Mistake;
 
 use super::sequencer::{Rules, Stamped};
-use super::source::{Row, SourceError, Wanted};
+use super::source::{LogRow, SourceError, Wanted};
 use servotwin::system::System;
-use servotwin_io::document::{Collector, Diagnostic, Span, write_mistakes};
+use servotwin_io::document::{Collector, Diagnostic, TextSpan, write_mistakes};
 use servotwin_io::files::{self, FileError};
 use servotwin_io::nearest::nearest;
 use std::path::Path;
@@ -34,7 +34,7 @@ pub struct Map {
     pub rules: Rules,
     wanted: Wanted,
     /// Where the map file names each wanted column.
-    places: Vec<Span>,
+    places: Vec<TextSpan>,
 }
 
 /// The source of times.
@@ -138,7 +138,7 @@ impl Map {
     }
 
     /// The time of a row, s; NaN if missing. `rows` counts the earlier rows except those cut off, which the row counts.
-    pub fn time_s(&self, row: &Row, rows: u64) -> f64 {
+    pub fn time_s(&self, row: &LogRow, rows: u64) -> f64 {
         match self.time {
             Time::Column { place, unit_s } => row.values[place] * unit_s,
             Time::Rate { rate_hz } => (rows + row.cut) as f64 / rate_hz,
@@ -154,7 +154,7 @@ impl Map {
     }
 
     /// Converts a row to a sample; `rows` counts the earlier rows.
-    pub fn sample(&self, row: &Row, rows: u64) -> Stamped {
+    pub fn sample(&self, row: &LogRow, rows: u64) -> Stamped {
         let time_s = self.time_s(row, rows);
         let value = |channel: &Channel| match channel.from {
             Origin::Column { place, factor, offset } => in_si(row.values[place], factor, offset),

@@ -5,7 +5,7 @@ use crate::sequencer::Rules;
 use crate::source::{DATE, Wanted};
 use servotwin::system::System;
 use servotwin::units;
-use servotwin_io::document::{self, Collector, Entry, Span, entries};
+use servotwin_io::document::{self, Collector, Entry, TextSpan, entries};
 use servotwin_io::nearest::nearest;
 use servotwin_model::spec::Unit;
 use toml::de::DeTable;
@@ -31,7 +31,7 @@ struct Reader<'s> {
     inputs: usize,
     rules: Rules,
     wanted: Wanted,
-    places: Vec<Span>,
+    places: Vec<TextSpan>,
 }
 
 /// The allowed keys of the file and of each section.
@@ -198,7 +198,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    fn channel(&mut self, index: usize, id: &str, at: &Span, entries: &[Entry]) {
+    fn channel(&mut self, index: usize, id: &str, at: &TextSpan, entries: &[Entry]) {
         self.known(entries, &format!("'{id}'"), &CHANNEL);
         let unit = match index.checked_sub(self.inputs) {
             None => self.system.network().inputs[index].unit,
@@ -356,12 +356,12 @@ impl<'s> Reader<'s> {
         }
     }
 
-    fn missing(&mut self, span: &Span, place: &str, key: &'static str, write: &str) {
+    fn missing(&mut self, span: &TextSpan, place: &str, key: &'static str, write: &str) {
         let (place, write) = (place.to_owned(), write.to_owned());
         self.note(span, document::Mistake::Missing { place, key, write });
     }
 
-    fn note(&mut self, span: &Span, mistake: document::Mistake) {
+    fn note(&mut self, span: &TextSpan, mistake: document::Mistake) {
         self.mistakes.note(span, mistake);
     }
 }
@@ -371,6 +371,6 @@ fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
 }
 
 /// The span of a key, or the beginning of the file.
-fn at(entries: &[Entry], key: &str) -> Span {
+fn at(entries: &[Entry], key: &str) -> TextSpan {
     get(entries, key).map_or(0..0, |entry| entry.at.clone())
 }

@@ -5,7 +5,7 @@
 //! that has all wanted names is the header, unless the map names the columns; the header may be repeated. Blank lines
 //! and lines that begin with `#` are skipped.
 
-use super::{Bad, Read, Row, Wanted};
+use super::{Bad, Read, LogRow, Wanted};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::Value;
 use servotwin_io::sanitize;
@@ -100,7 +100,7 @@ impl Frames {
     }
 
     /// Parses a line without its line end.
-    pub fn read(&mut self, line: &[u8], row: &mut Row) -> Read {
+    pub fn read(&mut self, line: &[u8], row: &mut LogRow) -> Read {
         let text = line.trim_ascii();
         if text.is_empty() || text.starts_with(b"#") {
             return Read::Nothing;
@@ -121,14 +121,14 @@ impl Frames {
     }
 
     /// Resets a row.
-    pub fn begin(&self, row: &mut Row) {
+    pub fn begin(&self, row: &mut LogRow) {
         row.values.clear();
         row.values.resize(self.wanted.names.len(), f64::NAN);
         row.forget_bad();
     }
 
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
-    pub fn add(&self, prefix: &str, text: &[u8], row: &mut Row) -> Result<(), Flaw> {
+    pub fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
         let before = row.bad;
         let parsed = self.parse(prefix, text, row).or_else(|error| {
             // Some writers emit NaN and Infinity, which JSON does not allow.
@@ -143,11 +143,11 @@ impl Frames {
     }
 
     /// Checks that a row assembled from objects has a time.
-    pub fn end(&self, row: &Row) -> Read {
+    pub fn end(&self, row: &LogRow) -> Read {
         with_time(&self.wanted, row)
     }
 
-    fn cells(&mut self, line: &[u8], row: &mut Row) -> Result<Read, Flaw> {
+    fn cells(&mut self, line: &[u8], row: &mut LogRow) -> Result<Read, Flaw> {
         if self.header.is_none() && !self.wanted.columns.is_empty() {
             let separator = Dialect::of(line).separator;
             self.set_header(separator, &self.wanted.columns.clone());
@@ -210,7 +210,7 @@ impl Frames {
         }
     }
 
-    fn parse(&self, prefix: &str, text: &[u8], row: &mut Row) -> Result<(), serde_json::Error> {
+    fn parse(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), serde_json::Error> {
         let mut parser = serde_json::Deserializer::from_slice(text);
         let mut path = prefix.to_owned();
         Node { frames: self, path: &mut path, row }.deserialize(&mut parser)?;
@@ -219,7 +219,7 @@ impl Frames {
 }
 
 /// A row, unless it lacks a required time.
-pub(super) fn with_time(wanted: &Wanted, row: &Row) -> Read {
+pub(super) fn with_time(wanted: &Wanted, row: &LogRow) -> Read {
     match wanted.time {
         Some(time) if row.values[time].is_nan() => {
             Read::Flawed(Flaw::NoTime { text: String::new() })
@@ -332,7 +332,7 @@ pub(super) fn without_special_numbers(text: &[u8]) -> Option<Vec<u8>> {
 struct Node<'n> {
     frames: &'n Frames,
     path: &'n mut String,
-    row: &'n mut Row,
+    row: &'n mut LogRow,
 }
 
 impl Node<'_> {
@@ -449,7 +449,7 @@ mod tests {
     }
 
     fn read(frames: &mut Frames, line: &str) -> (Read, Vec<f64>, u64) {
-        let mut row = Row::default();
+        let mut row = LogRow::default();
         let read = frames.read(line.as_bytes(), &mut row);
         (read, row.values, row.bad)
     }
@@ -520,7 +520,7 @@ mod tests {
     fn words_for_on_and_off_are_numbers_of_an_input_from_0_to_1_and_bad_elsewhere() {
         let flags = vec![false, true, false];
         let mut frames = Frames::new(&Wanted { flags, ..wanted(&["t", "mode", "p"]) });
-        let mut row = Row::default();
+        let mut row = LogRow::default();
         let line = br#"{"t": "1759967600000", "mode": "on", "p": "101.60"}"#;
         assert_eq!(frames.read(line, &mut row), Read::Row);
         assert_eq!((row.values.clone(), row.bad), (vec![1_759_967_600_000.0, 1.0, 101.6], 0));

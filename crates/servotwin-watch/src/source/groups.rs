@@ -1,7 +1,7 @@
 //! Groups of columns with separate times: the rows of a recording whose channels have several rates.
 
 use super::frame::Flaw;
-use super::{Read, Row, Source, SourceError, Wanted};
+use super::{Read, LogRow, Source, SourceError, Wanted};
 
 /// Columns with common times.
 #[derive(Debug)]
@@ -70,7 +70,7 @@ impl Groups {
 }
 
 impl Source for Groups {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let Some((time_s, groups)) = self.earliest() else { return Ok(Read::End) };
         self.place += 1;
         row.place = self.place;
@@ -125,7 +125,7 @@ mod tests {
             group(&[1.0, 1.5], 2, &[7.0, 8.0]),
         ];
         let mut source = Groups::new("log", &wanted, groups).unwrap();
-        let (mut row, mut found) = (Row::default(), vec![]);
+        let (mut row, mut found) = (LogRow::default(), vec![]);
         loop {
             match source.read(&mut row).unwrap() {
                 Read::End => break,

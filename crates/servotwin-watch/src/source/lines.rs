@@ -2,7 +2,7 @@
 
 use super::frame::{self, Flaw, Frames};
 use super::survey::{LogColumn, Objects, Sheet};
-use super::{Read, Row, Source, SourceError, Wanted};
+use super::{Read, LogRow, Source, SourceError, Wanted};
 use servotwin_io::files::FileError;
 use servotwin_io::table::csv::encoding;
 use std::io::{self, BufRead};
@@ -46,7 +46,7 @@ impl Lines {
 }
 
 impl Source for Lines {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let found = next_line(&mut *self.reader, &mut self.line)
             .map_err(|cause| FileError::from_io(&self.path, cause))?;
         self.place += 1;

@@ -9,7 +9,7 @@
 
 use super::frame::{Flaw, Frames};
 use super::survey::{LogColumn, Objects};
-use super::{Bad, Read, Row, Source, SourceError, Wanted};
+use super::{Bad, Read, LogRow, Source, SourceError, Wanted};
 use ::mcap::McapError;
 use ::mcap::read::ChunkReader;
 use ::mcap::records::{ChunkHeader, Record};
@@ -72,7 +72,7 @@ enum Next {
 }
 
 impl Source for InOrder {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let first = match self.next.take() {
             Some(message) => message,
             None => match self.messages.next()? {
@@ -195,7 +195,7 @@ impl Sorted {
         let mut sorted =
             Sorted { wanted: wanted.clone(), log_time, parts, places, numbers, flaws, next: 0 };
         let (mut messages, frames, mut row) =
-            (Messages::open(path)?, Frames::new(wanted), Row::default());
+            (Messages::open(path)?, Frames::new(wanted), LogRow::default());
         loop {
             match messages.next()? {
                 Next::Message(message) => sorted.take(&frames, &message, &mut row),
@@ -211,7 +211,7 @@ impl Sorted {
         Ok(sorted)
     }
 
-    fn take(&mut self, frames: &Frames, message: &Message, row: &mut Row) {
+    fn take(&mut self, frames: &Frames, message: &Message, row: &mut LogRow) {
         frames.begin(row);
         if let Err(flaw) = frames.add(&message.prefix, &message.data, row) {
             self.flaws.push_back((message.number, flaw));
@@ -233,7 +233,7 @@ impl Sorted {
 }
 
 impl Source for Sorted {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         if let Some((place, flaw)) = self.flaws.pop_front() {
             row.place = place;
             return Ok(Read::Flawed(flaw));

@@ -74,7 +74,7 @@ impl Wanted {
 
 /// One row of a log.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Row {
+pub struct LogRow {
     /// Its line, row, datagram or message number, from 1.
     pub place: u64,
     /// The wanted columns; NaN means missing.
@@ -96,7 +96,7 @@ pub struct Bad {
     pub text: String,
 }
 
-impl Row {
+impl LogRow {
     /// Resets the invalid values before the next row.
     pub(super) fn forget_bad(&mut self) {
         (self.bad, self.first_bad) = (0, None);
@@ -166,7 +166,7 @@ pub trait Source: Send {
     ///
     /// # Errors
     /// The file or the connection fails.
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError>;
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError>;
 
     /// The unit of counting: `line`, `row`, `datagram` or `message`.
     fn counted(&self) -> &'static str;

@@ -2,7 +2,7 @@
 
 use super::frame::{self, Flaw, Frames};
 use super::lines::{Line, next_line};
-use super::{PAUSE, Read, Row, Source, SourceError, Wanted};
+use super::{PAUSE, Read, LogRow, Source, SourceError, Wanted};
 use std::io::{self, BufRead, BufReader};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 
@@ -37,7 +37,7 @@ impl Stdin {
 }
 
 impl Source for Stdin {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let received = match self.lines.recv_timeout(PAUSE) {
             Ok(received) => received,
             Err(RecvTimeoutError::Timeout) => return Ok(Read::Pause),
@@ -90,7 +90,7 @@ mod tests {
         let names = ["t", "p"].map(String::from).to_vec();
         let wanted = Wanted { names, time: Some(0), ..Wanted::default() };
         let mut source = Stdin::new(&b"t,p\n1,2\n\n3,4"[..], &wanted);
-        let mut row = Row::default();
+        let mut row = LogRow::default();
         let mut found = vec![];
         while found.last() != Some(&Read::End) {
             found.push(source.read(&mut row).unwrap());

@@ -1,11 +1,11 @@
 //! Reads a Parquet file in batches.
 
-use super::{Bad, DATE, LogColumn, Read, Row, Source, SourceError, Wanted};
+use super::{Bad, DATE, LogColumn, Read, LogRow, Source, SourceError, Wanted};
 use servotwin_io::moment;
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::growing::is_missing;
 use servotwin_io::table::parquet::ParquetReader;
-use servotwin_io::table::{Column, Kind, Table, Values};
+use servotwin_io::table::{Column, ColumnKind, Table, Values};
 use std::path::Path;
 
 /// A Parquet file, of which only the wanted columns are read.
@@ -56,7 +56,7 @@ impl Parquet {
 }
 
 impl Source for Parquet {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         while self.part.first().is_none_or(|column| column.len() == self.next) {
             let Some(table) = self.reader.next() else { return Ok(Read::End) };
             let columns = table?.into_columns();
@@ -94,7 +94,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let named = |is_read: &dyn Fn(&Column) -> bool| -> Vec<&str> {
         columns.iter().filter(|column| is_read(column)).map(|column| &*column.name).collect()
     };
-    let is_text = |column: &Column| column.values.kind() == Kind::Text;
+    let is_text = |column: &Column| column.values.kind() == ColumnKind::Text;
     let texts = named(&is_text);
     // A text that exceeds the size limits is not a date; reading its column reports the error.
     let first = ParquetReader::open_columns(path, &texts)?.with_batch(1).next();

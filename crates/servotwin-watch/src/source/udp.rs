@@ -4,7 +4,7 @@
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
-use super::{Dropped, Irregularity, PAUSE, Read, Row, Source, SourceError, Wanted};
+use super::{Dropped, Irregularity, PAUSE, Read, LogRow, Source, SourceError, Wanted};
 use socket2::SockRef;
 use std::collections::VecDeque;
 use std::io;
@@ -258,7 +258,7 @@ fn receive(socket: &UdpSocket, queue: &SyncSender<io::Result<Datagram>>, shared:
 }
 
 impl Source for Udp {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         if self.lines.is_empty() {
             if let Some(dropped) = self.shared.take_dropped() {
                 return Ok(Read::Dropped(dropped));
@@ -338,7 +338,7 @@ mod tests {
         for datagram in [&b"1,2\n2,3\n"[..], b"\x00\xff\x01", b"", b"{\"t\": 3, \"p\": 4}"] {
             sender.send_to(datagram, source.address).unwrap();
         }
-        let (mut row, mut found) = (Row::default(), vec![]);
+        let (mut row, mut found) = (LogRow::default(), vec![]);
         while found.len() < 5 {
             let read = source.read(&mut row).unwrap();
             let values = if read == Read::Row { row.values.clone() } else { vec![] };
@@ -358,8 +358,8 @@ mod tests {
     }
 
     /// Reads until something other than a pause arrives.
-    fn next(source: &mut Udp) -> (Read, Row) {
-        let mut row = Row::default();
+    fn next(source: &mut Udp) -> (Read, LogRow) {
+        let mut row = LogRow::default();
         loop {
             let read = source.read(&mut row).unwrap();
             if read != Read::Pause {

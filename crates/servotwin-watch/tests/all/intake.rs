@@ -6,7 +6,7 @@ use servotwin::study::Study;
 use servotwin_watch::counts::Irregularity;
 use servotwin_watch::intake::{self, IntakeError, Whole};
 use servotwin_watch::map::{Guess, Map, Trust, guess};
-use servotwin_watch::source::{Address, LogColumn, Read, Row, SourceError};
+use servotwin_watch::source::{Address, LogColumn, Read, LogRow, SourceError};
 use servotwin_watch::span::Span;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -421,8 +421,8 @@ fn a_source_counts_rows_that_are_cut_off_for_logs_without_times() {
     let source = Address::File(log).open(map.wanted()).unwrap();
     let span = Span::parse(Some("0.5"), None).unwrap();
     let mut cut = servotwin_watch::cut::Cut::new(source, "log".into(), &map, span);
-    let mut row = servotwin_watch::source::Source::read(&mut cut, &mut Row::default()).unwrap();
-    let mut kept = Row::default();
+    let mut row = servotwin_watch::source::Source::read(&mut cut, &mut LogRow::default()).unwrap();
+    let mut kept = LogRow::default();
     while row == Read::Nothing {
         row = servotwin_watch::source::Source::read(&mut cut, &mut kept).unwrap();
     }

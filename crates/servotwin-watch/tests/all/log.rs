@@ -16,7 +16,7 @@ use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin_watch::sink::timeline::Timeline;
 use servotwin_watch::sink::{Sample, Scene, Sink, SinkError};
-use servotwin_watch::source::{Address, LogColumn, Read, Row, Source, SourceError};
+use servotwin_watch::source::{Address, LogColumn, Read, LogRow, Source, SourceError};
 use servotwin_watch::watchdog::{Notice, WatchEvent, WatchdogRules};
 use servotwin_watch::{
     Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,
@@ -420,7 +420,7 @@ struct Stopping<'s> {
 }
 
 impl Source for Stopping<'_> {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         if let Some(left) = &mut self.left {
             *left = left.saturating_sub(1);
             if *left == 0 {
@@ -799,7 +799,7 @@ fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
         let path = folder.write("damaged.mcap", damaged);
         // It may have lost its columns; it must not panic.
         if let Ok(mut source) = Address::File(path).open(map.wanted()) {
-            let mut row = Row::default();
+            let mut row = LogRow::default();
             while source.read(&mut row).unwrap() != Read::End {}
         }
     }
@@ -922,7 +922,7 @@ struct Quiet {
 }
 
 impl Source for Quiet {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let count = |event: &WatchEvent| {
             let said = self.said.lock().unwrap();
             said.iter().filter(|notice| notice.event == *event).count()

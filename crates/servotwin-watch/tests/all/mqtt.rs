@@ -1,6 +1,6 @@
 //! MQTT: a broker of the test's own, which does what it is told and may fall silent, and mosquitto where it is installed.
 
-use servotwin_watch::source::{Address, Flaw, Read, Row, Source, SourceError, Wanted};
+use servotwin_watch::source::{Address, Flaw, Read, LogRow, Source, SourceError, Wanted};
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
@@ -119,7 +119,7 @@ fn open(address: &str, names: &[&str]) -> Result<Box<dyn Source>, SourceError> {
 
 /// Reads until as many things have come that are neither a pause nor nothing.
 fn reads(source: &mut dyn Source, count: usize) -> Vec<(Read, Vec<f64>)> {
-    let (mut row, mut found) = (Row::default(), vec![]);
+    let (mut row, mut found) = (LogRow::default(), vec![]);
     let begin = Instant::now();
     while found.len() < count && begin.elapsed() < PATIENCE {
         match source.read(&mut row).unwrap() {
@@ -164,7 +164,7 @@ fn a_lost_connection_is_reported_when_it_is_lost_and_once() {
     // Nobody makes the connection again.
     drop(hold);
     assert_eq!(reads(&mut *source, 2), [row(1.0, 2.0), lost("the broker closed the connection")]);
-    let mut row = Row::default();
+    let mut row = LogRow::default();
     for _ in 0..10 {
         assert_eq!(source.read(&mut row).unwrap(), Read::Pause);
     }
@@ -193,7 +193,7 @@ fn a_retained_message_is_no_sample_and_two_units_are_not_mixed() {
     let mut source = open(&format!("mqtt://127.0.0.1:{port}/rig/+"), &["t", "p"]).unwrap();
     let retained = Read::Flawed(Flaw::Retained { topic: "rig/old".into() });
     assert_eq!(reads(&mut *source, 2), [(retained, vec![]), row(1.0, 2.0)]);
-    let mut row = Row::default();
+    let mut row = LogRow::default();
     let error = loop {
         match source.read(&mut row) {
             Err(error) => break error.to_string(),
@@ -401,7 +401,7 @@ fn val_mosquitto_retained_messages_are_no_samples_and_units_are_not_mixed() {
     assert_eq!(reads(&mut *source, 2), expected(0, 1));
     broker.publish("rig/two", 1, false, &payloads(0, 1));
     let begin = Instant::now();
-    let mut row = Row::default();
+    let mut row = LogRow::default();
     let error = loop {
         match source.read(&mut row) {
             Err(error) => break error,

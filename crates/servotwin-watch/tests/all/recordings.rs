@@ -36,13 +36,13 @@ fn a_file_of_a_feature_that_is_off_names_it_and_the_line_to_type() {
 #[cfg(any(feature = "mf4", feature = "mat"))]
 mod read {
     use super::*;
-    use servotwin_watch::source::{Read, Row};
+    use servotwin_watch::source::{Read, LogRow};
 
     /// All rows of a file, or why there are none.
     pub(super) fn rows(path: &std::path::Path, wanted: &Wanted) -> Result<Vec<Vec<f64>>, String> {
         let mut source =
             Address::File(path.into()).open(wanted).map_err(|error| error.to_string())?;
-        let (mut row, mut found) = (Row::default(), vec![]);
+        let (mut row, mut found) = (LogRow::default(), vec![]);
         loop {
             match source.read(&mut row).map_err(|error| error.to_string())? {
                 Read::End => return Ok(found),

@@ -6,7 +6,7 @@
 
 use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Campaign, Images, Planned, Row, Setting, Study};
+use super::{Campaign, Images, Planned, ShardRow, Setting, Study};
 use crate::study::{Plants, Role};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
@@ -55,7 +55,7 @@ pub(super) struct Maker<'m> {
 
 impl Maker<'_> {
     /// The data set of a range of variants with the given rows.
-    pub fn table(&self, variants: Range<usize>, rows: &[Row]) -> Table {
+    pub fn table(&self, variants: Range<usize>, rows: &[ShardRow]) -> Table {
         let mut columns = self.label_columns(variants.clone());
         columns.extend(self.plant_columns(variants.clone()));
         columns.extend(self.split_columns(variants.clone()));
@@ -69,7 +69,7 @@ impl Maker<'_> {
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
-    fn detection_columns(&self, rows: &[Row]) -> Vec<Column> {
+    fn detection_columns(&self, rows: &[ShardRow]) -> Vec<Column> {
         let study = self.campaign.study;
         let float = |f: &dyn Fn(&Window) -> f64| rows.iter().map(|row| f(&row.window)).collect();
         let flags = |f: &dyn Fn(&Window) -> bool| rows.iter().map(|row| f(&row.window)).collect();
@@ -90,7 +90,7 @@ impl Maker<'_> {
     }
 
     /// Each feature, and if the units correspond, also as seen from the other units.
-    fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
+    fn feature_columns(&self, rows: &[ShardRow]) -> Vec<Column> {
         let study = self.campaign.study;
         let sensors = &study.sensors_in(self.setting);
         let orders = sensors.rotations(study.units.len()).unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use super::columns::HEALTHY;
 use super::data_set::Maker;
-use super::shard::{Row, Shards};
+use super::shard::{ShardRow, Shards};
 use super::{Campaign, CampaignError, OnTheMove, Outcome, Plants, Prepared, calibration_file};
 use crate::table::parquet::ParquetWriter;
 
@@ -40,7 +40,7 @@ impl Campaign<'_> {
     ///
     /// # Errors
     /// [`CampaignError::Unfinished`] if shards are missing, or a file cannot be read.
-    pub fn windows(&self) -> Result<Vec<Vec<Row>>, CampaignError> {
+    pub fn windows(&self) -> Result<Vec<Vec<ShardRow>>, CampaignError> {
         let prepared = self.done()?;
         let of = |shards: &Shards| {
             let rows = (0..shards.count()).map(|shard| shards.rows(self.study, shard));
@@ -156,7 +156,7 @@ impl Campaign<'_> {
         prepared: &Prepared,
         place: usize,
         variant: usize,
-        row: &Row,
+        row: &ShardRow,
     ) -> OnTheMove {
         let planned = prepared.plan[variant];
         let fault = planned.fault.map(|fault| self.study.faults[fault].id.clone());

@@ -32,7 +32,7 @@ pub use effort::Effort;
 pub use missing::{MissingParts, MissingRows, missing_parts};
 pub use part::{Part, runs};
 pub use prepared::Prepared;
-pub use shard::Row;
+pub use shard::ShardRow;
 
 use crate::ensemble::{Ensemble, Variant};
 use crate::experiment::{Overrides, SpecimenDraw, Twins, describe, simulate_twins};
@@ -41,7 +41,7 @@ use crate::study::{FaultCase, OperatingCase, Plants, Role, Setting, Study};
 use crate::table::{self, Column, Table, Values};
 use images::Images;
 use servotwin_model::program::FaultAt;
-use servotwin_model::solver::{Settings, Statistics};
+use servotwin_model::solver::{SolverSettings, Statistics};
 use shard::{Collector, Shards, variants_of};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ pub struct Campaign<'s> {
     /// The scenarios, one of the groups of [`Setting::groups`].
     pub settings: Vec<Setting>,
     /// The solver's settings.
-    pub solver: Settings,
+    pub solver: SolverSettings,
     /// The number of worker threads.
     pub threads: usize,
     /// The output folder.
@@ -143,7 +143,7 @@ impl<'s> Campaign<'s> {
             study,
             role,
             settings: vec![setting],
-            solver: Settings::campaign(),
+            solver: SolverSettings::campaign(),
             threads: 1,
             folder: folder.into(),
             round_shards: ROUND_SHARDS,
@@ -468,7 +468,7 @@ impl Campaign<'_> {
             if let Some(trace) = view.trace {
                 self.write_trace(self.settings[view.setting], view.variant, trace)?;
             }
-            let row = Row { failure: failure.into(), effort, window: view.window };
+            let row = ShardRow { failure: failure.into(), effort, window: view.window };
             wanted += usize::from(collectors[view.setting].add(view.variant, row)?);
         }
         Ok(wanted)

@@ -14,7 +14,7 @@ pub(super) const SHARD: usize = 205;
 
 /// The data of one variant in a shard.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct ShardRow {
     /// Why the variant was not simulated to the end; empty if it was.
     pub failure: String,
     /// The effort of its simulation.
@@ -23,7 +23,7 @@ pub struct Row {
     pub window: Window,
 }
 
-impl Row {
+impl ShardRow {
     /// Reads the rows of a shard.
     fn from_table(study: &Study, table: &Table) -> Result<Vec<Self>, TableError> {
         let (sensors, watched) = (study.measured.len(), study.base_sensors());
@@ -36,13 +36,13 @@ impl Row {
             let values: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             let window = Window::from_values(sensors, watched, &values);
             let window = window.expect("as many values as counted");
-            Row { failure: failure.clone(), effort: efforts[row], window }
+            ShardRow { failure: failure.clone(), effort: efforts[row], window }
         };
         Ok(failures.iter().enumerate().map(row).collect())
     }
 
     /// The table of a shard with the given rows.
-    fn to_table(rows: &BTreeMap<usize, Row>) -> Result<Table, TableError> {
+    fn to_table(rows: &BTreeMap<usize, ShardRow>) -> Result<Table, TableError> {
         let failures = rows.values().map(|row| row.failure.clone()).collect();
         let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(rows.keys().map(|&v| v as u32).collect())),
@@ -154,9 +154,9 @@ impl Shards {
     ///
     /// # Errors
     /// [`CampaignError::Unfinished`] if the shard cannot be used.
-    pub fn rows(&self, study: &Study, shard: usize) -> Result<Vec<Row>, CampaignError> {
+    pub fn rows(&self, study: &Study, shard: usize) -> Result<Vec<ShardRow>, CampaignError> {
         match self.sound(shard) {
-            Some(table) => Ok(Row::from_table(study, &table)?),
+            Some(table) => Ok(ShardRow::from_table(study, &table)?),
             None => Err(CampaignError::Unfinished {
                 missing: self.missing_variants(),
                 damaged: self.damaged(),
@@ -210,7 +210,7 @@ pub(super) struct Collector {
     shards: Shards,
     /// For each shard, the number of missing rows.
     missing: BTreeMap<usize, usize>,
-    open: BTreeMap<usize, BTreeMap<usize, Row>>,
+    open: BTreeMap<usize, BTreeMap<usize, ShardRow>>,
 }
 
 impl Collector {
@@ -223,7 +223,7 @@ impl Collector {
     }
 
     /// Takes a row; `false` if its shard already exists.
-    pub fn add(&mut self, variant: usize, row: Row) -> Result<bool, CampaignError> {
+    pub fn add(&mut self, variant: usize, row: ShardRow) -> Result<bool, CampaignError> {
         let shard = variant / SHARD;
         let Some(missing) = self.missing.get_mut(&shard) else { return Ok(false) };
         *missing -= 1;
@@ -233,7 +233,7 @@ impl Collector {
             self.missing.remove(&shard);
             let rows = self.open.remove(&shard).expect("just filled");
             let fingerprint = self.shards.fingerprint.clone();
-            let table = Row::to_table(&rows)?.with_metadata("fingerprint", fingerprint);
+            let table = ShardRow::to_table(&rows)?.with_metadata("fingerprint", fingerprint);
             let sum = checksum(&table);
             let table = table.with_metadata("checksum", sum);
             table::write(self.shards.path(shard), &table)?;

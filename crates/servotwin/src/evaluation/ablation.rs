@@ -8,7 +8,7 @@ use super::run::{Scope, run};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_learning::classifiers;
-use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::Rate;
 use servotwin_learning::splits::Split;
 
@@ -38,7 +38,7 @@ struct Variation {
     families: Vec<String>,
     /// Whether B and the stages below it also read the other actuators' sensors.
     all_sensors_below: bool,
-    settings: Settings,
+    settings: HierarchySettings,
 }
 
 /// Variations: single families, families added one by one, families removed one by one; without symmetric copies,
@@ -48,7 +48,7 @@ struct Variation {
 /// Training fails.
 pub fn evaluate(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     holding: Holding,
     workers: Workers,
 ) -> Result<Vec<Ablation>, EvaluationError> {
@@ -69,14 +69,14 @@ pub fn evaluate(
     }
 }
 
-fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Variation> {
+fn variations(families: &[String], units: usize, settings: &HierarchySettings) -> Vec<Variation> {
     let with = |title: String, families: Vec<String>| Variation {
         title,
         families,
         all_sensors_below: false,
         settings: settings.clone(),
     };
-    let set = |title: &str, change: &dyn Fn(&mut Settings)| {
+    let set = |title: &str, change: &dyn Fn(&mut HierarchySettings)| {
         let mut settings = settings.clone();
         change(&mut settings);
         Variation { settings, ..with(title.into(), families.to_vec()) }
@@ -115,7 +115,7 @@ fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Var
 }
 
 /// Limits the depth of every CART stage.
-fn limit(settings: &mut Settings, depth: usize) {
+fn limit(settings: &mut HierarchySettings, depth: usize) {
     for stage in [&mut settings.actuator, &mut settings.action, &mut settings.detail] {
         if let classifiers::Settings::Cart(cart) = stage {
             cart.max_depth = Some(depth);
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn one_unit_has_nothing_to_share_with_others() {
         let titles = |units| {
-            let list = variations(&["moments".into()], units, &Settings::default());
+            let list = variations(&["moments".into()], units, &HierarchySettings::default());
             list.into_iter().map(|variation| variation.title).collect::<Vec<_>>()
         };
         let alone = ["all features", "depth 3", "depth 5", "depth 7", "depth 9"];

@@ -16,7 +16,7 @@
 //! Two rules keep a few unusual records from widening every band. Records that began without a steady state are
 //! excluded. And no band is wider than [`MAX_OVER_LARGEST`] times the largest residual of the other records.
 
-use super::data_set::{DataSet, Row};
+use super::data_set::{DataSet, DataRow};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ struct Spread {
 
 /// Learns the bands; like sensors have the same `pools[i]`. `None` without healthy specimens.
 pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
-    let teaches = |row: &Row| row.is_healthy && row.moved == 0 && !row.began_on_the_move;
+    let teaches = |row: &DataRow| row.is_healthy && row.moved == 0 && !row.began_on_the_move;
     let rows = data.rows_where(Role::Training, teaches);
     if rows.len() < 2 || data.sensors.is_empty() || pools.len() < data.sensors.len() {
         return None;

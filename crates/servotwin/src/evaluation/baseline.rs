@@ -5,7 +5,7 @@
 
 use super::data_set::FeatureInfo;
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
-use super::{DataSet, EvaluationError, Settings, Training};
+use super::{DataSet, EvaluationError, EvaluationSettings, Training};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 
@@ -47,7 +47,7 @@ impl RandomThirds {
 /// The data with the paper's features, and how its trees are trained; `None` where the data lacks the features.
 fn prepared(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
 ) -> Result<Option<(DataSet, Training)>, EvaluationError> {
     let family = |info: &FeatureInfo| info.family == settings.baseline_family;
     if !data.features.iter().any(family) {
@@ -63,11 +63,11 @@ fn prepared(
 /// What training returns.
 pub fn evaluate(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     workers: Workers,
 ) -> Result<Vec<ProtocolResult>, EvaluationError> {
     let Some((data, training)) = prepared(data, settings)? else { return Ok(vec![]) };
-    let Settings { holding, shutdowns, .. } = settings;
+    let EvaluationSettings { holding, shutdowns, .. } = settings;
     let mut results = vec![];
     for protocol in PROTOCOLS {
         let found = protocol::evaluate(protocol, &data, &training, *holding, shutdowns, workers)?;
@@ -82,11 +82,11 @@ pub fn evaluate(
 /// What training returns.
 pub fn random_thirds(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     workers: Workers,
 ) -> Result<Vec<RandomThirds>, EvaluationError> {
     let Some((data, training)) = prepared(data, settings)? else { return Ok(vec![]) };
-    let Settings { holding, shutdowns, .. } = settings;
+    let EvaluationSettings { holding, shutdowns, .. } = settings;
     let seeds: Vec<u64> = (0..REPEATS).map(|repeat| holding.seed + repeat).collect();
     let judged = parallel::map(&seeds, workers, |&seed| {
         let holding = Holding { repeats: 1, seed, ..*holding };

@@ -4,7 +4,7 @@
 //! Both come from rows that were left out of training, whole commands at a time. They give the temperature of every
 //! stage (`servotwin_learning::calibration`), and the threshold that the least certain answers do not reach.
 
-use super::data_set::{DataSet, Row, TrainingFilter};
+use super::data_set::{DataSet, DataRow, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{self, Outcome, settled};
 use crate::parallel::{self, Workers};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{Classifier, Scores};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 use servotwin_learning::calibration::Forecasts;
-use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::{Split, grouped_k_fold};
 use std::collections::BTreeMap;
 
@@ -49,7 +49,7 @@ pub struct Reliability {
 /// Training fails.
 pub fn train(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     rows: &[usize],
     workers: Workers,
 ) -> Result<Committee, EvaluationError> {
@@ -65,7 +65,7 @@ pub fn train(
         parallel::map(&folds, workers, fit)?.into_iter().collect();
     let mut parts = parts?;
     let mut seen = BTreeMap::new();
-    let still = |split: &Split, wanted: &dyn Fn(&Row) -> bool| -> Vec<usize> {
+    let still = |split: &Split, wanted: &dyn Fn(&DataRow) -> bool| -> Vec<usize> {
         let rows = of(&split.test).into_iter();
         rows.filter(|&row| data.rows[row].moved == 0 && wanted(&data.rows[row])).collect()
     };

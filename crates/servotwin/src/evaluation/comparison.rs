@@ -6,10 +6,10 @@ use super::protocol::{Holding, Protocol, trial};
 use super::run::settled;
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{ALL, Classifier, Kind};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
 use servotwin_diagnosis::hierarchy::{Place, Question};
 use servotwin_learning::classifiers::{self, Fit};
-use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Score, Trial};
 use servotwin_learning::splits::Split;
 
@@ -40,7 +40,7 @@ struct Job<'a> {
 
 /// Every classifier with a study's default settings; the tree has the paper's depth.
 pub fn default_classifiers() -> Vec<classifiers::Settings> {
-    let settings = |kind: &Kind| match classifiers::Settings::default_of(*kind) {
+    let settings = |kind: &ClassifierKind| match classifiers::Settings::default_of(*kind) {
         classifiers::Settings::Cart(cart) => {
             classifiers::Settings::Cart(classifiers::cart::Settings {
                 max_depth: Some(DEPTH),
@@ -73,7 +73,7 @@ pub fn quick_classifiers() -> Vec<classifiers::Settings> {
 /// Training fails.
 pub fn evaluate(
     data: &DataSet,
-    hierarchy: &Settings,
+    hierarchy: &HierarchySettings,
     list: &[classifiers::Settings],
     holding: Holding,
     workers: Workers,
@@ -126,7 +126,7 @@ fn of_splits(
 
 fn test(
     data: &DataSet,
-    hierarchy: &Settings,
+    hierarchy: &HierarchySettings,
     job: &Job,
 ) -> Result<Vec<Prediction>, EvaluationError> {
     let samples = |rows: &[usize], mirror| data.examples.samples(&job.place, rows, mirror);

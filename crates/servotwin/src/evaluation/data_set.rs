@@ -53,7 +53,7 @@ impl FeatureInfo {
 
 /// The properties of a row besides its features and label.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct DataRow {
     /// Whether the row is for judging or for training.
     pub role: Role,
     /// The variant's number in its data set.
@@ -88,7 +88,7 @@ pub struct Row {
     pub excess: f64,
 }
 
-impl Row {
+impl DataRow {
     /// Whether a residual left its band.
     pub fn is_detected(&self) -> bool {
         self.excess > 1.0
@@ -124,7 +124,7 @@ impl Default for TrainingFilter {
 }
 
 impl TrainingFilter {
-    fn teaches(self, row: &Row) -> bool {
+    fn teaches(self, row: &DataRow) -> bool {
         let least = match row.is_healthy {
             true => self.healthy,
             false if row.factor < 1.0 => self.weaker,
@@ -143,7 +143,7 @@ pub struct DataSet {
     /// The features and labels of all rows. They are large, so data sets that differ only in bands share them.
     pub examples: Arc<Examples>,
     /// The other properties of the same rows.
-    pub rows: Vec<Row>,
+    pub rows: Vec<DataRow>,
     /// The sensors with known largest residuals.
     pub sensors: Vec<String>,
     /// Operating cases, in the order of their first rows.
@@ -233,7 +233,7 @@ impl DataSet {
         let detectable = flags(origins, "detectable")?;
         let largest = sensors.iter().map(|s| numbers(origins, &largest_column(s)));
         let largest: Vec<Vec<f64>> = largest.collect::<Result<_, _>>()?;
-        let row = |place: usize| Row {
+        let row = |place: usize| DataRow {
             role: origins[place].role,
             variant: origins[place].row,
             case: case[place],
@@ -267,7 +267,7 @@ impl DataSet {
     }
 
     /// The rows of a role that satisfy a condition.
-    pub fn rows_where(&self, role: Role, choice: impl Fn(&Row) -> bool) -> Vec<usize> {
+    pub fn rows_where(&self, role: Role, choice: impl Fn(&DataRow) -> bool) -> Vec<usize> {
         let wanted = |row: &usize| self.rows[*row].role == role && choice(&self.rows[*row]);
         (0..self.rows.len()).filter(wanted).collect()
     }
@@ -328,7 +328,7 @@ impl DataSet {
         let rows = self.rows_where(Role::Training, |row| row.excess > LEAST_EXCESS);
         let specimens = self.specimens();
         let views = self.examples.views();
-        let of = |&row: &usize| -> Vec<(Row, Vec<Vec<f64>>)> {
+        let of = |&row: &usize| -> Vec<(DataRow, Vec<Vec<f64>>)> {
             let own = &self.rows[row];
             let moved = match own.is_healthy {
                 true => {
@@ -338,7 +338,7 @@ impl DataSet {
                 false => moving.spread(row, &specimens[own.case as usize]),
             };
             let one = |(draw, Moved { window, factor }): (usize, Moved)| {
-                let mut copy = Row { moved: 1 + draw, factor, ..own.clone() };
+                let mut copy = DataRow { moved: 1 + draw, factor, ..own.clone() };
                 if factor != 1.0 {
                     let sizes = copy.largest.iter_mut().enumerate();
                     sizes.for_each(|(sensor, size)| *size = window.largest(sensor));
@@ -352,7 +352,7 @@ impl DataSet {
         for (&row, moved) in rows.iter().zip(&moved) {
             origins.extend(moved.iter().map(|_| row));
         }
-        let (copies, values): (Vec<Row>, Vec<Vec<Vec<f64>>>) = moved.into_iter().flatten().unzip();
+        let (copies, values): (Vec<DataRow>, Vec<Vec<Vec<f64>>>) = moved.into_iter().flatten().unzip();
         let rows = self.rows.iter().cloned().chain(copies).collect();
         let examples = self.examples.extended(&origins, |row, view| &values[row][view]);
         Ok(DataSet { rows, examples: Arc::new(examples), ..self.clone() })
@@ -368,7 +368,7 @@ impl DataSet {
     }
 
     /// The same data without the rows that `drop` selects.
-    pub fn without(&self, drop: impl Fn(&Row) -> bool) -> Self {
+    pub fn without(&self, drop: impl Fn(&DataRow) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
         DataSet {
             examples: Arc::new(self.examples.select_rows(&kept)),
@@ -619,8 +619,8 @@ fn constant_features(values: &[f64], features: &[FeatureInfo], counts: &[bool]) 
 mod tests {
     use super::*;
 
-    fn row(excess: f64, factor: f64) -> Row {
-        Row {
+    fn row(excess: f64, factor: f64) -> DataRow {
+        DataRow {
             role: Role::Training,
             variant: 0,
             case: 0,
@@ -646,7 +646,7 @@ mod tests {
         assert!(!lessons.teaches(&row(0.9, 1.0)) && !lessons.teaches(&row(0.2, 0.4)));
         assert!(!lessons.teaches(&row(2.0, 1.5)), "stronger ones where they are asked for only");
         assert!(TrainingFilter { stronger: true, ..lessons }.teaches(&row(2.0, 1.5)));
-        let healthy = |excess| Row { is_healthy: true, ..row(excess, 1.0) };
+        let healthy = |excess| DataRow { is_healthy: true, ..row(excess, 1.0) };
         assert!(lessons.teaches(&healthy(0.9)) && !lessons.teaches(&healthy(0.7)));
     }
 }

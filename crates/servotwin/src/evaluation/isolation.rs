@@ -8,7 +8,7 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::protocol::{self, Holding, Protocol, trial};
 use super::run::{self, Outcome, first_error};
-use super::{Settings, Trained};
+use super::{EvaluationSettings, Trained};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::explained::{ExplainedActions, Explanation};
@@ -110,7 +110,7 @@ pub struct IsolationInputs<'i> {
     /// The data with the features of the trees.
     pub data: &'i DataSet,
     #[expect(missing_docs)]
-    pub settings: &'i Settings,
+    pub settings: &'i EvaluationSettings,
     /// The diagnosis trained on all rows.
     pub trained: &'i Trained,
     /// The worker threads.
@@ -187,7 +187,7 @@ fn judge(
 /// Learns the explained actions of every stage that decides the action, from the detected faults among the rows.
 fn learn(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     protocol: Protocol,
     train: &[usize],
 ) -> Result<Vec<(Place, ExplainedActions)>, EvaluationError> {
@@ -195,7 +195,7 @@ fn learn(
     let cases = data.cases.len() as u32;
     // Rows of a new command share no command with the training rows. Where a kind is new, its cases are known. Then the
     // same fault of both actuators stays together, because one may be the symmetric copy of the other.
-    let group = |(row, &cluster): (&super::data_set::Row, &u32)| match protocol {
+    let group = |(row, &cluster): (&super::data_set::DataRow, &u32)| match protocol {
         Protocol::NewCommand => row.flown,
         _ => cluster * cases + row.case,
     };

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Stage};
 use servotwin_diagnosis::tree::Tree;
-use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::hierarchy::HierarchySettings;
 use std::collections::BTreeMap;
 
 /// A leaf with more than one class.
@@ -56,7 +56,7 @@ pub struct Content {
 /// [`EvaluationError::NothingDetectable`], and errors of the samples.
 pub fn worst(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     hierarchy: &Hierarchy,
     lessons: TrainingFilter,
     count: usize,
@@ -112,7 +112,7 @@ fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) ->
 /// The kinds of fault in every leaf of a tree.
 fn contents(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     stage: &Stage,
     tree: &Tree,
     rows: &[usize],

@@ -41,11 +41,11 @@ use piece::Bench;
 use protocol::{Holding, Protocol, ProtocolResult};
 use run::{Outcome, first_error};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{Kind, Model};
+use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question};
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers;
-use servotwin_learning::hierarchy::Settings as Training;
+use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::metrics::Rate;
 use servotwin_learning::tree::Criterion;
 
@@ -53,7 +53,7 @@ use crate::study::Role;
 
 /// The scope and methods of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct EvaluationSettings {
     /// Training settings of the nine trees.
     pub training: Training,
     /// Training settings of the committee.
@@ -87,10 +87,10 @@ fn yes() -> bool {
     true
 }
 
-impl Default for Settings {
+impl Default for EvaluationSettings {
     fn default() -> Self {
-        let boosted = classifiers::Settings::default_of(Kind::BoostedTrees);
-        Settings {
+        let boosted = classifiers::Settings::default_of(ClassifierKind::BoostedTrees);
+        EvaluationSettings {
             training: trees(Criterion::Entropy, 7),
             committee: Training::all(boosted),
             committee_lessons: TrainingFilter {
@@ -124,13 +124,13 @@ const QUICK_PROTOCOLS: [Protocol; 5] = [
     Protocol::NewCommand,
 ];
 
-impl Settings {
+impl EvaluationSettings {
     /// Reduces an evaluation for a quick study.
     pub fn quick(mut self) -> Self {
         self.protocols.retain(|protocol| QUICK_PROTOCOLS.contains(protocol));
         // Training a committee without each kind of fault in turn would lengthen the evaluation by half.
         self.committee_protocols.retain(|protocol| *protocol == Protocol::NewCommand);
-        Settings { ablation: false, learning_curve: false, ..self }
+        EvaluationSettings { ablation: false, learning_curve: false, ..self }
     }
 }
 
@@ -274,7 +274,7 @@ pub struct Trained {
 /// The data with the band that the settings select, and the bands that can be learned from it.
 pub fn banded(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     pools: &[usize],
 ) -> (DataSet, Option<Vec<Band>>) {
     let bands = bands::learn(data, pools);
@@ -294,7 +294,7 @@ pub fn banded(
 /// [`EvaluationError::NothingDetectable`], or training fails.
 pub fn train(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     pools: &[usize],
     workers: Workers,
 ) -> Result<Trained, EvaluationError> {
@@ -328,7 +328,7 @@ pub struct Context<'c> {
 /// [`EvaluationError::NothingDetectable`], or training fails.
 pub fn evaluate(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     context: &Context,
 ) -> Result<Evaluation, EvaluationError> {
     let bench = Bench::new(data, settings, context);
@@ -341,14 +341,14 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     if !data.has_training() {
         return vec![];
     }
-    let wanted = |row: &data_set::Row| !row.is_healthy && row.is_detected() && !row.reflected;
+    let wanted = |row: &data_set::DataRow| !row.is_healthy && row.is_detected() && !row.reflected;
     data.rows_where(Role::Judged, wanted)
 }
 
 /// Evaluates abstention and the calibration of the confidence.
 fn silence(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     trained: &Trained,
 ) -> Result<Option<(Abstention, Reliability)>, EvaluationError> {
     let rows = unseen(data);
@@ -378,7 +378,7 @@ fn flips(
 /// Evaluates the trees on new commands, trained on the first training commands only.
 fn commands(
     data: &DataSet,
-    settings: &Settings,
+    settings: &EvaluationSettings,
     workers: Workers,
 ) -> Result<Vec<(usize, ProtocolResult)>, EvaluationError> {
     let mut flown: Vec<u32> =
@@ -390,7 +390,7 @@ fn commands(
         let first = &flown[..count];
         let fewer = data.without(|row| row.role == Role::Training && !first.contains(&row.flown));
         let protocol = Protocol::NewCommand;
-        let Settings { training, holding, shutdowns, .. } = settings;
+        let EvaluationSettings { training, holding, shutdowns, .. } = settings;
         let found = protocol::evaluate(protocol, &fewer, training, *holding, shutdowns, workers)?;
         curve.extend(found.map(|(result, _)| (count, result)));
     }

@@ -9,7 +9,7 @@ use super::comparison::{self, Compared};
 use super::isolation::{self, Isolation, IsolationInputs};
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
 use super::run::{self, Outcome, Scope};
-use super::{Context, DataSet, Evaluation, EvaluationError, Settings, Training, TrainingFilter};
+use super::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings, Training, TrainingFilter};
 use super::{WORST_LEAVES, banded, commands, detection, false_alarms, flips, leaves};
 use super::{silence, size};
 use serde::{Deserialize, Serialize};
@@ -63,7 +63,7 @@ pub enum Found {
 }
 
 /// The pieces of an evaluation, in order.
-pub fn all(settings: &Settings) -> Vec<Piece> {
+pub fn all(settings: &EvaluationSettings) -> Vec<Piece> {
     let has_several = settings.protocols.len() > 1;
     let trees = settings.protocols.iter().map(|&protocol| Piece::Trees(protocol));
     let committee = settings.committee_protocols.iter().map(|&p| Piece::Committee(p));
@@ -116,7 +116,7 @@ pub fn joined(found: Vec<Found>) -> Evaluation {
 
 /// The data with its band and settings, common to all pieces.
 pub struct Bench<'b> {
-    settings: &'b Settings,
+    settings: &'b EvaluationSettings,
     context: &'b Context<'b>,
     unbanded: DataSet,
     data: DataSet,
@@ -126,7 +126,7 @@ pub struct Bench<'b> {
 
 impl<'b> Bench<'b> {
     /// Prepares an evaluation.
-    pub fn new(data: &DataSet, settings: &'b Settings, context: &'b Context<'b>) -> Self {
+    pub fn new(data: &DataSet, settings: &'b EvaluationSettings, context: &'b Context<'b>) -> Self {
         let unbanded = match data.sensors.is_empty() {
             true => data.clone(),
             false => data.with_bands(&vec![BAND; data.sensors.len()]),

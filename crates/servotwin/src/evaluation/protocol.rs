@@ -15,14 +15,14 @@
 //! - a new command and a fault never seen at its intensity, or at the neighboring intensities either;
 //! - a new command, with training on weak faults and testing on strong ones, and the reverse.
 
-use super::data_set::{DataSet, Row, TrainingFilter};
+use super::data_set::{DataSet, DataRow, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{Outcome, Scope, ask, first_error, run};
 use crate::parallel::Workers;
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question};
-use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
 use servotwin_learning::splits::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
@@ -141,7 +141,7 @@ impl Protocol {
     }
 
     /// Whether it judges a fault, detected or not.
-    fn judges(self, data: &DataSet, row: &Row) -> bool {
+    fn judges(self, data: &DataSet, row: &DataRow) -> bool {
         let weak = data.intensities[row.intensity as usize] <= WEAK;
         match self {
             Protocol::WeakToStrong => !weak,
@@ -168,10 +168,10 @@ impl Protocol {
     ) -> Result<Vec<Split>, EvaluationError> {
         let rows = data.detectable()?;
         let Holding { repeats, folds, seed, .. } = holding;
-        let groups = |key: &dyn Fn(&Row) -> u32| {
+        let groups = |key: &dyn Fn(&DataRow) -> u32| {
             rows.iter().map(|&r| key(&data.rows[r])).collect::<Vec<_>>()
         };
-        let kind_at = |row: &Row| cluster(data, row);
+        let kind_at = |row: &DataRow| cluster(data, row);
         let splits = match self {
             Protocol::RandomThird => {
                 let cases = data.cases.len() as u32;
@@ -206,7 +206,7 @@ impl Protocol {
         };
         let (train, test) = (data.learnt_from(lessons)?, data.detectable()?);
         let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
-        let split = |is_train: &dyn Fn(&Row, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
+        let split = |is_train: &dyn Fn(&DataRow, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
             let healthy_or =
                 |&row: &usize| data.rows[row].is_healthy || is_train(&data.rows[row], row);
             Split {
@@ -227,12 +227,12 @@ impl Protocol {
                 let of_fold = |fold: &Split| {
                     let held: std::collections::BTreeSet<u32> =
                         fold.test.iter().map(|&place| groups[place]).collect();
-                    let is_held = |row: &Row| {
+                    let is_held = |row: &DataRow| {
                         let last = data.intensities.len() as u32 - 1;
                         let low = row.intensity.saturating_sub(reach);
                         let mut near = low..=(row.intensity + reach).min(last);
                         near.any(|i| {
-                            held.contains(&cluster(data, &Row { intensity: i, ..row.clone() }))
+                            held.contains(&cluster(data, &DataRow { intensity: i, ..row.clone() }))
                         })
                     };
                     split(&|row, _| !is_held(row), &|row| {
@@ -252,7 +252,7 @@ fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
 }
 
 /// Index of a kind at an intensity.
-pub(super) fn cluster(data: &DataSet, row: &Row) -> u32 {
+pub(super) fn cluster(data: &DataSet, row: &DataRow) -> u32 {
     row.kind * data.intensities.len() as u32 + row.intensity
 }
 
@@ -404,7 +404,7 @@ pub type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
 pub fn evaluate(
     protocol: Protocol,
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     holding: Holding,
     shutdowns: &[String],
     workers: Workers,
@@ -424,7 +424,7 @@ pub fn evaluate(
 /// A split cannot be made, or the hierarchy does not fit the data.
 pub fn evaluate_trained(
     data: &DataSet,
-    (settings, hierarchy): (&Settings, &Hierarchy),
+    (settings, hierarchy): (&HierarchySettings, &Hierarchy),
     holding: Holding,
     shutdowns: &[String],
 ) -> Result<Option<ProtocolResult>, EvaluationError> {
@@ -439,7 +439,7 @@ pub fn evaluate_trained(
 pub(super) fn judged_splits(
     protocol: Protocol,
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     holding: Holding,
 ) -> Result<Vec<Split>, EvaluationError> {
     let names = data.examples.names();

@@ -10,7 +10,7 @@ use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::hierarchy::{
     Diagnosis, FORMAT, Hierarchy, Place, Question, Scratch, Stage,
 };
-use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::Split;
 use std::collections::BTreeMap;
 
@@ -46,7 +46,7 @@ pub struct Outcome {
 /// Training fails.
 pub fn run(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     splits: &[Split],
     scope: Scope,
     workers: Workers,
@@ -59,9 +59,9 @@ pub fn run(
 }
 
 /// Disables settings that need views if the data set has none.
-pub fn settled(data: &DataSet, settings: &Settings) -> Settings {
+pub fn settled(data: &DataSet, settings: &HierarchySettings) -> HierarchySettings {
     let has_views = data.examples.views() == data.examples.names().actuators.len();
-    Settings {
+    HierarchySettings {
         mirror: settings.mirror && has_views,
         pool: settings.pool && has_views,
         ..settings.clone()
@@ -70,7 +70,7 @@ pub fn settled(data: &DataSet, settings: &Settings) -> Settings {
 
 fn run_split(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     split: &Split,
     scope: Scope,
     workers: Workers,
@@ -91,7 +91,7 @@ fn run_split(
 /// Training fails.
 pub fn fit(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     rows: &[usize],
     workers: Workers,
 ) -> Result<Hierarchy, EvaluationError> {
@@ -100,7 +100,7 @@ pub fn fit(
 
 fn fit_scope(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     rows: &[usize],
     scope: Scope,
     workers: Workers,
@@ -173,7 +173,7 @@ impl<'a> Asking<'a> {
 /// class.
 fn trace(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     hierarchy: &Hierarchy,
     train: &[usize],
     outcomes: &mut [Outcome],
@@ -218,7 +218,7 @@ pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
 /// For each leaf of a tree, the most frequent kind of fault among the training rows of its class.
 fn leaf_kinds(
     data: &DataSet,
-    settings: &Settings,
+    settings: &HierarchySettings,
     stage: &Stage,
     train: &[usize],
 ) -> Result<Option<BTreeMap<usize, u32>>, EvaluationError> {

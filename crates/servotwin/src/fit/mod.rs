@@ -50,7 +50,7 @@ use crate::ensemble::processors;
 use crate::study::Study;
 use crate::system::System;
 use crate::system::imperfection::Imperfection;
-use servotwin_model::solver::{self, Settings};
+use servotwin_model::solver::{self, SolverSettings};
 use std::fmt;
 use std::sync::atomic::AtomicBool;
 
@@ -72,7 +72,7 @@ pub struct Fit<'s> {
     /// When the faults among the unknowns begin, s after the first sample; `None` if they precede it.
     pub onset_s: Option<f64>,
     /// Solver settings of the runs.
-    pub solver: Settings,
+    pub solver: SolverSettings,
     /// The number of worker threads.
     pub threads: usize,
     /// Set by another thread to stop the fit.
@@ -192,7 +192,7 @@ impl<'s> Fit<'s> {
             records,
             suspects: Vec::new(),
             onset_s: None,
-            solver: Settings::campaign(),
+            solver: SolverSettings::campaign(),
             threads: processors(),
             cancel: None,
             progress: &silent,

@@ -7,7 +7,7 @@ use super::runtime::{self, RuntimeError};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Boundary, Sensor};
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{Knot, Settings, Twin};
+use servotwin_model::solver::{Knot, SolverSettings, Twin};
 
 /// By how much an input is changed, as a fraction of its usual value.
 const CHANGE: f64 = 0.01;
@@ -58,7 +58,7 @@ pub fn boundaries(
 fn readings(study: &Study, inputs: &[Knot], slots: &[Slot]) -> Result<Vec<f64>, RuntimeError> {
     let program = &study.system.program;
     let between = runtime::between(study);
-    let mut twin = Twin::new(program, Settings::campaign(), study.sample_period_s, between);
+    let mut twin = Twin::new(program, SolverSettings::campaign(), study.sample_period_s, between);
     let parameters = program.parameters(&[]);
     twin.load(&parameters);
     twin.settle(inputs, &program.first_guess(&parameters))

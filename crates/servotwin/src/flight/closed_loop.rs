@@ -10,7 +10,7 @@ use crate::system::reservoir::Level;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised, Session};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Knot, Settings, Twin};
+use servotwin_model::solver::{Knot, SolverSettings, Twin};
 use std::sync::Arc;
 
 /// The flight to simulate.
@@ -161,7 +161,7 @@ impl<'f> Flight<'f> {
         let overrides = specimen.map_or(vec![], |number| draw(number).parameters());
         let noise = draw(specimen.unwrap_or(0)).noise().unwrap_or_else(|| Random::new(1));
         let program = &study.system.program;
-        let mut plant = Twin::new(program, Settings::campaign(), period_s, runtime::between(study));
+        let mut plant = Twin::new(program, SolverSettings::campaign(), period_s, runtime::between(study));
         plant.load(&program.parameters_with(&overrides, &[]));
         Ok(Flight {
             scenario,

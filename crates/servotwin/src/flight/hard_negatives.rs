@@ -7,7 +7,7 @@
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{Flight, Purpose};
 use super::training_windows::{BaselineCorrected, Cut, TrainingWindow, TrainingWindows};
-use super::windows::{self, Kind};
+use super::windows::{self, WindowKind};
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::{Flights, Setting, Study};
@@ -64,7 +64,7 @@ pub fn add(
 /// Searches for windows that leave their bands, at the places where a diagnosis looks.
 #[derive(Clone)]
 struct Seeking<'s> {
-    kinds: &'s [Kind],
+    kinds: &'s [WindowKind],
     bands: &'s [Vec<f64>],
     flight: Option<Flight>,
     scales: Vec<f64>,
@@ -80,7 +80,7 @@ impl<'s> Seeking<'s> {
         study: &Study,
         flights: &Flights,
         setting: Setting,
-        kinds: &'s [Kind],
+        kinds: &'s [WindowKind],
         bands: &'s [Vec<f64>],
     ) -> Self {
         let scales = study.scales()[..study.base_sensors()].to_vec();

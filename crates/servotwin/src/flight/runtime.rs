@@ -6,7 +6,7 @@ use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
 use servotwin_diagnosis::error::Error;
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{Program, Slot};
-use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
+use servotwin_model::solver::{Between, Failure, Knot, SolverSettings, Snapshot, Twin};
 use std::sync::Arc;
 
 /// Why the twin cannot run.
@@ -126,7 +126,7 @@ impl<'s> Runtime<'s> {
         let slots = slots(study, diagnoser.sensors.iter().map(|sensor| sensor.name.as_str()))?;
         let period_s = diagnoser.period_s;
         let session = Session::new(diagnoser)?;
-        let mut twin = Twin::new(program, Settings::campaign(), period_s, between(study));
+        let mut twin = Twin::new(program, SolverSettings::campaign(), period_s, between(study));
         twin.load(&program.parameters_with(&overrides, &[]));
         Ok(Runtime {
             study,
@@ -144,7 +144,7 @@ impl<'s> Runtime<'s> {
     }
 
     /// Simulates the twin with other steps than those of training. Call it before the first sample.
-    pub fn stepping(mut self, settings: Settings) -> Self {
+    pub fn stepping(mut self, settings: SolverSettings) -> Self {
         let program = &self.study.system.program;
         let period_s = self.session.diagnoser().period_s;
         self.twin = Twin::new(program, settings, period_s, between(self.study));

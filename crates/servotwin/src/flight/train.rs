@@ -1,9 +1,9 @@
 //! Trains trees, committee and bands for each kind of window from flights.
 
-use super::windows::{self, Kind};
-use crate::evaluation::data_set::Row;
+use super::windows::{self, WindowKind};
+use crate::evaluation::data_set::DataRow;
 use crate::evaluation::{
-    self, DataSet, EvaluationError, FeatureInfo, Settings, bands, committee, run,
+    self, DataSet, EvaluationError, FeatureInfo, EvaluationSettings, bands, committee, run,
 };
 use crate::parallel::{self, Workers};
 use crate::study::{Flights, Role, Setting, Study};
@@ -17,7 +17,7 @@ use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, Tuning};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_learning::classifiers::{self, boosted_trees};
-use servotwin_learning::hierarchy::Settings as Training;
+use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::novelty;
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
@@ -44,7 +44,7 @@ const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
-pub fn settings() -> Settings {
+pub fn settings() -> EvaluationSettings {
     let training = evaluation::trees(Criterion::Entropy, DEPTH);
     let committee = Training::all(classifiers::Settings::BoostedTrees(boosted_trees::Settings {
         trees: boosted_trees::MAX_TREES,
@@ -52,7 +52,7 @@ pub fn settings() -> Settings {
         learning_rate: LEARNING_RATE,
         ..boosted_trees::Settings::default()
     }));
-    Settings { learned_bands: true, training, committee, ..Settings::default() }
+    EvaluationSettings { learned_bands: true, training, committee, ..EvaluationSettings::default() }
 }
 
 /// Trains a complete diagnoser from windows of flights, one table for each kind.
@@ -90,7 +90,7 @@ pub fn diagnoser(
     };
     let (evidence_quantile, baseline_corrected_quantile) =
         (evidence_quantile(false), evidence_quantile(true));
-    let of = |(kind, LearnedLength { length, .. }): (&Kind, LearnedLength)| Length {
+    let of = |(kind, LearnedLength { length, .. }): (&WindowKind, LearnedLength)| Length {
         baseline_corrected: kind
             .is_baseline_corrected
             .then(|| baseline_corrected_allowances(baseline_corrected_quantile)),
@@ -177,9 +177,9 @@ const LEAST_OF_MEDIAN: usize = 2;
 fn widest(
     data: &DataSet,
     flight_of: &[u32],
-    is_further: impl Fn(&DataSet, &Row) -> bool,
+    is_further: impl Fn(&DataSet, &DataRow) -> bool,
 ) -> Option<(u64, f64)> {
-    let is_own = |row: &&Row| row.is_healthy && !row.reflected && !is_further(data, row);
+    let is_own = |row: &&DataRow| row.is_healthy && !row.reflected && !is_further(data, row);
     let mut flights: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     for row in data.rows.iter().filter(is_own) {
         flights.entry(flight_of[row.variant]).or_default().push(row.excess);
@@ -195,7 +195,7 @@ fn widest(
 
 fn length(
     study: &Study,
-    (kind, usual): (Kind, usize),
+    (kind, usual): (WindowKind, usize),
     tables: &[(Role, Table)],
     pools: &[usize],
     workers: Workers,
@@ -204,7 +204,7 @@ fn length(
     let data =
         DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
     let settings = settings();
-    let is_further = |data: &DataSet, row: &Row| {
+    let is_further = |data: &DataSet, row: &DataRow| {
         data.cases[row.case as usize].parse().is_ok_and(|environment: usize| environment >= usual)
     };
     // The guarantee of bands applies to ordinary flights, so hard negatives are excluded.

@@ -6,7 +6,7 @@
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
-use super::windows::{self, Kind};
+use super::windows::{self, WindowKind};
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
 use crate::experiment::CampaignError;
@@ -131,7 +131,7 @@ impl TrainingWindows {
 }
 
 struct Cutter<'k> {
-    kinds: &'k [Kind],
+    kinds: &'k [WindowKind],
     cuts: Vec<Cut>,
     windows: Vec<Window>,
     scales: Vec<f64>,
@@ -150,7 +150,7 @@ pub(super) struct BaselineCorrected {
 }
 
 impl BaselineCorrected {
-    pub fn new(settings: baseline::Settings, sensors: usize, onset: usize) -> Self {
+    pub fn new(settings: baseline::BaselineSettings, sensors: usize, onset: usize) -> Self {
         let baseline = Baseline::new(settings, sensors).expect("usual settings");
         Self { baseline, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
     }
@@ -234,11 +234,11 @@ pub fn tables(
 }
 
 /// The windows to cut from a flight; baseline-corrected ones begin after `settled` samples.
-fn cuts(kinds: &[Kind], settled: usize, flight: &Flight, period_s: f64) -> Vec<Cut> {
+fn cuts(kinds: &[WindowKind], settled: usize, flight: &Flight, period_s: f64) -> Vec<Cut> {
     let sample = |time_s: f64| (time_s / period_s).round() as usize;
     let mut random = Random::new(0x5eed << 32 | flight.number as u64);
     let mut cuts = vec![];
-    for (kind, &Kind { window_s: length_s, is_baseline_corrected }) in kinds.iter().enumerate() {
+    for (kind, &WindowKind { window_s: length_s, is_baseline_corrected }) in kinds.iter().enumerate() {
         let samples = sample(length_s);
         let first = if is_baseline_corrected { settled } else { 0 };
         let mut cut = |end_s: f64, is_faulty: bool| {

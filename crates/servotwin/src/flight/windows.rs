@@ -10,7 +10,7 @@ const SETTLE_SHARE: f64 = 0.8;
 
 /// A kind of window.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Kind {
+pub struct WindowKind {
     /// Length, s.
     pub window_s: f64,
     /// Whether the residuals are baseline-corrected.
@@ -20,10 +20,10 @@ pub struct Kind {
 /// The kinds of windows in a scenario: of absolute residuals, and where specimens differ from their twins, the shortest
 /// also of baseline-corrected residuals. A longer baseline-corrected window would hold a single sudden motion, to which
 /// every specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators.
-pub fn kinds(flights: &Flights, setting: Setting) -> Vec<Kind> {
+pub fn kinds(flights: &Flights, setting: Setting) -> Vec<WindowKind> {
     let absolute =
-        flights.windows_s.iter().map(|&window_s| Kind { window_s, is_baseline_corrected: false });
-    let baseline_corrected = Kind { window_s: shortest_s(flights), is_baseline_corrected: true };
+        flights.windows_s.iter().map(|&window_s| WindowKind { window_s, is_baseline_corrected: false });
+    let baseline_corrected = WindowKind { window_s: shortest_s(flights), is_baseline_corrected: true };
     absolute.chain(is_baseline_corrected(setting).then_some(baseline_corrected)).collect()
 }
 
@@ -36,7 +36,7 @@ fn is_baseline_corrected(setting: Setting) -> bool {
 }
 
 /// The settings of the baseline; `None` if windows are not baseline-corrected.
-pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<baseline::Settings> {
+pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<baseline::BaselineSettings> {
     let pane = span(shortest_s(flights), period_s).pane_samples;
     let Tuning { baseline_settle_s, baseline_memory_s, .. } = Tuning::default();
     let settle_s = baseline_settle_s.min(SETTLE_SHARE * flights.onset_s[0]);
@@ -44,7 +44,7 @@ pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<ba
     let panes = (settle_s / period_s) as u32 / pane;
     let settle_samples = (panes * pane + pane / 2).max(1);
     let memory_samples = ((baseline_memory_s / period_s) as u32).max(settle_samples);
-    is_baseline_corrected(setting).then_some(baseline::Settings { settle_samples, memory_samples })
+    is_baseline_corrected(setting).then_some(baseline::BaselineSettings { settle_samples, memory_samples })
 }
 
 /// The panes of a window with a given length.

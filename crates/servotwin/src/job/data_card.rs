@@ -11,7 +11,7 @@ use crate::evaluation::EvaluationError;
 use crate::manifest::sha256_of_text;
 use crate::study::{Role, Setting, Study};
 use crate::table::parquet::ParquetReader;
-use crate::table::{Kind, Table, TableError};
+use crate::table::{ColumnKind, Table, TableError};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -215,11 +215,11 @@ fn list_columns(out: &mut String, files: &[DataFile]) {
         }
         known.push(&column.name);
         let kind = match column.values.kind() {
-            Kind::Float => "f64",
-            Kind::Integer => "i64",
-            Kind::Unsigned => "u32",
-            Kind::Flag => "bool",
-            Kind::Text => "text",
+            ColumnKind::Float => "f64",
+            ColumnKind::Integer => "i64",
+            ColumnKind::Unsigned => "u32",
+            ColumnKind::Flag => "bool",
+            ColumnKind::Text => "text",
         };
         let [name, unit, what] = [&column.name, &column.unit, &column.description].map(|t| cell(t));
         add(out, format_args!("| `{name}` | {kind} | {unit} | {what} |\n"));

@@ -163,7 +163,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
         inputs: hashes(folder, known.as_ref(), &[folder.study(), folder.system()])?,
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Subject::Ideal.settings(study).holding.seed,
-        solver: in_words(&solver::Settings::campaign()),
+        solver: in_words(&solver::SolverSettings::campaign()),
         equations: format!("{:016x}", study.system.program.identity()),
         data_sets: data_sets
             .map(|(s, role)| data_set(folder, known.as_ref(), s, role))
@@ -173,7 +173,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
 }
 
 /// Describes the solver's settings.
-fn in_words(settings: &solver::Settings) -> String {
+fn in_words(settings: &solver::SolverSettings) -> String {
     let steps = match settings.control {
         Control::Fixed { step_s } => format!("steps of {step_s} s"),
         Control::Adaptive { tolerance, max_step_s, attempt_rate_limit_per_s } => format!(

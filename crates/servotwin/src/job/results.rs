@@ -2,7 +2,7 @@
 
 use super::{Folder, JobError, Subject};
 use crate::evaluation::robustness::Cross;
-use crate::evaluation::{Evaluation, Settings, model_file};
+use crate::evaluation::{Evaluation, EvaluationSettings, model_file};
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ pub struct SubjectResult {
     /// The subject's title for readers.
     pub title: String,
     /// The settings of training and evaluation.
-    pub settings: Settings,
+    pub settings: EvaluationSettings,
     /// The results under all protocols.
     pub evaluation: Evaluation,
 }
@@ -61,7 +61,7 @@ impl Results {
 
 impl SubjectResult {
     /// Assembles the result of a subject.
-    pub fn new(subject: Subject, study: &Study, settings: Settings, result: Evaluation) -> Self {
+    pub fn new(subject: Subject, study: &Study, settings: EvaluationSettings, result: Evaluation) -> Self {
         SubjectResult { subject, title: subject.title(study), settings, evaluation: result }
     }
 }

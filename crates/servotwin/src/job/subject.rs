@@ -3,12 +3,12 @@
 use crate::evaluation::comparison::quick_classifiers;
 use crate::evaluation::data_set::TrainingFilter;
 use crate::evaluation::protocol::{Holding, Protocol};
-use crate::evaluation::{self, Settings};
+use crate::evaluation::{self, EvaluationSettings};
 use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
 use crate::study::{Plants, Setting, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_learning::classifiers;
-use servotwin_learning::hierarchy::Settings as Training;
+use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::tree::Criterion;
 
 /// A data set, and whether the extra sensor is used.
@@ -84,14 +84,14 @@ impl Subject {
 
     /// The settings of training and evaluation: those in the study's section `[evaluation]`, and the usual ones for the
     /// rest. A quick study has fewer protocols.
-    pub fn settings(self, study: &Study) -> Settings {
+    pub fn settings(self, study: &Study) -> EvaluationSettings {
         let settings = self.as_asked(self.usual(), &study.evaluating);
         let settings = if study.is_full { settings } else { settings.quick() };
-        Settings { shutdowns: study.shutdowns(), ..settings }
+        EvaluationSettings { shutdowns: study.shutdowns(), ..settings }
     }
 
     /// Replaces usual settings by those of the study.
-    fn as_asked(self, mut settings: Settings, asked: &Evaluating) -> Settings {
+    fn as_asked(self, mut settings: EvaluationSettings, asked: &Evaluating) -> EvaluationSettings {
         let is_asked = |list: &Option<Vec<Setting>>| {
             list.as_ref().map(|settings| settings.contains(&self.setting()))
         };
@@ -135,15 +135,15 @@ impl Subject {
     ///
     /// Evaluation records are longer than training records and so reveal weaker faults. For specimens that equal
     /// their twin, weakened copies of a fault are therefore used down to a quarter of the band.
-    fn usual(self) -> Settings {
-        let defaults = Settings::default();
+    fn usual(self) -> EvaluationSettings {
+        let defaults = EvaluationSettings::default();
         let usually = defaults.holding.lessons;
         let lessons = match self.setting().plants() {
             Plants::Pool => TrainingFilter { healthy: 1.0, ..usually },
             Plants::Specimens => usually,
             Plants::Twin => TrainingFilter { weaker: 0.25, ..usually },
         };
-        let settings = Settings {
+        let settings = EvaluationSettings {
             training: match self.setting().plants() {
                 Plants::Specimens => evaluation::trees(Criterion::Gini, 9),
                 Plants::Pool => evaluation::trees(Criterion::Entropy, 10),
@@ -156,13 +156,13 @@ impl Subject {
         };
         match self {
             Subject::Ideal => settings,
-            Subject::ExtraSensor => Settings {
+            Subject::ExtraSensor => EvaluationSettings {
                 classifiers: vec![],
                 protocols: vec![Protocol::Grouped, Protocol::NewCommand],
                 committee_protocols: vec![Protocol::NewCommand],
                 ..settings
             },
-            _ => Settings { classifiers: vec![], ..settings },
+            _ => EvaluationSettings { classifiers: vec![], ..settings },
         }
     }
 }

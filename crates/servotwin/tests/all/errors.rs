@@ -4,7 +4,7 @@ use servotwin::campaign::ensemble;
 use servotwin::ensemble::{Ensemble, Rows, Variant};
 use servotwin::study::{FaultCase, Study};
 use servotwin_model::program::Slot;
-use servotwin_model::solver::Settings;
+use servotwin_model::solver::SolverSettings;
 use std::collections::BTreeMap;
 
 /// All states of the paper's aileron in one of its cases with one fault each, sample after sample.
@@ -12,7 +12,7 @@ fn runs(
     study: &Study,
     faults: &[&FaultCase],
     duration_s: f64,
-    settings: Settings,
+    settings: SolverSettings,
 ) -> Vec<Vec<f64>> {
     let states = study.system.program.states().len() as Slot;
     let record = (0..states).collect();
@@ -43,7 +43,7 @@ fn largest_errors(duration_s: f64, choice: impl Fn(&FaultCase) -> bool) -> BTree
     let states = study.system.program.states();
     let faults: Vec<&FaultCase> =
         study.faults.iter().filter(|fault| fault.unit == 0 && choice(fault)).collect();
-    let [rough, exact] = [Settings::campaign(), Settings::reference()]
+    let [rough, exact] = [SolverSettings::campaign(), SolverSettings::reference()]
         .map(|settings| runs(&study, &faults, duration_s, settings));
     let mut largest = BTreeMap::new();
     for ((fault, rough), exact) in faults.iter().zip(&rough).zip(&exact) {
@@ -84,7 +84,7 @@ fn every_fault_but_four_is_exact_to_a_ten_thousandth_of_scale() {
 fn a_ringing_valve_runs_at_the_tolerance_of_references_too() {
     let study = Study::default();
     let ringing = study.faults.iter().find(|fault| fault.unit == 0 && rings(fault)).unwrap();
-    let samples = &runs(&study, &[ringing], 3.0, Settings::reference())[0];
+    let samples = &runs(&study, &[ringing], 3.0, SolverSettings::reference())[0];
     assert_eq!(samples.len(), 301 * study.system.program.states().len());
 }
 

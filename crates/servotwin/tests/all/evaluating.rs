@@ -1,6 +1,6 @@
 //! What a study says of training and judging goes before what is usual.
 
-use servotwin::evaluation::Settings;
+use servotwin::evaluation::EvaluationSettings;
 use servotwin::job::Subject;
 use servotwin::study::{Setting, Study};
 use servotwin_learning::classifiers::Settings as Classifier;
@@ -12,7 +12,7 @@ fn study(section: &str) -> Study {
     Study::parse(&format!("{text}\n[evaluation]\n{section}"), "paper.toml").unwrap()
 }
 
-fn settings(section: &str) -> Vec<(Subject, Settings)> {
+fn settings(section: &str) -> Vec<(Subject, EvaluationSettings)> {
     let study = study(section);
     Subject::ALL.into_iter().map(|subject| (subject, subject.settings(&study))).collect()
 }
@@ -20,7 +20,7 @@ fn settings(section: &str) -> Vec<(Subject, Settings)> {
 #[test]
 fn a_study_without_the_section_or_with_an_empty_one_has_what_is_usual() {
     let study = Study::default();
-    let usual: Vec<(Subject, Settings)> =
+    let usual: Vec<(Subject, EvaluationSettings)> =
         Subject::ALL.into_iter().map(|subject| (subject, subject.settings(&study))).collect();
     assert_eq!(usual, settings(""));
     // What the book says is usual, said.

@@ -1,16 +1,16 @@
 //! The evaluation on a made-up campaign whose answers are known.
 
 use servotwin::evaluation::committee::evidence_quantile;
-use servotwin::evaluation::data_set::Row;
+use servotwin::evaluation::data_set::DataRow;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
-    Context, DataSet, Evaluation, EvaluationError, FeatureInfo, Settings, Trained,
+    Context, DataSet, Evaluation, EvaluationError, FeatureInfo, EvaluationSettings, Trained,
 };
 use servotwin::evaluation::{bands, evaluate, model_file, train};
 use servotwin::parallel::Workers;
 use servotwin::study::Role;
 use servotwin::table::{Column, Table};
-use servotwin_diagnosis::classifiers::Kind;
+use servotwin_diagnosis::classifiers::ClassifierKind;
 use servotwin_diagnosis::features::Teaches;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::random::Random;
@@ -118,16 +118,16 @@ fn flown(noise: f64, cases: &[&str], seed: u64) -> Table {
     Table::from_columns(columns).unwrap()
 }
 
-fn settings() -> Settings {
+fn settings() -> EvaluationSettings {
     let few = Holding { repeats: 2, folds: 3, seed: 3, ..Holding::default() };
-    Settings {
+    EvaluationSettings {
         holding: few,
         comparison_holding: few,
-        classifiers: [Kind::Cart, Kind::NaiveBayes]
+        classifiers: [ClassifierKind::Cart, ClassifierKind::NaiveBayes]
             .map(servotwin_learning::classifiers::Settings::default_of)
             .into(),
         shutdowns: vec!["shut_down".into()],
-        ..Settings::default()
+        ..EvaluationSettings::default()
     }
 }
 
@@ -148,7 +148,7 @@ fn evaluated(noise: f64, threads: usize) -> (Evaluation, Trained, DataSet) {
     (evaluation, trained, data)
 }
 
-fn evaluated_with(data: &DataSet, settings: &Settings, threads: usize) -> (Evaluation, Trained) {
+fn evaluated_with(data: &DataSet, settings: &EvaluationSettings, threads: usize) -> (Evaluation, Trained) {
     let workers = Workers::new(threads);
     let pools = [0, 0];
     let trained = train(data, settings, &pools, workers).unwrap();
@@ -199,7 +199,7 @@ fn a_committee_is_as_sure_as_the_faults_that_taught_it() {
     let trained = train(&data, &settings(), &[0, 0], Workers::new(1)).unwrap();
     let (committee, lessons) = (&trained.committee.hierarchy, settings().committee_lessons);
     let of_all = evidence_quantile(&data, committee, lessons).unwrap();
-    let is_weak = |row: &Row| row.own_intensity < 0.25;
+    let is_weak = |row: &DataRow| row.own_intensity < 0.25;
     let weak = data.without(|row| !row.is_healthy && !is_weak(row));
     let of_weak = evidence_quantile(&weak, committee, lessons).unwrap();
     assert!(of_weak < of_all && of_all > 3.0, "{of_weak} {of_all}");

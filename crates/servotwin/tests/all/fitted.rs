@@ -1,10 +1,10 @@
 //! The fitted setting: specimens beside twins that were fitted to them in a calibration flight.
 
 use crate::folder::Folder;
-use servotwin::campaign::{Campaign, CampaignError, Row, calibration_file};
+use servotwin::campaign::{Campaign, CampaignError, ShardRow, calibration_file};
 use servotwin::study::{Role, Setting, Study};
 use servotwin::table::{self, Column, Table};
-use servotwin_model::solver::Settings;
+use servotwin_model::solver::SolverSettings;
 use std::collections::BTreeSet;
 
 /// The spring actuator with two kinds of fault, short flights, and a section [fitted].
@@ -32,13 +32,13 @@ fn campaign<'s>(
     threads: usize,
 ) -> Campaign<'s> {
     Campaign {
-        solver: Settings::campaign(),
+        solver: SolverSettings::campaign(),
         threads,
         ..Campaign::stored(&folder.0, study, setting, Role::Judged)
     }
 }
 
-fn rows(campaign: &Campaign) -> Vec<Row> {
+fn rows(campaign: &Campaign) -> Vec<ShardRow> {
     let outcome = campaign.run(|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty() && !outcome.cancelled);
     campaign.windows().unwrap().remove(0)
@@ -48,7 +48,7 @@ fn rows(campaign: &Campaign) -> Vec<Row> {
 fn means(campaign: &Campaign) -> Vec<f64> {
     let plan = campaign.plan();
     let healthy = rows(campaign).into_iter().zip(plan).filter(|(_, p)| p.fault.is_none());
-    let largest = |row: Row| {
+    let largest = |row: ShardRow| {
         let sensors = 0..row.window.sensors();
         sensors.map(|sensor| row.window.mean(sensor).abs()).fold(0.0, f64::max)
     };

@@ -8,7 +8,7 @@ use servotwin::system::System;
 use servotwin::system::reservoir::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Between, Knot, Settings, Twin};
+use servotwin_model::solver::{Between, Knot, SolverSettings, Twin};
 
 const PERIOD_S: f64 = 0.01;
 const LITRE_M3: f64 = 1e-3;
@@ -48,7 +48,7 @@ impl Flight {
         let command: Piecewise =
             command.build(inputs[place("command")].unit, self.duration_s).unwrap();
         let mut twin =
-            Twin::new(program, Settings::campaign(), PERIOD_S, vec![Between::Hold; inputs.len()]);
+            Twin::new(program, SolverSettings::campaign(), PERIOD_S, vec![Between::Hold; inputs.len()]);
         let faults: Vec<FaultAt> = self.fault.iter().map(|fault| named(system, *fault)).collect();
         let parameters = program.parameters_with(&[], &faults);
         twin.load(&parameters);

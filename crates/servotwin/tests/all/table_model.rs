@@ -12,7 +12,7 @@ use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
 use servotwin::parallel::Workers;
 use servotwin::table::{self, Column, Table};
-use servotwin_diagnosis::classifiers::{Classifier, Kind};
+use servotwin_diagnosis::classifiers::{Classifier, ClassifierKind};
 use servotwin_diagnosis::residual::Window;
 use servotwin_learning::classifiers::Settings;
 use std::io::BufReader;
@@ -29,17 +29,17 @@ fn data(folder: &str) -> Option<PathBuf> {
     None
 }
 
-fn classifier(kind: Kind) -> Settings {
+fn classifier(kind: ClassifierKind) -> Settings {
     let list = comparison::default_classifiers();
     list.into_iter().find(|settings| settings.kind() == kind).unwrap()
 }
 
-fn judge(table: &Table, selection: &Selection, kind: Kind, how: HoldOut) -> Judged {
+fn judge(table: &Table, selection: &Selection, kind: ClassifierKind, how: HoldOut) -> Judged {
     let prepared = prepare(table.clone(), None, selection).unwrap();
     prepared.validate(&classifier(kind), how, Workers::new(2)).unwrap()
 }
 
-fn accuracy(table: &Table, label: &str, group: Option<&str>, kind: Kind, how: HoldOut) -> f64 {
+fn accuracy(table: &Table, label: &str, group: Option<&str>, kind: ClassifierKind, how: HoldOut) -> f64 {
     // The other conditions of the rig are no features.
     let ignored = CONDITIONS.into_iter().filter(|name| *name != label && has(table, name));
     let selection = Selection {
@@ -63,10 +63,10 @@ fn val_sklearn_liu_engine_residuals() {
     let table = table::read(folder.join("residuals.csv")).unwrap();
     let last_third = HoldOut::Last { share: 1.0 / 3.0 };
     for (kind, sklearn) in [
-        (Kind::Cart, 0.772),
-        (Kind::RandomForest, 0.892),
-        (Kind::Mlp, 0.846),
-        (Kind::NaiveBayes, 0.708),
+        (ClassifierKind::Cart, 0.772),
+        (ClassifierKind::RandomForest, 0.892),
+        (ClassifierKind::Mlp, 0.846),
+        (ClassifierKind::NaiveBayes, 0.708),
     ] {
         let ours = accuracy(&table, "mode", None, kind, last_third);
         println!("LiU {}: {ours:.3}, scikit-learn {sklearn}", kind.id());
@@ -87,7 +87,7 @@ fn liu_windows_say_about_as_much_as_single_samples() {
     let mean = |table: &Table| -> f64 {
         let of_seed =
             |seed| {
-                let Settings::RandomForest(forest) = classifier(Kind::RandomForest) else {
+                let Settings::RandomForest(forest) = classifier(ClassifierKind::RandomForest) else {
                     unreachable!("the settings of a forest")
                 };
                 let settings = Settings::RandomForest(
@@ -163,7 +163,7 @@ fn val_sklearn_zema_hydraulic_rig() {
     assert_eq!(table.row_count(), 2205);
     let folds = HoldOut::Folds { folds: 5, seed: 1 };
     for (condition, sklearn) in CONDITIONS.into_iter().zip([0.994, 1.000, 0.992, 0.803]) {
-        let ours = accuracy(&table, condition, Some("block"), Kind::Cart, folds);
+        let ours = accuracy(&table, condition, Some("block"), ClassifierKind::Cart, folds);
         println!("ZeMA {condition}: {ours:.3}, scikit-learn {sklearn}");
         assert!(ours >= sklearn - 0.03, "{condition}: {ours}");
     }
@@ -199,7 +199,7 @@ fn ungrouped(label: &str) -> Selection {
     Selection { label: label.into(), ..Selection::default() }
 }
 
-fn trained(table: Table, kind: Kind) -> TableModel {
+fn trained(table: Table, kind: ClassifierKind) -> TableModel {
     prepare(table, None, &selection("class")).unwrap().train(&classifier(kind)).unwrap()
 }
 
@@ -214,7 +214,7 @@ fn every_classifier_learns_a_small_table() {
         assert_eq!(serde_json::from_str::<TableModel>(&text).unwrap(), model);
     }
     let path = std::env::temp_dir().join(format!("servotwin-table-{}.json", std::process::id()));
-    let model = trained(small(), Kind::Cart);
+    let model = trained(small(), ClassifierKind::Cart);
     model_file::write(&path, &model).unwrap();
     assert_eq!(model_file::read_table_model(&path).unwrap(), model);
     std::fs::remove_file(path).unwrap();
@@ -250,7 +250,7 @@ fn unfit_tables_are_refused_in_words() {
     let weights = ClassWeights::Given(vec![("lo".into(), 2.0)]);
     let weighted = Selection { class_weights: weights, ..selection("class") };
     let prepared = prepare(small(), None, &weighted).unwrap();
-    let text = prepared.train(&classifier(Kind::Cart)).unwrap_err().to_string();
+    let text = prepared.train(&classifier(ClassifierKind::Cart)).unwrap_err().to_string();
     assert!(text.contains("'lo'") && text.contains("high, low"), "{text}");
     let many = HoldOut::Folds { folds: 9, seed: 1 };
     let prepared = prepare(small(), None, &selection("class")).unwrap();
@@ -332,10 +332,10 @@ fn a_second_table_tests_what_the_first_trains() {
         let ungrouped =
             Selection { group: None, ignored: vec!["batch".into()], ..selection("class") };
         let prepared = prepare(small(), Some(test), &ungrouped)?;
-        prepared.validate(&classifier(Kind::Cart), HoldOut::Fixed, Workers::new(1))
+        prepared.validate(&classifier(ClassifierKind::Cart), HoldOut::Fixed, Workers::new(1))
     };
     let result = judged(small()).unwrap();
-    let model = trained(small(), Kind::Cart);
+    let model = trained(small(), ClassifierKind::Cart);
     let apart = evaluate_table(small(), &model, None).unwrap();
     assert_eq!(result.score.confusion, apart.score.confusion);
     assert_eq!(result.baseline.unwrap().accuracy, Some(0.5));
@@ -358,7 +358,7 @@ fn intervals_over_groups_are_wider_where_groups_differ() {
     ])
     .unwrap();
     let folds = HoldOut::Folds { folds: 5, seed: 1 };
-    let judged = judge(&table, &selection("class"), Kind::Cart, folds);
+    let judged = judge(&table, &selection("class"), ClassifierKind::Cart, folds);
     let (grouped, plain) = (
         judged.score.accuracy,
         servotwin::evaluation::metrics::Rate::new(judged.score.accuracy.count, 400),
@@ -399,14 +399,14 @@ fn texts_and_missing_values_are_learnt_from() {
         prepared.samples().feature_names(),
         ["colour = blue", "colour = green", "colour = red", "z"]
     );
-    for kind in [Kind::Cart, Kind::RandomForest, Kind::Adaboost] {
+    for kind in [ClassifierKind::Cart, ClassifierKind::RandomForest, ClassifierKind::Adaboost] {
         let model = prepared.train(&classifier(kind)).unwrap();
         let judged = evaluate_table(table.clone(), &model, None).unwrap();
         assert!(judged.score.accuracy.share.unwrap() > 0.9, "{kind:?}: {:?}", judged.score);
     }
-    let text = prepared.train(&classifier(Kind::NaiveBayes)).unwrap_err().to_string();
+    let text = prepared.train(&classifier(ClassifierKind::NaiveBayes)).unwrap_err().to_string();
     assert!(text.contains("row 1, column 'z': no value, and only cart"), "{text}");
-    let cart = prepared.train(&classifier(Kind::Cart)).unwrap();
+    let cart = prepared.train(&classifier(ClassifierKind::Cart)).unwrap();
     let said = predict(table.clone(), &cart, &["colour".into()], None).unwrap().table;
     let paths = said.text("path").unwrap();
     assert!(paths.iter().any(|path| path.contains("colour is 'green'")), "{paths:?}");
@@ -427,9 +427,9 @@ fn texts_and_missing_values_are_learnt_from() {
     let side: Vec<String> = (0..60).map(|k| ["left", "right"][k % 2].to_owned()).collect();
     let sided = with(table.clone(), Column::new("side", "", side));
     let model =
-        prepare(sided.clone(), None, &plain).unwrap().train(&classifier(Kind::Cart)).unwrap();
+        prepare(sided.clone(), None, &plain).unwrap().train(&classifier(ClassifierKind::Cart)).unwrap();
     assert!(predict(sided, &model, &[], None).unwrap().doubts.is_empty());
-    let complete = trained(small(), Kind::Cart);
+    let complete = trained(small(), ClassifierKind::Cart);
     let hole = with(small(), Column::new("y", "", vec![f64::NAN; 40]));
     let answers = predict(hole.clone(), &complete, &[], None).unwrap();
     assert!(answers.table.text("predicted").unwrap().iter().all(String::is_empty));
@@ -442,7 +442,7 @@ fn texts_and_missing_values_are_learnt_from() {
 fn what_a_model_never_asks_for_need_not_be_there() {
     let noise: Vec<f64> = (0..40).map(|k| f64::from(k * 7 % 13)).collect();
     let table = with(small(), Column::new("noise", "", noise));
-    for kind in [Kind::Cart, Kind::BoostedTrees, Kind::Adaboost] {
+    for kind in [ClassifierKind::Cart, ClassifierKind::BoostedTrees, ClassifierKind::Adaboost] {
         let model = trained(table.clone(), kind);
         let read: Vec<bool> = (0..model.inputs.len()).map(|f| model.model.reads(f)).collect();
         let expected = predict(table.clone(), &model, &[], None).unwrap().table;
@@ -455,16 +455,16 @@ fn what_a_model_never_asks_for_need_not_be_there() {
             }
         }
     }
-    let tree = trained(table.clone(), Kind::Cart);
+    let tree = trained(table.clone(), ClassifierKind::Cart);
     assert!((0..tree.inputs.len()).any(|feature| !tree.model.reads(feature)));
     // What is linear asks for everything.
-    let linear = trained(table, Kind::LogisticRegression);
+    let linear = trained(table, ClassifierKind::LogisticRegression);
     assert!((0..linear.inputs.len()).all(|feature| linear.model.reads(feature)));
 }
 
 #[test]
 fn predictions_carry_probabilities_paths_and_abstention() {
-    let model = trained(small(), Kind::RandomForest);
+    let model = trained(small(), ClassifierKind::RandomForest);
     let mut unlabelled = small();
     unlabelled.take("class").unwrap();
     let all = predict(unlabelled.clone(), &model, &["batch".into()], None).unwrap().table;
@@ -477,14 +477,14 @@ fn predictions_carry_probabilities_paths_and_abstention() {
         assert_eq!(said.is_empty(), high[row].max(low[row]) < 0.9, "row {row}");
         assert_eq!(all.text("predicted").unwrap()[row] == "high", high[row] >= low[row]);
     }
-    let svm = trained(small(), Kind::LinearSvm);
+    let svm = trained(small(), ClassifierKind::LinearSvm);
     assert!(
         predict(unlabelled.clone(), &svm, &[], Some(0.5))
             .unwrap_err()
             .to_string()
             .contains("no probabilities")
     );
-    let why = explain(small(), &trained(small(), Kind::Cart), 3).unwrap();
+    let why = explain(small(), &trained(small(), ClassifierKind::Cart), 3).unwrap();
     assert_eq!(
         (why.said.as_str(), why.truth.as_deref(), why.steps.is_empty()),
         ("low", Some("low"), false)
@@ -505,7 +505,7 @@ fn weights_move_the_decision_and_balance_the_classes() {
         let weighted = Selection { label: "class".into(), class_weights, ..Selection::default() };
         let model = prepare(table.clone(), None, &weighted)
             .unwrap()
-            .train(&classifier(Kind::Cart))
+            .train(&classifier(ClassifierKind::Cart))
             .unwrap();
         predict(table.clone(), &model, &[], None).unwrap().table
     };
@@ -538,7 +538,7 @@ fn a_leaf_of_1_and_11_rows_is_no_probability_of_97_percent() {
         ..Selection::default()
     };
     let prepared = prepare(table.clone(), None, &balanced).unwrap();
-    let model = prepared.train(&classifier(Kind::Cart)).unwrap();
+    let model = prepared.train(&classifier(ClassifierKind::Cart)).unwrap();
     let said = predict(table.clone(), &model, &[], None).unwrap().table;
     assert_eq!(said.text("predicted").unwrap()[0], "rare", "the weights decide");
     let rare_share = said.f64("p:rare").unwrap()[0];
@@ -547,7 +547,7 @@ fn a_leaf_of_1_and_11_rows_is_no_probability_of_97_percent() {
     assert_eq!(sure.text("predicted").unwrap()[0], "", "1 row of 12 is not 90 %");
     let why = explain(table.clone(), &model, 1).unwrap();
     assert!(why.probabilities && (why.scores[0].1 - 11.0 / 12.0).abs() < 1e-12, "{why:?}");
-    for kind in [Kind::RandomForest, Kind::BoostedTrees, Kind::LogisticRegression, Kind::NaiveBayes]
+    for kind in [ClassifierKind::RandomForest, ClassifierKind::BoostedTrees, ClassifierKind::LogisticRegression, ClassifierKind::NaiveBayes]
     {
         let model = prepared.train(&classifier(kind)).unwrap();
         let said = predict(table.clone(), &model, &[], None).unwrap().table;
@@ -555,7 +555,7 @@ fn a_leaf_of_1_and_11_rows_is_no_probability_of_97_percent() {
         let mean = shares.iter().sum::<f64>() / rows as f64;
         assert!(mean < 0.02, "{kind:?}: {mean} of {} are rare", rare as f64 / rows as f64);
     }
-    let votes = prepared.train(&classifier(Kind::Adaboost)).unwrap();
+    let votes = prepared.train(&classifier(ClassifierKind::Adaboost)).unwrap();
     assert!(predict(table.clone(), &votes, &[], None).unwrap().table.has("score:rare"));
     let refused = predict(table, &votes, &[], Some(0.9)).unwrap_err().to_string();
     assert!(refused.contains("gives no probabilities"), "{refused}");
@@ -582,7 +582,7 @@ fn rows_with_gaps_get_no_answer_and_are_counted_and_the_others_are_answered() {
         Column::new("speed", "", vec![1.0, 1.0, f64::NAN, f64::NAN]),
     ])
     .unwrap();
-    let tree = prepared.train(&classifier(Kind::Cart)).unwrap();
+    let tree = prepared.train(&classifier(ClassifierKind::Cart)).unwrap();
     let answer = predict(fresh.clone(), &tree, &[], None).unwrap();
     // The tree asks for the gap first; a worn gap needs no speed.
     assert_eq!(answer.table.text("predicted").unwrap(), ["ok", "", "worn", ""]);
@@ -597,7 +597,7 @@ fn rows_with_gaps_get_no_answer_and_are_counted_and_the_others_are_answered() {
     assert_eq!(answer.doubts.len(), 2, "{:?}", answer.doubts);
     assert!(explain(fresh.clone(), &tree, 1).is_ok(), "the row itself is complete");
     assert!(explain(fresh.clone(), &tree, 2).unwrap_err().to_string().contains("'gap_um'"));
-    let bayes = prepared.train(&classifier(Kind::NaiveBayes)).unwrap();
+    let bayes = prepared.train(&classifier(ClassifierKind::NaiveBayes)).unwrap();
     let answer = predict(fresh, &bayes, &[], None).unwrap().table;
     let said = answer.text("predicted").unwrap();
     assert!(!said[0].is_empty() && said[1..].iter().all(String::is_empty), "{said:?}");
@@ -623,7 +623,7 @@ fn as_float32(table: &Table) -> Table {
 
 #[test]
 fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
-    let free = |kind: Kind| match classifier(kind) {
+    let free = |kind: ClassifierKind| match classifier(kind) {
         Settings::Cart(cart) => Settings::Cart(servotwin_learning::classifiers::cart::Settings {
             max_depth: None,
             ..cart
@@ -633,7 +633,7 @@ fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
     let named = Selection { features: vec!["ratio".into()], ..ungrouped("class") };
     let said = |table: &Table| {
         let prepared = prepare(table.clone(), None, &named).unwrap();
-        let model = prepared.train(&free(Kind::Cart)).unwrap();
+        let model = prepared.train(&free(ClassifierKind::Cart)).unwrap();
         let said = predict(as_float32(table), &model, &[], None).unwrap().table;
         let truth = table.text("class").unwrap();
         let wrong = said.text("predicted").unwrap().iter().zip(truth).filter(|(a, b)| a != b);
@@ -666,7 +666,7 @@ fn measured_labels_become_classes_at_limits() {
         features: vec!["x".into()],
         ..Selection::default()
     };
-    let model = prepare(small(), None, &limited).unwrap().train(&classifier(Kind::Cart)).unwrap();
+    let model = prepare(small(), None, &limited).unwrap().train(&classifier(ClassifierKind::Cart)).unwrap();
     assert_eq!(model.classes, ["up to 10", "10 to 30", "above 30"]);
     assert!(evaluate_table(small(), &model, None).unwrap().score.accuracy.share.unwrap() > 0.95);
     let wrong = Selection { label_limits: vec![30.0, 10.0], ..limited };

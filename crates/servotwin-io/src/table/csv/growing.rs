@@ -1,6 +1,6 @@
 //! A growing column that infers its kind cell by cell.
 
-use super::super::{Kind, Values};
+use super::super::{ColumnKind, Values};
 
 /// Words for a missing number, besides an empty cell.
 const MISSING: [&str; 13] =
@@ -19,7 +19,7 @@ pub enum Refused {
     /// It is not UTF-8.
     NoUtf8,
     /// The column holds values of this kind.
-    Contradiction(Kind),
+    Contradiction(ColumnKind),
 }
 
 /// The number format. The first number with a point or a comma sets the decimal mark. With commas between cells it is
@@ -151,20 +151,20 @@ fn push_value(values: &mut Values, text: &str, numbers: &mut Numbers) -> Result<
         Values::Float(reals) => match numbers.real(text) {
             Some(value) => reals.push(value),
             None if is_missing(text) => reals.push(f64::NAN),
-            None => return Err(Refused::Contradiction(Kind::Float)),
+            None => return Err(Refused::Contradiction(ColumnKind::Float)),
         },
         Values::Integer(whole) => match text.parse() {
             Ok(value) => whole.push(value),
             Err(_) => {
                 let value = numbers.real(text).or_else(|| is_missing(text).then_some(f64::NAN));
-                let value = value.ok_or(Refused::Contradiction(Kind::Float))?;
+                let value = value.ok_or(Refused::Contradiction(ColumnKind::Float))?;
                 let mut reals: Vec<f64> = whole.iter().map(|value| *value as f64).collect();
                 reals.push(value);
                 *values = Values::Float(reals);
             }
         },
         Values::Flag(flags) => {
-            flags.push(flag(text).ok_or(Refused::Contradiction(Kind::Flag))?);
+            flags.push(flag(text).ok_or(Refused::Contradiction(ColumnKind::Flag))?);
         }
         Values::Unsigned(_) | Values::Text(_) => {}
     }

@@ -22,7 +22,7 @@ use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
 use std::path::Path;
 
-use super::{Column, ContentError, Format, Kind, Origin, Table, TableError, Values};
+use super::{Column, ContentError, Format, ColumnKind, Origin, Table, TableError, Values};
 use crate::files::{FileError, write_atomically};
 use dialect::Dialect;
 use encoding::Encoding;
@@ -184,7 +184,7 @@ fn attempt(
                 Err(Refused::Contradiction(expected)) => {
                     let name = names[place].as_deref().unwrap_or_default();
                     // True, false and a missing value together are text.
-                    let no_flag = expected == Kind::Flag && growing::is_missing(cell);
+                    let no_flag = expected == ColumnKind::Flag && growing::is_missing(cell);
                     if quoted || no_flag || mixed.contains(&name) {
                         known.text.insert(place);
                         return Err(Stop::Again(known));

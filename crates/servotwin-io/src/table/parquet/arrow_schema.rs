@@ -8,7 +8,7 @@
 //!
 //! Sources: Arrow columnar format, `Message.fbs` and `Schema.fbs`; FlatBuffers internals.
 
-use super::super::{Column, Kind, Table};
+use super::super::{Column, ColumnKind, Table};
 
 /// Number of the format's version 5 in `Schema.fbs`.
 const VERSION: i16 = 4;
@@ -120,11 +120,11 @@ impl Buffer {
     fn field(&mut self, column: &Column) -> usize {
         // Numbers of the types in `Schema.fbs`, with their entries.
         let (number, entries) = match column.values.kind() {
-            Kind::Float => (3, vec![Entry::Short(2)]),
-            Kind::Integer => (2, vec![Entry::Int(64), Entry::Byte(1)]),
-            Kind::Unsigned => (2, vec![Entry::Int(32), Entry::Byte(0)]),
-            Kind::Flag => (6, vec![]),
-            Kind::Text => (5, vec![]),
+            ColumnKind::Float => (3, vec![Entry::Short(2)]),
+            ColumnKind::Integer => (2, vec![Entry::Int(64), Entry::Byte(1)]),
+            ColumnKind::Unsigned => (2, vec![Entry::Int(32), Entry::Byte(0)]),
+            ColumnKind::Flag => (6, vec![]),
+            ColumnKind::Text => (5, vec![]),
         };
         let field = self.table(&[
             Entry::Link,
@@ -185,14 +185,14 @@ mod tests {
 
     #[test]
     fn a_reader_of_the_arrow_schema_finds_units_and_descriptions() {
-        let column = |name: &str, unit: &str, values: Kind| {
+        let column = |name: &str, unit: &str, values: ColumnKind| {
             Column::new(name, unit, super::super::super::Values::empty(values))
         };
         let table = Table::from_columns(vec![
-            column("p_a_pa", "Pa", Kind::Float).described("Pressure of chamber A."),
-            column("case", "", Kind::Text).described("Betriebsfall – ÄÖ"),
-            column("count", "1", Kind::Unsigned),
-            column("plain", "", Kind::Flag),
+            column("p_a_pa", "Pa", ColumnKind::Float).described("Pressure of chamber A."),
+            column("case", "", ColumnKind::Text).described("Betriebsfall – ÄÖ"),
+            column("count", "1", ColumnKind::Unsigned),
+            column("plain", "", ColumnKind::Flag),
         ]);
         let found = facts(&encode(&table.unwrap()));
         let of = |name: &str| {

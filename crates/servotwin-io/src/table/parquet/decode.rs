@@ -5,7 +5,7 @@ use ::parquet::data_type::{ByteArray, DataType, FixedLenByteArray, Int96};
 use ::parquet::errors::ParquetError;
 use half::f16;
 
-use super::super::{ContentError, Kind, Values};
+use super::super::{ContentError, ColumnKind, Values};
 use super::limits::{Budget, text_bytes};
 use super::meaning::Meaning;
 
@@ -23,7 +23,7 @@ pub(super) struct Source {
     /// Index of the column in the file.
     pub place: usize,
     /// Kind of the table's column. Whole numbers and flags with gaps become floats.
-    pub kind: Kind,
+    pub kind: ColumnKind,
     /// Meaning of the stored type.
     pub meaning: Meaning,
     /// Number of texts decoded at once: one encoding makes long texts of a few bytes.
@@ -42,7 +42,7 @@ pub(super) fn values_of(
     let part = Part { source, rows, first_row, budget };
     Ok(match reader {
         Stored::ByteArrayColumnReader(reader) => Values::Text(part.texts(reader)?),
-        Stored::BoolColumnReader(reader) if source.kind == Kind::Flag => {
+        Stored::BoolColumnReader(reader) if source.kind == ColumnKind::Flag => {
             Values::Flag(part.complete(reader)?)
         }
         Stored::BoolColumnReader(reader) => {
@@ -95,10 +95,10 @@ impl Part<'_> {
     fn small(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int32Type>) -> Decoded {
         let meaning = self.source.meaning;
         Ok(match (self.source.kind, meaning) {
-            (Kind::Unsigned, _) => {
+            (ColumnKind::Unsigned, _) => {
                 Values::Unsigned(converted(self.complete(reader)?, i32::cast_unsigned))
             }
-            (Kind::Integer, _) => Values::Integer(converted(self.complete(reader)?, i64::from)),
+            (ColumnKind::Integer, _) => Values::Integer(converted(self.complete(reader)?, i64::from)),
             (_, Meaning::Unsigned) => {
                 self.real(reader, |value| Ok(f64::from(value.cast_unsigned())))?
             }
@@ -110,12 +110,12 @@ impl Part<'_> {
     fn large(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int64Type>) -> Decoded {
         let meaning = self.source.meaning;
         Ok(match (self.source.kind, meaning) {
-            (Kind::Integer, Meaning::Unsigned) => {
+            (ColumnKind::Integer, Meaning::Unsigned) => {
                 let values = self.complete(reader)?;
                 self.require_63_bits(&values)?;
                 Values::Integer(values)
             }
-            (Kind::Integer, _) => Values::Integer(self.complete(reader)?),
+            (ColumnKind::Integer, _) => Values::Integer(self.complete(reader)?),
             (_, Meaning::Unsigned) => {
                 self.real(reader, |value| Ok(value.cast_unsigned() as f64))?
             }

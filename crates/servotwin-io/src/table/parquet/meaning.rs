@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ::parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
 use ::parquet::schema::types::{BasicTypeInfo, Type};
 
-use super::super::{ContentError, Kind};
+use super::super::{ContentError, ColumnKind};
 
 /// The meaning of a column's values, in addition to their stored type.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,7 +80,7 @@ fn meaning_of(info: &BasicTypeInfo) -> Meaning {
 pub(super) fn kind_of(
     field: &Type,
     durations: &HashMap<String, i64>,
-) -> Result<(Kind, Meaning), ContentError> {
+) -> Result<(ColumnKind, Meaning), ContentError> {
     let unsupported = || ContentError::UnsupportedType {
         column: field.name().to_owned(),
         found: type_name(field),
@@ -96,15 +96,15 @@ pub(super) fn kind_of(
         (_, meaning, _) => meaning,
     };
     let kind = match (physical, meaning) {
-        (Physical::BOOLEAN, Meaning::Stored) => Kind::Flag,
-        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => Kind::Integer,
-        (Physical::INT32, Meaning::Unsigned) => Kind::Unsigned,
-        (Physical::INT64, Meaning::Unsigned) => Kind::Integer,
-        (Physical::INT32 | Physical::INT64, meaning) if meaning.is_time() => Kind::Float,
-        (Physical::INT96, Meaning::OldMoment) => Kind::Float,
-        (Physical::FLOAT | Physical::DOUBLE, Meaning::Stored) => Kind::Float,
-        (Physical::FIXED_LEN_BYTE_ARRAY, Meaning::Half) => Kind::Float,
-        (Physical::BYTE_ARRAY, Meaning::Text) => Kind::Text,
+        (Physical::BOOLEAN, Meaning::Stored) => ColumnKind::Flag,
+        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => ColumnKind::Integer,
+        (Physical::INT32, Meaning::Unsigned) => ColumnKind::Unsigned,
+        (Physical::INT64, Meaning::Unsigned) => ColumnKind::Integer,
+        (Physical::INT32 | Physical::INT64, meaning) if meaning.is_time() => ColumnKind::Float,
+        (Physical::INT96, Meaning::OldMoment) => ColumnKind::Float,
+        (Physical::FLOAT | Physical::DOUBLE, Meaning::Stored) => ColumnKind::Float,
+        (Physical::FIXED_LEN_BYTE_ARRAY, Meaning::Half) => ColumnKind::Float,
+        (Physical::BYTE_ARRAY, Meaning::Text) => ColumnKind::Text,
         _ => return Err(unsupported()),
     };
     Ok((kind, meaning))

@@ -10,7 +10,7 @@ mod topics;
 pub use address::{Authority, Subscription};
 
 use super::frame::{self, Flaw};
-use super::{Read, Row, Source, SourceError, Wanted};
+use super::{Read, LogRow, Source, SourceError, Wanted};
 use client::{Mailbox, News};
 use std::collections::VecDeque;
 use std::sync::mpsc::RecvTimeoutError;
@@ -78,7 +78,7 @@ impl Mqtt {
 }
 
 impl Source for Mqtt {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         if self.lines.is_empty()
             && let Some(read) = self.receive()?
         {

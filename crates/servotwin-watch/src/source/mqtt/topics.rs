@@ -5,7 +5,7 @@
 //! with every topic.
 
 use super::super::frame::{Flaw, Frames};
-use super::super::{MixedTopics, Read, Row, SourceError, Wanted};
+use super::super::{MixedTopics, Read, LogRow, SourceError, Wanted};
 use super::Subscription;
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ struct Topic {
     frames: Frames,
     /// The index of each of its columns among those wanted.
     chosen: Vec<usize>,
-    row: Row,
+    row: LogRow,
 }
 
 impl Topics {
@@ -49,7 +49,7 @@ impl Topics {
         &mut self,
         name: &str,
         line: &[u8],
-        row: &mut Row,
+        row: &mut LogRow,
     ) -> Result<Read, SourceError> {
         if !self.topics.contains_key(name) {
             self.remember(name);
@@ -84,7 +84,7 @@ impl Topics {
     }
 
     /// Records which topic sends the values of a row.
-    fn claim(&mut self, name: &str, row: &Row) -> Result<(), SourceError> {
+    fn claim(&mut self, name: &str, row: &LogRow) -> Result<(), SourceError> {
         for place in 0..row.values.len() {
             if Some(place) == self.wanted.time || row.values[place].is_nan() {
                 continue;
@@ -139,7 +139,7 @@ impl Topic {
         let flag = |&place: &usize| wanted.flags.get(place).copied().unwrap_or_default();
         let flags = chosen.iter().map(flag).collect();
         let frames = Frames::new(&Wanted { names, time, dates: wanted.dates, columns, flags });
-        Topic { frames, chosen, row: Row::default() }
+        Topic { frames, chosen, row: LogRow::default() }
     }
 }
 
@@ -198,7 +198,7 @@ mod tests {
     }
 
     fn read(topics: &mut Topics, topic: &str, line: &str) -> Result<(Read, Vec<f64>), String> {
-        let mut row = Row::default();
+        let mut row = LogRow::default();
         let read = topics.read(topic, line.as_bytes(), &mut row);
         read.map(|read| (read, row.values)).map_err(|error| error.to_string())
     }
