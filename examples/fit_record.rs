@@ -14,7 +14,7 @@ pub fn fit_record() -> Result<(), Box<dyn std::error::Error>> {
         .parameter("cylinder.coulomb_friction_n", 540.0)
         .duration_s(15.0)
         .run()?;
-    let record = Record::from_table("record", &measured.table()?, &study.system)?;
+    let record = FitRecord::from_table("record", &measured.table()?, &study.system)?;
     let fit = Fit::of_study(&study, vec![record]);
     let fitted = fit.solve()?;
     match fitted.is_update() {

@@ -6,7 +6,7 @@ use crate::long::long;
 use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::evaluation::model_file;
-use servotwin::figure::tree::{Node, Tree as Drawing};
+use servotwin::figure::tree::{Node, TreeFigure as Drawing};
 use servotwin::table::{Column, Table as Columns};
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::classifiers::{Classifier, Model as Trained, Scores};

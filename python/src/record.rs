@@ -6,7 +6,7 @@ use crate::long::long;
 use crate::study::Study;
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::fit::{Fit, FitError, FitResults as Solved, Record};
+use servotwin::fit::{Fit, FitError, FitRecord, FitResults as Solved};
 use servotwin::monitor::Monitor;
 use servotwin::observer::Finding;
 use servotwin::table::{Column, Table as Columns};
@@ -114,7 +114,7 @@ pub fn fit_record(
     let (study, log) = (&*study.inner, &*log.inner);
     let (parameters, fitted) = long(py, None, |watch| -> Result<_, Failure> {
         let record =
-            Record::from_table("the record", log, &study.system).map_err(Failure::value)?;
+            FitRecord::from_table("the record", log, &study.system).map_err(Failure::value)?;
         let problem = Fit {
             threads: watch.workers(threads).threads(),
             cancel: Some(&watch.cancel),

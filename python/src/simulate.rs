@@ -8,7 +8,7 @@ use crate::table::{Drawing, Table};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use servotwin::simulate::{
-    InputSignal, Prepared, PreparedRun, Simulation, SimulationError, SimulationProgress,
+    InputSignal, PreparedRun, PreparedSimulation, Simulation, SimulationError, SimulationProgress,
     VariantSpec,
 };
 use servotwin::system::System as Inner;
@@ -116,7 +116,7 @@ impl From<SimulationError> for Failure {
 fn run(
     py: Python<'_>,
     system: &Inner,
-    prepared: &Prepared,
+    prepared: &PreparedSimulation,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<Vec<Table>> {
     let count = prepared.runs.len();

@@ -6,7 +6,7 @@ use crate::system::System;
 use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::campaign::columns::feature_columns_of;
-use servotwin::campaign::{Campaign, CampaignError, Outcome, Part, Prepared, runs};
+use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Part, PreparedCampaign, runs};
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Among, Folder, JobError, data_card, manifest};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
@@ -41,14 +41,14 @@ pub struct Study {
 }
 
 /// What a campaign is for, its settings, and its plan.
-type Plan = (Role, Vec<Setting>, Arc<Prepared>);
+type Plan = (Role, Vec<Setting>, Arc<PreparedCampaign>);
 
 impl Study {
     fn made(inner: Inner, path: String) -> Self {
         Study { inner: Arc::new(inner), path, plans: Mutex::default() }
     }
 
-    fn prepared(&self, campaign: &Campaign) -> Result<Arc<Prepared>, CampaignError> {
+    fn prepared(&self, campaign: &Campaign) -> Result<Arc<PreparedCampaign>, CampaignError> {
         let mut plans = self.plans.lock().unwrap_or_else(PoisonError::into_inner);
         let is_it = |plan: &&Plan| (plan.0, &plan.1) == (campaign.role, &campaign.settings);
         if let Some((_, _, known)) = plans.iter().find(is_it) {
@@ -265,7 +265,7 @@ pub fn name(role: Role, settings: &[Setting]) -> String {
 /// What a campaign has done, as Python sees it: settings, training, variants, resumed, failures.
 type Done = (Vec<&'static str>, bool, usize, usize, Vec<(String, usize, String)>);
 
-fn done(role: Role, settings: &[Setting], outcome: Outcome) -> Result<Done, Failure> {
+fn done(role: Role, settings: &[Setting], outcome: CampaignOutcome) -> Result<Done, Failure> {
     if outcome.cancelled {
         return Err(CampaignError::Cancelled.into());
     }

@@ -3,7 +3,7 @@
 pub use servotwin::shown::{number, number_and_unit, shown};
 
 /// A table of text cells. Numeric columns are right-aligned.
-pub struct Grid {
+pub struct TextTable {
     heads: Vec<(&'static str, Side)>,
     rows: Vec<Vec<String>>,
 }
@@ -17,7 +17,7 @@ pub enum Side {
     Right,
 }
 
-impl Grid {
+impl TextTable {
     /// A table without rows.
     pub fn new(heads: &[(&'static str, Side)]) -> Self {
         Self { heads: heads.to_vec(), rows: Vec::new() }
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn columns_line_up_by_characters() {
-        let mut grid = Grid::new(&[("name", Side::Left), ("°", Side::Right)]);
+        let mut grid = TextTable::new(&[("name", Side::Left), ("°", Side::Right)]);
         grid.push(vec!["µ".into(), "1".into()]);
         grid.push(vec!["longer".into(), "-10".into()]);
         assert_eq!(grid.text(), "name      °\nµ         1\nlonger  -10\n");

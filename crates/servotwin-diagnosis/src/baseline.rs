@@ -141,7 +141,8 @@ impl Baseline {
 mod tests {
     use super::*;
 
-    const SETTINGS: BaselineSettings = BaselineSettings { settle_samples: 10, memory_samples: 1000 };
+    const SETTINGS: BaselineSettings =
+        BaselineSettings { settle_samples: 10, memory_samples: 1000 };
 
     const SCALE: f64 = 100.0;
 

@@ -19,7 +19,7 @@ const STILL: f64 = 1e-3;
 /// How a covariate is computed. Inputs and sensors have the diagnoser's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Source {
+pub enum CovariateSource {
     /// Magnitude of an input.
     Size {
         /// Index of the input.
@@ -42,32 +42,32 @@ pub enum Source {
     },
 }
 
-impl Source {
+impl CovariateSource {
     /// The covariate's value in a sample. `last` holds the raw value of the previous sample and is replaced.
-    pub fn value(self, last: &mut Option<f64>, sample: &Sample) -> f64 {
+    pub fn value(self, last: &mut Option<f64>, sample: &CovariateSample) -> f64 {
         let now = match self {
-            Source::Size { input } | Source::Rate { input } | Source::Input { input } => {
-                sample.inputs[input as usize]
-            }
-            Source::Way { sensor } => {
+            CovariateSource::Size { input }
+            | CovariateSource::Rate { input }
+            | CovariateSource::Input { input } => sample.inputs[input as usize],
+            CovariateSource::Way { sensor } => {
                 let place = sensor as usize;
                 sample.twin[place] / sample.scales[place]
             }
         };
         let moved = now - last.replace(now).unwrap_or(now);
         match self {
-            Source::Size { .. } => now.abs(),
-            Source::Rate { .. } => moved.abs() / sample.period_s,
-            Source::Way { .. } if moved.abs() < STILL => 0.0,
-            Source::Way { .. } => moved.signum(),
-            Source::Input { .. } => now,
+            CovariateSource::Size { .. } => now.abs(),
+            CovariateSource::Rate { .. } => moved.abs() / sample.period_s,
+            CovariateSource::Way { .. } if moved.abs() < STILL => 0.0,
+            CovariateSource::Way { .. } => moved.signum(),
+            CovariateSource::Input { .. } => now,
         }
     }
 }
 
 /// The values that covariates are computed from.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample<'s> {
+pub struct CovariateSample<'s> {
     /// The inputs, SI.
     pub inputs: &'s [f64],
     /// The twin's values of the sensors, SI.
@@ -85,7 +85,7 @@ pub struct Covariate {
     /// Name of the quantity.
     pub name: String,
     /// How it is computed.
-    pub source: Source,
+    pub source: CovariateSource,
     /// Boundaries between its bins, ascending.
     pub edges: Vec<f64>,
     /// The range of the training data.
@@ -166,10 +166,10 @@ impl ConditionalBand {
         require_sound(self.base.iter().all(is_positive), "a size of the field is not above zero")?;
         for covariate in &self.covariates {
             let known = match covariate.source {
-                Source::Size { input } | Source::Rate { input } | Source::Input { input } => {
-                    (input as usize) < inputs
-                }
-                Source::Way { sensor } => (sensor as usize) < sensors,
+                CovariateSource::Size { input }
+                | CovariateSource::Rate { input }
+                | CovariateSource::Input { input } => (input as usize) < inputs,
+                CovariateSource::Way { sensor } => (sensor as usize) < sensors,
             };
             require_sound(known, "the field depends on an input or sensor that is not there")?;
             let (low, high) = covariate.range;
@@ -200,7 +200,12 @@ impl Here {
     }
 
     /// Updates the point and the half widths from a sample. Does not allocate.
-    pub fn go(&mut self, band: &ConditionalBand, last: &mut [Option<f64>], sample: &Sample) {
+    pub fn go(
+        &mut self,
+        band: &ConditionalBand,
+        last: &mut [Option<f64>],
+        sample: &CovariateSample,
+    ) {
         for ((value, covariate), last) in self.point.iter_mut().zip(&band.covariates).zip(last) {
             *value = covariate.source.value(last, sample);
         }
@@ -214,21 +219,21 @@ impl Here {
 mod tests {
     use super::*;
 
-    fn sample<'s>(inputs: &'s [f64], twin: &'s [f64]) -> Sample<'s> {
-        Sample { inputs, twin, scales: &[2.0], period_s: 0.01 }
+    fn sample<'s>(inputs: &'s [f64], twin: &'s [f64]) -> CovariateSample<'s> {
+        CovariateSample { inputs, twin, scales: &[2.0], period_s: 0.01 }
     }
 
     #[test]
     fn covariates_are_what_their_names_say() {
-        let values = |source: Source| {
+        let values = |source: CovariateSource| {
             let mut last = None;
             let samples = [([-3.0], [1.0]), ([-3.5], [1.1]), ([-3.0], [1.1]), ([1.0], [0.9])];
             samples.map(|(inputs, twin)| source.value(&mut last, &sample(&inputs, &twin)))
         };
-        assert_eq!(values(Source::Size { input: 0 }), [3.0, 3.5, 3.0, 1.0]);
-        assert_eq!(values(Source::Rate { input: 0 }), [0.0, 50.0, 50.0, 400.0]);
-        assert_eq!(values(Source::Way { sensor: 0 }), [0.0, 1.0, 0.0, -1.0]);
-        assert_eq!(values(Source::Input { input: 0 }), [-3.0, -3.5, -3.0, 1.0]);
+        assert_eq!(values(CovariateSource::Size { input: 0 }), [3.0, 3.5, 3.0, 1.0]);
+        assert_eq!(values(CovariateSource::Rate { input: 0 }), [0.0, 50.0, 50.0, 400.0]);
+        assert_eq!(values(CovariateSource::Way { sensor: 0 }), [0.0, 1.0, 0.0, -1.0]);
+        assert_eq!(values(CovariateSource::Input { input: 0 }), [-3.0, -3.5, -3.0, 1.0]);
     }
 
     #[test]
@@ -241,8 +246,8 @@ mod tests {
         };
         let mut band = ConditionalBand {
             covariates: vec![
-                covariate("a", Source::Size { input: 0 }),
-                covariate("b", Source::Input { input: 1 }),
+                covariate("a", CovariateSource::Size { input: 0 }),
+                covariate("b", CovariateSource::Input { input: 1 }),
             ],
             base: vec![0.01],
             factors: vec![vec![vec![1.0, 2.0, 3.0], vec![1.0, 1.0, 0.5]]],

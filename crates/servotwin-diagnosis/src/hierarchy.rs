@@ -57,7 +57,7 @@ pub enum Question {
 /// Where a stage stands in the hierarchy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Place {
+pub struct StagePlace {
     /// The question it answers.
     pub question: Question,
     /// The actuator that it serves; `None` for all.
@@ -67,7 +67,7 @@ pub struct Place {
     pub action: Option<u32>,
 }
 
-impl Place {
+impl StagePlace {
     /// The paper's letter, followed by the actuator number from 1 for a stage of one actuator: `A`, `B2`, `C`.
     pub fn id(&self) -> String {
         let letter = match self.question {
@@ -145,10 +145,10 @@ impl Names {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
-    /// [`Place::id`], for readers.
+    /// [`StagePlace::id`], for readers.
     pub id: String,
     /// The place in the hierarchy.
-    pub place: Place,
+    pub place: StagePlace,
     /// The features that the model reads, in its order, as indices into [`Names::features`].
     pub columns: Vec<u32>,
     /// For each class of the model, its index in the question's names.
@@ -161,7 +161,7 @@ pub struct Stage {
 
 /// The answer of a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Answer {
+pub struct StageAnswer {
     /// The class, an index into the question's names.
     pub class: u32,
     /// Its calibrated probability; 1 if the classifier gives none.
@@ -173,7 +173,7 @@ impl Stage {
     ///
     /// # Panics
     /// If the row is shorter than the features.
-    pub fn answer(&self, row: &[f64], scratch: &mut Scratch) -> Answer {
+    pub fn answer(&self, row: &[f64], scratch: &mut Scratch) -> StageAnswer {
         for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
             *slot = row[column as usize];
         }
@@ -187,7 +187,7 @@ impl Stage {
             calibration::scale(scores, self.temperature);
             probability = scores[class];
         }
-        Answer { class: self.classes[class], probability }
+        StageAnswer { class: self.classes[class], probability }
     }
 
     /// The probability of each of the stage's classes for a row of all features. A classifier without probabilities
@@ -302,7 +302,7 @@ impl Hierarchy {
             let stage = self.stage(question, actuator, action)?;
             Some(stage.answer(views[stage.place.view(actuator)].as_ref(), scratch))
         };
-        let sure = Answer { class: 0, probability: 1.0 };
+        let sure = StageAnswer { class: 0, probability: 1.0 };
         let first = ask(Question::Actuator, 0, 0).unwrap_or(sure);
         let mut said = Diagnosis {
             actuator: None,
@@ -392,7 +392,7 @@ impl Hierarchy {
         views: &[V],
         (actuator, action): (u32, u32),
         scratch: &mut Scratch,
-    ) -> Result<Option<Answer>, Error> {
+    ) -> Result<Option<StageAnswer>, Error> {
         self.check_views(views)?;
         let stage = self.stage(Question::Detail, actuator, action);
         let answer =

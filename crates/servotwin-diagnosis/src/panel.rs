@@ -71,7 +71,7 @@ pub fn agree<T: PartialEq>(
 
 /// The answer of a panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Verdict {
+pub enum PanelVerdict {
     /// Every residual is in its band, or trees and committee agree that there is no fault.
     Healthy,
     /// A residual left its band, but trees and committee do not isolate a fault. Holds the committee's answer.
@@ -96,9 +96,9 @@ impl Panel {
         largest: &[f64],
         views: &[V],
         scratch: &mut [Scratch; 2],
-    ) -> Result<Verdict, Error> {
+    ) -> Result<PanelVerdict, Error> {
         if !self.is_detected(largest) {
-            return Ok(Verdict::Healthy);
+            return Ok(PanelVerdict::Healthy);
         }
         let [of_trees, of_committee] = scratch;
         let trees = self.trees.diagnose(views, of_trees)?;
@@ -111,9 +111,9 @@ impl Panel {
                 confidence,
                 self.least_confidence,
             ) {
-                true if committee.actuator.is_none() => Verdict::Healthy,
-                true => Verdict::Isolated(Diagnosis { confidence, ..trees }),
-                false => Verdict::NotIsolated(committee),
+                true if committee.actuator.is_none() => PanelVerdict::Healthy,
+                true => PanelVerdict::Isolated(Diagnosis { confidence, ..trees }),
+                false => PanelVerdict::NotIsolated(committee),
             },
         )
     }

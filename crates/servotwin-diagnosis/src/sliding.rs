@@ -25,14 +25,14 @@ const LARGEST_STATISTIC: f64 = 1e30;
 /// Length of a window, and how often a new one is complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Span {
+pub struct WindowSpan {
     /// Samples of a pane; each complete pane brings a new window.
     pub pane_samples: u32,
     /// Panes of a window; `None` for the whole record.
     pub panes: Option<u32>,
 }
 
-impl Span {
+impl WindowSpan {
     /// Samples of a full window; `None` for the whole record, which has no fixed length.
     pub fn samples(&self) -> Option<u64> {
         self.panes.map(|panes| u64::from(panes) * u64::from(self.pane_samples))
@@ -42,7 +42,7 @@ impl Span {
 /// One span: a ring of full panes and the pane being filled.
 #[derive(Debug, Clone)]
 struct Ring {
-    span: Span,
+    span: WindowSpan,
     /// The full panes; empty for the whole record, which needs none.
     panes: Vec<Window>,
     /// Index of the next full pane.
@@ -99,7 +99,7 @@ pub struct StoredSpan {
 }
 
 impl Ring {
-    fn new(span: Span, empty: &Window) -> Self {
+    fn new(span: WindowSpan, empty: &Window) -> Self {
         Ring {
             span,
             panes: vec![empty.clone(); span.panes.unwrap_or(0) as usize],
@@ -197,7 +197,7 @@ impl Sliding {
     /// # Errors
     /// [`Error::SettingOutOfRange`] for no span, an empty pane or window, or a pane that is no multiple of the
     /// shortest.
-    pub fn new(sensors: usize, watched: usize, spans: &[Span]) -> Result<Self, Error> {
+    pub fn new(sensors: usize, watched: usize, spans: &[WindowSpan]) -> Result<Self, Error> {
         let lengths = || spans.iter().map(|span| span.pane_samples);
         let base_samples = lengths().min().unwrap_or(0);
         require(base_samples > 0, "pane_samples", 0.0, "at least 1, and at least one span")?;
@@ -212,11 +212,11 @@ impl Sliding {
 
     /// Creates the same, empty windows that also compare residuals with a conditional band.
     pub fn within_a_conditional_band(self) -> Self {
-        let spans: Vec<Span> = self.rings.iter().map(|ring| ring.span).collect();
+        let spans: Vec<WindowSpan> = self.rings.iter().map(|ring| ring.span).collect();
         Self::of(self.base.within_a_conditional_band(), self.base_samples, &spans)
     }
 
-    fn of(empty: Window, base_samples: u32, spans: &[Span]) -> Self {
+    fn of(empty: Window, base_samples: u32, spans: &[WindowSpan]) -> Self {
         let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
         let (full, turn, ended) = (empty.clone(), spans.len(), vec![false; spans.len()]);
         Sliding { base_samples, base: empty, full, turn, rings, ended }
@@ -327,11 +327,11 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    const SPANS: [Span; 4] = [
-        Span { pane_samples: 10, panes: Some(5) },
-        Span { pane_samples: 50, panes: Some(4) },
-        Span { pane_samples: 200, panes: Some(5) },
-        Span { pane_samples: 100, panes: None },
+    const SPANS: [WindowSpan; 4] = [
+        WindowSpan { pane_samples: 10, panes: Some(5) },
+        WindowSpan { pane_samples: 50, panes: Some(4) },
+        WindowSpan { pane_samples: 200, panes: Some(5) },
+        WindowSpan { pane_samples: 100, panes: None },
     ];
 
     /// A slow oscillation, a fast one, noise and a rare spike, far from zero.
@@ -418,7 +418,7 @@ mod tests {
 
     #[test]
     fn where_panes_are_shorter_than_there_are_spans_none_is_lost() {
-        let spans = [1, 1, 2].map(|pane_samples| Span { pane_samples, panes: Some(2) });
+        let spans = [1, 1, 2].map(|pane_samples| WindowSpan { pane_samples, panes: Some(2) });
         let mut sliding = Sliding::new(1, 1, &spans).unwrap();
         let mut random = Random::new(4);
         let samples: Vec<_> = (0..41).map(|k| sample(&mut random, k)).collect();
@@ -473,9 +473,9 @@ mod tests {
 
     #[test]
     fn panes_that_do_not_fit_are_refused() {
-        let odd = [SPANS[0], Span { pane_samples: 15, panes: Some(2) }];
+        let odd = [SPANS[0], WindowSpan { pane_samples: 15, panes: Some(2) }];
         assert!(Sliding::new(1, 1, &odd).is_err());
         assert!(Sliding::new(1, 1, &[]).is_err());
-        assert!(Sliding::new(1, 1, &[Span { pane_samples: 10, panes: Some(0) }]).is_err());
+        assert!(Sliding::new(1, 1, &[WindowSpan { pane_samples: 10, panes: Some(0) }]).is_err());
     }
 }

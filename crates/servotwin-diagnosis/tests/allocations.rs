@@ -1,7 +1,7 @@
 //! A session allocates nothing after it was made. A binary of its own, because it counts for all
 //! of the process.
 
-use servotwin_diagnosis::diagnoser::{Finding, Session};
+use servotwin_diagnosis::diagnoser::{IndexedFinding, Session};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -58,5 +58,8 @@ fn a_session_allocates_nothing_at_work() {
     });
     assert_eq!(count, 0);
     let finding = session.outcome().finding;
-    assert!(matches!(finding, Finding::Detail { actuator: 1, action: 0, .. }), "{finding:?}");
+    assert!(
+        matches!(finding, IndexedFinding::Detail { actuator: 1, action: 0, .. }),
+        "{finding:?}"
+    );
 }

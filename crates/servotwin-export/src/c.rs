@@ -7,7 +7,7 @@ use crate::error::ExportError;
 use crate::notation::Notation;
 use crate::precision::Precision;
 use crate::source_file::SourceFile;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use crate::{features, tables};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 
@@ -139,7 +139,10 @@ pub fn files_in(
 ///
 /// # Errors
 /// The errors of [`files`] and [`files_of_twin`].
-pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
+pub fn files_with_twin(
+    diagnoser: &Diagnoser,
+    twin: &ExportedTwin,
+) -> Result<Vec<SourceFile>, ExportError> {
     let hybrid = written(HYBRID.iter().copied());
     Ok([files(diagnoser)?, files_of_twin(twin)?, hybrid.collect()].concat())
 }
@@ -148,7 +151,7 @@ pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceF
 ///
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
-pub fn files_of_twin(twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
+pub fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
     Ok(together(TWIN.iter().copied(), PRINTED_OF_TWIN, tables::twin::texts(twin, Notation::C)?))
 }
 

@@ -3,7 +3,8 @@
 use crate::language::Language;
 use crate::precision::Precision;
 use crate::prove::{
-    Decisions, Evidence, FlightDecisions, Mutant, OpenCondition, SingleEvidence, Vectors, WorstPath,
+    Decisions, FlightDecisions, Mutant, OpenCondition, ProofEvidence, SingleEvidence, Vectors,
+    WorstPath,
 };
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
@@ -68,7 +69,7 @@ pub struct Certificate {
     /// The SHA-256 of each file that was compiled.
     pub compiled_sha256: BTreeMap<String, String>,
     /// What each build was compared on.
-    pub builds: Vec<Evidence>,
+    pub builds: Vec<ProofEvidence>,
     /// The number of mistakes that were made in the text.
     pub mutants: usize,
     /// Those that were not found.
@@ -86,7 +87,7 @@ impl Certificate {
     pub fn new(
         export: Description,
         compiled_sha256: BTreeMap<String, String>,
-        builds: Vec<Evidence>,
+        builds: Vec<ProofEvidence>,
         mutants: Vec<Mutant>,
         worst_path: WorstPath,
         (single, vectors): (Option<SingleEvidence>, Option<Vectors>),
@@ -94,7 +95,7 @@ impl Certificate {
         let count = mutants.len();
         let mutants_not_found: Vec<Mutant> =
             mutants.into_iter().filter(|mutant| !mutant.is_found).collect();
-        let holds = builds.iter().all(Evidence::holds)
+        let holds = builds.iter().all(ProofEvidence::holds)
             && mutants_not_found.is_empty()
             && worst_path.holds()
             && vectors.as_ref().is_none_or(Vectors::holds);

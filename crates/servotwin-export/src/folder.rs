@@ -9,7 +9,7 @@ use crate::language::Language;
 use crate::precision::Precision;
 use crate::rust;
 use crate::source_file::SourceFile;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
@@ -60,7 +60,7 @@ impl ExportFolder {
         &self,
         language: Language,
         (diagnoser, file): (&Diagnoser, &Path),
-        (twin, study): (&Twin, &Path),
+        (twin, study): (&ExportedTwin, &Path),
     ) -> Result<Description, ExportError> {
         let twin_description = TwinDescription {
             study: study.into(),
@@ -144,7 +144,7 @@ impl ExportFolder {
     pub fn check_system(
         &self,
         exported: &TwinDescription,
-        twin: &Twin,
+        twin: &ExportedTwin,
         study: &Path,
     ) -> Result<(), ExportError> {
         if twin.program.identity() == exported.system {

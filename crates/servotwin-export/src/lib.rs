@@ -31,4 +31,4 @@ pub use error::ExportError;
 pub use language::Language;
 pub use precision::Precision;
 pub use source_file::SourceFile;
-pub use twin::Twin;
+pub use twin::ExportedTwin;

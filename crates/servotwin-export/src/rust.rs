@@ -6,7 +6,7 @@
 use crate::error::ExportError;
 use crate::notation::Notation;
 use crate::source_file::SourceFile;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use crate::{features, tables};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 
@@ -89,7 +89,10 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
 ///
 /// # Errors
 /// As [`c::files_with_twin`](crate::c::files_with_twin).
-pub fn files_with_twin(diagnoser: &Diagnoser, twin: &Twin) -> Result<Vec<SourceFile>, ExportError> {
+pub fn files_with_twin(
+    diagnoser: &Diagnoser,
+    twin: &ExportedTwin,
+) -> Result<Vec<SourceFile>, ExportError> {
     let printed = PRINTED_OF_TWIN.into_iter().zip(tables::twin::texts(twin, Notation::RUST)?);
     let root = (ROOT_NAME, [ROOT, ROOT_OF_TWIN].concat());
     Ok(list(with_diagnosis(diagnoser)?.chain(written(TWIN)).chain(printed).chain([root])))

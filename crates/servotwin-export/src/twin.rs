@@ -5,7 +5,7 @@ use servotwin_model::solver::{Between, Control, SolverSettings};
 
 /// A virtual twin to be exported.
 #[derive(Clone)]
-pub struct Twin<'p> {
+pub struct ExportedTwin<'p> {
     /// Its system.
     pub program: &'p Program,
     /// Method and control of its steps.
@@ -20,7 +20,7 @@ pub struct Twin<'p> {
     pub sensors: Vec<Slot>,
 }
 
-impl Twin<'_> {
+impl ExportedTwin<'_> {
     /// Whether every step has the same length.
     pub fn has_fixed_step(&self) -> bool {
         matches!(self.settings.control, Control::Fixed { .. })

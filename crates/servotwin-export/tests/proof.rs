@@ -10,11 +10,11 @@ mod toy;
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
 use servotwin_export::prove::{
-    Build, Evidence, Mistakes, Mutant, Plan, SingleEvidence, Vectors, WorstPath, mutants, prove,
-    prove_single,
+    Build, Mistakes, Mutant, Plan, ProofEvidence, SingleEvidence, Vectors, WorstPath, mutants,
+    prove, prove_single,
 };
 use servotwin_export::rust;
-use servotwin_export::{Precision, SourceFile, Twin};
+use servotwin_export::{ExportedTwin, Precision, SourceFile};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, SolverSettings};
 use std::slice;
@@ -107,7 +107,7 @@ fn single_evidence(
     diagnoser: &Arc<Diagnoser>,
     files: &[SourceFile],
     builds: &[Build],
-) -> (Vec<Evidence>, SingleEvidence) {
+) -> (Vec<ProofEvidence>, SingleEvidence) {
     let precision = Precision::F32;
     let plan = Plan { samples: SAMPLES, precision, ..Plan::new(diagnoser, files) };
     prove_single(&plan, builds, 0, &mut |_, _| ()).unwrap()
@@ -141,7 +141,7 @@ fn what_single_precision_decides_otherwise_is_listed() {
     let files = &c::files_in(&diagnoser, Precision::F32).unwrap();
     let build = Build { compiler: "gcc".into(), level: "-O2" };
     let (all, single) = single_evidence(&diagnoser, files, &[build]);
-    assert!(all.iter().all(Evidence::holds), "{all:#?}");
+    assert!(all.iter().all(ProofEvidence::holds), "{all:#?}");
     let (counts, csv) = (&single.chain, single.csv());
     assert!(counts.differing_samples > 0 && counts.differing_runs > 0, "{counts:#?}");
     let listed: u64 =
@@ -169,7 +169,7 @@ fn a_mistake_in_single_precision_is_found() {
     ] {
         let (all, _) = single_evidence(diagnoser, &with_mistake(&whole, change), &builds);
         let differences: Vec<_> = all.iter().flat_map(|evidence| &evidence.differences).collect();
-        let is_found = |difference: &&servotwin_export::prove::Difference| {
+        let is_found = |difference: &&servotwin_export::prove::RowDifference| {
             difference.what.contains(found) || difference.place.contains(found)
         };
         assert!(differences.iter().any(is_found), "{change:?}: {differences:#?}");
@@ -197,12 +197,12 @@ fn a_sequence_comes_near_the_bound_of_work_and_no_sample_exceeds_it() {
 }
 
 /// An actuator whose controller has a clock, with inputs that are held, straight and curved.
-fn twin(program: &Program, settings: SolverSettings) -> Twin<'_> {
+fn twin(program: &Program, settings: SolverSettings) -> ExportedTwin<'_> {
     // The command is read on ticks only; the load acts all the time.
     let courses = [Between::Line, Between::Hold, Between::Cubic];
     let inputs = &program.network().inputs;
     let range = |default: f64| [default - 0.1 - default.abs(), default + 0.1 + default.abs()];
-    Twin {
+    ExportedTwin {
         program,
         settings,
         period_s: 0.01,
@@ -233,11 +233,11 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
 /// The evidence of a build that has a twin.
 fn evidence_of_twin(
     diagnoser: &Arc<Diagnoser>,
-    twin: &Twin,
+    twin: &ExportedTwin,
     files: &[SourceFile],
     build: &Build,
     variants: u64,
-) -> Evidence {
+) -> ProofEvidence {
     let plan = Plan { twin: Some(twin), samples: 10, variants, ..Plan::new(diagnoser, files) };
     prove(&plan, slice::from_ref(build), &mut |_, _| ()).unwrap().remove(0)
 }

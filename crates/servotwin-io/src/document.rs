@@ -42,7 +42,7 @@ pub trait Explained: fmt::Display {
 /// Mistakes that any TOML file can contain.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a kind names its fields")]
-pub enum Mistake {
+pub enum TomlMistake {
     /// The text is not TOML.
     #[error("not valid TOML: {message}")]
     Syntax { message: String },
@@ -61,7 +61,7 @@ pub enum Mistake {
     /// A number is outside its range; `summary` explains its meaning.
     #[error(
         "{key} = {} is out of range: allowed are {}",
-        Quantity(*.value, .unit), Quantities(*.min, *.max, .unit)
+        NumberWithUnit(*.value, .unit), Quantities(*.min, *.max, .unit)
     )]
     OutOfRange {
         key: String,
@@ -101,21 +101,21 @@ fn too_few(key: &str, least: usize) -> String {
     }
 }
 
-impl Explained for Mistake {
+impl Explained for TomlMistake {
     fn help(&self) -> Option<String> {
         match self {
-            Mistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
-            Mistake::OtherKind { help, .. } => Some(help.clone()),
-            Mistake::Missing { write, .. } => Some(format!("write: {write}")),
-            Mistake::UnknownKey { nearest, known, .. }
-            | Mistake::UnknownWord { nearest, known, .. } => Some(suggest(nearest, known)),
+            TomlMistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
+            TomlMistake::OtherKind { help, .. } => Some(help.clone()),
+            TomlMistake::Missing { write, .. } => Some(format!("write: {write}")),
+            TomlMistake::UnknownKey { nearest, known, .. }
+            | TomlMistake::UnknownWord { nearest, known, .. } => Some(suggest(nearest, known)),
             _ => None,
         }
     }
 
     fn range(&self) -> Option<(f64, f64)> {
         match self {
-            Mistake::OutOfRange { min, max, .. } => Some((*min, *max)),
+            TomlMistake::OutOfRange { min, max, .. } => Some((*min, *max)),
             _ => None,
         }
     }
@@ -136,9 +136,9 @@ pub fn counted(count: usize, what: &str) -> String {
 }
 
 /// A number with its unit.
-pub struct Quantity<'a>(pub f64, pub &'a str);
+pub struct NumberWithUnit<'a>(pub f64, pub &'a str);
 
-impl fmt::Display for Quantity<'_> {
+impl fmt::Display for NumberWithUnit<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_number(out, self.0)?;
         if self.1.is_empty() { Ok(()) } else { write!(out, " {}", self.1) }
@@ -151,7 +151,7 @@ pub struct Quantities<'a>(pub f64, pub f64, pub &'a str);
 impl fmt::Display for Quantities<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_number(out, self.0)?;
-        write!(out, " … {}", Quantity(self.1, self.2))
+        write!(out, " … {}", NumberWithUnit(self.1, self.2))
     }
 }
 
@@ -344,10 +344,10 @@ pub fn entries<'a>(table: &'a DeTable<'a>) -> Vec<Entry<'a>> {
 
 /// The path of keys and list positions by which a reader reached a value.
 ///
-/// A reader builds it as it descends, and [`Place::find`] follows it through the parsed file. No text is
+/// A reader builds it as it descends, and [`KeyPath::find`] follows it through the parsed file. No text is
 /// searched, so a place is right even if the same text stands elsewhere in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Place<'p> {
+pub struct KeyPath<'p> {
     steps: Vec<Step<'p>>,
     /// Whether the place means the last key instead of its value.
     marks_key: bool,
@@ -359,7 +359,7 @@ enum Step<'p> {
     Element(usize),
 }
 
-impl<'p> Place<'p> {
+impl<'p> KeyPath<'p> {
     /// A value below the file's root, by its keys.
     pub fn of(keys: &[&'p str]) -> Self {
         let steps = keys.iter().map(|&key| Step::Key(key.into())).collect();
@@ -424,7 +424,7 @@ impl<'p> Place<'p> {
     }
 }
 
-impl fmt::Display for Place<'_> {
+impl fmt::Display for KeyPath<'_> {
     /// The keys separated by dots, without list positions.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let keys = self.steps.iter().filter_map(|step| match step {
@@ -497,16 +497,16 @@ impl<'a> Entry<'a> {
     }
 
     /// The mistake that another type is needed.
-    pub fn wrong_type(&self, wanted: &'static str) -> Mistake {
+    pub fn wrong_type(&self, wanted: &'static str) -> TomlMistake {
         let found = type_name(self.value.get_ref());
-        Mistake::WrongType { key: self.key.into(), wanted, found }
+        TomlMistake::WrongType { key: self.key.into(), wanted, found }
     }
 
     /// The value as a text.
     ///
     /// # Errors
-    /// [`Mistake::WrongType`] for another type.
-    pub fn text(&self) -> Result<&'a str, Mistake> {
+    /// [`TomlMistake::WrongType`] for another type.
+    pub fn text(&self) -> Result<&'a str, TomlMistake> {
         match self.value.get_ref() {
             DeValue::String(text) => Ok(text),
             _ => Err(self.wrong_type("a text in quotes")),
@@ -516,22 +516,22 @@ impl<'a> Entry<'a> {
     /// The value as a finite number.
     ///
     /// # Errors
-    /// [`Mistake::WrongType`] for another type, [`Mistake::NotFinite`] for an infinite number or NaN.
-    pub fn number(&self) -> Result<f64, Mistake> {
+    /// [`TomlMistake::WrongType`] for another type, [`TomlMistake::NotFinite`] for an infinite number or NaN.
+    pub fn number(&self) -> Result<f64, TomlMistake> {
         let value = match self.value.get_ref() {
             DeValue::Float(value) => value.as_str().parse().ok(),
             DeValue::Integer(value) => Some(rounded_integer(value)),
             _ => return Err(self.wrong_type("a number")),
         };
         let finite = value.filter(|value: &f64| value.is_finite());
-        finite.ok_or_else(|| Mistake::NotFinite { key: self.key.into() })
+        finite.ok_or_else(|| TomlMistake::NotFinite { key: self.key.into() })
     }
 
     /// The value as a table.
     ///
     /// # Errors
-    /// [`Mistake::WrongType`] for another type.
-    pub fn table(&self) -> Result<&'a DeTable<'a>, Mistake> {
+    /// [`TomlMistake::WrongType`] for another type.
+    pub fn table(&self) -> Result<&'a DeTable<'a>, TomlMistake> {
         match self.value.get_ref() {
             DeValue::Table(table) => Ok(table),
             _ => Err(self.wrong_type("a table")),
@@ -541,8 +541,8 @@ impl<'a> Entry<'a> {
     /// The value as a list.
     ///
     /// # Errors
-    /// [`Mistake::WrongType`] for another type.
-    pub fn list(&self) -> Result<&'a [Spanned<DeValue<'a>>], Mistake> {
+    /// [`TomlMistake::WrongType`] for another type.
+    pub fn list(&self) -> Result<&'a [Spanned<DeValue<'a>>], TomlMistake> {
         match self.value.get_ref() {
             DeValue::Array(list) => Ok(list),
             _ => Err(self.wrong_type("a list")),

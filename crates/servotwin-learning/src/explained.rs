@@ -15,7 +15,7 @@ use crate::numeric::cholesky;
 use crate::splits::grouped_k_fold;
 use servotwin_diagnosis::error::{Error, require, same_length};
 use servotwin_diagnosis::explained::{ExplainedActions, nearest, whiten};
-use servotwin_diagnosis::hierarchy::Place;
+use servotwin_diagnosis::hierarchy::StagePlace;
 use servotwin_diagnosis::numeric::{add_scaled, dot};
 
 /// The level α: the share of known rows that their own action does not explain.
@@ -44,7 +44,7 @@ pub struct Origins<'o> {
 /// [`Error::LengthMismatch`], [`Error::SettingOutOfRange`], [`Error::NotFinite`].
 pub fn learn(
     examples: &Examples,
-    place: &Place,
+    place: &StagePlace,
     rows: &[usize],
     origins: Origins,
     level: f64,
@@ -146,7 +146,8 @@ mod tests {
     use servotwin_diagnosis::random::Random;
 
     const FEATURES: usize = 6;
-    const PLACE: Place = Place { question: Question::Action, actuator: None, action: None };
+    const PLACE: StagePlace =
+        StagePlace { question: Question::Action, actuator: None, action: None };
 
     /// Two kinds of fault whose signatures point along the first two features and grow with the intensity.
     struct Rows {

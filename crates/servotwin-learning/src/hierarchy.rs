@@ -18,7 +18,7 @@ use crate::classifiers::{self, Fit};
 use crate::samples::Samples;
 use crate::tree::Criterion;
 use servotwin_diagnosis::error::{Error, same_length};
-use servotwin_diagnosis::hierarchy::{FORMAT, Hierarchy, Names, Place, Question, Stage};
+use servotwin_diagnosis::hierarchy::{FORMAT, Hierarchy, Names, Question, Stage, StagePlace};
 
 /// The true class of a row, as indices into [`Names`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -198,7 +198,7 @@ impl Examples {
     }
 
     /// The classes of a stage, as indices into the names of its question.
-    pub fn classes(&self, place: &Place) -> Vec<u32> {
+    pub fn classes(&self, place: &StagePlace) -> Vec<u32> {
         match place.question {
             Question::Actuator => {
                 let healthy = self.names.healthy();
@@ -219,7 +219,7 @@ impl Examples {
     }
 
     /// The columns that a stage may read.
-    pub fn columns(&self, place: &Place) -> Vec<usize> {
+    pub fn columns(&self, place: &StagePlace) -> Vec<usize> {
         let mut columns: Vec<usize> = match place.question {
             Question::Actuator => (0..self.names.features.len()).collect(),
             _ => self.read[place.actuator.unwrap_or(0) as usize].clone(),
@@ -235,7 +235,7 @@ impl Examples {
     /// [`Error::NotFinite`] with the name of the column.
     pub fn samples(
         &self,
-        place: &Place,
+        place: &StagePlace,
         rows: &[usize],
         mirror: bool,
     ) -> Result<Option<(Samples, Vec<usize>)>, Error> {
@@ -262,7 +262,7 @@ impl Examples {
     }
 
     /// Row, view and class (index in [`Examples::classes`]) of every sample of a stage.
-    fn asked(&self, place: &Place, rows: &[usize], mirror: bool) -> Vec<(usize, usize, u32)> {
+    fn asked(&self, place: &StagePlace, rows: &[usize], mirror: bool) -> Vec<(usize, usize, u32)> {
         let classes = self.classes(place);
         let mut asked = Vec::new();
         for &row in rows {
@@ -289,13 +289,13 @@ impl Examples {
     }
 
     /// The stages of a hierarchy over these examples, A first.
-    pub fn places(&self, pool: bool) -> Vec<Place> {
+    pub fn places(&self, pool: bool) -> Vec<StagePlace> {
         let actuators = self.names.actuators.len() as u32;
         let actions = self.names.actions.len() as u32;
         let pooled = pool || actuators == 1;
         let owners: Vec<Option<u32>> =
             if pooled { vec![None] } else { (0..actuators).map(Some).collect() };
-        let place = |question, actuator, action| Place { question, actuator, action };
+        let place = |question, actuator, action| StagePlace { question, actuator, action };
         let mut places = Vec::new();
         let first = place(Question::Actuator, None, None);
         if self.classes(&first).len() > 1 {
@@ -435,7 +435,7 @@ impl HierarchySettings {
         &self,
         examples: &Examples,
         rows: &[usize],
-        place: &Place,
+        place: &StagePlace,
     ) -> Result<Option<Stage>, Error> {
         let Some((samples, _)) = examples.samples(place, rows, self.mirror)? else {
             return Ok(None);

@@ -9,7 +9,7 @@
 use crate::hierarchy::Examples;
 use alloc::vec;
 use alloc::vec::Vec;
-use servotwin_diagnosis::diagnoser::novelty::{Known, Novelty};
+use servotwin_diagnosis::diagnoser::novelty::{KnownRanges, Novelty};
 use servotwin_diagnosis::error::{Error, require, same_length};
 
 /// Minimum width of a range, as a part of the feature's range over all classes.
@@ -62,12 +62,12 @@ impl Ranges {
     }
 
     /// The learned ranges, with each width at least a part of the overall one.
-    fn known(self, overall: &Ranges, limit: f64) -> Known {
+    fn known(self, overall: &Ranges, limit: f64) -> KnownRanges {
         let widths = (0..self.lows.len()).map(|j| {
             let all = overall.highs[j] - overall.lows[j];
             (self.highs[j] - self.lows[j]).max(LEAST_WIDTH * all).max(1e-9)
         });
-        Known { widths: widths.collect(), lows: self.lows, highs: self.highs, limit }
+        KnownRanges { widths: widths.collect(), lows: self.lows, highs: self.highs, limit }
     }
 }
 
@@ -86,10 +86,10 @@ fn class_of(examples: &Examples, row: usize) -> usize {
     if is_fault { label.action as usize + 1 } else { 0 }
 }
 
-fn learn_class(rows: &[&(u32, Vec<f64>)], overall: &Ranges, quantile: f64) -> Known {
+fn learn_class(rows: &[&(u32, Vec<f64>)], overall: &Ranges, quantile: f64) -> KnownRanges {
     let features = overall.lows.len();
     if rows.is_empty() {
-        return Known { lows: vec![], highs: vec![], widths: vec![], limit: 1.0 };
+        return KnownRanges { lows: vec![], highs: vec![], widths: vec![], limit: 1.0 };
     }
     let mut groups: Vec<u32> = rows.iter().map(|(group, _)| *group).collect();
     groups.sort_unstable();

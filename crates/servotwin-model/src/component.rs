@@ -15,7 +15,7 @@ pub trait Component: Sync {
 
     /// A sensor's full scale and range for its parameters, in the unit of its reading; `None` for other
     /// components. The sensor's `noise_sigma` and `bits` refer to them.
-    fn span(&self, _parameters: &[f64]) -> Option<Span> {
+    fn span(&self, _parameters: &[f64]) -> Option<MeasuringSpan> {
         None
     }
 
@@ -48,7 +48,7 @@ pub struct SteadyGain {
 
 /// The measuring span of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
+pub struct MeasuringSpan {
     /// Full scale; noise is given as a fraction of it.
     pub full_scale: f64,
     /// From the smallest reading to the largest; the converter divides it into steps.

@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 
 /// Consecutive items of one shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Group<S> {
+pub(crate) struct EqualLengthGroup<S> {
     pub shape: S,
     pub count: usize,
 }
@@ -68,12 +68,12 @@ pub(crate) fn group_by_shape<S: Copy + Ord>(shapes: &[S], needs: &[Vec<usize>]) 
 /// The groups of a list of shapes.
 pub(crate) fn equal_length_groups<S: Copy + PartialEq>(
     shapes: impl Iterator<Item = S>,
-) -> Vec<Group<S>> {
-    let mut groups: Vec<Group<S>> = Vec::new();
+) -> Vec<EqualLengthGroup<S>> {
+    let mut groups: Vec<EqualLengthGroup<S>> = Vec::new();
     for shape in shapes {
         match groups.last_mut() {
             Some(group) if group.shape == shape => group.count += 1,
-            _ => groups.push(Group { shape, count: 1 }),
+            _ => groups.push(EqualLengthGroup { shape, count: 1 }),
         }
     }
     groups

@@ -8,7 +8,7 @@
 //! complete.
 
 use crate::dual::Partial;
-use crate::equal_length_groups::{Group, equal_length_groups, group_by_shape, unrolled};
+use crate::equal_length_groups::{EqualLengthGroup, equal_length_groups, group_by_shape, unrolled};
 use crate::lane_offset::{LaneOffset, Slot};
 use crate::lu::SparseLu;
 use crate::scalar::{Lanes, Scalar, Work};
@@ -41,7 +41,7 @@ pub struct SparseJacobian {
     /// Index of the first partial derivative of a block, after the rows.
     first_partial: usize,
     /// The entries in the order of their computation, and their terms.
-    groups: Vec<Group<Shape>>,
+    groups: Vec<EqualLengthGroup<Shape>>,
     targets: Vec<LaneOffset>,
     terms: Vec<Term>,
     /// (row, column, offset) of the Jacobian's entries.
@@ -282,7 +282,7 @@ impl SparseJacobian {
             targets: self.targets.as_ptr(),
             terms: self.terms.as_ptr(),
         };
-        for &Group { shape: (add, subtract), count } in &self.groups {
+        for &EqualLengthGroup { shape: (add, subtract), count } in &self.groups {
             // SAFETY: the lists hold a target and its terms for every entry of the groups, and
             // all offsets are below `slots`.
             unsafe {

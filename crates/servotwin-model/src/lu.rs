@@ -8,7 +8,7 @@
 //! dominant diagonal for small steps, and the solver's error control
 //! rejects a step that inaccurate factors have spoiled.
 
-use crate::equal_length_groups::{Group, equal_length_groups, group_by_shape, unrolled};
+use crate::equal_length_groups::{EqualLengthGroup, equal_length_groups, group_by_shape, unrolled};
 use crate::lane_offset::LaneOffset;
 use crate::scalar::Scalar;
 use alloc::collections::{BTreeMap, BTreeSet};
@@ -45,7 +45,7 @@ enum Part {
 /// unknowns that their products read.
 #[derive(Clone, Debug, Default)]
 struct Substitution {
-    groups: Vec<Group<usize>>,
+    groups: Vec<EqualLengthGroup<usize>>,
     targets: Vec<LaneOffset>,
     sources: Vec<LaneOffset>,
 }
@@ -61,7 +61,7 @@ pub struct SparseLu {
     positions: BTreeMap<(u16, u16), u16>,
     /// The entries of the factors in the order of their computation, grouped by part and
     /// number of products.
-    groups: Vec<Group<(Part, usize)>>,
+    groups: Vec<EqualLengthGroup<(Part, usize)>>,
     entries: Vec<Entry>,
     products: Vec<Product>,
     /// Required length of the array that holds the Jacobian.
@@ -225,7 +225,7 @@ impl SparseLu {
             entries: self.entries.as_ptr(),
             products: self.products.as_ptr(),
         };
-        for &Group { shape: (part, products), count } in &self.groups {
+        for &EqualLengthGroup { shape: (part, products), count } in &self.groups {
             // SAFETY: the lists hold every entry of the groups and its products; all
             // offsets are below `slots` and `gradients`.
             unsafe {
@@ -327,7 +327,7 @@ impl Substitution {
             sources: self.sources.as_ptr(),
             x,
         };
-        for &Group { shape: products, count } in &self.groups {
+        for &EqualLengthGroup { shape: products, count } in &self.groups {
             // SAFETY: promised by the caller.
             unsafe { unrolled!(products, |n| lists.solve::<SCALED>(n, count)) }
         }

@@ -157,11 +157,11 @@ pub fn smooth_step<S: crate::scalar::Scalar>(x: S) -> S {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::contract::Random;
+    use crate::components::contract::UniformNumbers;
 
     /// The largest `error(x)` at random points of a range.
     fn worst(low: f64, high: f64, error: impl Fn(f64) -> f64) -> f64 {
-        let mut random = Random(42);
+        let mut random = UniformNumbers(42);
         let samples = (0..200_000).map(|_| low + (high - low) * random.next());
         samples.map(error).fold(0.0, f64::max)
     }

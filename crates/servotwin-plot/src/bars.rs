@@ -4,7 +4,7 @@ use super::Figure;
 use super::axis::{Axis, extent, plain};
 use super::font;
 use super::frame::{Frame, TITLE_BELOW};
-use super::legend::{self, Entry, Swatch};
+use super::legend::{self, LegendEntry, Swatch};
 use super::style::{GREY, INK, Look, look, tint};
 use super::svg::{Area, Canvas, Type};
 
@@ -137,8 +137,8 @@ impl Bars {
             return y;
         }
         let named = self.series.iter().enumerate();
-        let entries: Vec<Entry> = named
-            .map(|(index, name)| Entry {
+        let entries: Vec<LegendEntry> = named
+            .map(|(index, name)| LegendEntry {
                 name: name.clone(),
                 swatch: Swatch::Box(look(&self.looks, index)),
             })

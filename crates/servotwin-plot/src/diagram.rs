@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, VecDeque};
 use super::Figure;
 use super::font;
 use super::junction::{Line, junctions};
-use super::legend::{self, Entry, Swatch};
+use super::legend::{self, LegendEntry, Swatch};
 use super::style::{GREY, Look, look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
@@ -168,10 +168,10 @@ impl Diagram {
     }
 
     /// Every kind in use, once: blocks and wires of one kind have the same color.
-    fn legend(&self, kinds: &[&str]) -> Vec<Entry> {
+    fn legend(&self, kinds: &[&str]) -> Vec<LegendEntry> {
         let mut entries = Vec::new();
         for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_empty()) {
-            let mut add = |swatch| entries.push(Entry { name: (*kind).to_owned(), swatch });
+            let mut add = |swatch| entries.push(LegendEntry { name: (*kind).to_owned(), swatch });
             if self.wires.iter().any(|wire| wire.kind == *kind) {
                 add(Swatch::Line(look(&self.looks, index)));
             } else if self.blocks.iter().any(|block| block.kind == *kind) {

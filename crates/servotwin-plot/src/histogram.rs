@@ -9,7 +9,7 @@ use super::Figure;
 use super::axis::{Axis, extent, padded};
 use super::font;
 use super::frame::{Frame, TICKS_BELOW, labels_width};
-use super::legend::{self, Entry, Swatch};
+use super::legend::{self, LegendEntry, Swatch};
 use super::style::{GREY, Look, look};
 use super::svg::{Anchor, Area, Canvas, Type};
 
@@ -100,13 +100,13 @@ impl<'a> HistogramGrid<'a> {
             y += 20.0;
         }
         let series = self.series.iter().enumerate();
-        let boxes = series.map(|(index, name)| Entry {
+        let boxes = series.map(|(index, name)| LegendEntry {
             name: name.clone(),
             swatch: Swatch::Tinted(look(&self.looks, index)),
         });
         let limit =
-            self.band.map(|band| Entry { name: format!("±{band}"), swatch: Swatch::Limit });
-        let entries: Vec<Entry> = boxes.chain(limit).collect();
+            self.band.map(|band| LegendEntry { name: format!("±{band}"), swatch: Swatch::Limit });
+        let entries: Vec<LegendEntry> = boxes.chain(limit).collect();
         let rows = legend::rows(&entries, self.width - 2.0 * MARGIN);
         legend::draw(canvas, (MARGIN, y), &rows);
         y + legend::ROW * rows.len() as f64 + 6.0

@@ -23,7 +23,7 @@ pub(super) enum Swatch {
 
 /// A name with its swatch.
 #[derive(Debug, Clone)]
-pub(super) struct Entry {
+pub(super) struct LegendEntry {
     pub name: String,
     pub swatch: Swatch,
 }
@@ -34,13 +34,13 @@ const SIZE: f64 = 10.0;
 const SWATCH: f64 = 22.0;
 const GAP: f64 = 14.0;
 
-fn entry_width(entry: &Entry) -> f64 {
+fn entry_width(entry: &LegendEntry) -> f64 {
     SWATCH + 4.0 + font::width(&entry.name, SIZE, false)
 }
 
 /// Distributes entries over rows that fit a width, in order.
-pub(super) fn rows(entries: &[Entry], width: f64) -> Vec<Vec<Entry>> {
-    let mut rows: Vec<Vec<Entry>> = Vec::new();
+pub(super) fn rows(entries: &[LegendEntry], width: f64) -> Vec<Vec<LegendEntry>> {
+    let mut rows: Vec<Vec<LegendEntry>> = Vec::new();
     let mut used = 0.0;
     for entry in entries {
         let mut entry = entry.clone();
@@ -61,12 +61,12 @@ pub(super) fn rows(entries: &[Entry], width: f64) -> Vec<Vec<Entry>> {
 }
 
 /// The width of a row.
-pub(super) fn row_width(row: &[Entry]) -> f64 {
+pub(super) fn row_width(row: &[LegendEntry]) -> f64 {
     row.iter().map(entry_width).sum::<f64>() + GAP * row.len().saturating_sub(1) as f64
 }
 
 /// Draws the rows downwards from their top left corner.
-pub(super) fn draw(canvas: &mut Canvas, corner: (f64, f64), rows: &[Vec<Entry>]) {
+pub(super) fn draw(canvas: &mut Canvas, corner: (f64, f64), rows: &[Vec<LegendEntry>]) {
     for (place, row) in rows.iter().enumerate() {
         let middle = corner.1 + ROW * (place as f64 + 0.5);
         let mut x = corner.0;

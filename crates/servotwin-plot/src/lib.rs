@@ -34,7 +34,7 @@ pub mod value_map;
 
 use std::path::{Path, PathBuf};
 
-pub use meaning::{Meaning, dark_rules};
+pub use meaning::{SemanticColor, dark_rules};
 pub use style::Look;
 
 use servotwin_io::files::{FileError, write_atomically};

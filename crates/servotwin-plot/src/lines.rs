@@ -3,7 +3,7 @@
 use super::Figure;
 use super::axis::{Axis, extent, padded, plain};
 use super::frame::{Frame, TITLE_BELOW, labels_width};
-use super::legend::{self, Entry, Swatch};
+use super::legend::{self, LegendEntry, Swatch};
 use super::style::{Look, look_or_nth};
 use super::svg::{Area, Canvas, Type};
 use super::time_series::runs;
@@ -143,11 +143,11 @@ impl Lines {
         self.curves.iter().flat_map(of_curve).collect()
     }
 
-    fn legend(&self) -> Vec<Entry> {
+    fn legend(&self) -> Vec<LegendEntry> {
         let curves = self.curves.iter().enumerate();
         curves
             .filter(|(_, curve)| !curve.name.is_empty())
-            .map(|(index, curve)| Entry {
+            .map(|(index, curve)| LegendEntry {
                 name: curve.name.clone(),
                 swatch: match curve.marked {
                     true => Swatch::Marked(look_or_nth(curve.look, index)),

@@ -52,7 +52,7 @@ const PLAIN: [Shade; 2] = [["#000000", "#ffffff"], ["#7f7f7f", "#9a9a9a"]];
 
 /// The meaning of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Meaning {
+pub enum SemanticColor {
     /// An actuator, by index.
     Unit(usize),
     /// An action, by index.
@@ -71,7 +71,7 @@ pub enum Meaning {
     Plain(usize),
 }
 
-impl Meaning {
+impl SemanticColor {
     /// The style of a series with this meaning.
     pub fn look(self) -> Look {
         let of = |shades: &[Shade], place: usize| Look::new(shades[place % shades.len()][0], place);
@@ -81,14 +81,14 @@ impl Meaning {
             Look::new(shades[(place + round) % shades.len()][0], place)
         };
         match self {
-            Meaning::Unit(place) => of(&UNITS, place),
-            Meaning::Command(place) => Look { index: place, ..below(place, 0) },
-            Meaning::Detail(command, place) => below(command, place),
-            Meaning::Setting(place) => of(&SETTINGS, place),
-            Meaning::Measured => of(&PLAIN, 0),
-            Meaning::Twin => Look::new(TWIN[0], 1),
-            Meaning::Medium(place) => of(&MEDIA, place),
-            Meaning::Plain(place) => of(&PLAIN, place),
+            SemanticColor::Unit(place) => of(&UNITS, place),
+            SemanticColor::Command(place) => Look { index: place, ..below(place, 0) },
+            SemanticColor::Detail(command, place) => below(command, place),
+            SemanticColor::Setting(place) => of(&SETTINGS, place),
+            SemanticColor::Measured => of(&PLAIN, 0),
+            SemanticColor::Twin => Look::new(TWIN[0], 1),
+            SemanticColor::Medium(place) => of(&MEDIA, place),
+            SemanticColor::Plain(place) => of(&PLAIN, place),
         }
     }
 }
@@ -130,9 +130,13 @@ mod tests {
 
     #[test]
     fn what_is_broken_has_the_colours_of_its_command() {
-        assert_eq!(Meaning::Detail(1, 0).look().colour, Meaning::Command(1).look().colour);
-        let off: Vec<&str> = (0..4).map(|place| Meaning::Detail(0, place).look().colour).collect();
+        assert_eq!(
+            SemanticColor::Detail(1, 0).look().colour,
+            SemanticColor::Command(1).look().colour
+        );
+        let off: Vec<&str> =
+            (0..4).map(|place| SemanticColor::Detail(0, place).look().colour).collect();
         assert!(off.iter().all(|colour| FIRST.iter().any(|shade| shade[0] == *colour)));
-        assert_ne!(Meaning::Command(3).look(), Meaning::Command(0).look());
+        assert_ne!(SemanticColor::Command(3).look(), SemanticColor::Command(0).look());
     }
 }

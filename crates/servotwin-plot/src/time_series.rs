@@ -7,7 +7,7 @@ use super::axis::{Axis, extent, padded};
 use super::decimate::decimate;
 use super::font;
 use super::frame::{Frame, TICKS_BELOW, TITLE_BELOW, labels_width};
-use super::legend::{self, Entry, Swatch};
+use super::legend::{self, LegendEntry, Swatch};
 use super::style::{Look, look_or_nth};
 use super::svg::{Anchor, Area, Canvas, Type};
 
@@ -137,17 +137,19 @@ impl<'a> Panel<'a> {
         Axis::linear(padded(extent(values).unwrap_or((0.0, 1.0)), 0.05), 5)
     }
 
-    fn legend(&self) -> Vec<Entry> {
+    fn legend(&self) -> Vec<LegendEntry> {
         let series = self.series.iter().enumerate();
-        let line = |(index, series): (usize, &Series)| Entry {
+        let line = |(index, series): (usize, &Series)| LegendEntry {
             name: series.name.clone(),
             swatch: match series.is_marked {
                 true => Swatch::Marked(look_or_nth(series.look, index)),
                 false => Swatch::Line(look_or_nth(series.look, index)),
             },
         };
-        let band =
-            self.band.iter().map(|band| Entry { name: band.name.clone(), swatch: Swatch::Band });
+        let band = self
+            .band
+            .iter()
+            .map(|band| LegendEntry { name: band.name.clone(), swatch: Swatch::Band });
         series.map(line).chain(band).filter(|entry| !entry.name.is_empty()).collect()
     }
 }

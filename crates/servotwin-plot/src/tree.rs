@@ -6,13 +6,13 @@
 
 use super::Figure;
 use super::font;
-use super::legend::{self, Entry, Swatch};
+use super::legend::{self, LegendEntry, Swatch};
 use super::style::{FRAME, GREY, Look, look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of a tree.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tree {
+pub struct TreeFigure {
     /// The figure's title, may be empty.
     pub title: String,
     /// The class names, in the order of the nodes' shares.
@@ -101,7 +101,7 @@ const SIBLING_GAP: f64 = 7.0;
 const LEVEL_GAP: f64 = 32.0;
 const LEGEND_WIDTH: f64 = 900.0;
 
-impl Tree {
+impl TreeFigure {
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
@@ -140,8 +140,8 @@ impl Tree {
             y += 20.0;
         }
         let named = self.classes.iter().enumerate();
-        let entries: Vec<Entry> = named
-            .map(|(index, name)| Entry {
+        let entries: Vec<LegendEntry> = named
+            .map(|(index, name)| LegendEntry {
                 name: name.clone(),
                 swatch: Swatch::Box(look(&self.looks, index)),
             })

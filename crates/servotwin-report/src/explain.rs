@@ -28,18 +28,18 @@ pub struct Explanation {
     /// Whether a residual left its band. The diagnosis asks no stage otherwise.
     pub detectable: bool,
     /// The combined answer of trees and committee.
-    pub verdict: Verdict,
+    pub verdict: ExplainedVerdict,
     /// The largest scaled residual.
     pub largest_residual: f64,
     /// Why the simulation stopped early; empty if it did not.
     pub failure: String,
     /// The stages in the order in which the hierarchy asks them.
-    pub stages: Vec<Answer>,
+    pub stages: Vec<ExplainedAnswer>,
 }
 
 /// The combined answer of trees and committee.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Verdict {
+pub struct ExplainedVerdict {
     /// `healthy`, `not_isolated` or `isolated`.
     pub outcome: &'static str,
     /// The actuator that the committee names; `None` if the only actuator has no name.
@@ -52,7 +52,7 @@ pub struct Verdict {
 
 /// One stage's answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Answer {
+pub struct ExplainedAnswer {
     /// The name of the stage.
     pub stage: String,
     /// What it decides.
@@ -62,14 +62,14 @@ pub struct Answer {
     /// The true class.
     pub truth: String,
     /// The questions on the tree's path; empty if the classifier is not a tree.
-    pub steps: Vec<Step>,
+    pub steps: Vec<TreeStep>,
     /// Share of the predicted class among the training rows in the leaf.
     pub purity: Option<f64>,
 }
 
 /// One question of a tree.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Step {
+pub struct TreeStep {
     /// The feature as the stage sees it. Actuators that share a stage all appear to it in the place of actuator 1.
     pub feature: String,
     /// The meaning of the feature.
@@ -154,17 +154,21 @@ fn largest(table: &Table, sensor: &str, row: usize) -> Result<f64, TableError> {
     Ok(table.f64(&largest_column(sensor))?[row])
 }
 
-fn verdict(panel: &Panel, largest: &[f64], views: &[Vec<f64>]) -> Result<Verdict, EvaluationError> {
+fn verdict(
+    panel: &Panel,
+    largest: &[f64],
+    views: &[Vec<f64>],
+) -> Result<ExplainedVerdict, EvaluationError> {
     let rows: Vec<&[f64]> = views.iter().map(Vec::as_slice).collect();
     let (outcome, said) = match panel.diagnose(largest, &rows, &mut panel.scratch())? {
-        panel::Verdict::Healthy => ("healthy", None),
-        panel::Verdict::NotIsolated(said) => ("not_isolated", Some(said)),
-        panel::Verdict::Isolated(said) => ("isolated", Some(said)),
+        panel::PanelVerdict::Healthy => ("healthy", None),
+        panel::PanelVerdict::NotIsolated(said) => ("not_isolated", Some(said)),
+        panel::PanelVerdict::Isolated(said) => ("isolated", Some(said)),
     };
     let names = &panel.trees.names;
     let actuator = said.and_then(|said| said.actuator);
     let command = said.and_then(|said| said.action);
-    Ok(Verdict {
+    Ok(ExplainedVerdict {
         outcome,
         actuator: actuator
             .map(|actuator| names.actuators[actuator as usize].clone())
@@ -181,7 +185,12 @@ fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableEr
         fault: table.text("fault")?[row].clone(),
         intensity: table.f64("intensity")?[row],
         detectable: false,
-        verdict: Verdict { outcome: "healthy", actuator: None, command: None, confidence: None },
+        verdict: ExplainedVerdict {
+            outcome: "healthy",
+            actuator: None,
+            command: None,
+            confidence: None,
+        },
         largest_residual: table.f64("largest_residual")?[row],
         failure: table.text("failure")?[row].clone(),
         stages: vec![],
@@ -215,7 +224,7 @@ fn answer(
     features: &[Feature],
     words: &Vocabulary,
     truth: &[String; 3],
-) -> Answer {
+) -> ExplainedAnswer {
     let question = stage.place.question;
     let said = stage.answer(row, &mut hierarchy.scratch()).class;
     let truth = match question {
@@ -229,7 +238,7 @@ fn answer(
             let place = stage.columns[column] as usize;
             let name = &hierarchy.names.features[place];
             let known = features.iter().find(|known| known.name == *name);
-            steps.push(Step {
+            steps.push(TreeStep {
                 feature: name.clone(),
                 meaning: known.map_or(String::new(), |known| words.adapted(&known.meaning)),
                 unit: known.map_or(String::new(), |known| known.unit.into()),
@@ -240,7 +249,7 @@ fn answer(
         }
         purity = nodes.last().map(|&leaf| tree.purity(leaf));
     }
-    Answer {
+    ExplainedAnswer {
         stage: stage.id.clone(),
         question,
         said: words.class(question, hierarchy.names.class_name(question, said)).into(),

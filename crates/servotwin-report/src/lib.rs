@@ -25,7 +25,7 @@ mod write;
 use examples::Example;
 use excerpt::Excerpt;
 use looks::Looks;
-use page::{Entry, Page};
+use page::{ContentsEntry, Page};
 use servotwin::campaign::Comparison;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -230,12 +230,12 @@ pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
         }
     }
     let mut page = Page::default();
-    let entry = |(chapter, _): &(&Chapter, Page)| Entry {
+    let entry = |(chapter, _): &(&Chapter, Page)| ContentsEntry {
         id: chapter.id.to_owned(),
         title: chapter.title.to_owned(),
         is_appendix: chapter.is_appendix,
     };
-    let entries: Vec<Entry> = chapters.iter().map(entry).collect();
+    let entries: Vec<ContentsEntry> = chapters.iter().map(entry).collect();
     overview::write(material, &mut page);
     page.contents(&entries);
     let mut in_appendix = false;

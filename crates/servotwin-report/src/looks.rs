@@ -3,7 +3,7 @@
 use servotwin::job::Subject;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::{Look, Meaning};
+use servotwin_plot::{Look, SemanticColor};
 
 /// The plot styles of a study's actuators, commands and failures.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,11 +32,13 @@ impl Looks {
     pub fn class(&self, question: Question, name: &str) -> Look {
         let place = |names: &[String]| names.iter().position(|known| known == name);
         let found = match question {
-            Question::Actuator => place(&self.units).map(|place| Meaning::Unit(place).look()),
-            Question::Action => place(&self.commands).map(|place| Meaning::Command(place).look()),
+            Question::Actuator => place(&self.units).map(|place| SemanticColor::Unit(place).look()),
+            Question::Action => {
+                place(&self.commands).map(|place| SemanticColor::Command(place).look())
+            }
             Question::Detail => self.detail(name),
         };
-        found.unwrap_or_else(|| Meaning::Plain(1).look())
+        found.unwrap_or_else(|| SemanticColor::Plain(1).look())
     }
 
     fn detail(&self, name: &str) -> Option<Look> {
@@ -44,25 +46,25 @@ impl Looks {
         let command = self.details[place].1;
         let below = self.details[..place].iter().filter(|(_, other)| *other == command).count();
         // Without colors, every fault class still has its own look.
-        Some(Meaning::Detail(command, below).look().at(place))
+        Some(SemanticColor::Detail(command, below).look().at(place))
     }
 }
 
 /// The style of a subject (a data set and the sensors used).
 pub fn subject(subject: Subject) -> Look {
     let place = Subject::ALL.iter().position(|known| *known == subject);
-    Meaning::Setting(place.unwrap_or(0)).look()
+    SemanticColor::Setting(place.unwrap_or(0)).look()
 }
 
 /// The style of a setting, by its name.
 pub fn setting(name: &str) -> Look {
     let known = Subject::ALL.into_iter().find(|subject| subject.name() == name);
-    known.map_or_else(|| Meaning::Plain(1).look(), subject)
+    known.map_or_else(|| SemanticColor::Plain(1).look(), subject)
 }
 
 /// Styles of two series that have no meaning in other figures.
 pub fn plain() -> Vec<Look> {
-    vec![Meaning::Plain(0).look(), Meaning::Plain(1).look()]
+    vec![SemanticColor::Plain(0).look(), SemanticColor::Plain(1).look()]
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ pub struct Page {
 
 /// A section in the table of contents.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Entry {
+pub struct ContentsEntry {
     /// The anchor of the section.
     pub id: String,
     /// The heading of the section.
@@ -25,7 +25,7 @@ pub struct Entry {
 
 /// The alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
+pub enum Alignment {
     /// For words.
     Left,
     /// For numbers.
@@ -34,16 +34,16 @@ pub enum Side {
 
 /// A table of text cells.
 #[derive(Debug, Clone)]
-pub struct Grid {
-    heads: Vec<(String, Side)>,
+pub struct HtmlTable {
+    heads: Vec<(String, Alignment)>,
     rows: Vec<(Vec<String>, bool)>,
 }
 
-impl Grid {
+impl HtmlTable {
     /// A table without rows.
-    pub fn new<H: Into<String>>(heads: impl IntoIterator<Item = (H, Side)>) -> Self {
+    pub fn new<H: Into<String>>(heads: impl IntoIterator<Item = (H, Alignment)>) -> Self {
         let heads = heads.into_iter().map(|(head, side)| (head.into(), side));
-        Grid { heads: heads.collect(), rows: vec![] }
+        HtmlTable { heads: heads.collect(), rows: vec![] }
     }
 
     /// Adds a row, one text for each column.
@@ -166,7 +166,7 @@ impl Page {
     }
 
     /// Adds a list of links to sections.
-    pub fn contents(&mut self, entries: &[Entry]) {
+    pub fn contents(&mut self, entries: &[ContentsEntry]) {
         self.html += "<nav aria-label=\"Contents\">";
         for (is_appendix, head) in [(false, "Findings"), (true, "Appendix, what this rests on")] {
             let own = || entries.iter().filter(|entry| entry.is_appendix == is_appendix);
@@ -174,7 +174,7 @@ impl Page {
                 continue;
             }
             let _ = writeln!(self.html, "<div><p>{head}</p>\n<ul>");
-            for Entry { id, title, .. } in own() {
+            for ContentsEntry { id, title, .. } in own() {
                 let (id, title) = (escaped(id), escaped(title));
                 let _ = writeln!(self.html, "<li><a href=\"#{id}\">{title}</a></li>");
             }
@@ -271,8 +271,9 @@ impl Page {
     }
 
     /// Adds a table with a one-sentence caption. A line feed in a cell begins a new line in small type.
-    pub fn table(&mut self, grid: &Grid, caption: &str) {
-        let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
+    pub fn table(&mut self, grid: &HtmlTable, caption: &str) {
+        let class =
+            |side: Alignment| if side == Alignment::Right { " class=\"number\"" } else { "" };
         let wide = if grid.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
         let short = if grid.rows.len() <= SHORT { " short" } else { "" };
         let _ = writeln!(self.html, "<div class=\"sheet{short}\" tabindex=\"0\"><table{wide}>");
@@ -401,7 +402,8 @@ mod tests {
 
     #[test]
     fn the_contents_stand_before_everything_else() {
-        let entry = |id: &str, is_appendix| Entry { id: id.into(), title: id.into(), is_appendix };
+        let entry =
+            |id: &str, is_appendix| ContentsEntry { id: id.into(), title: id.into(), is_appendix };
         let mut page = Page::default();
         page.contents(&[entry("found", false), entry("rests", true)]);
         page.section("found", "found", |page| page.text("text"));
@@ -416,7 +418,7 @@ mod tests {
         let mut page = Page::default();
         for section in ["a", "b"] {
             page.section(section, section, |page| {
-                let mut grid = Grid::new([("value", Side::Right)]);
+                let mut grid = HtmlTable::new([("value", Alignment::Right)]);
                 grid.push(vec!["1".into()]);
                 page.table(&grid, "of\u{1} numbers");
                 let bars = || {

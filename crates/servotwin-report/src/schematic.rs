@@ -4,7 +4,7 @@
 use servotwin::system::System;
 use servotwin_model::network::{Network, PortOf};
 use servotwin_model::spec::PortKind;
-use servotwin_plot::Meaning;
+use servotwin_plot::SemanticColor;
 use servotwin_plot::diagram::{Block, Diagram, Wire};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -23,7 +23,7 @@ pub fn of(system: &System) -> Diagram {
     let mut diagram = Diagram {
         title: system.title.clone(),
         kinds: MEDIA.map(str::to_owned).to_vec(),
-        looks: (0..MEDIA.len()).map(|place| Meaning::Medium(place).look()).collect(),
+        looks: (0..MEDIA.len()).map(|place| SemanticColor::Medium(place).look()).collect(),
         downwards: true,
         ..Diagram::default()
     };

@@ -2,14 +2,14 @@
 //! each class and group, and the tree in readable parts.
 
 use super::looks;
-use super::page::{Grid, Page, Side};
+use super::page::{Alignment, HtmlTable, Page};
 use super::words::{NONE, number, percent, rate};
-use servotwin::evaluation::table_model::{Judged, Prepared, TableModel, question};
+use servotwin::evaluation::table_model::{JudgedClassifier, PreparedTable, TableModel, question};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_plot::bars::{Bar, Bars};
 use servotwin_plot::heatmap::ConfusionMatrix;
-use servotwin_plot::tree::{Branch, Node, Tree as Drawing};
+use servotwin_plot::tree::{Branch, Node, TreeFigure as Drawing};
 
 /// The maximum number of leaves and continuations in one drawing; more cannot be read side by side.
 const LEAVES_IN_A_DRAWING: usize = 8;
@@ -28,13 +28,13 @@ pub struct TableMaterial<'a> {
     /// The table's name.
     pub name: &'a str,
     /// The table, prepared for training.
-    pub prepared: &'a Prepared,
+    pub prepared: &'a PreparedTable,
     /// A description of how rows were held out, with the seed.
     pub held_out: &'a str,
     /// A description of the class weights.
     pub class_weights: &'a str,
     /// The results of each classifier on held-out rows.
-    pub results: &'a [(ClassifierKind, Judged)],
+    pub results: &'a [(ClassifierKind, JudgedClassifier)],
     /// The classifiers that could not be trained on the table, with the reasons.
     pub refused: &'a [(ClassifierKind, String)],
     /// The tree trained with all training rows, or the model that was trained elsewhere.
@@ -66,7 +66,7 @@ pub fn render(material: &TableMaterial) -> String {
 
 fn data(material: &TableMaterial, page: &mut Page) {
     let samples = material.prepared.samples();
-    let mut grid = Grid::new([("", Side::Left), ("", Side::Left)]);
+    let mut grid = HtmlTable::new([("", Alignment::Left), ("", Alignment::Left)]);
     let mut line = |name: &str, value: String| grid.push(vec![name.into(), value]);
     line("rows", samples.rows().to_string());
     line("classes", format!("{} of column {}", samples.classes(), material.tree.label));
@@ -103,7 +103,8 @@ fn data(material: &TableMaterial, page: &mut Page) {
     };
     let listed = &names[..names.len().min(FEATURES_LISTED)];
     page.note(&format!("Features: {}{more}.", listed.join(", ")));
-    let mut grid = Grid::new([("column", Side::Left), ("not used because it", Side::Left)]);
+    let mut grid =
+        HtmlTable::new([("column", Alignment::Left), ("not used because it", Alignment::Left)]);
     for unused in &material.prepared.unused {
         grid.push(vec![unused.column.clone(), unused.reason.clone()]);
     }
@@ -115,10 +116,10 @@ fn data(material: &TableMaterial, page: &mut Page) {
 fn classifiers(material: &TableMaterial, page: &mut Page) {
     let mut bars = Bars::new("", "accuracy (%)", &["accuracy"]);
     bars.looks = looks::plain();
-    let mut grid = Grid::new([
-        ("classifier", Side::Left),
-        ("accuracy", Side::Right),
-        ("balanced accuracy", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("classifier", Alignment::Left),
+        ("accuracy", Alignment::Right),
+        ("balanced accuracy", Alignment::Right),
     ]);
     for (kind, judged) in material.results {
         let accuracy = judged.score.accuracy;
@@ -168,8 +169,8 @@ fn refusals(refused: &[(ClassifierKind, String)]) -> Vec<String> {
 }
 
 /// The result for which classes and groups are shown: the most accurate, and the first among equals.
-fn best<'a>(material: &TableMaterial<'a>) -> Option<&'a (ClassifierKind, Judged)> {
-    let share = |judged: &Judged| judged.score.accuracy.share.unwrap_or(0.0);
+fn best<'a>(material: &TableMaterial<'a>) -> Option<&'a (ClassifierKind, JudgedClassifier)> {
+    let share = |judged: &JudgedClassifier| judged.score.accuracy.share.unwrap_or(0.0);
     let results = material.results.iter().rev();
     results.max_by(|a, b| share(&a.1).total_cmp(&share(&b.1)))
 }
@@ -178,11 +179,11 @@ fn classes(material: &TableMaterial, page: &mut Page) {
     let Some((kind, judged)) = best(material) else {
         return;
     };
-    let mut grid = Grid::new([
-        ("class", Side::Left),
-        ("rows", Side::Right),
-        ("found", Side::Right),
-        ("of those said right", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("class", Alignment::Left),
+        ("rows", Alignment::Right),
+        ("found", Alignment::Right),
+        ("of those said right", Alignment::Right),
     ]);
     for class in &judged.classes {
         grid.push(vec![
@@ -204,11 +205,11 @@ fn groups(material: &TableMaterial, page: &mut Page) {
     let mut worst: Vec<_> = judged.groups.iter().collect();
     let share = |right: u64, rows: u64| right as f64 / rows as f64;
     worst.sort_by(|a, b| share(a.right, a.rows).total_cmp(&share(b.right, b.rows)));
-    let mut grid = Grid::new([
-        ("group", Side::Left),
-        ("rows", Side::Right),
-        ("right", Side::Right),
-        ("classes", Side::Left),
+    let mut grid = HtmlTable::new([
+        ("group", Alignment::Left),
+        ("rows", Alignment::Right),
+        ("right", Alignment::Right),
+        ("classes", Alignment::Left),
     ]);
     for group in worst.iter().take(GROUPS_LISTED) {
         let right = percent(Some(share(group.right, group.rows)));
@@ -250,7 +251,7 @@ fn importances(material: &TableMaterial, page: &mut Page) {
     let mut shares: Vec<(&String, f64)> = names.iter().zip(tree.importances()).collect();
     shares.retain(|(_, share)| *share > 0.0);
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut grid = Grid::new([("feature", Side::Left), ("importance", Side::Right)]);
+    let mut grid = HtmlTable::new([("feature", Alignment::Left), ("importance", Alignment::Right)]);
     for (name, share) in shares.iter().take(FEATURES_LISTED) {
         grid.push(vec![(*name).clone(), percent(Some(*share))]);
     }

@@ -13,7 +13,7 @@ use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
 use servotwin::study::{Setting, Study};
-use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::BASELINE_CORRECTED;
 use servotwin_report::page::Page;
@@ -87,7 +87,7 @@ fn band() -> BandMerit {
     let field = ConditionalBand {
         covariates: vec![Covariate {
             name: "load_factor".into(),
-            source: Source::Input { input: 0 },
+            source: CovariateSource::Input { input: 0 },
             edges: vec![0.5],
             range: (0.0, 1.0),
         }],

@@ -35,7 +35,7 @@ pub enum RunError {
 }
 
 /// What a server shows: a flight, a session that is replayed, or a stream.
-pub trait Source: Sync {
+pub trait LiveSource: Sync {
     /// Everything that a viewer must know to show frames, and to inject faults.
     fn about(&self) -> Value;
 

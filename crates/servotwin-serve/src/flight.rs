@@ -1,13 +1,13 @@
 //! The flight that viewers watch: in closed loop and in real time, beside a ghost that flies the same without a
 //! diagnosis.
 
-use crate::feed::{Feed, Frames, RunError, Source};
+use crate::feed::{Feed, Frames, LiveSource, RunError};
 use crate::injection::Injection;
 use crate::request::{Refused, Request};
-use crate::signals::{Sample, Signals};
-use crate::state::{Act, SourceKind, Known, State, about, event};
+use crate::signals::{ShownSample, Signals};
+use crate::state::{Act, KnownOutcome, SourceKind, State, about, event};
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{Flight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -44,7 +44,7 @@ enum End {
     Stop,
 }
 
-impl Source for Live {
+impl LiveSource for Live {
     fn about(&self) -> Value {
         let list = Signals::of_flights(&self.study, &self.diagnoser).list;
         about(SourceKind::Flight, &self.study.system.title, &self.study, &self.diagnoser, &list)
@@ -72,13 +72,13 @@ impl Source for Live {
                 live: self,
                 feed,
                 signals: &signals,
-                flight: Flight::new(&with, &self.diagnoser)?,
-                ghost: Flight::new(&without, &self.diagnoser)?,
+                flight: ClosedLoopFlight::new(&with, &self.diagnoser)?,
+                ghost: ClosedLoopFlight::new(&without, &self.diagnoser)?,
                 injections: vec![],
                 acting: vec![],
                 actions: vec![],
                 frames: Frames::new(signals.list.len(), self.diagnoser.period_s),
-                known: Known::default(),
+                known: KnownOutcome::default(),
                 is_paused: false,
             };
             if flown.until_the_end(requests, stop)? == End::Stop {
@@ -94,14 +94,14 @@ struct Flown<'f> {
     live: &'f Live,
     feed: &'f Feed,
     signals: &'f Signals,
-    flight: Flight<'f>,
-    ghost: Flight<'f>,
+    flight: ClosedLoopFlight<'f>,
+    ghost: ClosedLoopFlight<'f>,
     injections: Vec<Injection>,
     /// The faults as they act on the plant now.
     acting: Vec<FaultAt>,
     actions: Vec<Act>,
     frames: Frames,
-    known: Known,
+    known: KnownOutcome,
     is_paused: bool,
 }
 
@@ -202,7 +202,7 @@ impl Flown<'_> {
             });
             self.event("finding", about);
         }
-        let sample = Sample::of_flights(&self.flight, &self.ghost);
+        let sample = ShownSample::of_flights(&self.flight, &self.ghost);
         let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));
         if is_sent && self.known.is_new(Some(self.flight.session().outcome())) {
             self.tell_state();

@@ -13,7 +13,7 @@ const STEP: f64 = 0.01;
 /// How a fault begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Onset {
+pub enum InjectedOnset {
     /// At once, and it stays.
     Step,
     /// It rises to its intensity within [`RAMP_S`].
@@ -30,7 +30,7 @@ pub struct Injection {
     /// The fault at its full intensity, 0 to 1.
     pub fault: FaultAt,
     /// How it begins.
-    pub onset: Onset,
+    pub onset: InjectedOnset,
     /// When it was injected, s.
     pub since_s: f64,
 }
@@ -40,9 +40,9 @@ impl Injection {
     pub fn at(&self, time_s: f64) -> FaultAt {
         let age_s = (time_s - self.since_s).max(0.0);
         let share = match self.onset {
-            Onset::Step => 1.0,
-            Onset::Ramp => ((age_s / RAMP_S).min(1.0) / STEP).floor() * STEP,
-            Onset::Intermittent => {
+            InjectedOnset::Step => 1.0,
+            InjectedOnset::Ramp => ((age_s / RAMP_S).min(1.0) / STEP).floor() * STEP,
+            InjectedOnset::Intermittent => {
                 f64::from(u8::from(((age_s / HALF_PERIOD_S) as u64).is_multiple_of(2)))
             }
         };
@@ -54,27 +54,28 @@ impl Injection {
 mod tests {
     use super::*;
 
-    fn intensity(onset: Onset, age_s: f64) -> f64 {
+    fn intensity(onset: InjectedOnset, age_s: f64) -> f64 {
         let fault = FaultAt { component: 0, fault: 0, intensity: 0.5 };
         Injection { name: String::new(), fault, onset, since_s: 10.0 }.at(10.0 + age_s).intensity
     }
 
     #[test]
     fn a_step_is_there_at_once_and_stays() {
-        assert_eq!([0.0, 1e3].map(|age| intensity(Onset::Step, age)), [0.5, 0.5]);
+        assert_eq!([0.0, 1e3].map(|age| intensity(InjectedOnset::Step, age)), [0.5, 0.5]);
     }
 
     #[test]
     fn a_ramp_rises_to_its_intensity_and_stays_there() {
         let [begin, middle, end, later] =
-            [0.0, 0.5, 1.0, 3.0].map(|share| intensity(Onset::Ramp, share * RAMP_S));
+            [0.0, 0.5, 1.0, 3.0].map(|share| intensity(InjectedOnset::Ramp, share * RAMP_S));
         assert_eq!([begin, end, later], [0.0, 0.5, 0.5]);
         assert!((middle - 0.25).abs() < 0.01, "{middle}");
     }
 
     #[test]
     fn an_intermittent_fault_comes_and_goes() {
-        let seen = [0.5, 1.5, 2.5].map(|half| intensity(Onset::Intermittent, half * HALF_PERIOD_S));
+        let seen = [0.5, 1.5, 2.5]
+            .map(|half| intensity(InjectedOnset::Intermittent, half * HALF_PERIOD_S));
         assert_eq!(seen, [0.5, 0.0, 0.5]);
     }
 }

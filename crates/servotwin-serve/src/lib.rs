@@ -31,9 +31,9 @@ pub mod shipped;
 pub mod signals;
 pub mod state;
 
-pub use feed::{RunError, Source};
+pub use feed::{LiveSource, RunError};
 pub use flight::Live;
 pub use measured::{Measured, Stream};
 pub use page::saved_page;
 pub use server::{Access, ServeError, Server};
-pub use session::{Session, SessionError};
+pub use session::{SavedSession, SessionError};

@@ -1,17 +1,17 @@
 //! An actuator that is measured: a log that is read, or a stream that is watched as it comes.
 
-use crate::feed::{Feed, Frames, RunError, Source};
+use crate::feed::{Feed, Frames, LiveSource, RunError};
 use crate::request::{Refused, Request};
-use crate::session::Session;
-use crate::signals::{Beside, Sample, Signals};
-use crate::state::{Act, SourceKind, Known, State, about, event};
+use crate::session::SavedSession;
+use crate::signals::{Beside, ShownSample, Signals};
+use crate::state::{Act, KnownOutcome, SourceKind, State, about, event};
 use serde_json::{Value, json};
 use servotwin::flight::watcher::Watcher;
 use servotwin::moment;
 use servotwin::observer::{Observation, Observer};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding};
-use servotwin_watch::counts::Counts;
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding};
+use servotwin_watch::counts::WatchCounts;
 use servotwin_watch::map::Map;
 use servotwin_watch::sink::{self, Sink, SinkError};
 use servotwin_watch::source::Source as Rows;
@@ -45,11 +45,11 @@ pub struct Measured<'s> {
 /// What was read of a log.
 pub struct Log {
     /// All of it; `None` if it has too many events and states.
-    pub session: Option<Session>,
+    pub session: Option<SavedSession>,
     /// How reading ended.
     pub end: End,
     /// What was counted.
-    pub counts: Counts,
+    pub counts: WatchCounts,
 }
 
 impl Measured<'_> {
@@ -71,7 +71,7 @@ impl Measured<'_> {
         let feed = Feed::default();
         let (end, counts) = self.watch(rows, &feed, (stop, None), show)?;
         let about = self.about(SourceKind::Log);
-        let session = feed.session().map(|messages| Session { about, messages });
+        let session = feed.session().map(|messages| SavedSession { about, messages });
         Ok(Log { session, end, counts })
     }
 
@@ -82,7 +82,7 @@ impl Measured<'_> {
         feed: &Feed,
         (stop, silence): (&AtomicBool, Option<WatchdogRules>),
         show: &mut dyn FnMut(f64, Option<f64>),
-    ) -> Result<(End, Counts), RunError> {
+    ) -> Result<(End, WatchCounts), RunError> {
         let (period_s, system) = (self.diagnoser.period_s, &self.study.system);
         let signals = Signals::of_measured(self.study, &self.diagnoser);
         let mut screen = Screen {
@@ -90,7 +90,7 @@ impl Measured<'_> {
             feed,
             signals: &signals,
             frames: Frames::new(signals.list.len(), period_s),
-            known: Known::default(),
+            known: KnownOutcome::default(),
             told: None,
             actions: vec![],
             longest_s: silence.map_or(f64::INFINITY, |_| LONGEST_S),
@@ -125,7 +125,7 @@ impl<'s> Stream<'s> {
     }
 }
 
-impl Source for Stream<'_> {
+impl LiveSource for Stream<'_> {
     fn about(&self) -> Value {
         self.measured.about(SourceKind::Stream)
     }
@@ -167,9 +167,9 @@ struct Screen<'w, 's> {
     feed: &'w Feed,
     signals: &'w Signals,
     frames: Frames,
-    known: Known,
+    known: KnownOutcome,
     /// Alarm and finding that viewers received; `None` before the first sample.
-    told: Option<(Alarm, Finding)>,
+    told: Option<(Alarm, IndexedFinding)>,
     actions: Vec<Act>,
     longest_s: f64,
 }
@@ -184,7 +184,7 @@ impl Screen<'_, '_> {
         if is_over {
             self.frames.publish(self.feed);
             self.frames = Frames::new(self.signals.list.len(), self.watcher.period_s());
-            self.known = Known::default();
+            self.known = KnownOutcome::default();
             self.feed.begin_flight();
         }
         if is_over || self.told.is_none() {
@@ -193,7 +193,7 @@ impl Screen<'_, '_> {
         self.tell_finding(time_s);
         self.tell_action(time_s);
         let runtime = self.watcher.runtime();
-        let sample = Sample {
+        let sample = ShownSample {
             inputs,
             measured: self.watcher.measured(),
             expected: runtime.expected(),
@@ -209,7 +209,8 @@ impl Screen<'_, '_> {
     /// Publishes the finding of the last sample if it is new.
     fn tell_finding(&mut self, time_s: f64) {
         let outcome = self.watcher.outcome();
-        let told = outcome.map_or((Alarm::Error, Finding::Unjudged), |o| (o.alarm, o.finding));
+        let told =
+            outcome.map_or((Alarm::Error, IndexedFinding::Unjudged), |o| (o.alarm, o.finding));
         if self.told == Some(told) {
             return;
         }

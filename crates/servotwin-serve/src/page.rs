@@ -11,7 +11,7 @@
 //! are little-endian.
 
 use crate::feed::{Frame, Message};
-use crate::session::Session;
+use crate::session::SavedSession;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use base64::write::EncoderStringWriter;
@@ -66,7 +66,7 @@ impl Part {
 }
 
 /// A page that holds a session and plays it without a server.
-pub fn saved_page(session: &Session) -> String {
+pub fn saved_page(session: &SavedSession) -> String {
     let mut html = HTML.to_owned();
     let mut policy = "default-src 'none'; base-uri 'none'; form-action 'none'; \
                       style-src 'unsafe-inline'; script-src"
@@ -98,7 +98,7 @@ fn inlined(script: &str, policy: &mut String) -> String {
 }
 
 /// The session as the file holds it: base64 of gzip. An hour has 60 MB of values, which are not copied as a whole.
-fn packed(session: &Session) -> String {
+fn packed(session: &SavedSession) -> String {
     let (mut frames, mut texts, mut values) = (vec![], vec![], vec![]);
     for message in &session.messages {
         let text = match message {
@@ -142,7 +142,7 @@ mod tests {
     const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=alert(2)>";
 
     /// Five samples of two signals in frames of three and two, with events and states around them.
-    fn session() -> Session {
+    fn session() -> SavedSession {
         let signal = |id: &str| json!({ "id": id, "label": HOSTILE, "unit": "kN" });
         let about =
             json!({ "title": HOSTILE, "period_s": 0.01, "signals": [signal("a"), signal("b")] });
@@ -159,7 +159,7 @@ mod tests {
             frame(3, &[f32::MAX, f32::MIN, f32::INFINITY, 5.0]),
             event(),
         ];
-        Session { about, messages }
+        SavedSession { about, messages }
     }
 
     fn header_and_values(html: &str) -> (Value, Vec<u8>) {
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn a_session_without_a_sample_is_a_page_too() {
-        let session = Session { messages: vec![], ..session() };
+        let session = SavedSession { messages: vec![], ..session() };
         let (header, values) = header_and_values(&saved_page(&session));
         assert_eq!((&header["frames"], values.len()), (&json!([]), 0));
     }

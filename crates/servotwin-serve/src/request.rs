@@ -9,7 +9,7 @@
 //! {"jump": 12.5}
 //! ```
 
-use crate::injection::{Injection, Onset};
+use crate::injection::{InjectedOnset, Injection};
 use serde::Deserialize;
 use servotwin::nearest::UnknownName;
 use servotwin::system::System;
@@ -52,7 +52,7 @@ pub struct Inject {
     /// Its intensity, 0 to 1.
     pub intensity: f64,
     /// How it begins.
-    pub onset: Onset,
+    pub onset: InjectedOnset,
 }
 
 /// Why a request is refused.
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn requests_are_read() {
         let text = r#"{"inject": {"fault": "a.b.c", "intensity": 0.5, "onset": "ramp"}}"#;
-        let inject = Inject { fault: "a.b.c".into(), intensity: 0.5, onset: Onset::Ramp };
+        let inject = Inject { fault: "a.b.c".into(), intensity: 0.5, onset: InjectedOnset::Ramp };
         assert_eq!(Request::read(text), Ok(Request::Inject(inject)));
         assert_eq!(Request::read(r#"{"pause": true}"#), Ok(Request::Pause(true)));
     }
@@ -166,7 +166,8 @@ mod tests {
     fn impossible_faults_are_refused_with_the_place_and_the_range() {
         let system = System::read("aileron_dual").unwrap();
         let inject = |fault: &str, intensity: f64| {
-            Inject { fault: fault.into(), intensity, onset: Onset::Step }.injection(&system, 0.0)
+            Inject { fault: fault.into(), intensity, onset: InjectedOnset::Step }
+                .injection(&system, 0.0)
         };
         assert!(inject("actuator_1.leakage_a.leakage", 0.5).is_ok());
         let message = inject("actuator_1.leakage_a.leakge", 0.5).unwrap_err().to_string();

@@ -21,10 +21,10 @@
 //! A browser states where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
 
-use crate::feed::{Begin, Feed, Message, Newest, RunError, Source};
+use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
 use crate::page::{FLEET, HTML, PARTS, saved_page};
 use crate::request::{LONGEST, Refused, Request, Requests, requests};
-use crate::session::{Session, SessionError};
+use crate::session::{SavedSession, SessionError};
 use crate::state::event;
 use axum::Router;
 use axum::body::Bytes;
@@ -186,7 +186,7 @@ impl Shared {
     fn new(
         access: &Arc<Access>,
         number: usize,
-        source: &dyn Source,
+        source: &dyn LiveSource,
     ) -> (Arc<Self>, Receiver<Request>) {
         let (requests, waiting) = requests();
         let mut about = source.about();
@@ -248,7 +248,7 @@ impl Server {
     ///
     /// # Errors
     /// A source ended early, or the system gives no thread. In a fleet the others go on first.
-    pub fn run(self, sources: &[&dyn Source], stop: &AtomicBool) -> Result<(), ServeError> {
+    pub fn run(self, sources: &[&dyn LiveSource], stop: &AtomicBool) -> Result<(), ServeError> {
         let access = Arc::new(self.access);
         let (members, waiting): (Vec<_>, Vec<_>) =
             sources.iter().zip(1..).map(|(source, k)| Shared::new(&access, k, *source)).unzip();
@@ -282,7 +282,7 @@ impl Server {
 
 /// Runs a source of a server; its viewers read why it ended early.
 fn run_member(
-    source: &dyn Source,
+    source: &dyn LiveSource,
     member: &Shared,
     waiting: &Receiver<Request>,
     stop: &AtomicBool,
@@ -486,7 +486,7 @@ impl SavedAs {
     }
 
     /// The bytes of the file; `name` is that of a temporary file.
-    fn bytes(self, session: &Session, name: &str) -> Result<Vec<u8>, SessionError> {
+    fn bytes(self, session: &SavedSession, name: &str) -> Result<Vec<u8>, SessionError> {
         let path = std::env::temp_dir().join(name);
         match self {
             SavedAs::Table => session.bytes(&path),
@@ -504,7 +504,7 @@ async fn session(shared: Arc<Shared>, saved_as: SavedAs) -> Response {
         let why = "the flight has too many events to be saved; begin a new one";
         return (StatusCode::INSUFFICIENT_STORAGE, why).into_response();
     };
-    let session = Session { about: shared.about.clone(), messages };
+    let session = SavedSession { about: shared.about.clone(), messages };
     let name = format!("servotwin-session-{}-{}", shared.access.address.port(), shared.number);
     match tokio::task::spawn_blocking(move || saved_as.bytes(&session, &name)).await {
         Ok(Ok(bytes)) => (saved_as.headers(), bytes).into_response(),

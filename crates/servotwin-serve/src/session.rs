@@ -1,7 +1,7 @@
 //! A session: everything that viewers of one flight were sent, in this order, as one table. A replay sends the same
 //! bytes again.
 
-use crate::feed::{Feed, Frame, Message, RunError, Source};
+use crate::feed::{Feed, Frame, LiveSource, Message, RunError};
 use crate::request::{Refused, Request, SPEEDS};
 use serde::de::IgnoredAny;
 use serde_json::{Value, json};
@@ -45,14 +45,14 @@ pub enum SessionError {
 
 /// A flight as its viewers saw it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Session {
+pub struct SavedSession {
     /// What the flight is, as [`Source::about`] describes it.
     pub about: Value,
     /// Frames, events and states in the order in which they were sent.
     pub messages: Vec<Message>,
 }
 
-impl Session {
+impl SavedSession {
     /// The session as the bytes of a Parquet file, written to a path that is removed again.
     ///
     /// # Errors
@@ -163,7 +163,7 @@ impl Session {
                 frame = Frame::new(row as u64 + 1, ids.len());
             }
         }
-        Ok(Session { about, messages })
+        Ok(SavedSession { about, messages })
     }
 
     /// The duration of a message when it is replayed at the speed of the flight, s.
@@ -247,7 +247,7 @@ fn message(line: &str) -> Option<Message> {
     event.or_else(|| inner("{\"state\":").map(|state| Message::State(state.into())))
 }
 
-impl Source for Session {
+impl LiveSource for SavedSession {
     fn about(&self) -> Value {
         self.about.clone()
     }
@@ -277,7 +277,7 @@ impl Source for Session {
 
 /// A replay under way.
 struct Player<'s> {
-    session: &'s Session,
+    session: &'s SavedSession,
     feed: &'s Feed,
     /// The place of the next message.
     at: usize,
@@ -289,7 +289,7 @@ struct Player<'s> {
 
 impl<'s> Player<'s> {
     /// At the beginning of a session, in real time.
-    fn new(session: &'s Session, feed: &'s Feed) -> Self {
+    fn new(session: &'s SavedSession, feed: &'s Feed) -> Self {
         let duration_s = session.messages.iter().map(|message| session.duration_s(message)).sum();
         Player { session, feed, at: 0, speed: 1.0, is_paused: false, duration_s }
     }
@@ -346,7 +346,7 @@ mod tests {
     use crate::request::requests;
 
     /// Ten samples of one signal, of which one is missing, in frames of five.
-    fn session() -> Session {
+    fn session() -> SavedSession {
         let about = json!({ "period_s": 0.01, "signals": [{ "id": "a", "unit": "kN" }] });
         let frame = |first: u64| {
             let mut frame = Frame::new(first, 1);
@@ -358,14 +358,14 @@ mod tests {
         let state = Message::State(r#"{"confidence":0.30000000000000004}"#.into());
         let messages =
             vec![event(r#"{"time_s":0.0}"#), state, frame(0), event(r#"{"why":"a\nb"}"#), frame(5)];
-        Session { about, messages }
+        SavedSession { about, messages }
     }
 
     fn path(name: &str) -> PathBuf {
         std::env::temp_dir().join(format!("servotwin-{}-{name}.parquet", std::process::id()))
     }
 
-    fn bits(session: &Session) -> String {
+    fn bits(session: &SavedSession) -> String {
         format!("{:?}", session.messages)
     }
 
@@ -373,7 +373,7 @@ mod tests {
     fn a_saved_session_is_read_to_the_bit() {
         let (session, path) = (session(), path("bits"));
         std::fs::write(&path, session.bytes(&path).unwrap()).unwrap();
-        let read = Session::read(&path).unwrap();
+        let read = SavedSession::read(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!((read.about.clone(), bits(&read)), (session.about.clone(), bits(&session)));
         let table = session.table().unwrap();
@@ -385,7 +385,7 @@ mod tests {
         let path = path("other");
         let refusal = |table: Table| {
             parquet::write(&path, &table).unwrap();
-            Session::read(&path).unwrap_err().to_string()
+            SavedSession::read(&path).unwrap_err().to_string()
         };
         let table = session().table().unwrap();
         let mut bare = table.clone();
@@ -442,7 +442,7 @@ mod tests {
     #[cfg(feature = "mcap")]
     #[test]
     fn a_session_as_mcap_is_a_log_of_its_signals() {
-        use servotwin_watch::source::{Address, Read, LogRow, Wanted};
+        use servotwin_watch::source::{Address, LogRow, Read, Wanted};
 
         let path = path("mcap").with_extension("mcap");
         let mut session = session();

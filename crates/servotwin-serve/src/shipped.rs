@@ -27,7 +27,7 @@ pub fn diagnoser(study: &Study) -> Option<Diagnoser> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servotwin::flight::closed_loop::{Flight, Scenario};
+    use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
     use servotwin_model::program::FaultAt;
 
     #[test]
@@ -43,7 +43,7 @@ mod tests {
             specimen: None,
             reacts: true,
         };
-        let mut flight = Flight::new(&scenario, &diagnoser).unwrap();
+        let mut flight = ClosedLoopFlight::new(&scenario, &diagnoser).unwrap();
         let mut action = None;
         let (component, fault) = study.system.find_fault("actuator_1.leakage_a.leakage").unwrap();
         while flight.time_s() < scenario.duration_s && action.is_none() {

@@ -1,7 +1,7 @@
 //! What a frame contains: the signals with their names, units and bands, and how a sample fills them.
 
 use serde::Serialize;
-use servotwin::flight::closed_loop::Flight;
+use servotwin::flight::closed_loop::ClosedLoopFlight;
 use servotwin::flight::runtime::Runtime;
 use servotwin::flight::tracking::{TrackedQuantities, force_fight_n};
 use servotwin::study::Study;
@@ -13,7 +13,7 @@ use servotwin_model::spec::Unit;
 /// The part of the page that shows a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Group {
+pub enum PagePart {
     /// Command, what follows it, and the same without a diagnosis.
     Motion,
     /// The force fight, with and without a diagnosis.
@@ -40,7 +40,7 @@ pub struct Signal {
     /// The unit of the values.
     pub unit: String,
     /// The part of the page.
-    pub group: Group,
+    pub group: PagePart,
     /// The index of the actuator; `None` if it belongs to none.
     pub actuator: Option<usize>,
     /// Half the width of the band, in the signal's unit.
@@ -52,7 +52,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    fn new(id: &str, label: &str, unit: &str, group: Group) -> Self {
+    fn new(id: &str, label: &str, unit: &str, group: PagePart) -> Self {
         Signal {
             id: id.into(),
             label: label.into(),
@@ -81,7 +81,7 @@ enum Source {
 }
 
 /// A sample of which a frame shows the signals. All values are SI.
-pub struct Sample<'s> {
+pub struct ShownSample<'s> {
     /// The inputs, in the order of the system.
     pub inputs: &'s [f64],
     /// The sensor values, in the order of the diagnoser.
@@ -97,15 +97,15 @@ pub struct Sample<'s> {
 /// What there is besides inputs, sensors and the diagnosis.
 pub enum Beside<'s> {
     /// A simulated flight and its ghost, which know every quantity of the plant.
-    Flights(&'s Flight<'s>, &'s Flight<'s>),
+    Flights(&'s ClosedLoopFlight<'s>, &'s ClosedLoopFlight<'s>),
     /// The twin of an actuator that is measured.
     Twin(&'s Runtime<'s>),
 }
 
-impl<'s> Sample<'s> {
+impl<'s> ShownSample<'s> {
     /// The last sample of a flight and its ghost.
-    pub fn of_flights(flight: &'s Flight, ghost: &'s Flight) -> Self {
-        Sample {
+    pub fn of_flights(flight: &'s ClosedLoopFlight, ghost: &'s ClosedLoopFlight) -> Self {
+        ShownSample {
             inputs: flight.inputs(),
             measured: flight.measured(),
             expected: flight.expected(),
@@ -186,7 +186,7 @@ impl Signals {
 
     fn command(&mut self, study: &Study) {
         let input = &study.system.network().inputs[study.command_input];
-        let signal = Signal::new("command", "command", input.unit.shown(), Group::Motion);
+        let signal = Signal::new("command", "command", input.unit.shown(), PagePart::Motion);
         self.push(signal, Source::Input(study.command_input, input.unit));
     }
 
@@ -194,14 +194,14 @@ impl Signals {
         let unit = study.system.network().inputs[study.command_input].unit;
         if let Some(slot) = TrackedQuantities::of(study).following_slot() {
             let label = "answer expected by the twin";
-            let signal = Signal::new("position_twin", label, unit.shown(), Group::Motion);
+            let signal = Signal::new("position_twin", label, unit.shown(), PagePart::Motion);
             self.push(signal, Source::Variable(slot, unit));
         }
     }
 
     fn motion(&mut self, study: &Study) {
         let unit = study.system.network().inputs[study.command_input].unit;
-        let shown = |id: &str, label: &str| Signal::new(id, label, unit.shown(), Group::Motion);
+        let shown = |id: &str, label: &str| Signal::new(id, label, unit.shown(), PagePart::Motion);
         let tracked = TrackedQuantities::of(study);
         if let Some(slot) = tracked.following_slot() {
             self.push(shown("position", "answer"), Source::Variable(slot, unit));
@@ -209,7 +209,7 @@ impl Signals {
         }
         self.rods = tracked.rod_slots(study).unwrap_or_default();
         if self.rods.len() > 1 {
-            let newtons = |id: &str, label: &str| Signal::new(id, label, "kN", Group::Fight);
+            let newtons = |id: &str, label: &str| Signal::new(id, label, "kN", PagePart::Fight);
             self.push(newtons("fight", "force fight"), Source::Fight);
             self.push(newtons("fight_ghost", "without diagnosis"), Source::GhostFight);
         }
@@ -226,12 +226,12 @@ impl Signals {
                 actuator,
                 quantity: quantity.map(|(_, name)| *name),
                 scale: Some(unit.difference_to_shown(sensor.scale)),
-                ..Signal::new(&format!("{id}.reading"), label, unit.shown(), Group::Reading)
+                ..Signal::new(&format!("{id}.reading"), label, unit.shown(), PagePart::Reading)
             };
             let residual = Signal {
                 actuator,
                 band: band.map(|band| 100.0 * band.half_width),
-                ..Signal::new(&format!("{id}.residual"), label, "%", Group::Residual)
+                ..Signal::new(&format!("{id}.residual"), label, "%", PagePart::Residual)
             };
             self.push(reading, Source::Reading(place, unit));
             self.push(residual, Source::Residual(place));
@@ -247,7 +247,7 @@ impl Signals {
                 let signal = Signal {
                     actuator: Some(actuator),
                     band: Some(1.0),
-                    ..Signal::new(&id, &words, "of limit", Group::Evidence)
+                    ..Signal::new(&id, &words, "of limit", PagePart::Evidence)
                 };
                 self.push(signal, Source::Evidence(actuator, action));
             }
@@ -257,7 +257,7 @@ impl Signals {
     fn fluid(&mut self, study: &Study) {
         for (place, reservoir) in study.system.reservoirs.iter().enumerate() {
             let (id, label) = (format!("fluid.{}", reservoir.id), reservoir.id.replace('_', " "));
-            let signal = Signal::new(&id, &label, "L", Group::Fluid);
+            let signal = Signal::new(&id, &label, "L", PagePart::Fluid);
             self.push(signal, Source::Fluid(place));
         }
     }
@@ -269,7 +269,7 @@ impl Signals {
             if let Some(place) = inputs.iter().position(|input| input.id == id) {
                 let signal = Signal {
                     actuator: Some(actuator),
-                    ..Signal::new(&id, "mode", "", Group::Mode)
+                    ..Signal::new(&id, "mode", "", PagePart::Mode)
                 };
                 self.push(signal, Source::Input(place, Unit::None));
             }
@@ -277,7 +277,7 @@ impl Signals {
     }
 
     /// Appends the values of a sample, in shown units.
-    pub fn fill(&self, sample: &Sample, out: &mut Vec<f32>) {
+    pub fn fill(&self, sample: &ShownSample, out: &mut Vec<f32>) {
         let fight_kn = |rod: &dyn Fn(Slot) -> f64| {
             let rods: Vec<f64> = self.rods.iter().map(|&slot| rod(slot)).collect();
             force_fight_n(&rods).map_or(f64::NAN, |newtons| newtons / 1e3)

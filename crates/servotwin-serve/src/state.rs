@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use servotwin::study::Study;
 use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::diagnoser::{Alarm, Counts, Diagnoser, Outcome, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Outcome, Raised, Session, UnjudgedCounts};
 use servotwin_diagnosis::hierarchy::Stage;
 
 /// Where the samples come from.
@@ -159,13 +159,14 @@ impl State<'_> {
 
 /// The outcome that viewers know.
 #[derive(Default)]
-pub struct Known(Option<Outcome>);
+pub struct KnownOutcome(Option<Outcome>);
 
-impl Known {
+impl KnownOutcome {
     /// Whether an outcome differs in more than its sample number and its counts: most frames lie within a window, and
     /// the path through the trees is long.
     pub fn is_new(&mut self, outcome: Option<&Outcome>) -> bool {
-        let told = outcome.map(|told| Outcome { sample: 0, counts: Counts::default(), ..*told });
+        let told =
+            outcome.map(|told| Outcome { sample: 0, counts: UnjudgedCounts::default(), ..*told });
         let is_new = self.0 != told;
         self.0 = told;
         is_new

@@ -1,7 +1,7 @@
 //! The component catalogue as documents: searchable and written as Markdown. All of it comes from the declarations of
 //! components and from the headers of their files.
 
-use crate::document::{Quantities, Quantity};
+use crate::document::{NumberWithUnit, Quantities};
 use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 use crate::units::word;
 use servotwin_model::components::{ALL, description};
@@ -80,17 +80,17 @@ pub fn range(parameter: &Parameter) -> String {
 
 /// A parameter's default, as text.
 pub fn default(parameter: &Parameter) -> String {
-    parameter.default.map_or("required".into(), |value| Quantity(value, "").to_string())
+    parameter.default.map_or("required".into(), |value| NumberWithUnit(value, "").to_string())
 }
 
 /// The effect of a fault on its parameter as a formula, with `i` the intensity.
 pub fn law(fault: &Fault, spec: &Spec) -> String {
-    let (name, full) = (fault.parameter, Quantity(fault.full, ""));
+    let (name, full) = (fault.parameter, NumberWithUnit(fault.full, ""));
     let unit = spec.parameter(name).map_or("", |p| spec.parameters[p].unit.symbol());
     let is_less = fault.full < if fault.law == Law::Scale { 1.0 } else { 0.0 };
     let sign = if is_less { '−' } else { '+' };
     match fault.law {
-        Law::Add => format!("{name} {sign} {} i", Quantity(fault.full.abs(), unit)),
+        Law::Add => format!("{name} {sign} {} i", NumberWithUnit(fault.full.abs(), unit)),
         Law::Scale => format!("{name} (1 {sign} {}i)", change_of(fault.full)),
         Law::Geometric => format!("{name} · {full}^i"),
     }
@@ -100,7 +100,7 @@ pub fn law(fault: &Fault, spec: &Spec) -> String {
 fn change_of(factor: f64) -> String {
     // Rounds away binary noise, so that decimal factors give decimal differences.
     let change = ((factor - 1.0).abs() * 1e12).round() / 1e12;
-    if change == 1.0 { String::new() } else { format!("{} ", Quantity(change, "")) }
+    if change == 1.0 { String::new() } else { format!("{} ", NumberWithUnit(change, "")) }
 }
 
 /// The flow through a port, as text.

@@ -20,7 +20,8 @@ use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    CompiledStep, CompiledSteps, Failure, Job, JobSource, Method, SolverSettings, Statistics, run,
+    CompiledStep, CompiledSteps, Job, JobSource, Method, SolverFailure, SolverSettings, Statistics,
+    run,
 };
 use std::env;
 use std::error::Error;
@@ -348,7 +349,7 @@ impl Loaded {
         let text = c_source::write_step(program, SolverSettings::campaign().method).ok_or(None)?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let iterating = if roots_wait() { ITERATING } else { "" };
-        let entry = cache::Entry::new(&text, &[compiler, iterating]);
+        let entry = cache::CacheEntry::new(&text, &[compiler, iterating]);
         let cached = || {
             let entry = entry.as_ref()?;
             let paths: Option<Vec<PathBuf>> = levels.iter().map(|l| entry.find(*l)).collect();
@@ -652,7 +653,7 @@ fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>)
 struct Moment {
     /// The bits of all samples.
     samples: Vec<u64>,
-    outcome: Option<Result<Statistics, Failure>>,
+    outcome: Option<Result<Statistics, SolverFailure>>,
 }
 
 /// Hands out the waiting jobs and records their results.
@@ -670,7 +671,7 @@ impl<'a> JobSource<'a> for Moments<'a> {
         self.of_jobs[job].samples.extend(values.iter().map(|value| value.to_bits()));
     }
 
-    fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+    fn finish(&mut self, job: usize, outcome: Result<Statistics, SolverFailure>) {
         self.of_jobs[job].outcome = Some(outcome);
     }
 }

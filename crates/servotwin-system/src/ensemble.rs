@@ -10,7 +10,7 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Change, CompiledSteps, Failure, Job, JobSource, SolverSettings, Statistics, run, settle,
+    Change, CompiledSteps, Job, JobSource, SolverFailure, SolverSettings, Statistics, run, settle,
     settle_counted,
 };
 use std::sync::Mutex;
@@ -132,7 +132,7 @@ impl<'p> Ensemble<'p> {
         count: usize,
         variant: impl Fn(usize) -> Variant<'a> + Sync,
         sink: impl Fn(usize) -> S + Sync,
-        done: impl FnMut(usize, S, Result<Statistics, Failure>) + Send,
+        done: impl FnMut(usize, S, Result<Statistics, SolverFailure>) + Send,
     ) {
         let next = AtomicUsize::new(0);
         let done = Mutex::new(done);
@@ -187,7 +187,7 @@ impl<'p> Ensemble<'p> {
     ///
     /// # Errors
     /// The solver could not continue.
-    pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
+    pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), SolverFailure> {
         let mut result = None;
         Ensemble { cancel: None, record: self.record.clone(), ..*self }.run(
             1,
@@ -202,7 +202,7 @@ impl<'p> Ensemble<'p> {
     ///
     /// # Errors
     /// The search met numbers that are not finite.
-    pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, Failure> {
+    pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, SolverFailure> {
         settle(self.program, self.job(0, variant))
     }
 
@@ -210,7 +210,10 @@ impl<'p> Ensemble<'p> {
     ///
     /// # Errors
     /// The search met numbers that are not finite.
-    pub fn settle_counted(&self, variant: &Variant) -> Result<(Vec<f64>, Statistics), Failure> {
+    pub fn settle_counted(
+        &self,
+        variant: &Variant,
+    ) -> Result<(Vec<f64>, Statistics), SolverFailure> {
         settle_counted(self.program, self.job(0, variant))
     }
 
@@ -272,7 +275,7 @@ where
     V: Fn(usize) -> Variant<'a>,
     K: Fn(usize) -> S,
     S: Sink,
-    D: FnMut(usize, S, Result<Statistics, Failure>),
+    D: FnMut(usize, S, Result<Statistics, SolverFailure>),
 {
     fn next(&mut self) -> Option<Job<'a>> {
         if self.cancelled() {
@@ -291,7 +294,7 @@ where
         sink.sample(index, values);
     }
 
-    fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+    fn finish(&mut self, job: usize, outcome: Result<Statistics, SolverFailure>) {
         let place = self.open.iter().position(|(open, _)| *open == job).expect("an open job");
         let (_, sink) = self.open.swap_remove(place);
         let mut done = self.done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());

@@ -139,7 +139,7 @@ macro_rules! section {
 pub(crate) use section;
 
 /// Receives mistakes with their places.
-pub type Note<'n> = &'n mut dyn FnMut(&TextSpan, document::Mistake);
+pub type Note<'n> = &'n mut dyn FnMut(&TextSpan, document::TomlMistake);
 
 /// Checks the keys of a table; `at` and `place` locate it in messages.
 pub fn check_table(keys: &[Key], at: &TextSpan, place: &str, all: &[Entry], note: Note) {
@@ -151,14 +151,14 @@ pub fn check_table(keys: &[Key], at: &TextSpan, place: &str, all: &[Entry], note
                 let nearest = nearest(entry.key, known.iter().map(String::as_str));
                 let (key, place) = (entry.key.into(), place.into());
                 let nearest = nearest.map(str::to_owned);
-                note(&entry.at, document::Mistake::UnknownKey { key, place, nearest, known });
+                note(&entry.at, document::TomlMistake::UnknownKey { key, place, nearest, known });
             }
         }
     }
     for key in keys.iter().filter(|key| key.obligatory) {
         if all.iter().all(|entry| entry.key != key.name) {
             let write = format!("{} ({})", key.value.example(key.name), key.summary);
-            note(at, document::Mistake::Missing { place: place.into(), key: key.name, write });
+            note(at, document::TomlMistake::Missing { place: place.into(), key: key.name, write });
         }
     }
 }
@@ -178,20 +178,20 @@ impl Value {
         summary: &'static str,
         entry: &Entry,
         note: Note,
-    ) -> Result<(), document::Mistake> {
+    ) -> Result<(), document::TomlMistake> {
         let key = || entry.key.to_owned();
         let within = |value: f64, min: f64, max: f64, unit: &'static str| {
             if (min..=max).contains(&value) {
                 return Ok(());
             }
-            Err(document::Mistake::OutOfRange { key: key(), value, min, max, unit, summary })
+            Err(document::TomlMistake::OutOfRange { key: key(), value, min, max, unit, summary })
         };
         match *self {
             Value::Number(min, max, unit) => within(entry.number()?, min, max, unit),
             Value::Whole(min, max) => {
                 let value = entry.number()?;
                 if value.fract() != 0.0 || !matches!(entry.value.get_ref(), DeValue::Integer(_)) {
-                    return Err(document::Mistake::NotWhole { key: key(), value });
+                    return Err(document::TomlMistake::NotWhole { key: key(), value });
                 }
                 within(value, min, max, "")
             }
@@ -203,7 +203,7 @@ impl Value {
                 if low <= high {
                     return Ok(());
                 }
-                Err(document::Mistake::NotInOrder { key: key(), low, high })
+                Err(document::TomlMistake::NotInOrder { key: key(), low, high })
             }
             Value::Flag => match entry.value.get_ref() {
                 DeValue::Boolean(_) => Ok(()),
@@ -218,7 +218,7 @@ impl Value {
                 }
                 let nearest = nearest(&word, known.iter().copied()).map(str::to_owned);
                 let known = known.into_iter().map(str::to_owned).collect();
-                Err(document::Mistake::UnknownWord { key: key(), word, nearest, known })
+                Err(document::TomlMistake::UnknownWord { key: key(), word, nearest, known })
             }
             Value::Signal => signal(entry.value).map(drop),
             Value::List(least, of) => {
@@ -368,7 +368,7 @@ pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
 /// The keys with missing or invalid values. Unknown keys and unknown words do not count, because nothing else depends
 /// on them.
 pub fn doubtful(keys: &[Key], all: &[Entry]) -> Vec<&'static str> {
-    use document::Mistake::{UnknownKey, UnknownWord};
+    use document::TomlMistake::{UnknownKey, UnknownWord};
     let is_doubtful = |key: &&Key| {
         let Some(entry) = all.iter().find(|entry| entry.key == key.name) else {
             return key.obligatory;
@@ -394,18 +394,18 @@ fn list<const N: usize>(numbers: [f64; N]) -> toml::Value {
     toml::Value::Array(numbers.map(toml::Value::Float).to_vec())
 }
 
-fn enough(count: usize, least: usize, entry: &Entry) -> Result<(), document::Mistake> {
+fn enough(count: usize, least: usize, entry: &Entry) -> Result<(), document::TomlMistake> {
     if count >= least {
         return Ok(());
     }
-    Err(document::Mistake::TooFew { key: entry.key.into(), least })
+    Err(document::TomlMistake::TooFew { key: entry.key.into(), least })
 }
 
 /// Parses a signal.
-fn signal(value: &Spanned<DeValue>) -> Result<Signal, document::Mistake> {
+fn signal(value: &Spanned<DeValue>) -> Result<Signal, document::TomlMistake> {
     Signal::deserialize(ValueDeserializer::from(value.clone())).map_err(|error| {
         let message = error.message().trim().to_owned();
-        document::Mistake::Signal { message }
+        document::TomlMistake::Signal { message }
     })
 }
 

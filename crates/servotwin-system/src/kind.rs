@@ -2,7 +2,7 @@
 //! the text of a path or a built-in name.
 
 use crate::built_in;
-use crate::document::{Collector, Diagnostic, Mistake};
+use crate::document::{Collector, Diagnostic, TomlMistake};
 use crate::files::{self, FileError};
 use crate::nearest::nearest;
 use std::borrow::Cow;
@@ -104,8 +104,8 @@ impl FileType {
                 "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()
             }
         };
-        let mistake = Mistake::OtherKind { is: is.words(), wanted: self.words(), help };
-        let mut mistakes = Collector::<Mistake>::new();
+        let mistake = TomlMistake::OtherKind { is: is.words(), wanted: self.words(), help };
+        let mut mistakes = Collector::<TomlMistake>::new();
         mistakes.note(&(0..0), mistake);
         Some(mistakes.locate(text))
     }

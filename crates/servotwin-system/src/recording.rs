@@ -5,7 +5,7 @@ use crate::ensemble::Ensemble;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::nearest::UnknownName;
 use crate::shown::Shown;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::system::imperfection::Imperfections;
 use crate::system::{Sensor, System};
 use crate::table::{Column, Table, TableError};
@@ -141,7 +141,7 @@ pub fn as_shown(
         let is_it = |sensor: &Sensor| with_suffix(&sensor.id, sensor.unit) == one.name;
         if let Some(sensor) = system.sensors.iter().position(is_it) {
             let number = run * system.sensors.len() + sensor;
-            let mut noise = Random::stream(seed, number as u64);
+            let mut noise = NormalDeviates::stream(seed, number as u64);
             imperfections.apply_to_one(sensor, values, &mut noise);
         }
     }

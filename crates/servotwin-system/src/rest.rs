@@ -32,7 +32,7 @@ pub struct Stopped {
 
 impl Stopped {
     /// Adds the name of the state to a solver's failure.
-    pub fn new(system: &System, failure: solver::Failure) -> Self {
+    pub fn new(system: &System, failure: solver::SolverFailure) -> Self {
         let state = system.program.states().get(failure.state);
         let state = state.map_or_else(String::new, |state| state.name.clone());
         Stopped { time_s: failure.time_s, state, cause: failure.cause }

@@ -2,7 +2,7 @@
 //!
 //! A [`Simulation`] holds what all runs share.
 //! A [`VariantSpec`] holds what may differ from run to run.
-//! [`Simulation::prepare`] resolves every name once and reports the first mistake; [`Prepared::run`] simulates.
+//! [`Simulation::prepare`] resolves every name once and reports the first mistake; [`PreparedSimulation::run`] simulates.
 //!
 //! ```
 //! use servotwin_system::simulate::Simulation;
@@ -20,7 +20,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::document::{Quantities, Quantity};
+use crate::document::{NumberWithUnit, Quantities};
 use crate::ensemble::{Ensemble, Later, Sink, Variant, processors};
 use crate::figure::time_series::TimeSeries;
 use crate::nearest::UnknownName;
@@ -133,7 +133,7 @@ pub enum SimulationError {
         error: CurveError,
     },
     /// A number lies outside its range.
-    #[error("{name} = {} is out of range: allowed are {allowed}", Quantity(*value, unit.symbol()))]
+    #[error("{name} = {} is out of range: allowed are {allowed}", NumberWithUnit(*value, unit.symbol()))]
     OutOfRange {
         /// Name of the quantity.
         name: String,
@@ -177,7 +177,7 @@ fn of_variant(variant: Option<usize>) -> String {
     variant.map_or_else(String::new, |place| format!("variant {place}: "))
 }
 
-/// Progress of a simulation; see [`Prepared::run`].
+/// Progress of a simulation; see [`PreparedSimulation::run`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SimulationProgress {
     /// One more sample of a run is done.
@@ -364,7 +364,7 @@ impl<'s> Simulation<'s> {
     ///
     /// # Errors
     /// The first mistake.
-    pub fn prepare(&self, sweep: Option<Sweep>) -> Result<Prepared<'s>, SimulationError> {
+    pub fn prepare(&self, sweep: Option<Sweep>) -> Result<PreparedSimulation<'s>, SimulationError> {
         let Some(sweep) = sweep else {
             return self.prepared(&[VariantSpec::default()], None);
         };
@@ -379,7 +379,7 @@ impl<'s> Simulation<'s> {
     pub fn prepare_variants(
         &self,
         variants: &[VariantSpec],
-    ) -> Result<Prepared<'s>, SimulationError> {
+    ) -> Result<PreparedSimulation<'s>, SimulationError> {
         self.prepared(variants, None)
     }
 
@@ -387,7 +387,7 @@ impl<'s> Simulation<'s> {
         &self,
         variants: &[VariantSpec],
         sweep: Option<Sweep>,
-    ) -> Result<Prepared<'s>, SimulationError> {
+    ) -> Result<PreparedSimulation<'s>, SimulationError> {
         self.check_numbers()?;
         let mut resolver = Resolver { simulation: self, curves: BTreeMap::new() };
         let base = resolver.variant(&[&self.variant])?;
@@ -404,7 +404,7 @@ impl<'s> Simulation<'s> {
         if samples * (recorded.len() * runs.len()) as f64 > MAX_VALUES {
             return Err(SimulationError::TooManyValues);
         }
-        Ok(Prepared { simulation: self.clone(), base, runs, recorded, sweep })
+        Ok(PreparedSimulation { simulation: self.clone(), base, runs, recorded, sweep })
     }
 
     fn check_numbers(&self) -> Result<(), SimulationError> {
@@ -632,7 +632,7 @@ impl PreparedRun {
 }
 
 /// A simulation with checked names and numbers.
-pub struct Prepared<'s> {
+pub struct PreparedSimulation<'s> {
     simulation: Simulation<'s>,
     /// The variant that all runs share.
     pub base: PreparedRun,
@@ -644,7 +644,7 @@ pub struct Prepared<'s> {
     pub sweep: Option<Sweep>,
 }
 
-impl<'s> Prepared<'s> {
+impl<'s> PreparedSimulation<'s> {
     /// The solver's settings.
     pub fn settings(&self) -> SolverSettings {
         self.simulation.settings
@@ -681,7 +681,7 @@ impl<'s> Prepared<'s> {
         let monitor = PressureMonitor::new(self.simulation.system, ensemble.sample_period_s);
         ensemble.record.extend(monitor.slots());
         let times_s = recording::times_s(&ensemble);
-        let mut results: Vec<Option<Result<RunResult, solver::Failure>>> = vec![];
+        let mut results: Vec<Option<Result<RunResult, solver::SolverFailure>>> = vec![];
         results.resize_with(self.runs.len(), || None);
         ensemble.run(
             self.runs.len(),
@@ -704,7 +704,7 @@ impl<'s> Prepared<'s> {
         let results = results.ok_or(SimulationError::Canceled)?;
         let is_single = results.len() == 1;
         let system = self.simulation.system;
-        let named = |(place, result): (usize, Result<RunResult, solver::Failure>)| {
+        let named = |(place, result): (usize, Result<RunResult, solver::SolverFailure>)| {
             result.map_err(|failure| SimulationError::Stopped {
                 variant: (!is_single).then_some(place),
                 stopped: Stopped::new(system, failure),

@@ -13,7 +13,7 @@ pub const MAX_PRESSURE_PA: f64 = 1e8;
 
 /// The limit of the validity range that a pressure crossed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Limit {
+pub enum CrossedLimit {
     /// Vapor pressure: there is a cavity, or a boundary value is below that of any fluid.
     Vapor,
     /// [`MAX_PRESSURE_PA`].
@@ -26,7 +26,7 @@ pub struct PressureFinding {
     /// Name of the pressure among the recordable quantities.
     pub name: String,
     /// The crossed limit.
-    pub limit: Limit,
+    pub limit: CrossedLimit,
     /// Time of the first sample outside, s.
     pub first_s: f64,
     /// Total time outside, s.
@@ -40,12 +40,12 @@ impl fmt::Display for PressureFinding {
         let PressureFinding { name, limit, first_s, duration_s, extreme_pa } = self;
         let bar = extreme_pa * 1e-5;
         match limit {
-            Limit::Vapor => write!(
+            CrossedLimit::Vapor => write!(
                 out,
                 "{name} is at vapor pressure for {duration_s:.4} s, first at {first_s:.4} s: a cavity, whose size is \
                  followed, but not its place and its waves"
             ),
-            Limit::High => write!(
+            CrossedLimit::High => write!(
                 out,
                 "{name} is above {:.0} bar for {duration_s:.4} s, first at {first_s:.4} s, and reaches {bar:.0} bar: \
                  the laws of the fluids do not hold there",
@@ -112,17 +112,18 @@ impl PressureMonitor {
     pub fn findings(&self) -> Vec<PressureFinding> {
         let of = |watched: &Watched| {
             let name = watched.name.clone();
-            let limits = [Limit::Vapor, Limit::High].into_iter().zip(watched.outside);
+            let limits = [CrossedLimit::Vapor, CrossedLimit::High].into_iter().zip(watched.outside);
             let outside = limits.filter_map(|(limit, outside)| Some((limit, outside?)));
-            let finding = |(limit, (first, count, extreme_pa)): (Limit, (usize, usize, f64))| {
-                PressureFinding {
-                    name: name.clone(),
-                    limit,
-                    first_s: first as f64 * self.period_s,
-                    duration_s: count as f64 * self.period_s,
-                    extreme_pa,
-                }
-            };
+            let finding =
+                |(limit, (first, count, extreme_pa)): (CrossedLimit, (usize, usize, f64))| {
+                    PressureFinding {
+                        name: name.clone(),
+                        limit,
+                        first_s: first as f64 * self.period_s,
+                        duration_s: count as f64 * self.period_s,
+                        extreme_pa,
+                    }
+                };
             outside.map(finding).collect::<Vec<_>>()
         };
         self.watched.iter().flat_map(of).collect()
@@ -146,7 +147,10 @@ mod tests {
         let findings = monitor.findings();
         let numbers: Vec<_> =
             findings.iter().map(|f| (f.limit, f.first_s, f.duration_s, f.extreme_pa)).collect();
-        assert_eq!(numbers, [(Limit::Vapor, 0.01, 0.02, 20.0), (Limit::High, 0.02, 0.02, 2e8)]);
+        assert_eq!(
+            numbers,
+            [(CrossedLimit::Vapor, 0.01, 0.02, 20.0), (CrossedLimit::High, 0.02, 0.02, 2e8)]
+        );
         assert!(findings[1].to_string().contains("reaches 2000 bar"), "{}", findings[1]);
     }
 }

@@ -91,7 +91,9 @@ impl Irregularity {
             Irregularity::BadObject => ("bad_object", "no JSON object: dropped"),
             Irregularity::NoTime => ("no_time", "no time: dropped"),
             Irregularity::BadValue => ("bad_value", "value that is no finite number: missing"),
-            Irregularity::Impossible => ("impossible", "value that its sensor cannot show: missing"),
+            Irregularity::Impossible => {
+                ("impossible", "value that its sensor cannot show: missing")
+            }
             Irregularity::Reordered => ("reordered", "out of order: put in order"),
             Irregularity::Doubled => ("doubled", "sent twice: dropped"),
             Irregularity::Late => ("late", "too late: dropped"),
@@ -125,7 +127,7 @@ pub struct Tally {
 
 /// All counts of a watch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Counts {
+pub struct WatchCounts {
     /// The unit of counting: lines, rows, datagrams or messages.
     pub counted: String,
     /// How many of these arrived.
@@ -141,11 +143,11 @@ pub struct Counts {
     pub missing: Vec<u64>,
 }
 
-impl Counts {
+impl WatchCounts {
     /// Empty counts for a number of inputs and sensors.
     pub fn new(counted: &str, channels: usize) -> Self {
         let tallies = vec![Tally::default(); Irregularity::ALL.len()];
-        Counts {
+        WatchCounts {
             counted: counted.into(),
             frames: 0,
             samples: 0,
@@ -190,7 +192,13 @@ impl Counts {
     }
 
     /// Counts several occurrences of a kind.
-    pub fn note_many(&mut self, kind: Irregularity, place: u64, count: u64, detail: &dyn fmt::Display) {
+    pub fn note_many(
+        &mut self,
+        kind: Irregularity,
+        place: u64,
+        count: u64,
+        detail: &dyn fmt::Display,
+    ) {
         if count > 0 {
             self.note_with(kind, place, detail);
             self.tallies[kind as usize].count += count - 1;
@@ -229,7 +237,7 @@ mod tests {
 
     #[test]
     fn the_first_place_is_kept() {
-        let mut counts = Counts::new("line", 0);
+        let mut counts = WatchCounts::new("line", 0);
         counts.note_with(Irregularity::WrongColumns, 7, &"5 cells, 12 are needed");
         counts.note_with(Irregularity::WrongColumns, 9, &"6 cells, 12 are needed");
         let (kind, tally) = counts.met().next().unwrap();

@@ -1,8 +1,8 @@
 //! A source that keeps the part of a log between two times.
 
-use super::source::{Read, LogRow, Source, SourceError};
+use super::source::{LogRow, Read, Source, SourceError};
 use crate::map::Map;
-use crate::span::{CutError, Span};
+use crate::span::{CutError, LogSpan};
 use servotwin_io::moment;
 
 /// A source restricted to a time span.
@@ -10,7 +10,7 @@ pub struct Cut {
     source: Box<dyn Source>,
     log: String,
     map: Map,
-    span: Span,
+    span: LogSpan,
     /// The first and the last time seen, s.
     reach: Option<(f64, f64)>,
     rows: u64,
@@ -20,7 +20,7 @@ pub struct Cut {
 
 impl Cut {
     /// Restricts a source to a span; the map supplies the times of its rows.
-    pub fn new(source: Box<dyn Source>, log: String, map: &Map, span: Span) -> Self {
+    pub fn new(source: Box<dyn Source>, log: String, map: &Map, span: LogSpan) -> Self {
         let map = map.clone();
         Cut { source, log, map, span, reach: None, rows: 0, cut: 0, is_empty: true }
     }

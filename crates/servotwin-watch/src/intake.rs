@@ -4,12 +4,12 @@
 //! Rows with the same time form one sample. A sample that arrives slightly late is sorted in. A few samples whose time
 //! no others confirm are dropped. All of this is counted. The result is a [`Table`] in SI units.
 
-use super::counts::{Counts, Irregularity};
+use super::counts::{Irregularity, WatchCounts};
 use super::cut::Cut;
 use super::map::{Map, MapError, Trust, guess};
 use super::sequencer::Stamped;
-use super::source::{Address, Read, LogRow, Source, SourceError};
-use super::span::Span;
+use super::source::{Address, LogRow, Read, Source, SourceError};
+use super::span::LogSpan;
 use servotwin::fit::{RecordError, TIME_UNIT};
 use servotwin::recording::with_suffix;
 use servotwin::study::Study;
@@ -29,7 +29,7 @@ pub struct Whole {
     /// `time_s`, then the inputs and sensors that the log or the map supplies, named with units; NaN means missing.
     pub table: Table,
     /// The counts of rows and irregularities.
-    pub counts: Counts,
+    pub counts: WatchCounts,
     /// Columns without a known unit; they are read as SI.
     pub assumed: Vec<String>,
 }
@@ -62,7 +62,7 @@ pub fn is_log(path: &Path) -> bool {
 pub fn read(
     path: &Path,
     map: Option<&Map>,
-    span: Span,
+    span: LogSpan,
     study: &Study,
 ) -> Result<Whole, IntakeError> {
     let address = Address::File(path.into());
@@ -78,7 +78,7 @@ pub fn read(
 fn read_mapped(
     address: &Address,
     map: &Map,
-    span: Span,
+    span: LogSpan,
     study: &Study,
     assumed: Vec<String>,
 ) -> Result<Whole, IntakeError> {
@@ -108,8 +108,11 @@ fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), Intak
 }
 
 /// Reads all samples, ordered by time.
-fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Counts), SourceError> {
-    let mut counts = Counts::new(source.counted(), map.width());
+fn samples(
+    mut source: Box<dyn Source>,
+    map: &Map,
+) -> Result<(Vec<Stamped>, WatchCounts), SourceError> {
+    let mut counts = WatchCounts::new(source.counted(), map.width());
     let (mut samples, mut row, mut rows) = (vec![], LogRow::default(), 0);
     loop {
         match source.read(&mut row)? {
@@ -137,7 +140,7 @@ fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Coun
 }
 
 /// Appends a sample; a slightly late one is sorted in.
-fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Counts) {
+fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut WatchCounts) {
     let newest_s = samples.last().map_or(f64::NEG_INFINITY, |last: &Stamped| last.time_s);
     let is_late = sample.time_s < newest_s && newest_s - sample.time_s <= map.rules.wait_s;
     let behind = match is_late {
@@ -167,7 +170,7 @@ fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Coun
 }
 
 /// Drops groups of samples between two leaps in time that are too small to confirm their times, as a watch does.
-fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamped> {
+fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut WatchCounts) -> Vec<Stamped> {
     let is_leap = |pair: [&Stamped; 2]| {
         let step_s = pair[1].time_s - pair[0].time_s;
         !(0.0..=map.rules.longest_gap_s).contains(&step_s)
@@ -186,7 +189,7 @@ fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamp
 /// The samples as a table of the log's columns, including held values and constants.
 fn table(
     samples: &[Stamped],
-    counts: &Counts,
+    counts: &WatchCounts,
     map: &Map,
     study: &Study,
 ) -> Result<Table, TableError> {

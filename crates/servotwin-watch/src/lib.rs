@@ -23,18 +23,18 @@ pub mod source;
 pub mod span;
 pub mod watchdog;
 
-pub use servotwin::observer::{Finding, Observation, Observer, Phase, State};
+pub use servotwin::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 
 use checkpoint::{Checkpoint, CheckpointError, Expected};
 use checkpoint_writer::CheckpointWriter;
-use counts::{Counts, Irregularity};
+use counts::{Irregularity, WatchCounts};
 use map::Map;
 use plausibility::Plausibility;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
-use servotwin_io::document::Quantity;
+use servotwin_io::document::NumberWithUnit;
 use sink::{Sample, Sink, SinkError};
-use source::{Read, LogRow, Source, SourceError};
+use source::{LogRow, Read, Source, SourceError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use watchdog::{
@@ -65,7 +65,7 @@ struct Progress {
     /// How many rows were read, including flawed ones.
     rows: u64,
     sequencer: Sequencer,
-    counts: Counts,
+    counts: WatchCounts,
     /// For each channel, the last value and its age in periods.
     #[serde(with = "bits::many")]
     held: Vec<f64>,
@@ -127,7 +127,7 @@ impl<'w> Watch<'w> {
             place: 0,
             rows: 0,
             sequencer: Sequencer::new(period_s, width, map.rules),
-            counts: Counts::new(source.counted(), width),
+            counts: WatchCounts::new(source.counted(), width),
             held: vec![f64::NAN; width],
             ages: vec![0; width],
             finding: Finding::default(),
@@ -258,7 +258,7 @@ impl<'w> Watch<'w> {
     }
 
     /// The counts so far.
-    pub fn counts(&self) -> &Counts {
+    pub fn counts(&self) -> &WatchCounts {
         &self.progress.counts
     }
 
@@ -281,7 +281,7 @@ impl<'w> Watch<'w> {
                 }
                 self.plausibility.sample(&sample);
                 if let Some((id, value)) = self.map.leave_out(&mut sample) {
-                    let detail = format_args!("{id} = {} in SI", Quantity(value, ""));
+                    let detail = format_args!("{id} = {} in SI", NumberWithUnit(value, ""));
                     progress.counts.note_with(Irregularity::Impossible, row.place, &detail);
                 }
                 if sample.time_s.is_finite() {
@@ -394,7 +394,7 @@ impl<'w> Watch<'w> {
                 (WatchEvent::ChannelDataAgain { channel: channel(number) }, Some(lasted))
             }
             WatchdogAlert::Beat => {
-                let Counts { frames, samples, .. } = self.progress.counts;
+                let WatchCounts { frames, samples, .. } = self.progress.counts;
                 (WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)
             }
         }
@@ -411,7 +411,7 @@ impl<'w> Watch<'w> {
             wall_time: wall_time(),
             time_s: time_s.is_finite().then_some(*time_s),
             silent_s: silent.as_secs_f64(),
-            state: if is_silent { State::NoData } else { finding.state },
+            state: if is_silent { DiagnosisState::NoData } else { finding.state },
             phase: finding.phase,
         };
         for sink in &mut self.sinks {

@@ -4,13 +4,13 @@
 //! It changes and drops no sample. It explains why nothing could be judged, or warns that a log was read with wrong
 //! units (`mm` as `m`): one sentence for each likely reason.
 
-use super::counts::Counts;
+use super::counts::WatchCounts;
 use super::map::Map;
 use super::sequencer::Stamped;
-use servotwin::beside::{Beside, Spread};
+use servotwin::beside::{Spread, TwinComparison};
 use servotwin::system::System;
 use servotwin::units;
-use servotwin_io::document::{Quantities, Quantity};
+use servotwin_io::document::{NumberWithUnit, Quantities};
 use servotwin_io::moment::{self, rounded};
 use servotwin_model::spec::Unit;
 
@@ -45,7 +45,7 @@ struct Column {
     values: Spread,
     outside: u64,
     largest: f64,
-    beside: Beside,
+    beside: TwinComparison,
 }
 
 impl Plausibility {
@@ -100,7 +100,7 @@ impl Plausibility {
         system: &System,
         map: &Map,
         period_s: f64,
-        counts: &Counts,
+        counts: &WatchCounts,
     ) -> Vec<String> {
         let pace = self.pace(period_s);
         let network = system.network();
@@ -184,7 +184,7 @@ impl Column {
         let seems = |unit| format!("seems to be in {unit}");
         if 2 * outside > values {
             let range = Quantities(rounded(low), rounded(high), unit.symbol());
-            let largest = Quantity(rounded(largest), unit.symbol());
+            let largest = NumberWithUnit(rounded(largest), unit.symbol());
             let seems =
                 looks_like.map_or(String::new(), |(_, unit)| format!(" and {}", seems(unit)));
             return Some(format!(
@@ -215,7 +215,7 @@ impl Column {
 }
 
 /// Reports inputs without a value in some periods. After each such period nothing is judged for a while.
-fn comes_and_goes(map: &Map, counts: &Counts) -> Option<String> {
+fn comes_and_goes(map: &Map, counts: &WatchCounts) -> Option<String> {
     let of = |channel: &usize| (1..counts.samples).contains(&counts.missing[*channel]);
     let lost: Vec<usize> = (0..map.inputs()).filter(of).collect();
     let most = lost.iter().map(|&channel| counts.missing[channel]).max()?;

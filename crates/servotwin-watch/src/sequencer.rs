@@ -16,7 +16,7 @@
 //!
 //! A sequencer never holds more than `longest_gap_s + wait_s` of periods.
 
-use super::counts::{Counts, Irregularity};
+use super::counts::{Irregularity, WatchCounts};
 use super::{LARGEST_COUNT, bits};
 use serde::{Deserialize, Serialize};
 use servotwin_io::moment;
@@ -24,7 +24,7 @@ use std::collections::VecDeque;
 
 /// Tolerances before samples are dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Rules {
+pub struct SequencerRules {
     /// How long a period waits for delayed samples, s.
     pub wait_s: f64,
     /// The longest gap after which the stream continues without a restart, s.
@@ -33,13 +33,13 @@ pub struct Rules {
     pub witnesses: usize,
 }
 
-impl Default for Rules {
+impl Default for SequencerRules {
     fn default() -> Self {
-        Rules { wait_s: 0.05, longest_gap_s: 10.0, witnesses: 10 }
+        SequencerRules { wait_s: 0.05, longest_gap_s: 10.0, witnesses: 10 }
     }
 }
 
-impl Rules {
+impl SequencerRules {
     /// A larger step ahead than this is a jump; `step_s` is the last step.
     fn sudden_s(&self, step_s: f64) -> f64 {
         (self.wait_s + 2.0 * step_s).min(self.longest_gap_s)
@@ -78,7 +78,7 @@ pub enum Tick<'t> {
 /// Puts samples onto a fixed period.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sequencer {
-    rules: Rules,
+    rules: SequencerRules,
     #[serde(with = "bits::one")]
     period_s: f64,
     width: usize,
@@ -113,7 +113,7 @@ struct Grid {
 
 impl Grid {
     /// Whether its numbers are consistent: the newest sample lies in a waiting period or in the last one passed on.
-    fn is_sound(&self, rules: Rules, period_s: f64) -> bool {
+    fn is_sound(&self, rules: SequencerRules, period_s: f64) -> bool {
         let most = (rules.longest_gap_s + rules.wait_s) / period_s + 2.0;
         let newest = (self.newest_s - self.start_s) / period_s - self.next as f64;
         let waiting = self.waiting.len() as f64;
@@ -141,7 +141,7 @@ enum Turn {
 
 impl Sequencer {
     /// Creates a sequencer for samples of `width` values.
-    pub fn new(period_s: f64, width: usize, rules: Rules) -> Self {
+    pub fn new(period_s: f64, width: usize, rules: SequencerRules) -> Self {
         Sequencer {
             rules,
             period_s,
@@ -156,8 +156,13 @@ impl Sequencer {
     }
 
     /// Why a restored sequencer does not fit this map and period; `None` if it fits. Later samples must neither
-    /// overflow nor need more memory than [`Rules`] allow.
-    pub(super) fn wrong(&self, period_s: f64, width: usize, rules: Rules) -> Option<&'static str> {
+    /// overflow nor need more memory than [`SequencerRules`] allow.
+    pub(super) fn wrong(
+        &self,
+        period_s: f64,
+        width: usize,
+        rules: SequencerRules,
+    ) -> Option<&'static str> {
         let is_sample = |sample: &Stamped| {
             sample.place <= LARGEST_COUNT
                 && sample.time_s.is_finite()
@@ -178,7 +183,7 @@ impl Sequencer {
     }
 
     /// Takes a sample with a finite time. Drain [`next`](Self::next) before calling it.
-    pub fn push(&mut self, sample: Stamped, counts: &mut Counts) {
+    pub fn push(&mut self, sample: Stamped, counts: &mut WatchCounts) {
         debug_assert!(sample.time_s.is_finite() && sample.values.len() == self.width);
         self.flushing = false;
         match self.turn(sample.time_s) {
@@ -196,13 +201,13 @@ impl Sequencer {
     }
 
     /// Ends the stream: suspects can gain no more votes.
-    pub fn end(&mut self, counts: &mut Counts) {
+    pub fn end(&mut self, counts: &mut WatchCounts) {
         self.drop_suspects(counts);
         self.flush();
     }
 
     /// The next period or restart that may be passed on.
-    pub fn next(&mut self, counts: &mut Counts) -> Option<Tick<'_>> {
+    pub fn next(&mut self, counts: &mut WatchCounts) -> Option<Tick<'_>> {
         let wait = (self.rules.wait_s / self.period_s).ceil() as usize;
         if let Some(grid) = &mut self.grid
             && grid.waiting.len() > if self.flushing || self.restart { 0 } else { wait }
@@ -248,7 +253,7 @@ impl Sequencer {
     }
 
     /// Puts a sample into its period.
-    fn place(&mut self, index: usize, sample: Stamped, counts: &mut Counts) {
+    fn place(&mut self, index: usize, sample: Stamped, counts: &mut WatchCounts) {
         let Some(grid) = &mut self.grid else { return };
         if grid.waiting.len() <= index {
             grid.waiting.resize(index + 1, Stamped::default());
@@ -287,7 +292,7 @@ impl Sequencer {
     }
 
     /// Keeps a sample with an untrusted time.
-    fn suspect(&mut self, sample: Stamped, counts: &mut Counts) {
+    fn suspect(&mut self, sample: Stamped, counts: &mut WatchCounts) {
         let step_s = self.grid.as_ref().map_or(f64::INFINITY, |grid| grid.step_s);
         if let Some(last) = self.suspects.last() {
             let ahead_s = sample.time_s - last.time_s;
@@ -322,7 +327,7 @@ impl Sequencer {
     }
 
     /// Puts the suspects into their periods.
-    fn believe(&mut self, counts: &mut Counts) {
+    fn believe(&mut self, counts: &mut WatchCounts) {
         self.votes = 0;
         for sample in std::mem::take(&mut self.suspects) {
             // The suspects follow each other: each is placed in turn.
@@ -332,21 +337,21 @@ impl Sequencer {
         }
     }
 
-    fn vote_against(&mut self, counts: &mut Counts) {
+    fn vote_against(&mut self, counts: &mut WatchCounts) {
         self.votes = self.votes.saturating_sub(1);
         if self.votes == 0 {
             self.drop_suspects(counts);
         }
     }
 
-    fn drop_suspects(&mut self, counts: &mut Counts) {
+    fn drop_suspects(&mut self, counts: &mut WatchCounts) {
         for sample in std::mem::take(&mut self.suspects) {
             self.drop(&sample, counts);
         }
         self.votes = 0;
     }
 
-    fn drop(&mut self, sample: &Stamped, counts: &mut Counts) {
+    fn drop(&mut self, sample: &Stamped, counts: &mut WatchCounts) {
         let late = self.turn(sample.time_s) == Turn::Late;
         let kind = if late { Irregularity::Late } else { Irregularity::Outlier };
         counts.note_with(kind, sample.place, &moment::shown(sample.time_s));

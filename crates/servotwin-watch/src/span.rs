@@ -1,6 +1,6 @@
 //! The part of a log between two times.
 
-use servotwin::signal::Quantity;
+use servotwin::signal::WrittenQuantity;
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
 
@@ -15,7 +15,7 @@ enum Limit {
 
 /// The part of a log that is read, including both ends.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Span {
+pub struct LogSpan {
     from: Option<Limit>,
     to: Option<Limit>,
 }
@@ -57,7 +57,7 @@ pub enum CutError {
     },
 }
 
-impl Span {
+impl LogSpan {
     /// Parses a span: seconds after the first sample, or dates. A missing limit means the log's end.
     ///
     /// # Errors
@@ -65,14 +65,14 @@ impl Span {
     pub fn parse(from: Option<&str>, to: Option<&str>) -> Result<Self, CutError> {
         let limit = |end, text: Option<&str>| {
             let read = |given: &str| {
-                let seconds = Quantity::in_unit(given, Unit::Second).ok();
+                let seconds = WrittenQuantity::in_unit(given, Unit::Second).ok();
                 let behind = seconds.filter(|s| s.is_finite()).map(Limit::Behind);
                 let limit = behind.or_else(|| moment::seconds(given).map(Limit::At));
                 limit.ok_or_else(|| CutError::NoTime { end, given: given.into() })
             };
             text.map(read).transpose()
         };
-        Ok(Span { from: limit("from", from)?, to: limit("to", to)? })
+        Ok(LogSpan { from: limit("from", from)?, to: limit("to", to)? })
     }
 
     /// Whether the span covers the whole log.

@@ -8,7 +8,7 @@
 //! `LONGEST_CHECK`.
 
 use serde::Serialize;
-use servotwin::observer::{Phase, State};
+use servotwin::observer::{DiagnosisState, Phase};
 use std::time::{Duration, Instant, SystemTime};
 
 /// The losses of a sink.
@@ -68,7 +68,7 @@ pub struct Notice {
     /// The wall time since the last data, s.
     pub silent_s: f64,
     /// The current state: `no_data` while the source is silent, otherwise that of the diagnosis.
-    pub state: State,
+    pub state: DiagnosisState,
     /// The phase of the alarm; it is kept while the source is silent.
     pub phase: Phase,
 }
@@ -369,7 +369,7 @@ mod tests {
     #[test]
     fn a_notice_is_a_flat_object_with_its_state() {
         let event = WatchEvent::ChannelNoData { channel: "p_a".into() };
-        let (state, phase) = (State::Healthy, Phase::None);
+        let (state, phase) = (DiagnosisState::Healthy, Phase::None);
         let wall_time = wall_time();
         assert!(wall_time.len() == 24 && wall_time.ends_with('Z'), "{wall_time}");
         let notice = Notice { event, wall_time, time_s: Some(1.5), silent_s: 2.0, state, phase };

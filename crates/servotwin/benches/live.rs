@@ -5,7 +5,7 @@
 //! is, and how many such actuators one core can watch; by lists and, where there is a C compiler, by the compiled step.
 
 use servotwin::flight::campaign::FlightCampaign;
-use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::runtime::Runtime;
 use servotwin::flight::{train, training_windows};
@@ -75,7 +75,7 @@ fn main() {
 }
 
 /// How long every sample but the first takes, us.
-fn times_us(mut runtime: Runtime, record: &Record) -> Vec<f64> {
+fn times_us(mut runtime: Runtime, record: &FlightRecord) -> Vec<f64> {
     let sample = |columns: &[Vec<f64>], k: usize| -> Vec<f64> {
         columns.iter().map(|column| column[k]).collect()
     };

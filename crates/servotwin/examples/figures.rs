@@ -11,7 +11,7 @@ use servotwin::figure::heatmap::ConfusionMatrix;
 use servotwin::figure::histogram::{HistogramGrid, HistogramPanel};
 use servotwin::figure::lines::{Curve, Lines};
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin::figure::tree::{Node, Tree};
+use servotwin::figure::tree::{Node, TreeFigure};
 use servotwin::figure::{Figure, FigureError};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -216,7 +216,7 @@ fn tree() -> Figure {
     }
     let classes = ["healthy", "actuator 1", "actuator 2"].map(str::to_owned).to_vec();
     let root = grow(0, &mut Noise(11));
-    Tree {
+    TreeFigure {
         title: "Which actuator has failed?".to_owned(),
         classes,
         looks: vec![],

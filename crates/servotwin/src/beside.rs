@@ -34,7 +34,7 @@ impl Spread {
 
 /// Running comparison of a sensor's values with its twin's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Beside {
+pub struct TwinComparison {
     /// Spread of the twin's values.
     pub twin: Spread,
     /// Spread of sensor plus twin, which is constant if the sign is flipped.
@@ -42,7 +42,7 @@ pub struct Beside {
     difference: Spread,
 }
 
-impl Beside {
+impl TwinComparison {
     /// Takes one pair of values; NaN is missing.
     pub fn take(&mut self, own: f64, twin: f64) {
         if twin.is_finite() {

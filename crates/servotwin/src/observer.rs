@@ -45,7 +45,7 @@ pub struct Observation<'o> {
 /// State of the diagnosis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum State {
+pub enum DiagnosisState {
     /// No sample yet, or too little data.
     #[default]
     NoData,
@@ -63,46 +63,46 @@ pub enum State {
     EnvironmentInvalid,
 }
 
-impl State {
+impl DiagnosisState {
     /// All states, in the order of reports.
-    pub const ALL: [State; 7] = [
-        State::NoData,
-        State::Healthy,
-        State::Undecided,
-        State::Detected,
-        State::Isolated,
-        State::Unknown,
-        State::EnvironmentInvalid,
+    pub const ALL: [DiagnosisState; 7] = [
+        DiagnosisState::NoData,
+        DiagnosisState::Healthy,
+        DiagnosisState::Undecided,
+        DiagnosisState::Detected,
+        DiagnosisState::Isolated,
+        DiagnosisState::Unknown,
+        DiagnosisState::EnvironmentInvalid,
     ];
 
     /// Whether the state judges the actuator: not without data, nor with invalid inputs.
     pub fn is_judgement(self) -> bool {
-        !matches!(self, State::NoData | State::EnvironmentInvalid)
+        !matches!(self, DiagnosisState::NoData | DiagnosisState::EnvironmentInvalid)
     }
 
     /// The state as text.
     pub fn words(self) -> &'static str {
         match self {
-            State::NoData => "no data",
-            State::Healthy => "healthy",
-            State::Undecided => "undecided",
-            State::Detected => "detected, not isolated",
-            State::Isolated => "isolated",
-            State::Unknown => "unknown",
-            State::EnvironmentInvalid => "environment invalid",
+            DiagnosisState::NoData => "no data",
+            DiagnosisState::Healthy => "healthy",
+            DiagnosisState::Undecided => "undecided",
+            DiagnosisState::Detected => "detected, not isolated",
+            DiagnosisState::Isolated => "isolated",
+            DiagnosisState::Unknown => "unknown",
+            DiagnosisState::EnvironmentInvalid => "environment invalid",
         }
     }
 
     /// One character for a text timeline.
     pub fn mark(self) -> char {
         match self {
-            State::NoData => ' ',
-            State::Healthy => '.',
-            State::Undecided => '~',
-            State::Detected => '?',
-            State::Isolated => '#',
-            State::Unknown => 'u',
-            State::EnvironmentInvalid => 'e',
+            DiagnosisState::NoData => ' ',
+            DiagnosisState::Healthy => '.',
+            DiagnosisState::Undecided => '~',
+            DiagnosisState::Detected => '?',
+            DiagnosisState::Isolated => '#',
+            DiagnosisState::Unknown => 'u',
+            DiagnosisState::EnvironmentInvalid => 'e',
         }
     }
 }
@@ -142,7 +142,7 @@ const MAX_TEXT: usize = 10_000;
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// State of the diagnosis.
-    pub state: State,
+    pub state: DiagnosisState,
     /// Phase of the alarm.
     pub phase: Phase,
     /// Number of the actuator concerned, from 1.
@@ -179,7 +179,7 @@ impl Finding {
     /// Whether two findings differ at most in confidence and evidence. Healthy and undecided count as the same state.
     pub fn says_the_same(&self, other: &Finding) -> bool {
         let state = |f: &Finding| match f.state {
-            State::Undecided => State::Healthy,
+            DiagnosisState::Undecided => DiagnosisState::Healthy,
             state => state,
         };
         let said = |f: &Finding| (state(f), f.phase, f.actuator, f.is_outside);
@@ -214,8 +214,9 @@ impl Finding {
     /// Sets the confidence, which decides between healthy and undecided.
     pub fn be_sure(&mut self, confidence: f64) {
         self.confidence = confidence;
-        if let State::Healthy | State::Undecided = self.state {
-            self.state = if confidence < 0.5 { State::Undecided } else { State::Healthy };
+        if let DiagnosisState::Healthy | DiagnosisState::Undecided = self.state {
+            self.state =
+                if confidence < 0.5 { DiagnosisState::Undecided } else { DiagnosisState::Healthy };
         }
     }
 

@@ -4,7 +4,7 @@ use super::evaluate::workers;
 use super::flights::no_flights;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json, number};
+use crate::render::{Side, TextTable, json, number};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::metrics::{Rate, clopper_pearson_upper};
@@ -208,7 +208,7 @@ fn people(merit: &BandMerit, study: &Study, duration_s: f64) -> String {
     text += &against_target("  field", merit, 0);
     text += &against_target("  the same everywhere", merit, 1);
     text += "\n";
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("", Side::Left),
         ("field", Side::Right),
         ("the same everywhere", Side::Right),
@@ -223,7 +223,7 @@ fn people(merit: &BandMerit, study: &Study, duration_s: f64) -> String {
         "\nOutside of what learning and calibration flights have covered: {}.\n\n",
         Measured::counted(own.outside, own.flights).text()
     );
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("sensor", Side::Left),
         ("half width, % of scale", Side::Right),
         ("the same everywhere", Side::Right),

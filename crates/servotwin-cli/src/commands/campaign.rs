@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use servotwin::campaign::{Campaign, CampaignError, OnTheMove, Outcome, Part, runs};
+use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, OnTheMove, Part, runs};
 use servotwin::job::{Folder, data_card, manifest};
 use servotwin::parallel::Workers;
 use servotwin::study::{Role, Setting, Study};
@@ -115,7 +115,7 @@ pub fn simulate(
     campaign: &Campaign,
     part: Option<(Part, &mut usize)>,
     global: Global,
-) -> Result<Outcome, Failure> {
+) -> Result<CampaignOutcome, Failure> {
     let bar = bar(&named(&campaign.settings, campaign.role), global);
     let told = |done, all| {
         bar.update(|state| {
@@ -157,7 +157,7 @@ pub fn named(settings: &[Setting], role: Role) -> String {
 }
 
 /// Describes the outcome of a campaign for readers.
-pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String {
+pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> String {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
         "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
@@ -212,7 +212,7 @@ fn on_the_move(runs: &[OnTheMove]) -> String {
     text
 }
 
-fn to_json(campaign: &Campaign, outcome: &Outcome) -> serde_json::Value {
+fn to_json(campaign: &Campaign, outcome: &CampaignOutcome) -> serde_json::Value {
     let failed = outcome.failed.iter();
     let failed = failed
         .map(|(s, v, r)| json!({"setting": s.name(), "variant": v, "reason": r}))

@@ -2,7 +2,7 @@
 
 use crate::Global;
 use crate::failure::Failure;
-use crate::render::{Grid, Side, json, shown};
+use crate::render::{Side, TextTable, json, shown};
 use serde_json::{Value, json};
 use servotwin::catalogue::{self, Hit, default, flow, law, prose, range};
 use servotwin::document::counted;
@@ -66,7 +66,7 @@ fn whole(specs: impl Iterator<Item = &'static Spec>, global: Global) -> String {
 }
 
 fn list() -> String {
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("kind", Side::Left),
         ("parameters", Side::Right),
         ("faults", Side::Right),
@@ -87,7 +87,7 @@ fn list() -> String {
 fn fluids(word: &str) -> String {
     let word = word.to_lowercase();
     let has = |row: &[String; 6]| row.iter().any(|cell| cell.to_lowercase().contains(&word));
-    let mut grid = Grid::new(&catalogue::FLUID_HEADS.map(|head| (head, Side::Left)));
+    let mut grid = TextTable::new(&catalogue::FLUID_HEADS.map(|head| (head, Side::Left)));
     let rows: Vec<_> = catalogue::fluids().into_iter().filter(has).collect();
     if rows.is_empty() {
         return String::new();
@@ -101,7 +101,7 @@ fn fluid(kind: &str, row: &str, hits: usize) -> String {
     let mut text = row.to_owned();
     for (title, keys) in catalogue::fluid_keys(kind) {
         let heads = ["key", "default", "range", "meaning"].map(|head| (head, Side::Left));
-        let mut grid = Grid::new(&heads);
+        let mut grid = TextTable::new(&heads);
         for key in keys {
             grid.push(vec![key.name.into(), default(key), range(key), key.summary.into()]);
         }
@@ -121,13 +121,13 @@ fn found(hit: &Hit) -> String {
 fn people(spec: &Spec) -> String {
     let mut text = format!("{}: {}\n\n{}\n", spec.kind, spec.summary, prose(spec.kind).trim_end());
     let mut ports =
-        Grid::new(&[("port", Side::Left), ("type", Side::Left), ("meaning", Side::Left)]);
+        TextTable::new(&[("port", Side::Left), ("type", Side::Left), ("meaning", Side::Left)]);
     for port in spec.ports {
         ports.push(vec![port.name.into(), flow(port, spec), port.summary.into()]);
     }
     text += &format!("\n{}", ports.text());
     if !spec.parameters.is_empty() {
-        let mut grid = Grid::new(&[
+        let mut grid = TextTable::new(&[
             ("parameter", Side::Left),
             ("default", Side::Right),
             ("shown as", Side::Right),
@@ -141,7 +141,7 @@ fn people(spec: &Spec) -> String {
         text += &format!("\n{}", grid.text());
     }
     if !spec.faults.is_empty() {
-        let mut grid = Grid::new(&[
+        let mut grid = TextTable::new(&[
             ("fault", Side::Left),
             ("category", Side::Left),
             ("parameter at intensity i", Side::Left),

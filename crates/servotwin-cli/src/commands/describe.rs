@@ -4,7 +4,7 @@ use super::{SystemOption, note};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json, number, number_and_unit, shown};
+use crate::render::{Side, TextTable, json, number, number_and_unit, shown};
 use servotwin::rest::{self, Rest};
 use servotwin::system::System;
 use servotwin_model::network::Network;
@@ -79,7 +79,7 @@ fn components(network: &Network) -> String {
 const KNOWN: f64 = 1e-12;
 
 fn states(system: &System, rest: &Rest) -> String {
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("state", Side::Left),
         ("rest", Side::Right),
         ("scale", Side::Right),
@@ -100,7 +100,7 @@ fn states(system: &System, rest: &Rest) -> String {
 
 fn inputs(network: &Network) -> String {
     let mut grid =
-        Grid::new(&[("input", Side::Left), ("default", Side::Right), ("unit", Side::Left)]);
+        TextTable::new(&[("input", Side::Left), ("default", Side::Right), ("unit", Side::Left)]);
     for input in &network.inputs {
         let (value, unit) = number_and_unit(input.default, input.unit);
         grid.push(vec![input.id.clone(), value, unit.into()]);
@@ -109,7 +109,7 @@ fn inputs(network: &Network) -> String {
 }
 
 fn sensors(system: &System) -> String {
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("sensor", Side::Left),
         ("signal", Side::Left),
         ("scale", Side::Right),
@@ -127,7 +127,7 @@ fn sensors(system: &System) -> String {
 }
 
 fn eigenvalue_table(rest: &Rest) -> String {
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("real 1/s", Side::Right),
         ("imaginary rad/s", Side::Right),
         ("frequency Hz", Side::Right),

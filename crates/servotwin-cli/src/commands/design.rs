@@ -1,19 +1,19 @@
 //! `servotwin fit --design`: finds the command that determines the parameters best.
 
 use crate::failure::Failure;
-use crate::render::{Grid, Side, json, number};
+use crate::render::{Side, TextTable, json, number};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::fit::Fit;
 use servotwin::fit::design::{self, Design, Rig};
-use servotwin::signal::Quantity;
+use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_model::spec::Unit;
 
 /// What the command may do.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Limits of --design")]
-pub struct Limits {
+pub struct AllowedCommand {
     /// Largest amplitude of the command.
     #[arg(long, value_name = "SIZE", requires = "design", default_value = "10deg")]
     amplitude: String,
@@ -27,7 +27,7 @@ pub struct Limits {
 
 /// Returns the text for standard output.
 pub fn run(
-    limits: &Limits,
+    limits: &AllowedCommand,
     mut problem: Fit,
     study: &Study,
     global: Global,
@@ -68,7 +68,8 @@ pub fn run(
 }
 
 fn positive(option: &'static str, text: &str, unit: Unit) -> Result<f64, Failure> {
-    let value = Quantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
+    let value =
+        WrittenQuantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
     match value > 0.0 && value.is_finite() {
         true => Ok(value),
         false => {
@@ -95,7 +96,7 @@ fn as_json(design: &Design, problem: &Fit) -> serde_json::Value {
 }
 
 fn people(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> String {
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("command", Side::Left),
         ("gain, bits", Side::Right),
         ("size", Side::Right),
@@ -114,7 +115,7 @@ fn people(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> String 
     let mut text = grid.text();
     text += "\nWith the first, errors in parts of the tolerances' standard deviations:\n\n";
     let mut grid =
-        Grid::new(&[("parameter", Side::Left), ("± 1 σ", Side::Right), ("", Side::Left)]);
+        TextTable::new(&[("parameter", Side::Left), ("± 1 σ", Side::Right), ("", Side::Left)]);
     for (k, unknown) in problem.unknowns.iter().enumerate() {
         let sentence = best.known.forecast(&problem.unknowns, k);
         grid.push(vec![unknown.name.clone(), number(best.known.error(k), 2), sentence]);

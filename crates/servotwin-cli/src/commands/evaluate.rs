@@ -10,7 +10,9 @@ use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::model_file;
-use servotwin::evaluation::table_model::{Judged, Prepared, TableModel, judge_table};
+use servotwin::evaluation::table_model::{
+    JudgedClassifier, PreparedTable, TableModel, judge_table,
+};
 use servotwin::job::{self, Folder, JobError, Results, manifest};
 use servotwin::parallel::Workers;
 use servotwin::study::Study;
@@ -45,8 +47,8 @@ pub struct Judging {
 /// A table and the classifications of a model for it.
 pub struct OfTable {
     pub model: TableModel,
-    pub prepared: Prepared,
-    pub judged: Judged,
+    pub prepared: PreparedTable,
+    pub judged: JudgedClassifier,
 }
 
 /// Returns the text for standard output.

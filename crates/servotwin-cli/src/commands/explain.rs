@@ -4,13 +4,15 @@
 use super::{is_read, not_as_model, read_wanted};
 use crate::Global;
 use crate::failure::Failure;
-use crate::render::{Grid, Side, json};
+use crate::render::{Side, TextTable, json};
 use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model;
 use servotwin::job::{self, Folder, Subject};
 use servotwin::nearest::UnknownName;
-use servotwin_report::explain::{Answer, Explanation, Verdict, explain, variants};
+use servotwin_report::explain::{
+    ExplainedAnswer, ExplainedVerdict, Explanation, explain, variants,
+};
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{number, of_unit, percent, spoken};
 use std::path::{Path, PathBuf};
@@ -96,7 +98,7 @@ fn people(explanation: &Explanation, words: &Vocabulary) -> String {
 }
 
 /// Describes the combined answer of trees and committee.
-fn verdict(verdict: &Verdict, words: &Vocabulary) -> String {
+fn verdict(verdict: &ExplainedVerdict, words: &Vocabulary) -> String {
     // With one actuator there is no actuator stage.
     let unit = verdict.actuator.as_deref().filter(|_| words.has_several());
     let said: Vec<String> =
@@ -114,7 +116,7 @@ fn verdict(verdict: &Verdict, words: &Vocabulary) -> String {
     }
 }
 
-fn stage(answer: &Answer, words: &Vocabulary) -> String {
+fn stage(answer: &ExplainedAnswer, words: &Vocabulary) -> String {
     let asks = words.asks(answer.question);
     let verdict = match answer.said == answer.truth {
         true => "right".to_owned(),
@@ -127,7 +129,7 @@ fn stage(answer: &Answer, words: &Vocabulary) -> String {
         spoken(&answer.said),
         sure.unwrap_or_default()
     );
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("", Side::Left),
         ("feature", Side::Left),
         ("value", Side::Right),
@@ -172,7 +174,7 @@ fn of_row(explanation: &table_model::Explanation, label: &str) -> String {
     let (row, place) = (explanation.row, &explanation.place);
     let mut text = format!("row {row} ({place}): {label} is {said}{verdict}\n");
     let name = if explanation.probabilities { "probability" } else { "score" };
-    let mut grid = Grid::new(&[("class", Side::Left), (name, Side::Right)]);
+    let mut grid = TextTable::new(&[("class", Side::Left), (name, Side::Right)]);
     for (class, score) in explanation.scores.iter().filter(|(_, score)| *score != 0.0) {
         grid.push(vec![class.clone(), number(*score)]);
     }
@@ -181,7 +183,7 @@ fn of_row(explanation: &table_model::Explanation, label: &str) -> String {
         return text;
     }
     let mut grid =
-        Grid::new(&[("question", Side::Left), ("value", Side::Right), ("answer", Side::Left)]);
+        TextTable::new(&[("question", Side::Left), ("value", Side::Right), ("answer", Side::Left)]);
     for step in &explanation.steps {
         let value = step.value.map_or_else(|| "missing".into(), number);
         let question = match &step.is {

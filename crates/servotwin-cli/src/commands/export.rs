@@ -14,7 +14,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::{ExportError, Language, Precision, Twin};
+use servotwin_export::{ExportError, ExportedTwin, Language, Precision};
 use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
@@ -251,15 +251,16 @@ pub fn twin_of<'s>(
     study: &'s Study,
     diagnoser: &Diagnoser,
     has_fixed_step: bool,
-) -> Result<Twin<'s>, RuntimeError> {
+) -> Result<ExportedTwin<'s>, RuntimeError> {
     let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
     let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
-    let settings = if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::campaign() };
+    let settings =
+        if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::campaign() };
     twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)
 }
 
 /// A twin with all sensors of its study.
-fn twin_alone(study: &Study) -> Result<Twin<'_>, RuntimeError> {
+fn twin_alone(study: &Study) -> Result<ExportedTwin<'_>, RuntimeError> {
     let network = study.system.network();
     let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
     let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
@@ -273,8 +274,8 @@ fn twin<'s, 'n>(
     period_s: f64,
     ranges: Vec<[f64; 2]>,
     sensors: impl Iterator<Item = &'n str>,
-) -> Result<Twin<'s>, RuntimeError> {
-    Ok(Twin {
+) -> Result<ExportedTwin<'s>, RuntimeError> {
+    Ok(ExportedTwin {
         program: &study.system.program,
         settings,
         period_s,

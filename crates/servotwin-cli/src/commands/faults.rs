@@ -3,7 +3,7 @@
 use super::SystemOption;
 use crate::Global;
 use crate::failure::Failure;
-use crate::render::{Grid, Side, json, number};
+use crate::render::{Side, TextTable, json, number};
 use serde_json::json;
 use servotwin::system::ListedFault;
 use servotwin::system::listing::fault_table;
@@ -53,7 +53,7 @@ fn csv_text(lines: &[ListedFault]) -> String {
 }
 
 fn people(lines: &[ListedFault]) -> String {
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("fault", Side::Left),
         ("category", Side::Left),
         ("healthy", Side::Right),

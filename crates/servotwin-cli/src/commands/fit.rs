@@ -4,21 +4,23 @@ use super::progress::Stages;
 use super::{SpanOptions, design, note, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json, number, shown};
+use crate::render::{Side, TextTable, json, number, shown};
 use crate::{Global, stop};
 use serde_json::{Value, json};
 use servotwin::built_in;
 use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity_and_onset};
 use servotwin::fit::unknown::Moved;
-use servotwin::fit::{Fit, FitError, FitResults, FitVerdict, LeftOut, Onset, Record, Unknown};
+use servotwin::fit::{
+    Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, LeftOut, Unknown,
+};
 use servotwin::nearest::UnknownName;
-use servotwin::signal::Quantity;
+use servotwin::signal::WrittenQuantity;
 use servotwin::study::{Study, StudyError, Tolerance};
 use servotwin::system::System;
 use servotwin_model::spec::Unit;
 use servotwin_watch::map::Map;
-use servotwin_watch::span::Span;
+use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -69,7 +71,7 @@ pub struct Options {
     #[arg(long, conflicts_with_all = ["log", "more", "faults", "out", "map"])]
     design: bool,
     #[command(flatten)]
-    limits: design::Limits,
+    limits: design::AllowedCommand,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -197,20 +199,20 @@ fn other_system(path: &Path) -> Result<Failure, Failure> {
 fn read_record(
     path: &Path,
     map: Option<&Map>,
-    span: Span,
+    span: LogSpan,
     study: &Study,
     global: Global,
-) -> Result<Record, Failure> {
+) -> Result<FitRecord, Failure> {
     let table = read_log(path, map, span, study, global)?;
     let name = path.display().to_string();
-    let record = Record::from_table(&name, &table, &study.system)
+    let record = FitRecord::from_table(&name, &table, &study.system)
         .map_err(|error| Failure::Fit(FitError::Record { name: name.clone(), error }))?;
     tell(&name, &record, study, global);
     Ok(record)
 }
 
 /// Notes the sensors that a record lacks, and the parts that were left out of it.
-pub fn tell(name: &str, record: &Record, study: &Study, global: Global) {
+pub fn tell(name: &str, record: &FitRecord, study: &Study, global: Global) {
     let lacking = record.lacking(&study.system);
     if !lacking.is_empty() {
         note(global, &format!("{name} has no column for the sensors {}", lacking.join(", ")));
@@ -268,7 +270,7 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
     let instance = &study.system.network().components[place.0];
     let unit = instance.component.spec().parameters[place.1].unit;
     let relative = sigma.trim_end().ends_with('%') && unit != Unit::None;
-    let read = Quantity::in_unit(sigma, if relative { Unit::None } else { unit });
+    let read = WrittenQuantity::in_unit(sigma, if relative { Unit::None } else { unit });
     let value = read.map_err(|error| Failure::Number { option: "--parameters", error })?;
     if !(value > 0.0 && value.is_finite()) {
         let (option, range) = ("--parameters", "a standard deviation is greater than 0");
@@ -299,7 +301,7 @@ fn diagnosed(one: &Diagnosed) -> Value {
     })
 }
 
-fn onset(onset: Onset) -> Value {
+fn onset(onset: FoundOnset) -> Value {
     let (low, high) = onset.interval_s;
     json!({ "at_s": onset.at_s, "interval_95_s": [low, high], "score": onset.score })
 }
@@ -312,7 +314,7 @@ fn intensity_text(found: &[Diagnosed]) -> String {
         ("from", Side::Left),
         ("probability", Side::Right),
     ];
-    let mut grid = Grid::new(&heads);
+    let mut grid = TextTable::new(&heads);
     for one in found {
         grid.push(vec![
             one.name.clone(),
@@ -389,7 +391,7 @@ fn people(fitted: &FitResults, problem: &Fit) -> String {
         let (name, duration) = (&record.name, number(record.duration_s(), 4));
         text += &format!("{name}: {duration} s, {} sensors\n\n", record.sensors.len());
     }
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("parameter", Side::Left),
         ("nominal", Side::Right),
         ("fitted", Side::Right),
@@ -420,7 +422,7 @@ fn people(fitted: &FitResults, problem: &Fit) -> String {
         unseen.count(),
         problem.unknowns.len()
     );
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("residual of", Side::Left),
         ("mean square / noise", Side::Right),
         ("limit", Side::Right),

@@ -17,7 +17,7 @@ use servotwin::flight::unseen_faults::{
 };
 use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
 use servotwin::job::healthy::{self, HealthyRun};
-use servotwin::job::sealed::Record;
+use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
@@ -168,7 +168,7 @@ fn sealed(
 ) -> Result<String, Failure> {
     let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
     let here = std::env::current_dir().unwrap_or_default();
-    let record = Record::find(&here, folder.path());
+    let record = OpeningRecord::find(&here, folder.path());
     let sealed = with_crew(options.study.threads, global, |crew| {
         flights::fly_sealed(&folder, study, settings, is_full, &record, crew)
     })?;

@@ -2,8 +2,8 @@
 //! computer that reacts.
 
 use super::evaluate::workers;
-use super::fly_cost::Costs;
-use super::fly_truth::{Truth, Verdict};
+use super::fly_cost::FlightCosts;
+use super::fly_truth::{FlightVerdict, Truth};
 use super::simulate::fault;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
@@ -12,13 +12,13 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
-use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::cost::Cost;
 use servotwin::flight::tracking::{TrackedQuantities, command_unit, first_report_s};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
-use servotwin::signal::{Quantity, Signal};
+use servotwin::signal::{Signal, WrittenQuantity};
 use servotwin::study::{FaultCase, Setting, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -61,8 +61,8 @@ pub struct Options {
 
 /// The value of a time option, s.
 fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
-    let value =
-        Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
+    let value = WrittenQuantity::in_unit(text, Unit::Second)
+        .map_err(|error| Failure::Number { option, error })?;
     match (0.0..=1e4).contains(&value) {
         true => Ok(value),
         false => {
@@ -197,8 +197,8 @@ struct Flown<'f> {
     study: &'f Study,
     diagnoser: &'f Diagnoser,
     kept: &'f TrackedQuantities,
-    with: Record,
-    without: Record,
+    with: FlightRecord,
+    without: FlightRecord,
 }
 
 impl Flown<'_> {
@@ -208,16 +208,16 @@ impl Flown<'_> {
     }
 
     /// The quantity that follows the command minus the command, SI.
-    fn tracking_error(&self, record: &Record) -> Option<Vec<f64>> {
+    fn tracking_error(&self, record: &FlightRecord) -> Option<Vec<f64>> {
         self.kept.tracking_error(self.study, record)
     }
 
     /// The force fight, N.
-    fn force_fight(&self, record: &Record) -> Option<Vec<f64>> {
+    fn force_fight(&self, record: &FlightRecord) -> Option<Vec<f64>> {
         self.kept.force_fight(self.study, record)
     }
 
-    fn table(&self, record: &Record) -> Table {
+    fn table(&self, record: &FlightRecord) -> Table {
         let mut columns = vec![Column::new("time_s", "s", Values::Float(record.time_s.clone()))];
         let mut push = |name: &str, unit: Unit, values: &Vec<f64>| {
             let values = Values::Float(values.clone());
@@ -259,23 +259,24 @@ impl Flown<'_> {
                 band: None,
             });
         };
-        let both = |of: &dyn Fn(&Record) -> Option<Vec<f64>>| {
+        let both = |of: &dyn Fn(&FlightRecord) -> Option<Vec<f64>>| {
             let named = [("without diagnosis", &self.without), ("with it", &self.with)];
             let series =
                 named.into_iter().filter_map(|(n, record)| Some((n.to_owned(), of(record)?)));
             series.collect::<Vec<_>>()
         };
-        let following = |record: &Record| Some(shown(&record.plant[self.kept.following?]));
+        let following = |record: &FlightRecord| Some(shown(&record.plant[self.kept.following?]));
         let mut motion = both(&following);
         motion.push(("command".into(), shown(&self.with.inputs[self.study.command_input])));
         panel("Motion", &label, motion);
-        let error = |record: &Record| self.tracking_error(record).map(|e| shown(&e));
+        let error = |record: &FlightRecord| self.tracking_error(record).map(|e| shown(&e));
         let error = both(&error);
         if !error.is_empty() {
             panel("Tracking error", &label, error);
         }
-        let fight =
-            |record: &Record| Some(self.force_fight(record)?.iter().map(|f| f / 1e3).collect());
+        let fight = |record: &FlightRecord| {
+            Some(self.force_fight(record)?.iter().map(|f| f / 1e3).collect())
+        };
         let fight = both(&fight);
         if !fight.is_empty() {
             let title = match self.study.units.len() {
@@ -284,7 +285,7 @@ impl Flown<'_> {
             };
             panel(title, "force / kN", fight);
         }
-        let residual = |record: &Record| Some(self.largest_residual(record));
+        let residual = |record: &FlightRecord| Some(self.largest_residual(record));
         panel("Largest residual", "% of scale", both(&residual));
         if let Some(last) = panels.last_mut() {
             let half = self.diagnoser.lengths[0].panel.bands.iter();
@@ -309,7 +310,7 @@ impl Flown<'_> {
     }
 
     /// The largest absolute residual of all sensors, in percent of scale.
-    fn largest_residual(&self, record: &Record) -> Vec<f64> {
+    fn largest_residual(&self, record: &FlightRecord) -> Vec<f64> {
         let scales = self.diagnoser.scales();
         let of = |k: usize| {
             let sensors = record.measured.iter().zip(&record.twin).zip(&scales);
@@ -318,7 +319,7 @@ impl Flown<'_> {
         (0..record.time_s.len()).map(|k| 100.0 * of(k)).collect()
     }
 
-    fn numbers(&self, record: &Record, onset_s: f64) -> [Option<f64>; 3] {
+    fn numbers(&self, record: &FlightRecord, onset_s: f64) -> [Option<f64>; 3] {
         let since = record.time_s.iter().position(|time| *time >= onset_s).unwrap_or(0);
         let rms = |v: Vec<f64>| {
             let tail = &v[since..];
@@ -358,7 +359,7 @@ impl Flown<'_> {
         if self.with.actions.is_empty() {
             let _ = writeln!(out, "nothing had to be done");
         }
-        let verdict = Verdict::of(self.truths, &self.with, self.diagnoser);
+        let verdict = FlightVerdict::of(self.truths, &self.with, self.diagnoser);
         out += &verdict.text();
         let unit = self.unit().shown();
         let names = [
@@ -383,9 +384,9 @@ impl Flown<'_> {
         out + &self.costs(onset_s).text()
     }
 
-    fn costs(&self, onset_s: f64) -> Costs {
+    fn costs(&self, onset_s: f64) -> FlightCosts {
         let of = |record| Cost::of(self.study, record, onset_s);
-        Costs { with: of(&self.with), without: of(&self.without) }
+        FlightCosts { with: of(&self.with), without: of(&self.without) }
     }
 
     fn json(&self, onset_s: f64) -> serde_json::Value {
@@ -428,7 +429,7 @@ impl Flown<'_> {
         json!({
             "changes": changes,
             "actions": actions,
-            "truth": Verdict::of(self.truths, &self.with, self.diagnoser).json(),
+            "truth": FlightVerdict::of(self.truths, &self.with, self.diagnoser).json(),
             "cost": self.costs(onset_s).json(),
             "with_diagnosis": numbers(&self.with),
             "without": numbers(&self.without),

@@ -6,12 +6,12 @@ use servotwin_report::words::{number, spoken};
 use std::fmt::Write;
 
 /// The cost of one flight with and without the diagnosis.
-pub struct Costs {
+pub struct FlightCosts {
     pub with: Cost,
     pub without: Cost,
 }
 
-impl Costs {
+impl FlightCosts {
     /// One line for each quantity and a sentence that weighs them; nothing for a system without reservoirs.
     pub fn text(&self) -> String {
         let mut out = String::new();

@@ -2,7 +2,7 @@
 //! were right.
 
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{Action, Record};
+use servotwin::flight::closed_loop::{Action, FlightRecord};
 use servotwin::flight::tracking::first_report_s;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -64,21 +64,21 @@ impl Said {
 }
 
 /// A fault and the first action raised for it.
-pub struct Judged<'t> {
+pub struct AnsweredFault<'t> {
     truth: &'t Truth,
     detected_s: Option<f64>,
     said: Option<Said>,
 }
 
-impl<'t> Judged<'t> {
+impl<'t> AnsweredFault<'t> {
     /// Pairs a fault with the first action after its onset for its actuator, or for any actuator if there is none.
-    fn of(truth: &'t Truth, record: &Record, diagnoser: &Diagnoser) -> Self {
+    fn of(truth: &'t Truth, record: &FlightRecord, diagnoser: &Diagnoser) -> Self {
         let later = || {
             let later = record.actions.iter().filter(|action| action.time_s >= truth.onset_s);
             later.map(|action| Said::of(action, diagnoser))
         };
         let said = later().find(|said| said.actuator == truth.actuator).or_else(|| later().next());
-        Judged { truth, detected_s: first_report_s(record, truth.onset_s), said }
+        AnsweredFault { truth, detected_s: first_report_s(record, truth.onset_s), said }
     }
 
     /// Whether actuator, action and component were right; `None` if there was no answer or none is expected.
@@ -147,24 +147,27 @@ impl<'t> Judged<'t> {
 }
 
 /// All faults of a flight with the answers to them.
-pub struct Verdict<'t> {
-    judged: Vec<Judged<'t>>,
+pub struct FlightVerdict<'t> {
+    judged: Vec<AnsweredFault<'t>>,
     /// The number of actions before the first onset.
     false_alarms: usize,
     /// Actuators that were switched off; empty in a study of one actuator.
     dragged: Vec<String>,
 }
 
-impl<'t> Verdict<'t> {
+impl<'t> FlightVerdict<'t> {
     /// Judges the answers in a flight with these faults.
-    pub fn of(truths: &'t [Truth], record: &Record, diagnoser: &Diagnoser) -> Self {
+    pub fn of(truths: &'t [Truth], record: &FlightRecord, diagnoser: &Diagnoser) -> Self {
         let first_s = truths.iter().map(|truth| truth.onset_s).fold(f64::INFINITY, f64::min);
         let before = record.actions.iter().filter(|action| action.time_s < first_s);
         let names = diagnoser.names();
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
         let dragged = off.map(|action| names.actuators[action.raised.actuator as usize].clone());
-        Verdict {
-            judged: truths.iter().map(|truth| Judged::of(truth, record, diagnoser)).collect(),
+        FlightVerdict {
+            judged: truths
+                .iter()
+                .map(|truth| AnsweredFault::of(truth, record, diagnoser))
+                .collect(),
             false_alarms: before.count(),
             dragged: if names.actuators.len() > 1 { dragged.collect() } else { vec![] },
         }
@@ -172,7 +175,7 @@ impl<'t> Verdict<'t> {
 
     /// The verdict as lines.
     pub fn text(&self) -> String {
-        let mut text: String = self.judged.iter().map(Judged::sentence).collect();
+        let mut text: String = self.judged.iter().map(AnsweredFault::sentence).collect();
         match (self.judged.is_empty(), self.false_alarms) {
             (true, 0) => text += "truth: no fault; right: no action was raised\n",
             (_, 0) => {}
@@ -201,7 +204,7 @@ impl<'t> Verdict<'t> {
     /// The verdict as JSON.
     pub fn json(&self) -> Value {
         json!({
-            "faults": self.judged.iter().map(Judged::json).collect::<Vec<_>>(),
+            "faults": self.judged.iter().map(AnsweredFault::json).collect::<Vec<_>>(),
             "false_alarms": self.false_alarms,
         })
     }

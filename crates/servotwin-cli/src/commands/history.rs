@@ -8,20 +8,20 @@ use super::watch::input::read_diagnoser;
 use super::{SpanOptions, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json, number};
+use crate::render::{Side, TextTable, json, number};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin::fit::history::{Drift, Flight, History, Log, Track};
+use servotwin::fit::history::{Drift, History, HistoryFlight, Log, Track};
 use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
-use servotwin::fit::{Fit, FitError, Knowledge, Record, RecordError};
+use servotwin::fit::{Fit, FitError, FitRecord, Knowledge, RecordError};
 use servotwin::flight::replay::{ReplaySummary, replay_record};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
 use servotwin_watch::map::Map;
-use servotwin_watch::span::Span;
-use servotwin_watch::{Phase, State, WatchError};
+use servotwin_watch::span::LogSpan;
+use servotwin_watch::{DiagnosisState, Phase, WatchError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -183,10 +183,10 @@ fn record(
     path: &Path,
     name: &str,
     map: Option<&Map>,
-    span: Span,
+    span: LogSpan,
     study: &Study,
     global: Global,
-) -> Result<Result<Record, RecordError>, Failure> {
+) -> Result<Result<FitRecord, RecordError>, Failure> {
     // The caller names the log.
     let own = format!("{}: ", path.display());
     let other = |text: String| {
@@ -194,7 +194,7 @@ fn record(
         Ok(Err(RecordError::Column(text)))
     };
     match read_log(path, map, span, study, global) {
-        Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
+        Ok(table) => Ok(FitRecord::from_table(name, &table, &study.system)),
         Err(Failure::Fit(FitError::Record { error, .. })) => Ok(Err(error)),
         Err(Failure::Table(TableError::Content { problem, .. })) => other(problem.to_string()),
         // An unreadable file does not end the history of the others.
@@ -236,7 +236,7 @@ fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
     Some((point.level, point.error))
 }
 
-fn verdict(flight: &Flight, problem: &Fit) -> String {
+fn verdict(flight: &HistoryFlight, problem: &Fit) -> String {
     match &flight.fitted {
         // The caller names the log.
         Err(FitError::Record { error, .. }) => format!("{error}"),
@@ -325,7 +325,7 @@ fn people(
         heads.push(("diagnosis", Side::Left));
     }
     heads.extend(history.tracks.iter().map(|_| ("intensity ± 95 %", Side::Right)));
-    let mut grid = Grid::new(&heads);
+    let mut grid = TextTable::new(&heads);
     for (number_of, flight) in history.flights.iter().enumerate() {
         let mut row = vec![number_of.to_string(), flight.name.clone(), verdict(flight, problem)];
         row.extend(told.get(number_of).map(|told| told.as_ref().map_or(String::new(), words)));
@@ -356,7 +356,11 @@ fn people(
 /// The most severe finding of a flight, and when it began.
 fn words(told: &ReplaySummary) -> String {
     let said = told.finding.words();
-    if told.finding.state == State::Healthy { said } else { format!("{said}, {:.1} s", told.at_s) }
+    if told.finding.state == DiagnosisState::Healthy {
+        said
+    } else {
+        format!("{said}, {:.1} s", told.at_s)
+    }
 }
 
 fn as_json(
@@ -434,8 +438,9 @@ fn as_table(
     told: &[Option<ReplaySummary>],
 ) -> Result<Table, Failure> {
     let count = history.flights.len();
-    let texts =
-        |of: &dyn Fn(&Flight) -> String| Values::Text(history.flights.iter().map(of).collect());
+    let texts = |of: &dyn Fn(&HistoryFlight) -> String| {
+        Values::Text(history.flights.iter().map(of).collect())
+    };
     let mut columns = vec![
         Column::new("flight", "", Values::Unsigned((0..count as u32).collect())),
         Column::new("log", "", texts(&|flight| flight.name.clone())),
@@ -508,10 +513,10 @@ fn figure(
 fn said(told: &[Option<ReplaySummary>]) -> Panel<'static> {
     let height = |told: &ReplaySummary| match (told.finding.phase, told.finding.state) {
         (Phase::Raised | Phase::Recovering, _) => Some(3.0),
-        (_, State::Isolated) => Some(2.0),
-        (_, State::Detected | State::Unknown) => Some(1.0),
-        (_, State::Healthy | State::Undecided) => Some(0.0),
-        (_, State::NoData | State::EnvironmentInvalid) => None,
+        (_, DiagnosisState::Isolated) => Some(2.0),
+        (_, DiagnosisState::Detected | DiagnosisState::Unknown) => Some(1.0),
+        (_, DiagnosisState::Healthy | DiagnosisState::Undecided) => Some(0.0),
+        (_, DiagnosisState::NoData | DiagnosisState::EnvironmentInvalid) => None,
     };
     let points = told.iter().enumerate();
     let points = points.filter_map(|(n, told)| Some((n as f64, height(told.as_ref()?)?)));

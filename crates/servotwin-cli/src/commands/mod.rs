@@ -47,7 +47,7 @@ use crate::out;
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::{
-    ClassWeights, HoldOut, Prepared, Selection, TableModel, Unused, prepare,
+    ClassWeights, HoldOut, PreparedTable, Selection, TableModel, Unused, prepare,
 };
 use servotwin::fit::FitError;
 use servotwin::job::{Folder, Hold, Kept};
@@ -58,7 +58,7 @@ use servotwin::table::{self, Table};
 use servotwin_watch::intake::{self, IntakeError};
 use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
-use servotwin_watch::span::Span;
+use servotwin_watch::span::LogSpan;
 use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -324,7 +324,7 @@ impl TableOptions {
     }
 
     /// Reads the table and the optional test table, and prepares them; notes go to standard error.
-    fn prepare(&self, input: &Path, label: &str, global: Global) -> Result<Prepared, Failure> {
+    fn prepare(&self, input: &Path, label: &str, global: Global) -> Result<PreparedTable, Failure> {
         self.check()?;
         let selection = self.selection(label);
         let others = [&self.group, &self.split_column];
@@ -392,8 +392,8 @@ pub struct SpanOptions {
 
 impl SpanOptions {
     /// Reads both times.
-    pub fn read(&self) -> Result<Span, Failure> {
-        let span = Span::parse(self.from.as_deref(), self.to.as_deref());
+    pub fn read(&self) -> Result<LogSpan, Failure> {
+        let span = LogSpan::parse(self.from.as_deref(), self.to.as_deref());
         Ok(span.map_err(SourceError::Cut)?)
     }
 }
@@ -403,7 +403,7 @@ impl SpanOptions {
 fn read_log(
     path: &Path,
     map: Option<&Map>,
-    span: Span,
+    span: LogSpan,
     study: &Study,
     global: Global,
 ) -> Result<Table, Failure> {

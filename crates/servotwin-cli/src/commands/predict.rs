@@ -4,7 +4,7 @@ use super::{is_read, not_as_model, note, read_wanted, warn};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json};
+use crate::render::{Side, TextTable, json};
 use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model::{Predicted, TableModel, predict};
@@ -76,7 +76,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         }
         (false, true) => String::new(),
         (false, false) => {
-            let mut grid = Grid::new(&[("predicted", Side::Left), ("rows", Side::Right)]);
+            let mut grid = TextTable::new(&[("predicted", Side::Left), ("rows", Side::Right)]);
             counts.iter().for_each(|(name, count)| {
                 grid.push(vec![name.to_string(), count.to_string()]);
             });

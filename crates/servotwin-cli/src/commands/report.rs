@@ -136,9 +136,9 @@ fn of_classifiers(options: &Options, label: &str, global: Global) -> Result<Stri
         warn(global, &judged.warnings);
     }
     let cart = list.iter().find(|settings| settings.kind() == ClassifierKind::Cart);
-    let cart = cart
-        .cloned()
-        .unwrap_or_else(|| servotwin_learning::classifiers::Settings::default_of(ClassifierKind::Cart));
+    let cart = cart.cloned().unwrap_or_else(|| {
+        servotwin_learning::classifiers::Settings::default_of(ClassifierKind::Cart)
+    });
     Ok(render(&TableMaterial {
         name: &name(&options.input),
         prepared: &prepared,

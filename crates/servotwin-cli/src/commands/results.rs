@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::flight::healthy::HealthyPlants;
-use servotwin::job::sealed::Record;
+use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, Results, flights, healthy};
 use servotwin_report::measured::Measured;
 use std::path::PathBuf;
@@ -33,7 +33,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     if let Some(sealed) = flights::sealed_results(&folder)? {
         let here = std::env::current_dir().unwrap_or_default();
-        let known = Record::find(&here, folder.path()).count()?;
+        let known = OpeningRecord::find(&here, folder.path()).count()?;
         // The record of another repository may know less than the results.
         let known = Some(known).filter(|known| known.opened >= sealed.opening.number);
         measured.add_sealed(&study, &sealed, known);

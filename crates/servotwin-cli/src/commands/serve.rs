@@ -81,7 +81,7 @@ impl Options {
 
 #[cfg(feature = "serve")]
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    use servotwin_serve::{Access, Server, Session, Source};
+    use servotwin_serve::{Access, LiveSource, SavedSession, Server};
 
     if let (Some(session), Some(html)) = (&options.replay, &options.html) {
         return save_page(session, html, global);
@@ -97,7 +97,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let listen = || Server::listen(Access::to((options.address, options.port).into())?);
     if let Some(path) = &options.replay {
-        let session = Session::read(path).map_err(servotwin_serve::ServeError::from)?;
+        let session = SavedSession::read(path).map_err(servotwin_serve::ServeError::from)?;
         return show(listen()?, &[&session]);
     }
     let study = options.study.read(global)?;
@@ -106,7 +106,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         return show(server, &[&live(options, study, global)?]);
     }
     let measured = sources::open(options, &study, global)?;
-    let sources: Vec<&dyn Source> = measured.iter().map(|source| &**source).collect();
+    let sources: Vec<&dyn LiveSource> = measured.iter().map(|source| &**source).collect();
     show(server, &sources)
 }
 
@@ -114,9 +114,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 #[cfg(feature = "serve")]
 fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Failure> {
     use servotwin::files::write_atomically;
-    use servotwin_serve::{ServeError, Session, saved_page};
+    use servotwin_serve::{SavedSession, ServeError, saved_page};
 
-    let html = saved_page(&Session::read(session).map_err(ServeError::from)?);
+    let html = saved_page(&SavedSession::read(session).map_err(ServeError::from)?);
     write_atomically(page, |out| out.write_all(html.as_bytes()))?;
     let page = page.display().to_string();
     Ok(match global {
@@ -146,7 +146,7 @@ fn end_with_stdin() {
 #[cfg(feature = "serve")]
 fn show(
     server: servotwin_serve::Server,
-    sources: &[&dyn servotwin_serve::Source],
+    sources: &[&dyn servotwin_serve::LiveSource],
 ) -> Result<String, Failure> {
     use std::io::Write;
 

@@ -4,21 +4,21 @@ use super::progress::is_shown;
 use super::{SystemOption, note};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json, number, shown};
+use crate::render::{Side, TextTable, json, number, shown};
 use crate::{Global, out, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use servotwin::recording::Recorded;
 use servotwin::shown::Shown;
-use servotwin::signal::{Quantity, Signal, help};
+use servotwin::signal::{Signal, WrittenQuantity, help};
 use servotwin::simulate::{
-    MAX_SWEEP_RUNS, Prepared, RunResult, Simulation, SimulationError, SimulationProgress,
+    MAX_SWEEP_RUNS, PreparedSimulation, RunResult, Simulation, SimulationError, SimulationProgress,
     SimulationResults, Sweep,
 };
 use servotwin::system::System;
 use servotwin::table;
-use servotwin::validity::Limit;
+use servotwin::validity::CrossedLimit;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};
@@ -112,7 +112,7 @@ struct Plan<'s> {
     period_s: f64,
     /// The signal that drives each input, as text.
     signals: Vec<Option<String>>,
-    prepared: Prepared<'s>,
+    prepared: PreparedSimulation<'s>,
 }
 
 impl Options {
@@ -198,7 +198,8 @@ fn positive(
     largest: f64,
     range: &'static str,
 ) -> Result<f64, Failure> {
-    let value = Quantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
+    let value =
+        WrittenQuantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
     if value > 0.0 && value <= largest {
         return Ok(value);
     }
@@ -235,7 +236,7 @@ fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), 
 /// Parses `name=intensity`.
 fn intensity(text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--fault", text)?;
-    let intensity = Quantity::in_unit(value, Unit::None)
+    let intensity = WrittenQuantity::in_unit(value, Unit::None)
         .map_err(|error| Failure::Number { option: "--fault", error })?;
     Ok((id.to_owned(), intensity))
 }
@@ -243,7 +244,7 @@ fn intensity(text: &str) -> Result<(String, f64), Failure> {
 /// Splits `name=intensity@time` into `name=intensity` and the time, s.
 fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
     let Some((fault, at)) = text.rsplit_once('@') else { return Ok((text, None)) };
-    let at_s = Quantity::in_unit(at, Unit::Second)
+    let at_s = WrittenQuantity::in_unit(at, Unit::Second)
         .map_err(|error| Failure::Number { option: "--fault", error })?;
     if !(0.0..duration_s).contains(&at_s) {
         let range = format!("a fault begins within the run, from 0 to {duration_s} s").into();
@@ -272,7 +273,7 @@ fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--set", text)?;
     let (component, parameter) = system.find_parameter(id)?;
     let unit = system.network().components[component].component.spec().parameters[parameter].unit;
-    let value = Quantity::in_unit(value, unit)
+    let value = WrittenQuantity::in_unit(value, unit)
         .map_err(|error| Failure::Number { option: "--set", error })?;
     Ok((id.to_owned(), value))
 }
@@ -291,7 +292,7 @@ fn sweep(simulation: &Simulation, text: &str) -> Result<Sweep, Failure> {
         return Err(wrong("two values and their number are needed, such as 0:1:5"));
     };
     let value = |text| {
-        let number = Quantity::in_unit(text, unit);
+        let number = WrittenQuantity::in_unit(text, unit);
         number.map_err(|error| Failure::Number { option: "--sweep", error })
     };
     let (from, to) = (value(from)?, value(to)?);
@@ -496,7 +497,7 @@ fn grid(results: &SimulationResults) -> String {
     if results.sweep.is_some() {
         heads.insert(1, ("at", Side::Right));
     }
-    let mut grid = Grid::new(&heads);
+    let mut grid = TextTable::new(&heads);
     for (place, one) in results.recorded.iter().enumerate() {
         for (run, result) in results.runs.iter().enumerate() {
             let Summary { start, least, most, end } = Summary::of(&result.values[place]);
@@ -531,7 +532,7 @@ fn add_run(to: &mut Value, recorded: &[Recorded], result: &RunResult) {
         json!({
             "name": finding.name, "first_s": finding.first_s,
             "duration_s": finding.duration_s, "extreme_pa": finding.extreme_pa,
-            "limit": match finding.limit { Limit::Vapor => "vapor", Limit::High => "high" },
+            "limit": match finding.limit { CrossedLimit::Vapor => "vapor", CrossedLimit::High => "high" },
         })
     });
     to["outside_validity"] = outside.collect();

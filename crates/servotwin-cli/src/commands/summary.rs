@@ -1,6 +1,6 @@
 //! The final summary of the main job on a terminal: safety first, then right answers; one column for each setting.
 
-use crate::render::{Grid, Side};
+use crate::render::{Side, TextTable};
 use servotwin::evaluation::baseline::RandomThirds;
 use servotwin::job::{Results, Subject};
 use servotwin::study::Study;
@@ -13,7 +13,7 @@ pub fn text(results: &Results, study: &Study) -> String {
     let settings = lines::settings(results);
     let mut heads = vec![("", Side::Left), ("by", Side::Left)];
     heads.extend(settings.iter().map(|result| (result.subject.name(), Side::Right)));
-    let mut grid = Grid::new(&heads);
+    let mut grid = TextTable::new(&heads);
     let mut last = String::new();
     for row in lines::headline(&settings, &Vocabulary::of(study)) {
         let title = if row.title == last { String::new() } else { row.title.clone() };

@@ -4,13 +4,13 @@ use super::evaluate::workers;
 use super::{TableOptions, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side, json};
+use crate::render::{Side, TextTable, json};
 use crate::{Global, stop};
 use clap::ValueEnum;
 use serde_json::json;
 use servotwin::evaluation::comparison::default_classifiers;
 use servotwin::evaluation::model_file;
-use servotwin::evaluation::table_model::{GroupResult, Judged};
+use servotwin::evaluation::table_model::{GroupResult, JudgedClassifier};
 use servotwin::job::{self, Folder, manifest};
 use servotwin::parallel::Workers;
 use servotwin_diagnosis::classifiers::{ALL, ClassifierKind};
@@ -170,7 +170,7 @@ pub fn join(result: &mut serde_json::Value, more: serde_json::Value) {
 const GROUPS_SHOWN: usize = 20;
 
 /// Describes a result for readers.
-pub fn people(judged: &Judged) -> String {
+pub fn people(judged: &JudgedClassifier) -> String {
     let score = &judged.score;
     let percent =
         |share: Option<f64>| share.map_or("–".into(), |s| format!("{:.2} %", 100.0 * s));
@@ -192,7 +192,7 @@ pub fn people(judged: &Judged) -> String {
             percent(baseline.accuracy)
         );
     }
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("class", Side::Left),
         ("rows", Side::Right),
         ("found", Side::Right),
@@ -223,7 +223,7 @@ fn groups(results: &[GroupResult]) -> String {
     let mut worst: Vec<&GroupResult> = results.iter().collect();
     let share = |result: &GroupResult| result.right as f64 / result.rows as f64;
     worst.sort_by(|a, b| share(a).total_cmp(&share(b)));
-    let mut grid = Grid::new(&[
+    let mut grid = TextTable::new(&[
         ("group", Side::Left),
         ("rows", Side::Right),
         ("right", Side::Right),

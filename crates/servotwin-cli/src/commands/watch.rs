@@ -15,16 +15,16 @@ use outputs::{Outputs, Totals};
 use serde_json::json;
 use servotwin::files;
 use servotwin::flight::watcher::Watcher;
-use servotwin::signal::Quantity;
+use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_model::spec::Unit;
 use servotwin_watch::checkpoint::Checkpoint;
-use servotwin_watch::counts::Counts;
+use servotwin_watch::counts::WatchCounts;
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::sink::{Scene, SinkError};
 use servotwin_watch::source::{Address, Source};
 use servotwin_watch::watchdog::WatchdogRules;
-use servotwin_watch::{Checkpoints, End, Observer, State, Watch};
+use servotwin_watch::{Checkpoints, DiagnosisState, End, Observer, Watch};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
@@ -143,8 +143,8 @@ fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> 
 
 /// The value of a time option, s, with a minimum of `least_s`.
 fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failure> {
-    let value =
-        Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
+    let value = WrittenQuantity::in_unit(text, Unit::Second)
+        .map_err(|error| Failure::Number { option, error })?;
     match (least_s..=86_400.0).contains(&value) {
         true => Ok(value),
         false => {
@@ -170,7 +170,7 @@ struct Watched {
     totals: Totals,
     doubts: Vec<String>,
     /// The states without a judgment, in the order of their first appearance.
-    unjudged: Vec<State>,
+    unjudged: Vec<DiagnosisState>,
     /// The lines for readers.
     text: String,
 }
@@ -275,7 +275,7 @@ fn unmeasured(map: &Map, needed: &[&str]) -> Option<String> {
 }
 
 /// Explains why no sample was judged in a log that has all columns, the right units and a sufficient rate.
-fn gaps(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String {
+fn gaps(map: &Map, needed: &[&str], counts: &WatchCounts, shortest_s: f64) -> String {
     let samples = counts.samples;
     let missing = |channel: usize| counts.missing[channel];
     let of = |channel: &usize| needed.contains(&map.id(*channel)) && missing(*channel) > 0;

@@ -5,7 +5,7 @@ use super::{Folder, fails, stderr, succeeds};
 use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{Runtime, between, defaults, slots};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Finding, Outcome};
+use servotwin_diagnosis::diagnoser::{Diagnoser, IndexedFinding, Outcome};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Knot, SolverSettings, Twin};
 use std::fs;
@@ -93,7 +93,8 @@ fn flight(study: &Study, diagnoser: &Diagnoser) -> Vec<(Vec<f64>, Vec<f64>)> {
     let slots = slots(study, sensors).unwrap();
     let (component, fault) = program.find_fault("actuator_1.leakage_a.leakage").unwrap();
     let leak = FaultAt { component, fault, intensity: 0.8 };
-    let mut plant = Twin::new(program, SolverSettings::campaign(), diagnoser.period_s, between(study));
+    let mut plant =
+        Twin::new(program, SolverSettings::campaign(), diagnoser.period_s, between(study));
     plant.load(&program.parameters(&[]));
     let mut samples = Vec::new();
     for k in 0..1200_usize {
@@ -124,16 +125,18 @@ fn flight(study: &Study, diagnoser: &Diagnoser) -> Vec<(Vec<f64>, Vec<f64>)> {
 fn line(outcome: &Outcome, diagnoser: &Diagnoser) -> String {
     let names = diagnoser.names();
     let (finding, actuator, action, detail) = match outcome.finding {
-        Finding::Unjudged => ("not judged", None, None, None),
-        Finding::Healthy => ("healthy", None, None, None),
-        Finding::Detected => ("detected, not isolated", None, None, None),
-        Finding::Actuator { actuator } => ("actuator", Some(actuator), None, None),
-        Finding::Action { actuator, action } => ("action", Some(actuator), Some(action), None),
-        Finding::Detail { actuator, action, detail } => {
+        IndexedFinding::Unjudged => ("not judged", None, None, None),
+        IndexedFinding::Healthy => ("healthy", None, None, None),
+        IndexedFinding::Detected => ("detected, not isolated", None, None, None),
+        IndexedFinding::Actuator { actuator } => ("actuator", Some(actuator), None, None),
+        IndexedFinding::Action { actuator, action } => {
+            ("action", Some(actuator), Some(action), None)
+        }
+        IndexedFinding::Detail { actuator, action, detail } => {
             ("detail", Some(actuator), Some(action), Some(detail))
         }
-        Finding::Unknown => ("unknown", None, None, None),
-        Finding::EnvironmentInvalid { .. } => ("input invalid", None, None, None),
+        IndexedFinding::Unknown => ("unknown", None, None, None),
+        IndexedFinding::EnvironmentInvalid { .. } => ("input invalid", None, None, None),
     };
     let alarm = outcome.alarm.name();
     let name = |list: &[String], place: Option<u32>| {

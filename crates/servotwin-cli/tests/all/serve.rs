@@ -2,7 +2,7 @@
 
 use super::{Folder, fails, succeeds};
 use serde_json::json;
-use servotwin_serve::Session;
+use servotwin_serve::SavedSession;
 use servotwin_serve::feed::{Frame, Message};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -13,7 +13,7 @@ fn session(folder: &Folder) -> String {
     let about = json!({ "title": "a flight", "period_s": 0.01, "signals": signals });
     let mut frame = Frame::new(0, 1);
     frame.values().extend([0.5, 1.0]);
-    let session = Session { about, messages: vec![Message::Frame(frame.bytes())] };
+    let session = SavedSession { about, messages: vec![Message::Frame(frame.bytes())] };
     let path = folder.file("session.parquet");
     let bytes = session.bytes(folder.file("temporary.parquet").as_ref()).unwrap();
     std::fs::write(&path, bytes).unwrap();

@@ -155,7 +155,10 @@ classifiers! {
 impl ClassifierKind {
     /// Whether it consists of trees that learn from rows without a value, and ignore rows of weight zero bit for bit.
     pub fn learns_from_missing(self) -> bool {
-        matches!(self, ClassifierKind::Cart | ClassifierKind::RandomForest | ClassifierKind::Adaboost)
+        matches!(
+            self,
+            ClassifierKind::Cart | ClassifierKind::RandomForest | ClassifierKind::Adaboost
+        )
     }
 }
 

@@ -12,7 +12,7 @@ use crate::hierarchy::Names;
 /// The alarm state of a session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Memory {
+pub(super) struct AlarmMemory {
     pub raised: Option<Raised>,
     /// First sample without evidence for the raised action.
     recovering_since: Option<u64>,
@@ -26,16 +26,16 @@ pub(super) struct Memory {
 
 /// The rules of raising an action.
 #[derive(Debug, Clone)]
-pub(super) struct Rules {
+pub(super) struct AlarmRules {
     hypotheses: Hypotheses,
     switches_off: Vec<bool>,
     least_on: usize,
     recover_samples: u64,
 }
 
-impl Rules {
+impl AlarmRules {
     pub fn new(tuning: &Tuning, names: &Names, recover_samples: u64) -> Self {
-        Rules {
+        AlarmRules {
             hypotheses: Hypotheses::of(names),
             switches_off: tuning.switches_off(names),
             least_on: tuning.least_on as usize,
@@ -49,9 +49,9 @@ impl Rules {
     }
 }
 
-impl Memory {
+impl AlarmMemory {
     pub fn new(actuators: usize) -> Self {
-        Memory {
+        AlarmMemory {
             raised: None,
             recovering_since: None,
             is_off: vec![false; actuators],
@@ -79,7 +79,7 @@ impl Memory {
     /// Whether a hypothesis may be raised at all. Its actuator must be judged. For a shutdown, enough other actuators
     /// must be on and never have been claimed off, and no other actuator may have an alarm. Two failures within seconds
     /// are less likely than one failure that now looks different.
-    pub fn allows(&self, rules: &Rules, hypothesis: usize) -> bool {
+    pub fn allows(&self, rules: &AlarmRules, hypothesis: usize) -> bool {
         let Some((actuator, action)) = rules.hypotheses.split(hypothesis) else { return false };
         if self.is_masked(actuator) {
             return false;
@@ -94,7 +94,7 @@ impl Memory {
     }
 
     /// Whether the raised action is latched, because it switches off.
-    pub fn is_latched(&self, rules: &Rules) -> bool {
+    pub fn is_latched(&self, rules: &AlarmRules) -> bool {
         self.raised.is_some_and(|raised| rules.switches_off(raised.action))
     }
 
@@ -104,12 +104,12 @@ impl Memory {
     }
 
     /// The raised hypothesis.
-    pub fn hypothesis(&self, rules: &Rules) -> Option<usize> {
+    pub fn hypothesis(&self, rules: &AlarmRules) -> Option<usize> {
         self.raised.map(|r| rules.hypotheses.place(r.actuator as usize, r.action as usize))
     }
 
     /// Raises an allowed action, or updates the raised one. A latched alarm gives way to no other.
-    pub fn raise(&mut self, rules: &Rules, new: Raised) {
+    pub fn raise(&mut self, rules: &AlarmRules, new: Raised) {
         let same = |old: &Raised| (old.actuator, old.action) == (new.actuator, new.action);
         let hypothesis = rules.hypotheses.place(new.actuator as usize, new.action as usize);
         if let Some(old) = self.raised.filter(same) {
@@ -123,7 +123,7 @@ impl Memory {
     }
 
     /// Updates the recovery time: without evidence for long enough, an alarm that is not latched ends.
-    pub fn hold(&mut self, rules: &Rules, has_evidence: bool, sample: u64) {
+    pub fn hold(&mut self, rules: &AlarmRules, has_evidence: bool, sample: u64) {
         if has_evidence || self.raised.is_none() || self.is_latched(rules) {
             self.recovering_since = None;
             return;
@@ -176,11 +176,11 @@ mod tests {
     use crate::random::Random;
     use alloc::format;
 
-    fn rules(actuators: usize) -> Rules {
+    fn rules(actuators: usize) -> AlarmRules {
         rules_that_keep(None, actuators)
     }
 
-    fn rules_that_keep(least_on: Option<usize>, actuators: usize) -> Rules {
+    fn rules_that_keep(least_on: Option<usize>, actuators: usize) -> AlarmRules {
         let list = |count: usize| (0..count).map(|i| format!("{i}")).collect();
         let names = Names {
             features: vec![],
@@ -190,7 +190,7 @@ mod tests {
         };
         let usual = Tuning::usual(&names, &["0"]);
         let least_on = least_on.map_or(usual.least_on, |least| least as u32);
-        Rules::new(&Tuning { least_on, ..usual }, &names, 500)
+        AlarmRules::new(&Tuning { least_on, ..usual }, &names, 500)
     }
 
     fn raised(actuator: usize, action: usize, sample: u64) -> Raised {
@@ -208,7 +208,7 @@ mod tests {
             let mut fewest = actuators;
             for seed in 0..100 {
                 let mut random = Random::new(seed);
-                let mut memory = Memory::new(actuators);
+                let mut memory = AlarmMemory::new(actuators);
                 let mut claimed = vec![false; actuators];
                 for sample in 0..400 {
                     let actuator = random.index(actuators);
@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn nothing_is_switched_off_while_another_actuator_has_an_alarm() {
         let rules = rules(2);
-        let mut memory = Memory::new(2);
+        let mut memory = AlarmMemory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         memory.raise(&rules, raised(1, 0, 20));
         assert_eq!(memory.raised, Some(raised(0, 1, 10)));
@@ -256,7 +256,7 @@ mod tests {
         memory.raise(&rules, raised(1, 0, 40));
         assert_eq!(memory.raised, Some(raised(1, 0, 40)));
         // The other's shutdown may be raised once the alarm is over.
-        let mut memory = Memory::new(2);
+        let mut memory = AlarmMemory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         (10..=10 + rules.recover_samples + 1).for_each(|sample| memory.hold(&rules, false, sample));
         memory.raise(&rules, raised(1, 0, 2000));
@@ -268,7 +268,7 @@ mod tests {
     fn a_single_actuator_may_be_stopped_unless_it_must_stay_on() {
         for (least_on, stops) in [(None, true), (Some(0), true), (Some(1), false)] {
             let rules = rules_that_keep(least_on, 1);
-            let mut memory = Memory::new(1);
+            let mut memory = AlarmMemory::new(1);
             memory.raise(&rules, raised(0, 0, 10));
             assert_eq!(memory.raised.is_some(), stops, "{least_on:?}");
         }
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn what_recovers_is_over_after_its_time_but_not_what_switches_off() {
         let rules = rules(2);
-        let mut memory = Memory::new(2);
+        let mut memory = AlarmMemory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         memory.raise(&rules, Raised { detail: None, confidence: 0.8, ..raised(0, 1, 20) });
         assert_eq!(memory.raised, Some(Raised { confidence: 0.8, ..raised(0, 1, 10) }));

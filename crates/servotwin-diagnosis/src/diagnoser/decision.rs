@@ -153,7 +153,7 @@ impl Hypotheses {
 
 /// The limits and allowances of one window length.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Limits {
+pub struct DecisionLimits {
     hypotheses: Hypotheses,
     /// `b_hg`, row by row.
     of_pairs: Vec<f64>,
@@ -163,7 +163,7 @@ pub struct Limits {
     pub of_change: f64,
 }
 
-impl Limits {
+impl DecisionLimits {
     /// `is_off` marks the actions that switch off.
     pub(super) fn new(
         tuning: &Tuning,
@@ -184,7 +184,7 @@ impl Limits {
         let allowance = |claim: usize, other: usize| {
             tuning.allowance_nats + besides(tuning, hypotheses, is_off, (claim, other))
         };
-        Limits {
+        DecisionLimits {
             hypotheses,
             of_pairs: of_pairs.collect(),
             allowances_nats: (0..count * count)
@@ -248,7 +248,7 @@ fn cost(costs: &Costs, hypotheses: Hypotheses, truth: usize, answer: usize) -> f
 
 /// The answer of one window.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Said<'p> {
+pub(super) enum WindowAnswer<'p> {
     /// Every residual is in its band.
     InBand,
     /// The probability of each hypothesis, and the novelty of the window.
@@ -292,19 +292,25 @@ impl Evidence {
     }
 
     /// Adds the evidence of a window, of which `share` is new.
-    pub fn take(&mut self, said: Said, share: f64, tuning: &Tuning, limits: &Limits) {
+    pub fn take(
+        &mut self,
+        said: WindowAnswer,
+        share: f64,
+        tuning: &Tuning,
+        limits: &DecisionLimits,
+    ) {
         let weight = tuning.weight(share);
         let (clip, cap) = (tuning.clip_nats, tuning.evidence_cap);
         let count = limits.hypotheses.count();
         let log = |hypothesis: usize| match said {
-            Said::InBand => {
+            WindowAnswer::InBand => {
                 if hypothesis == 0 {
                     tuning.in_band_nats
                 } else {
                     0.0
                 }
             }
-            Said::Probabilities(p, _) => libm::log(p[hypothesis].max(LEAST_PROBABILITY)),
+            WindowAnswer::Probabilities(p, _) => libm::log(p[hypothesis].max(LEAST_PROBABILITY)),
         };
         let weigh = |nats: f64| nats.clamp(-clip, clip) * weight;
         for claim in 0..count {
@@ -319,8 +325,8 @@ impl Evidence {
             }
         }
         let (change, unknown) = match said {
-            Said::InBand => (-tuning.in_band_nats, -tuning.in_band_nats),
-            Said::Probabilities(p, novelty) => {
+            WindowAnswer::InBand => (-tuning.in_band_nats, -tuning.in_band_nats),
+            WindowAnswer::Probabilities(p, novelty) => {
                 (log_odds(1.0 - p[0]) - tuning.change_allowance_nats(), novelty.nats())
             }
         };
@@ -330,28 +336,28 @@ impl Evidence {
     }
 
     /// The smallest evidence for a hypothesis against any other, in parts of the limit. It may be raised from 1 on.
-    pub fn margin(&self, claim: usize, limits: &Limits) -> f64 {
+    pub fn margin(&self, claim: usize, limits: &DecisionLimits) -> f64 {
         self.least(claim, limits, |other| other != claim)
     }
 
     /// Evidence for a fault of an actuator, whatever the action: against health and all other actuators.
-    pub fn margin_of_actuator(&self, actuator: usize, limits: &Limits) -> f64 {
+    pub fn margin_of_actuator(&self, actuator: usize, limits: &DecisionLimits) -> f64 {
         let own = limits.hypotheses.of_actuator(actuator);
         let margin = |claim| self.least(claim, limits, |other| !own.contains(&other));
         own.clone().map(margin).fold(0.0, f64::max)
     }
 
     /// Evidence of any change, in parts of its limit.
-    pub fn of_change(&self, limits: &Limits) -> f64 {
+    pub fn of_change(&self, limits: &DecisionLimits) -> f64 {
         self.change / limits.of_change
     }
 
     /// Evidence of an unknown change, in parts of its limit.
-    pub fn of_unknown(&self, limits: &Limits) -> f64 {
+    pub fn of_unknown(&self, limits: &DecisionLimits) -> f64 {
         self.unknown / limits.of_change
     }
 
-    fn least(&self, claim: usize, limits: &Limits, counts: impl Fn(usize) -> bool) -> f64 {
+    fn least(&self, claim: usize, limits: &DecisionLimits, counts: impl Fn(usize) -> bool) -> f64 {
         let row = limits.row(claim);
         let own = &self.of_pairs[claim * row.len()..(claim + 1) * row.len()];
         let parts = own.iter().zip(row).enumerate().filter(|(other, _)| counts(*other));
@@ -408,12 +414,12 @@ mod tests {
         }
     }
 
-    fn setup() -> (Tuning, Hypotheses, Limits) {
+    fn setup() -> (Tuning, Hypotheses, DecisionLimits) {
         let names = names();
         let tuning = generic(&names);
         tuning.check(&names).unwrap();
         let hypotheses = Hypotheses::of(&names);
-        let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
+        let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
         (tuning, hypotheses, limits)
     }
 
@@ -431,7 +437,7 @@ mod tests {
             let mut evidence = Evidence::new(hypotheses);
             let said = sure_of(truth, 0.99);
             for _ in 0..40 {
-                evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
             }
             for claim in 1..7 {
                 let raised = evidence.margin(claim, &limits) >= 1.0;
@@ -452,7 +458,7 @@ mod tests {
         said.fill(0.002);
         (said[2], said[5]) = (0.495, 0.495);
         for _ in 0..200 {
-            evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
         }
         assert!(evidence.of_change(&limits) >= 1.0);
         assert!((1..7).all(|claim| evidence.margin(claim, &limits) < 1.0));
@@ -479,7 +485,7 @@ mod tests {
         let mut random = crate::random::Random::new(1);
         for _ in 0..100_000 {
             let said = if random.unit() < 0.05 { &faulty } else { &healthy };
-            evidence.take(Said::Probabilities(said, KNOWN), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(said, KNOWN), 0.2, &tuning, &limits);
             assert!(evidence.margin(3, &limits) < 1.0);
         }
     }
@@ -490,13 +496,13 @@ mod tests {
         let (usual, hypotheses, _) = setup();
         let windows_to_raise = |allowance: f64, share: f64| {
             let tuning = Tuning { health_allowance_nats: allowance, ..usual.clone() };
-            let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
+            let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
             let mut evidence = Evidence::new(hypotheses);
             let mut said = sure_of(2, share);
             (said[0], said[1]) = (0.9 * (1.0 - share), 0.1 * (1.0 - share));
             said[3..].fill(1e-9);
             (0..10_000).position(|_| {
-                evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
                 evidence.margin(2, &limits) >= 1.0
             })
         };
@@ -511,13 +517,13 @@ mod tests {
         let (usual, hypotheses, _) = setup();
         let tuning =
             Tuning { health_allowance_nats: 1.0, off_allowance_nats: 6.0, ..usual.clone() };
-        let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
+        let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
         let mut evidence = Evidence::new(hypotheses);
         for _ in 0..1000 {
             for claim in [1, 2] {
                 let mut said = sure_of(claim, 0.99);
                 (said[0], said[3 - claim]) = (0.01, 1e-9);
-                evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
             }
         }
         // Both are equally likely, four and a half nats above health.
@@ -526,7 +532,7 @@ mod tests {
         for _ in 0..1000 {
             let mut said = sure_of(2, 0.99);
             said[0] = 0.01;
-            evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
         }
         assert!(evidence.of_pairs[2 * hypotheses.count()] > 0.0);
     }
@@ -537,13 +543,13 @@ mod tests {
         let (usual, hypotheses, _) = setup();
         let most = |other_allowance_nats: f64, claim: usize| {
             let tuning = Tuning { other_allowance_nats, ..usual.clone() };
-            let limits = Limits::new(&tuning, hypotheses, &IS_OFF, 0.5);
+            let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
             let mut evidence = Evidence::new(hypotheses);
             let mut said = vec![1e-6; 7];
             let rival = hypotheses.place(0, hypotheses.split(claim).unwrap().1);
             (said[claim], said[rival]) = (0.8, 0.2);
             let margins = (0..100).map(|_| {
-                evidence.take(Said::Probabilities(&said, KNOWN), 1.0, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 1.0, &tuning, &limits);
                 evidence.margin(claim, &limits)
             });
             margins.fold(0.0, f64::max)
@@ -560,11 +566,11 @@ mod tests {
         let said = sure_of(4, 0.99);
         let novel = IsNovel { novel: true, share_of_known: 0.001 };
         for _ in 0..40 {
-            evidence.take(Said::Probabilities(&said, novel), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(&said, novel), 0.2, &tuning, &limits);
         }
         assert!(evidence.margin(4, &limits) >= 1.0 && evidence.of_unknown(&limits) >= 1.0);
         for _ in 0..60 {
-            evidence.take(Said::InBand, 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::InBand, 0.2, &tuning, &limits);
         }
         assert!(evidence.margin(4, &limits) == 0.0 && evidence.of_unknown(&limits) == 0.0);
         assert!(evidence.of_change(&limits) == 0.0);

@@ -15,7 +15,7 @@ use crate::error::Error;
 /// The plausible range of one input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Input {
+pub struct InputRange {
     /// Its name.
     pub name: String,
     /// Smallest plausible value, SI.
@@ -29,7 +29,7 @@ pub struct Input {
 /// A plausibility check between two inputs: `least ≤ of − minus ≤ largest`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Difference {
+pub struct InputDifference {
     /// Name of the first input.
     pub of: String,
     /// Name of the subtracted input.
@@ -43,11 +43,11 @@ pub struct Difference {
 /// All plausibility checks of the inputs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Environment {
+pub struct InputChecks {
     /// The inputs, in the order of a sample.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<InputRange>,
     /// Checks between two inputs.
-    pub differences: Vec<Difference>,
+    pub differences: Vec<InputDifference>,
 }
 
 /// Reason why an input is rejected.
@@ -72,20 +72,20 @@ pub enum Why {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Invalid {
-    /// Index into [`Environment::inputs`].
+    /// Index into [`InputChecks::inputs`].
     pub input: u32,
     /// The failed check.
     pub why: Why,
 }
 
-impl Input {
+impl InputRange {
     /// The number of equal samples from which it counts as frozen; `None` for no limit.
     pub fn frozen_after_samples(&self, period_s: f64) -> Option<u64> {
         self.frozen_after_s.map(|s| (libm::round(s / period_s) as u64).max(1))
     }
 }
 
-impl Environment {
+impl InputChecks {
     /// Checks that ranges and names make sense.
     ///
     /// # Errors
@@ -118,14 +118,14 @@ impl Environment {
 /// How long each input has been the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Memory {
+pub(super) struct InputMemory {
     /// Bits of the last value, so that a stored NaN comes back exactly.
     last: Vec<u64>,
     /// Number of repetitions of each value.
     repeats: Vec<u64>,
 }
 
-impl Memory {
+impl InputMemory {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.last.fill(f64::NAN.to_bits());
@@ -140,29 +140,30 @@ pub(super) struct Guard {
     frozen_after: Vec<Option<u64>>,
     /// Indices of both inputs of each difference.
     pairs: Vec<(usize, usize)>,
-    pub memory: Memory,
+    pub memory: InputMemory,
 }
 
 impl Guard {
-    pub fn new(environment: &Environment, period_s: f64) -> Self {
-        let frozen_after = |input: &Input| input.frozen_after_samples(period_s);
-        let pair = |d: &Difference| Some((environment.place(&d.of)?, environment.place(&d.minus)?));
+    pub fn new(environment: &InputChecks, period_s: f64) -> Self {
+        let frozen_after = |input: &InputRange| input.frozen_after_samples(period_s);
+        let pair =
+            |d: &InputDifference| Some((environment.place(&d.of)?, environment.place(&d.minus)?));
         let count = environment.inputs.len();
         Guard {
             frozen_after: environment.inputs.iter().map(frozen_after).collect(),
             pairs: environment.differences.iter().filter_map(pair).collect(),
-            memory: Memory { last: vec![f64::NAN.to_bits(); count], repeats: vec![0; count] },
+            memory: InputMemory { last: vec![f64::NAN.to_bits(); count], repeats: vec![0; count] },
         }
     }
 
     /// Whether a stored memory has the same number of inputs.
-    pub fn fits(&self, memory: &Memory) -> bool {
+    pub fn fits(&self, memory: &InputMemory) -> bool {
         let count = self.frozen_after.len();
         memory.last.len() == count && memory.repeats.len() == count
     }
 
     /// The first implausible value, if any. Values that a short list lacks count as missing.
-    pub fn look(&mut self, environment: &Environment, inputs: &[f64]) -> Option<Invalid> {
+    pub fn look(&mut self, environment: &InputChecks, inputs: &[f64]) -> Option<Invalid> {
         let value = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
         let mut first = None;
         for (place, input) in environment.inputs.iter().enumerate() {
@@ -171,7 +172,7 @@ impl Guard {
             first = first.or(why.map(|why| Invalid { input: place as u32, why }));
         }
         let contradiction = || {
-            let holds = |(d, &(of, minus)): (&Difference, &(usize, usize))| {
+            let holds = |(d, &(of, minus)): (&InputDifference, &(usize, usize))| {
                 (d.least..=d.largest).contains(&(value(of) - value(minus)))
             };
             let mut broken =
@@ -183,7 +184,7 @@ impl Guard {
     }
 
     fn is_frozen(&mut self, place: usize, value: f64) -> bool {
-        let Memory { last, repeats } = &mut self.memory;
+        let InputMemory { last, repeats } = &mut self.memory;
         let same = last[place] == value.to_bits();
         repeats[place] = if same { repeats[place].saturating_add(1) } else { 0 };
         last[place] = value.to_bits();
@@ -191,7 +192,7 @@ impl Guard {
     }
 }
 
-fn why(input: &Input, value: f64) -> Option<Why> {
+fn why(input: &InputRange, value: f64) -> Option<Why> {
     if value.is_nan() {
         Some(Why::Missing)
     } else if value.is_infinite() {
@@ -207,16 +208,16 @@ fn why(input: &Input, value: f64) -> Option<Why> {
 mod tests {
     use super::*;
 
-    fn environment() -> Environment {
-        let input = |name: &str, frozen_after_s| Input {
+    fn environment() -> InputChecks {
+        let input = |name: &str, frozen_after_s| InputRange {
             name: name.into(),
             least: 0.0,
             largest: 100.0,
             frozen_after_s,
         };
-        Environment {
+        InputChecks {
             inputs: vec![input("supply", Some(0.05)), input("tank", None)],
-            differences: vec![Difference {
+            differences: vec![InputDifference {
                 of: "supply".into(),
                 minus: "tank".into(),
                 least: 10.0,

@@ -19,7 +19,7 @@ use crate::error::{Error, require};
 use crate::features::{self, Quantity, Sensors};
 use crate::hierarchy::Names;
 use crate::panel::Panel;
-use crate::sliding::Span;
+use crate::sliding::WindowSpan;
 
 mod alarm;
 mod boundary;
@@ -37,12 +37,12 @@ pub mod tuning;
 mod window_classifier;
 
 pub use boundary::Boundary;
-pub use environment::{Environment, Invalid, Why};
+pub use environment::{InputChecks, Invalid, Why};
 pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
 pub use novelty::Novelty;
-pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
+pub use outcome::{Alarm, IndexedFinding, Outcome, Raised, UnjudgedCounts};
 pub use scatter::{Scatter, ScatterTest};
-pub use session::{Session, State};
+pub use session::{Session, StoredSession};
 pub use tuning::Tuning;
 
 /// The format name at the start of a stored diagnoser.
@@ -54,7 +54,7 @@ const LARGEST_COUNT: u64 = 1 << 53;
 /// A sensor of the diagnosed system.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sensor {
+pub struct DiagnosedSensor {
     /// The name from which feature names are built.
     pub name: String,
     /// The measured quantity.
@@ -78,7 +78,7 @@ pub struct Sensor {
 #[serde(deny_unknown_fields)]
 pub struct Length {
     /// Length of the windows and of their panes.
-    pub span: Span,
+    pub span: WindowSpan,
     /// Trees, committee, and the bands of the watched sensors, which come first in [`Diagnoser::sensors`].
     pub panel: Panel,
     /// The ranges of the training data, by class.
@@ -97,9 +97,9 @@ pub struct Diagnoser {
     /// Sampling period, s.
     pub period_s: f64,
     /// The sensors, in the order of their values in a sample.
-    pub sensors: Vec<Sensor>,
+    pub sensors: Vec<DiagnosedSensor>,
     /// Plausibility limits of the inputs.
-    pub environment: Environment,
+    pub environment: InputChecks,
     /// The inputs whose wrong readings look like faults.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub boundaries: Vec<Boundary>,
@@ -133,7 +133,7 @@ impl Diagnoser {
 
     /// The sensors as the features need them.
     pub fn sensors_seen(&self) -> Sensors {
-        let seen = |s: &Sensor| features::Sensor {
+        let seen = |s: &DiagnosedSensor| features::Sensor {
             name: s.name.clone(),
             quantity: s.quantity,
             actuator: s.actuator.map(|actuator| actuator as usize),
@@ -178,11 +178,16 @@ impl Diagnoser {
     }
 
     /// The limits of the evidence for a length.
-    pub fn limits_of(&self, length: &Length) -> decision::Limits {
+    pub fn limits_of(&self, length: &Length) -> decision::DecisionLimits {
         let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
         let is_off = self.tuning.switches_off(self.names());
         let (tuning, window_s) = (self.tuning_of(length), samples as f64 * self.period_s);
-        decision::Limits::new(&tuning, decision::Hypotheses::of(self.names()), &is_off, window_s)
+        decision::DecisionLimits::new(
+            &tuning,
+            decision::Hypotheses::of(self.names()),
+            &is_off,
+            window_s,
+        )
     }
 
     /// Number of views of a row that a length's trees, committee and novelty score need.
@@ -200,7 +205,7 @@ impl Diagnoser {
     }
 
     /// A finding in words: `actuator_1 / shut_down / leak`.
-    pub fn describe(&self, finding: Finding) -> String {
+    pub fn describe(&self, finding: IndexedFinding) -> String {
         let names = self.names();
         let name = |list: &[String], place: u32| {
             list.get(place as usize).map_or("?", String::as_str).into()
@@ -208,16 +213,18 @@ impl Diagnoser {
         let actuator = |place| name(&names.actuators, place);
         let action = |place| name(&names.actions, place);
         let words: Vec<String> = match finding {
-            Finding::Unjudged => alloc::vec!["not judged".into()],
-            Finding::Healthy => alloc::vec![crate::hierarchy::HEALTHY.into()],
-            Finding::Detected => alloc::vec!["detected, not isolated".into()],
-            Finding::Unknown => alloc::vec!["unknown".into()],
-            Finding::Actuator { actuator: u } => alloc::vec![actuator(u)],
-            Finding::Action { actuator: u, action: c } => alloc::vec![actuator(u), action(c)],
-            Finding::Detail { actuator: u, action: c, detail } => {
+            IndexedFinding::Unjudged => alloc::vec!["not judged".into()],
+            IndexedFinding::Healthy => alloc::vec![crate::hierarchy::HEALTHY.into()],
+            IndexedFinding::Detected => alloc::vec!["detected, not isolated".into()],
+            IndexedFinding::Unknown => alloc::vec!["unknown".into()],
+            IndexedFinding::Actuator { actuator: u } => alloc::vec![actuator(u)],
+            IndexedFinding::Action { actuator: u, action: c } => {
+                alloc::vec![actuator(u), action(c)]
+            }
+            IndexedFinding::Detail { actuator: u, action: c, detail } => {
                 alloc::vec![actuator(u), action(c), name(&names.details, detail)]
             }
-            Finding::EnvironmentInvalid { input, why } => {
+            IndexedFinding::EnvironmentInvalid { input, why } => {
                 let known = self.environment.inputs.get(input as usize);
                 let input = known.map_or("?", |input| input.name.as_str());
                 let why = match why {

@@ -25,13 +25,13 @@ pub struct Novelty {
     /// The share of known rows with a score of at most 1.
     pub quantile: f64,
     /// Healthy, then the actions. A class without rows calls nothing unknown.
-    pub classes: Vec<Known>,
+    pub classes: Vec<KnownRanges>,
 }
 
 /// The learned ranges of a class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Known {
+pub struct KnownRanges {
     /// Smallest value of each feature.
     pub lows: Vec<f64>,
     /// Largest value of each feature.
@@ -60,7 +60,7 @@ impl Novelty {
     /// # Errors
     /// [`Error::CorruptModel`].
     pub fn check(&self, actions: usize, features: usize) -> Result<(), Error> {
-        let fits = |known: &Known| {
+        let fits = |known: &KnownRanges| {
             let lists = [&known.lows, &known.highs, &known.widths];
             let whole =
                 lists.iter().all(|l| l.is_empty()) || lists.iter().all(|l| l.len() == features);
@@ -77,7 +77,7 @@ impl Novelty {
     }
 }
 
-impl Known {
+impl KnownRanges {
     /// Sum of the distances outside the ranges, at most one for each feature. NaN counts as outside.
     pub fn distance(&self, row: &[f64]) -> f64 {
         let ranges = self.lows.iter().zip(&self.highs).zip(&self.widths);

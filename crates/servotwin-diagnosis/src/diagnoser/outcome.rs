@@ -9,7 +9,7 @@ use super::{Diagnoser, LARGEST_COUNT};
 /// A finding. Its numbers are indices into the diagnoser's names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Finding {
+pub enum IndexedFinding {
     /// Not judged yet: too few samples, or the twin is still settling.
     Unjudged,
     /// No fault found.
@@ -159,20 +159,23 @@ impl Raised {
     }
 }
 
-impl Finding {
+impl IndexedFinding {
     fn fits(&self, places: &Places) -> bool {
         match *self {
-            Finding::Unjudged | Finding::Healthy | Finding::Detected | Finding::Unknown => true,
-            Finding::Actuator { actuator } => places.has_actuator(actuator),
-            Finding::Action { actuator, action } => {
+            IndexedFinding::Unjudged
+            | IndexedFinding::Healthy
+            | IndexedFinding::Detected
+            | IndexedFinding::Unknown => true,
+            IndexedFinding::Actuator { actuator } => places.has_actuator(actuator),
+            IndexedFinding::Action { actuator, action } => {
                 places.has_actuator(actuator) && places.has_action(action)
             }
-            Finding::Detail { actuator, action, detail } => {
+            IndexedFinding::Detail { actuator, action, detail } => {
                 places.has_actuator(actuator)
                     && places.has_action(action)
                     && places.has_detail(detail)
             }
-            Finding::EnvironmentInvalid { input, .. } => (input as usize) < places.inputs,
+            IndexedFinding::EnvironmentInvalid { input, .. } => (input as usize) < places.inputs,
         }
     }
 }
@@ -184,7 +187,7 @@ pub struct Outcome {
     /// Number of the sample, from 0.
     pub sample: u64,
     /// The finding.
-    pub finding: Finding,
+    pub finding: IndexedFinding,
     /// The state of the alarm.
     pub alarm: Alarm,
     /// The raised action, whatever the current finding.
@@ -209,13 +212,13 @@ pub struct Outcome {
     #[serde(default)]
     pub lost: u32,
     /// Samples not judged so far, by reason.
-    pub counts: Counts,
+    pub counts: UnjudgedCounts,
 }
 
 /// Samples that were not judged, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Counts {
+pub struct UnjudgedCounts {
     /// A measured value was missing.
     pub missing: u64,
     /// A measured or twin value was not finite or implausible, or a list had a wrong length.
@@ -226,9 +229,9 @@ pub struct Counts {
     pub settling: u64,
 }
 
-impl Counts {
+impl UnjudgedCounts {
     fn fits(&self) -> bool {
-        let Counts { missing, errors, environment, settling } = *self;
+        let UnjudgedCounts { missing, errors, environment, settling } = *self;
         [missing, errors, environment, settling].iter().all(|count| *count <= LARGEST_COUNT)
     }
 }
@@ -252,7 +255,7 @@ impl Outcome {
     pub(super) fn first() -> Self {
         Outcome {
             sample: 0,
-            finding: Finding::Unjudged,
+            finding: IndexedFinding::Unjudged,
             alarm: Alarm::Normal,
             raised: None,
             confidence: 0.0,
@@ -262,7 +265,7 @@ impl Outcome {
             excess: 0.0,
             outside: 0.0,
             lost: 0,
-            counts: Counts::default(),
+            counts: UnjudgedCounts::default(),
         }
     }
 }

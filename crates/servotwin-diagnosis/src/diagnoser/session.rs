@@ -6,13 +6,13 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::alarm::{self, Rules};
+use super::alarm::{self, AlarmRules};
 use super::boundary::Doubt;
-use super::decision::{Evidence, Hypotheses, Limits};
+use super::decision::{DecisionLimits, Evidence, Hypotheses};
 use super::environment::{self, Guard, Invalid, Why};
-use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
+use super::outcome::{Alarm, IndexedFinding, Outcome, Places, Raised};
 use super::sensor_health::{Patience, SensorHealth};
-use super::streams::{Sample, StoredBaselineCorrected, Streams};
+use super::streams::{StoredBaselineCorrected, StreamSample, Streams};
 use super::tuning::Tuning;
 use super::window_classifier::{self, WindowClassifier};
 use super::{Boundary, Diagnoser, LARGEST_COUNT, Length};
@@ -48,24 +48,24 @@ struct Memory {
     /// Raw value of each covariate of the conditional band in the last usable sample.
     #[serde(default)]
     asked: Vec<Option<f64>>,
-    alarm: alarm::Memory,
+    alarm: alarm::AlarmMemory,
     /// One for each boundary of the diagnoser.
     #[serde(default)]
     doubts: Vec<Doubt>,
     /// Evidence of each window length.
     evidence: Vec<Evidence>,
     /// Only in a stored state; at run time the classifiers hold it.
-    judged: Vec<window_classifier::Memory>,
+    judged: Vec<window_classifier::WindowMemory>,
     outcome: Outcome,
 }
 
 /// A stored session, which continues elsewhere bit for bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct State {
+pub struct StoredSession {
     format: String,
     memory: Memory,
-    environment: environment::Memory,
+    environment: environment::InputMemory,
     windows: sliding::Stored,
     #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
     baseline_corrected: Option<StoredBaselineCorrected>,
@@ -76,14 +76,14 @@ pub struct State {
 pub struct Session {
     diagnoser: Arc<Diagnoser>,
     scales: Vec<f64>,
-    rules: Rules,
+    rules: AlarmRules,
     patience: Patience,
     hypotheses: Hypotheses,
     classifiers: Vec<WindowClassifier>,
     /// The constants for each length, with its allowances.
     tunings: Vec<Tuning>,
     /// The limits of the evidence for each length.
-    limits: Vec<Limits>,
+    limits: Vec<DecisionLimits>,
     guard: Guard,
     streams: Streams,
     /// Operating point and band at the newest sample.
@@ -132,7 +132,7 @@ impl Session {
                 None;
                 diagnoser.conditional_band.as_ref().map_or(0, |band| band.covariates.len())
             ],
-            alarm: alarm::Memory::new(actuators),
+            alarm: alarm::AlarmMemory::new(actuators),
             doubts: vec![Doubt::default(); doubts_of(&diagnoser)],
             evidence: vec![Evidence::new(hypotheses); classifiers.len()],
             judged: Vec::new(),
@@ -140,7 +140,7 @@ impl Session {
         };
         Ok(Session {
             scales: diagnoser.scales(),
-            rules: Rules::new(
+            rules: AlarmRules::new(
                 &diagnoser.tuning,
                 names,
                 diagnoser.samples(diagnoser.tuning.recover_s),
@@ -375,10 +375,10 @@ impl Session {
     }
 
     /// Returns the complete state for storing.
-    pub fn save(&self) -> State {
+    pub fn save(&self) -> StoredSession {
         let (windows, baseline_corrected) = self.streams.store();
         let judged = self.classifiers.iter().map(|classifier| classifier.memory.clone()).collect();
-        State {
+        StoredSession {
             format: FORMAT.into(),
             memory: Memory { judged, ..self.memory.clone() },
             environment: self.guard.memory.clone(),
@@ -393,7 +393,7 @@ impl Session {
     /// # Errors
     /// [`Error::CorruptModel`] or [`Error::LengthMismatch`] for a state of another diagnoser, which also resets the
     /// session.
-    pub fn restore(&mut self, state: &State) -> Result<(), Error> {
+    pub fn restore(&mut self, state: &StoredSession) -> Result<(), Error> {
         let restored = self.try_restore(state);
         if restored.is_err() {
             self.reset();
@@ -401,8 +401,8 @@ impl Session {
         restored
     }
 
-    fn try_restore(&mut self, state: &State) -> Result<(), Error> {
-        let State { format, memory, environment, windows, baseline_corrected } = state;
+    fn try_restore(&mut self, state: &StoredSession) -> Result<(), Error> {
+        let StoredSession { format, memory, environment, windows, baseline_corrected } = state;
         let places = Places::of(&self.diagnoser);
         let fits = format == FORMAT
             && memory.evidence.len() == self.classifiers.len()
@@ -471,7 +471,7 @@ impl Session {
         let raised = self.memory.alarm.raised;
         self.memory.outcome.raised = raised;
         let alarm = if raised.is_some() { Alarm::Raised } else { Alarm::Normal };
-        self.say(Finding::Unjudged, alarm);
+        self.say(IndexedFinding::Unjudged, alarm);
     }
 
     fn clear_windows(&mut self) {
@@ -486,7 +486,7 @@ impl Session {
     /// Handles an implausible input: the twin's values since the error mean nothing.
     fn distrust(&mut self, Invalid { input, why }: Invalid) {
         self.memory.outcome.counts.environment += 1;
-        let finding = Finding::EnvironmentInvalid { input, why };
+        let finding = IndexedFinding::EnvironmentInvalid { input, why };
         if self.memory.outcome.finding != finding || self.memory.has_judged {
             self.restart();
         }
@@ -596,7 +596,7 @@ impl Session {
         if self.memory.has_judged || self.memory.gap == limit {
             self.clear_windows();
         }
-        self.say(Finding::Unjudged, alarm);
+        self.say(IndexedFinding::Unjudged, alarm);
     }
 
     /// Handles a usable sample.
@@ -607,11 +607,11 @@ impl Session {
         if self.memory.settling > 0 {
             self.memory.settling -= 1;
             self.memory.outcome.counts.settling += 1;
-            self.say(Finding::Unjudged, self.own_alarm(false));
+            self.say(IndexedFinding::Unjudged, self.own_alarm(false));
             return;
         }
         let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
-        let has_new = self.streams.add(&Sample {
+        let has_new = self.streams.add(&StreamSample {
             measured: &self.measured,
             twin,
             scales: &self.scales,
@@ -621,11 +621,11 @@ impl Session {
         });
         if has_new && self.classify_windows(diagnoser).is_err() {
             self.memory.outcome.counts.errors += 1;
-            self.say(Finding::Unjudged, Alarm::Error);
+            self.say(IndexedFinding::Unjudged, Alarm::Error);
         } else if has_new && self.memory.has_judged {
             self.decide(diagnoser);
         } else if is_lacking || !self.memory.has_judged {
-            self.say(Finding::Unjudged, self.own_alarm(false));
+            self.say(IndexedFinding::Unjudged, self.own_alarm(false));
         }
     }
 
@@ -635,7 +635,8 @@ impl Session {
             return;
         };
         let period_s = diagnoser.period_s;
-        let sample = conditional_band::Sample { inputs, twin, scales: &self.scales, period_s };
+        let sample =
+            conditional_band::CovariateSample { inputs, twin, scales: &self.scales, period_s };
         here.go(band, &mut self.memory.asked, &sample);
         self.memory.outcome.outside = band.outside(&here.point);
     }
@@ -713,7 +714,7 @@ impl Session {
         }
         let found = match withheld {
             Some(input) if self.memory.alarm.raised.is_none() => {
-                (Finding::EnvironmentInvalid { input, why: Why::Doubtful }, 0)
+                (IndexedFinding::EnvironmentInvalid { input, why: Why::Doubtful }, 0)
             }
             _ => self.found(),
         };
@@ -811,12 +812,12 @@ impl Session {
     }
 
     /// The current finding, and the length that found it.
-    fn found(&self) -> (Finding, usize) {
+    fn found(&self) -> (IndexedFinding, usize) {
         if let Some(raised) = self.memory.alarm.raised {
             let (actuator, action) = (raised.actuator, raised.action);
             let finding = match raised.detail {
-                Some(detail) => Finding::Detail { actuator, action, detail },
-                None => Finding::Action { actuator, action },
+                Some(detail) => IndexedFinding::Detail { actuator, action, detail },
+                None => IndexedFinding::Action { actuator, action },
             };
             return (finding, raised.length as usize);
         }
@@ -826,7 +827,7 @@ impl Session {
             let (evidence, limits) = evidence(length);
             evidence.of_unknown(limits)
         }) {
-            return (Finding::Unknown, length);
+            return (IndexedFinding::Unknown, length);
         }
         if let Some(found) = self.found_actuator() {
             return found;
@@ -837,13 +838,13 @@ impl Session {
         });
         let first = self.lengths().find(|&length| self.classifiers[length].last().is_some());
         match changed {
-            Some(length) => (Finding::Detected, length),
-            None => (Finding::Healthy, first.unwrap_or(0)),
+            Some(length) => (IndexedFinding::Detected, length),
+            None => (IndexedFinding::Healthy, first.unwrap_or(0)),
         }
     }
 
     /// The actuator that at least one length is sure of, unless two lengths disagree.
-    fn found_actuator(&self) -> Option<(Finding, usize)> {
+    fn found_actuator(&self) -> Option<(IndexedFinding, usize)> {
         let mut found: Option<(usize, usize)> = None;
         for length in self.lengths() {
             for actuator in
@@ -859,7 +860,9 @@ impl Session {
                 found = found.or(Some((actuator, length)));
             }
         }
-        found.map(|(actuator, length)| (Finding::Actuator { actuator: actuator as u32 }, length))
+        found.map(|(actuator, length)| {
+            (IndexedFinding::Actuator { actuator: actuator as u32 }, length)
+        })
     }
 
     /// The alarm state of the raised action, or of none.
@@ -872,18 +875,20 @@ impl Session {
         }
     }
 
-    fn tell(&mut self, (finding, length): (Finding, usize), is_pending: bool) {
+    fn tell(&mut self, (finding, length): (IndexedFinding, usize), is_pending: bool) {
         self.say(finding, self.own_alarm(is_pending));
         let classifier = &self.classifiers[length];
         let outcome = &mut self.memory.outcome;
         outcome.confidence = match finding {
-            Finding::Healthy => classifier.probability(0),
-            Finding::Detected | Finding::Unknown => 1.0 - classifier.probability(0),
-            Finding::Actuator { actuator } => classifier.probability_of_actuator(actuator as usize),
-            Finding::Action { .. } | Finding::Detail { .. } => {
+            IndexedFinding::Healthy => classifier.probability(0),
+            IndexedFinding::Detected | IndexedFinding::Unknown => 1.0 - classifier.probability(0),
+            IndexedFinding::Actuator { actuator } => {
+                classifier.probability_of_actuator(actuator as usize)
+            }
+            IndexedFinding::Action { .. } | IndexedFinding::Detail { .. } => {
                 outcome.raised.map_or(0.0, |raised| raised.confidence)
             }
-            Finding::Unjudged | Finding::EnvironmentInvalid { .. } => 0.0,
+            IndexedFinding::Unjudged | IndexedFinding::EnvironmentInvalid { .. } => 0.0,
         };
         outcome.length = Some(length as u32);
         if let Some(last) = classifier.last() {
@@ -892,14 +897,14 @@ impl Session {
         }
     }
 
-    fn say(&mut self, finding: Finding, alarm: Alarm) {
+    fn say(&mut self, finding: IndexedFinding, alarm: Alarm) {
         let outcome = &mut self.memory.outcome;
         if (outcome.finding, outcome.alarm) != (finding, alarm) {
             outcome.since_sample = outcome.sample;
         }
         (outcome.finding, outcome.alarm) = (finding, alarm);
         outcome.raised = self.memory.alarm.raised;
-        if matches!(finding, Finding::Unjudged | Finding::EnvironmentInvalid { .. }) {
+        if matches!(finding, IndexedFinding::Unjudged | IndexedFinding::EnvironmentInvalid { .. }) {
             (outcome.confidence, outcome.length, outcome.worst_sensor) = (0.0, None, None);
             outcome.excess = 0.0;
         }

@@ -8,10 +8,10 @@ use super::Diagnoser;
 use crate::baseline::{self, Baseline};
 use crate::error::Error;
 use crate::residual::Window;
-use crate::sliding::{self, Sliding, Span};
+use crate::sliding::{self, Sliding, WindowSpan};
 
 /// One sample.
-pub(super) struct Sample<'s> {
+pub(super) struct StreamSample<'s> {
     pub measured: &'s [f64],
     pub twin: &'s [f64],
     pub scales: &'s [f64],
@@ -57,7 +57,7 @@ impl Streams {
     /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] for baseline-corrected lengths without a
     /// baseline, or vice versa.
     pub fn new(diagnoser: &Diagnoser) -> Result<Self, Error> {
-        let spans = |is_baseline_corrected: bool| -> Vec<Span> {
+        let spans = |is_baseline_corrected: bool| -> Vec<WindowSpan> {
             let lengths = diagnoser.lengths.iter();
             lengths
                 .filter(|l| l.baseline_corrected.is_some() == is_baseline_corrected)
@@ -93,8 +93,8 @@ impl Streams {
     }
 
     /// Takes a sample; returns whether it completed a window of any length. Does not allocate.
-    pub fn add(&mut self, sample: &Sample) -> bool {
-        let Sample { measured, twin, scales, half_widths, .. } = *sample;
+    pub fn add(&mut self, sample: &StreamSample) -> bool {
+        let StreamSample { measured, twin, scales, half_widths, .. } = *sample;
         let has_absolute = self.absolute.add(measured, twin, scales, half_widths);
         let has_relative = self
             .baseline_corrected
@@ -174,7 +174,7 @@ impl Streams {
 }
 
 impl BaselineCorrected {
-    fn add(&mut self, sample: &Sample) -> bool {
+    fn add(&mut self, sample: &StreamSample) -> bool {
         let is_settled = self.baseline.is_settled();
         if !is_settled || sample.is_trusted {
             self.baseline.learn(sample.measured, sample.twin, sample.scales);

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::common_mode::CommonMode;
-use super::decision::{Hypotheses, IsNovel, Said};
+use super::decision::{Hypotheses, IsNovel, WindowAnswer};
 use super::outcome::{Places, is_share};
 use super::{Diagnoser, Length};
 use crate::error::Error;
@@ -21,7 +21,7 @@ pub(super) struct WindowClassifier {
     views: Views,
     of_trees: Scratch,
     of_committee: Scratch,
-    pub memory: Memory,
+    pub memory: WindowMemory,
     common_mode: CommonMode,
     max_common_mode: f64,
     share_of_known: f64,
@@ -31,7 +31,7 @@ pub(super) struct WindowClassifier {
 /// The stored result of the last window.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Memory {
+pub(super) struct WindowMemory {
     /// Probability of each hypothesis.
     probabilities: Vec<f64>,
     last: Option<Judgement>,
@@ -79,7 +79,7 @@ impl WindowClassifier {
             views: Views::new(diagnoser.sensors_seen(), &trees.names.features, views)?,
             of_trees: trees.scratch(),
             of_committee: committee.scratch(),
-            memory: Memory { probabilities: vec![0.0; hypotheses.count()], last: None },
+            memory: WindowMemory { probabilities: vec![0.0; hypotheses.count()], last: None },
             common_mode: CommonMode::new(&diagnoser.sensors_seen(), diagnoser.watched()),
             max_common_mode: diagnoser.tuning.max_common_mode,
             share_of_known: 1.0 - length.novelty.quantile,
@@ -93,7 +93,7 @@ impl WindowClassifier {
     }
 
     /// Whether a stored memory has the same number of hypotheses and valid indices.
-    pub fn fits(&self, memory: &Memory, places: &Places) -> bool {
+    pub fn fits(&self, memory: &WindowMemory, places: &Places) -> bool {
         memory.probabilities.len() == self.hypotheses.count()
             && memory.probabilities.iter().all(|share| is_share(*share))
             && memory.last.is_none_or(|last| last.fits(places))
@@ -131,7 +131,7 @@ impl WindowClassifier {
         window: &Window,
         is_masked: &[bool],
         stands_in: &[bool],
-    ) -> Result<Said<'_>, Error> {
+    ) -> Result<WindowAnswer<'_>, Error> {
         let worst = worst(window, &length.panel.bands);
         let mut said = Judgement {
             worst,
@@ -141,12 +141,12 @@ impl WindowClassifier {
             detail: None,
             is_novel: false,
         };
-        let Memory { probabilities, last } = &mut self.memory;
+        let WindowMemory { probabilities, last } = &mut self.memory;
         if worst.1 <= 1.0 {
             probabilities.fill(0.0);
             probabilities[0] = self.in_band_share;
             *last = Some(said);
-            return Ok(Said::InBand);
+            return Ok(WindowAnswer::InBand);
         }
         self.views.stand_in(stands_in);
         let rows = self.views.compute(window)?;
@@ -171,7 +171,7 @@ impl WindowClassifier {
             common_mode > self.max_common_mode || length.novelty.score(action, &rows[view]) > 1.0;
         *last = Some(said);
         let novelty = IsNovel { novel: said.is_novel, share_of_known: self.share_of_known };
-        Ok(Said::Probabilities(probabilities, novelty))
+        Ok(WindowAnswer::Probabilities(probabilities, novelty))
     }
 
     /// Whether trees and committee agree on a hypothesis with enough confidence, and the window is not novel.

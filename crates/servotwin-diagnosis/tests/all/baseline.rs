@@ -3,7 +3,7 @@
 use crate::toy::{self, Fault, Flight, Kind};
 use servotwin_diagnosis::baseline::BaselineSettings;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, StoredSession};
 use std::sync::Arc;
 
 const SETTLE: u64 = toy::BASELINE.settle_samples as u64;
@@ -102,7 +102,7 @@ fn a_stored_session_with_a_reference_goes_on_to_the_bit() {
             twin.next(None);
         }
         let text = serde_json::to_string(&one.save()).unwrap();
-        let stored: State = serde_json::from_str(&text).unwrap();
+        let stored: StoredSession = serde_json::from_str(&text).unwrap();
         let mut other = session();
         other.restore(&stored).unwrap();
         let fault = Some(Fault { actuator: 0, kind: Kind::Bias, size: 0.7 });

@@ -2,9 +2,10 @@
 
 use crate::toy::{self, Fault, Flight, KINDS, Kind, SENSORS};
 use proptest::prelude::*;
-use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::{
-    Alarm, Boundary, Diagnoser, Finding, Invalid, Outcome, Raised, Session, State, Why,
+    Alarm, Boundary, Diagnoser, IndexedFinding, Invalid, Outcome, Raised, Session, StoredSession,
+    Why,
 };
 use servotwin_diagnosis::random::Random;
 use std::sync::{Arc, OnceLock};
@@ -36,7 +37,7 @@ fn a_healthy_specimen_raises_nothing() {
             assert_eq!(outcome.raised, None, "seed {seed}, sample {k}");
         }
         let outcome = session.outcome();
-        assert_eq!(outcome.finding, Finding::Healthy, "seed {seed}");
+        assert_eq!(outcome.finding, IndexedFinding::Healthy, "seed {seed}");
         assert_eq!(outcome.alarm, Alarm::Normal);
         assert_eq!(session.diagnoser().describe(outcome.finding), "healthy");
     }
@@ -56,7 +57,7 @@ fn every_fault_raises_its_command_in_its_actuator() {
             let outcome = fly(&mut session, &mut flight, Some(fault), 300);
             let detail = KINDS.iter().position(|known| *known == kind).unwrap() as u32;
             let (actuator, action) = (actuator as u32, kind.action());
-            assert_eq!(outcome.finding, Finding::Detail { actuator, action, detail });
+            assert_eq!(outcome.finding, IndexedFinding::Detail { actuator, action, detail });
             assert_eq!(outcome.alarm, Alarm::Raised);
             assert!(outcome.confidence > 0.5 && outcome.excess > 1.0, "{outcome:?}");
             let length = outcome.length.unwrap() as usize;
@@ -89,7 +90,7 @@ fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
             assert_eq!(fly(&mut session, &mut flight, None, 500).raised, None);
         } else {
             assert_eq!(seen[..2], [Alarm::Raised, Alarm::Recovering], "{kind:?}: {seen:?}");
-            assert_eq!((end.finding, end.alarm), (Finding::Healthy, Alarm::Normal));
+            assert_eq!((end.finding, end.alarm), (IndexedFinding::Healthy, Alarm::Normal));
         }
     }
 }
@@ -104,13 +105,13 @@ fn after_one_actuator_is_off_the_other_is_diagnosed_and_never_switched_off() {
     assert!(session.is_off(0) && session.outcome().raised.is_none());
     // What is off shows anything; the other is healthy.
     let outcome = fly(&mut session, &mut flight, Some(leak(0)), 1500);
-    assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
+    assert_eq!((outcome.finding, outcome.raised), (IndexedFinding::Healthy, None));
     // The other one's faults that need it off are named, and no command is raised.
     for _ in 0..1500 {
         let outcome = fly(&mut session, &mut flight, Some(leak(1)), 1);
         assert_eq!(outcome.raised, None);
     }
-    assert_eq!(session.outcome().finding, Finding::Actuator { actuator: 1 });
+    assert_eq!(session.outcome().finding, IndexedFinding::Actuator { actuator: 1 });
     assert_eq!(session.outcome().alarm, Alarm::Pending);
     fly(&mut session, &mut flight, None, 1000);
     // What needs less is raised.
@@ -132,9 +133,9 @@ fn what_was_never_trained_on_switches_nothing_off() {
         }
         let outcome = session.push(&inputs, &measured, &twin);
         assert_eq!(outcome.raised, None, "sample {k}");
-        unknown += u32::from(outcome.finding == Finding::Unknown);
+        unknown += u32::from(outcome.finding == IndexedFinding::Unknown);
     }
-    assert_eq!(session.outcome().finding, Finding::Unknown);
+    assert_eq!(session.outcome().finding, IndexedFinding::Unknown);
     assert!(unknown > 1000, "{unknown}");
 }
 
@@ -164,7 +165,7 @@ fn a_shutdown_waits_while_a_wrong_boundary_value_explains_everything() {
     let (outcome, was_raised) = lose(&mut session(), SHIFT);
     assert!(was_raised, "without the boundary a shift looks like a leak: {outcome:?}");
     let (outcome, was_raised) = lose(&mut knowing(), SHIFT);
-    let doubtful = Finding::EnvironmentInvalid { input: 0, why: Why::Doubtful };
+    let doubtful = IndexedFinding::EnvironmentInvalid { input: 0, why: Why::Doubtful };
     assert_eq!((outcome.finding, outcome.alarm), (doubtful, Alarm::Pending));
     assert!(!was_raised);
     // No transducer errs by twice as much.
@@ -197,14 +198,14 @@ fn a_wrong_environment_is_named_and_nothing_is_judged_until_the_twin_has_settled
         let named = if why == Why::Contradicts { 0 } else { input as u32 };
         let invalid = Invalid { input: named, why };
         let Invalid { input, why } = invalid;
-        assert_eq!(outcome.finding, Finding::EnvironmentInvalid { input, why });
+        assert_eq!(outcome.finding, IndexedFinding::EnvironmentInvalid { input, why });
         assert_eq!(outcome.alarm, alarm);
         assert!(outcome.counts.environment >= 79, "{:?}", outcome.counts);
         let outcome = fly(&mut session, &mut flight, None, 100);
-        assert_eq!(outcome.finding, Finding::Unjudged);
+        assert_eq!(outcome.finding, IndexedFinding::Unjudged);
         assert_eq!(outcome.counts.settling, 100);
         let outcome = fly(&mut session, &mut flight, None, 300);
-        assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
+        assert_eq!((outcome.finding, outcome.raised), (IndexedFinding::Healthy, None));
     }
 }
 
@@ -239,12 +240,12 @@ fn without_most_sensors_of_an_actuator_there_is_no_data() {
     fly(&mut session, &mut flight, None, 500);
     let most: &[usize] = &[0, 1, 3];
     let missing = push(&mut session, &mut flight, None, (most, f64::NAN), 40);
-    assert_eq!((missing.finding, missing.alarm), (Finding::Unjudged, Alarm::NoData));
+    assert_eq!((missing.finding, missing.alarm), (IndexedFinding::Unjudged, Alarm::NoData));
     assert_eq!((missing.counts.missing, missing.lost), (40, 3));
     let wrong = push(&mut session, &mut flight, None, (most, 1e30), 40);
-    assert_eq!((wrong.finding, wrong.alarm), (Finding::Unjudged, Alarm::NoData));
+    assert_eq!((wrong.finding, wrong.alarm), (IndexedFinding::Unjudged, Alarm::NoData));
     let back = fly(&mut session, &mut flight, None, 300);
-    assert_eq!((back.finding, back.lost), (Finding::Healthy, 0));
+    assert_eq!((back.finding, back.lost), (IndexedFinding::Healthy, 0));
     assert!(session.take_out(SENSORS, true).is_err() && session.release(2).is_err());
 }
 
@@ -255,7 +256,7 @@ fn a_sensor_that_went_silent_does_not_blind_the_others() {
         let jam = Some(Fault { actuator: 0, kind: Kind::Jam, size: 0.9 });
         fly(&mut session, &mut flight, None, 500);
         let lost = push(&mut session, &mut flight, None, (&[3], value), 500);
-        assert_eq!((lost.finding, lost.lost), (Finding::Healthy, 1));
+        assert_eq!((lost.finding, lost.lost), (IndexedFinding::Healthy, 1));
         assert!(session.is_lost(3) && !session.is_lost(2));
         let samples = lost.counts.missing + lost.counts.errors;
         assert!((1..=10).contains(&samples), "{:?}", lost.counts);
@@ -274,7 +275,10 @@ fn nobody_is_accused_beside_an_actuator_without_a_sensor() {
         fly(&mut session, &mut flight, None, 500);
         push(&mut session, &mut flight, None, (&[3], f64::NAN), 500);
         let found = push(&mut session, &mut flight, jam, (&[3], f64::NAN), 1000);
-        assert!(matches!(found.finding, Finding::Detected | Finding::Unknown), "{found:?}");
+        assert!(
+            matches!(found.finding, IndexedFinding::Detected | IndexedFinding::Unknown),
+            "{found:?}"
+        );
         assert_eq!((found.raised, found.lost), (None, u32::from(!is_taken_out)));
         session.take_out(3, false).unwrap();
         let back = fly(&mut session, &mut flight, jam, 1000);
@@ -289,7 +293,7 @@ fn a_sensor_that_is_taken_out_may_be_missing() {
     let (mut session, mut flight) = (session(), Flight::new(6500));
     session.take_out(3, true).unwrap();
     let outcome = push(&mut session, &mut flight, None, (&[3], f64::NAN), 500);
-    assert_eq!((outcome.finding, outcome.counts.missing), (Finding::Healthy, 0));
+    assert_eq!((outcome.finding, outcome.counts.missing), (IndexedFinding::Healthy, 0));
 }
 
 #[test]
@@ -298,7 +302,7 @@ fn an_inhibited_actuator_is_not_judged_and_the_other_is() {
     session.inhibit(1, true).unwrap();
     let jam = |actuator| Fault { actuator, kind: Kind::Jam, size: 0.9 };
     let outcome = fly(&mut session, &mut flight, Some(jam(1)), 1500);
-    assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
+    assert_eq!((outcome.finding, outcome.raised), (IndexedFinding::Healthy, None));
     let (_, raised) = raise(&mut session, &mut flight, jam(0)).unwrap();
     assert_eq!((raised.actuator, raised.action), (0, 0));
 }
@@ -315,7 +319,7 @@ fn a_stored_session_goes_on_to_the_bit() {
         }
         let text = serde_json::to_string(&one.save()).unwrap();
         let mut other = session();
-        other.restore(&serde_json::from_str::<State>(&text).unwrap()).unwrap();
+        other.restore(&serde_json::from_str::<StoredSession>(&text).unwrap()).unwrap();
         for k in stop..2500 {
             let a = fly(&mut one, &mut flight, at(k), 1);
             assert_eq!(a, fly(&mut other, &mut twin, at(k), 1), "stored at {stop}, sample {k}");
@@ -355,7 +359,7 @@ fn a_stored_diagnoser_is_the_same_and_a_broken_one_is_refused() {
     }
     let mut foreign = serde_json::to_value(session().save()).unwrap();
     foreign["memory"]["is_taken_out"] = serde_json::json!([true]);
-    let foreign: State = serde_json::from_value(foreign).unwrap();
+    let foreign: StoredSession = serde_json::from_value(foreign).unwrap();
     assert!(session().restore(&foreign).is_err());
 }
 
@@ -393,7 +397,7 @@ proptest! {
         }
         // It can still be stored: nothing in it is no number.
         let text = serde_json::to_string(&session.save()).unwrap();
-        let stored: State = serde_json::from_str(&text).unwrap();
+        let stored: StoredSession = serde_json::from_str(&text).unwrap();
         prop_assert_eq!(stored, session.save());
     }
 
@@ -511,7 +515,7 @@ fn conditional_band(width: f64, when_hot: f64) -> ConditionalBand {
     let bands = &diagnoser.lengths[0].panel.bands;
     let covariates = vec![Covariate {
         name: "temperature".into(),
-        source: Source::Input { input: 2 },
+        source: CovariateSource::Input { input: 2 },
         edges: vec![310.0],
         range: (270.0, 320.0),
     }];
@@ -544,7 +548,7 @@ fn a_field_as_wide_as_the_bands_says_the_same_and_a_wide_one_hides_a_fault() {
         assert_eq!(fly(&mut wide, &mut flights[2], fault, 1).raised, None);
     }
     assert!(banded.outcome().raised.is_some());
-    assert_eq!(wide.outcome().finding, Finding::Healthy);
+    assert_eq!(wide.outcome().finding, IndexedFinding::Healthy);
     let narrow = &same.half_widths().unwrap()[0];
     assert!((wide.half_widths().unwrap()[0] / narrow - 1e3).abs() < 1e-9);
 }
@@ -568,7 +572,7 @@ fn outside_of_what_the_field_was_learned_from_outcomes_are_marked() {
     // Stored and restored it goes on to the bit.
     let text = serde_json::to_string(&session.save()).unwrap();
     let mut other = session_in(conditional_band(1.0, 2.0));
-    other.restore(&serde_json::from_str::<State>(&text).unwrap()).unwrap();
+    other.restore(&serde_json::from_str::<StoredSession>(&text).unwrap()).unwrap();
     for _ in 0..200 {
         let (inputs, measured, twin) = flight.next(None);
         let outcome = *session.push(&inputs, &measured, &twin);

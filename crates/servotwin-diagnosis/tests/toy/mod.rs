@@ -2,17 +2,17 @@
 //! trained on recordings of them.
 
 use servotwin_diagnosis::baseline;
-use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
+use servotwin_diagnosis::diagnoser::environment::{InputDifference, InputRange};
 use servotwin_diagnosis::diagnoser::{
-    Diagnoser, Environment, FORMAT, Length, Sensor, Tuning, decision,
+    DiagnosedSensor, Diagnoser, FORMAT, InputChecks, Length, Tuning, decision,
 };
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{self, Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
-use servotwin_diagnosis::sliding::{Sliding, Span};
+use servotwin_diagnosis::sliding::{Sliding, WindowSpan};
 use servotwin_learning::classifiers;
-use servotwin_learning::hierarchy::{Label, HierarchySettings};
+use servotwin_learning::hierarchy::{HierarchySettings, Label};
 use std::sync::{Arc, OnceLock};
 
 mod lessons;
@@ -25,8 +25,10 @@ pub const SENSORS: usize = sensors_of(2);
 pub const COMMANDS: [&str; 3] = ["shut_down", "change_mode", "warning"];
 const NOISE: f64 = 0.002;
 const BAND: f64 = 0.02;
-const SPANS: [Span; 2] =
-    [Span { pane_samples: 10, panes: Some(5) }, Span { pane_samples: 50, panes: Some(4) }];
+const SPANS: [WindowSpan; 2] = [
+    WindowSpan { pane_samples: 10, panes: Some(5) },
+    WindowSpan { pane_samples: 50, panes: Some(4) },
+];
 
 pub const fn sensors_of(actuators: usize) -> usize {
     4 * actuators + 1
@@ -135,9 +137,9 @@ pub fn names(actuators: usize) -> Names {
     }
 }
 
-fn sensors(actuators: usize) -> Vec<Sensor> {
+fn sensors(actuators: usize) -> Vec<DiagnosedSensor> {
     let quantities = [Quantity::Ram, Quantity::Spool, Quantity::PressureA, Quantity::PressureB];
-    let sensor = |name: String, quantity, actuator| Sensor {
+    let sensor = |name: String, quantity, actuator| DiagnosedSensor {
         name,
         quantity,
         actuator,
@@ -156,21 +158,21 @@ fn sensors(actuators: usize) -> Vec<Sensor> {
     sensors
 }
 
-fn environment() -> Environment {
-    let input = |name: &str, least, largest, frozen_after_s| Input {
+fn environment() -> InputChecks {
+    let input = |name: &str, least, largest, frozen_after_s| InputRange {
         name: name.into(),
         least,
         largest,
         frozen_after_s,
     };
     let (of, minus) = ("supply_pa".into(), "tank_pa".into());
-    Environment {
+    InputChecks {
         inputs: vec![
             input("supply_pa", 0.0, 4e7, Some(0.2)),
             input("tank_pa", 0.0, 4e7, None),
             input("oil_k", 200.0, 420.0, Some(1.0)),
         ],
-        differences: vec![Difference { of, minus, least: 1e6, largest: 4e7 }],
+        differences: vec![InputDifference { of, minus, least: 1e6, largest: 4e7 }],
     }
 }
 
@@ -218,7 +220,7 @@ fn lessons<const S: usize>(empty: &Diagnoser, actuators: usize) -> Vec<Lessons> 
     lessons
 }
 
-fn learn(span: Span, lessons: &Lessons, actuators: usize) -> Length {
+fn learn(span: WindowSpan, lessons: &Lessons, actuators: usize) -> Length {
     let examples = lessons.examples(&names(actuators)).unwrap();
     let rows: Vec<usize> = (0..examples.labels().len()).collect();
     let boosted = classifiers::boosted_trees::Settings {
@@ -228,7 +230,7 @@ fn learn(span: Span, lessons: &Lessons, actuators: usize) -> Length {
         ..Default::default()
     };
     let boosted = HierarchySettings::all(classifiers::Settings::BoostedTrees(boosted));
-    let band = |s: Sensor| SensorBand { sensor: s.name, half_width: BAND };
+    let band = |s: DiagnosedSensor| SensorBand { sensor: s.name, half_width: BAND };
     let panel = Panel {
         format: panel::FORMAT.into(),
         bands: sensors(actuators).into_iter().take(4 * actuators).map(band).collect(),

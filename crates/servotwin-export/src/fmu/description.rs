@@ -1,7 +1,7 @@
 //! `modelDescription.xml` for both versions of FMI.
 
 use super::units;
-use super::variables::{VariableKind, Variable, Variables};
+use super::variables::{Variable, VariableKind, Variables};
 use servotwin_io::text::escaped;
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
@@ -192,10 +192,18 @@ impl Description<'_> {
 fn identity(variable: &Variable) -> String {
     let kind = match variable.kind {
         VariableKind::Input => "causality=\"input\" variability=\"continuous\"",
-        VariableKind::Output => "causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
-        VariableKind::Sampled => "causality=\"output\" variability=\"discrete\" initial=\"calculated\"",
-        VariableKind::Local => "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
-        VariableKind::Tunable => "causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
+        VariableKind::Output => {
+            "causality=\"output\" variability=\"continuous\" initial=\"calculated\""
+        }
+        VariableKind::Sampled => {
+            "causality=\"output\" variability=\"discrete\" initial=\"calculated\""
+        }
+        VariableKind::Local => {
+            "causality=\"local\" variability=\"continuous\" initial=\"calculated\""
+        }
+        VariableKind::Tunable => {
+            "causality=\"parameter\" variability=\"tunable\" initial=\"exact\""
+        }
     };
     let mut text = format!(
         "name=\"{}\" valueReference=\"{}\" {kind}",

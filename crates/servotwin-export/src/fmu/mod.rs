@@ -14,7 +14,7 @@ use crate::c;
 use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use description::Description;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::write_atomically;
@@ -51,7 +51,7 @@ const OF_HYBRID: Written = [
 /// [`ExportError::NoCompiler`] and [`ExportError::Refused`] if the sources cannot be compiled, and a file that cannot be
 /// written; with a diagnoser also those of [`c::files`].
 pub fn write(
-    twin: &Twin,
+    twin: &ExportedTwin,
     diagnoser: Option<&Diagnoser>,
     version: Version,
     (name, title): (&str, &str),
@@ -90,7 +90,7 @@ pub fn write(
 
 /// The C files of an FMU, without the token.
 fn sources(
-    twin: &Twin,
+    twin: &ExportedTwin,
     diagnoser: Option<&Diagnoser>,
     version: Version,
 ) -> Result<Vec<SourceFile>, ExportError> {

@@ -1,6 +1,6 @@
 //! The variables of an FMU. The reference of a variable is its place in the arrays of the C code.
 
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::spec::Unit;
@@ -56,7 +56,7 @@ pub(super) struct Variables {
 impl Variables {
     /// Of a system: inputs, outputs (what the sensors measure), states, all other observables, derivatives, parameters,
     /// faults.
-    pub fn of_system(twin: &Twin) -> Self {
+    pub fn of_system(twin: &ExportedTwin) -> Self {
         let program = twin.program;
         let mut variables = Variables {
             all: Vec::new(),
@@ -96,7 +96,7 @@ impl Variables {
     }
 
     /// Of a hybrid twin: inputs, measured values, switches of the actuators, expected values, the diagnosis, parameters.
-    pub fn of_hybrid(diagnoser: &Diagnoser, twin: &Twin) -> Self {
+    pub fn of_hybrid(diagnoser: &Diagnoser, twin: &ExportedTwin) -> Self {
         let mut variables = Variables {
             all: Vec::new(),
             of_slots: BTreeMap::new(),
@@ -107,8 +107,12 @@ impl Variables {
         variables.add_sensors(diagnoser, twin);
         for (actuator, name) in diagnoser.names().actuators.iter().enumerate() {
             let reference = FIRST_SWITCH + actuator;
-            let switch =
-                variables.add(format!("switched_off.{name}"), reference, VariableKind::Input, Unit::None);
+            let switch = variables.add(
+                format!("switched_off.{name}"),
+                reference,
+                VariableKind::Input,
+                Unit::None,
+            );
             switch.description = "1: the flight control computer has switched it off".into();
             switch.start = Some(0.0);
             switch.range = [Some(0.0), Some(1.0)];
@@ -129,8 +133,9 @@ impl Variables {
 
     /// The places of the outputs.
     pub fn outputs(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.all.len())
-            .filter(|&place| matches!(self.all[place].kind, VariableKind::Output | VariableKind::Sampled))
+        (0..self.all.len()).filter(|&place| {
+            matches!(self.all[place].kind, VariableKind::Output | VariableKind::Sampled)
+        })
     }
 
     /// Everything that the initialization computes, in order: outputs, states, derivatives.
@@ -147,7 +152,13 @@ impl Variables {
         self.of_slots.get(&slot).copied()
     }
 
-    fn add(&mut self, name: String, reference: usize, kind: VariableKind, unit: Unit) -> &mut Variable {
+    fn add(
+        &mut self,
+        name: String,
+        reference: usize,
+        kind: VariableKind,
+        unit: Unit,
+    ) -> &mut Variable {
         let (description, range) = (String::new(), [None; 2]);
         self.all.push(Variable {
             name,
@@ -184,7 +195,7 @@ impl Variables {
     }
 
     /// What the sensors measure, as an input, and what the twin expects of them.
-    fn add_sensors(&mut self, diagnoser: &Diagnoser, twin: &Twin) {
+    fn add_sensors(&mut self, diagnoser: &Diagnoser, twin: &ExportedTwin) {
         let unit_of = |slot: Slot| {
             let mut observables = twin.program.observables().iter();
             observables.find(|o| o.slot == slot).map_or(Unit::None, |o| o.unit)
@@ -192,8 +203,14 @@ impl Variables {
         for (place, (sensor, &slot)) in diagnoser.sensors.iter().zip(&twin.sensors).enumerate() {
             let (name, unit) = (&sensor.name, unit_of(slot));
             let reference = FIRST_MEASURED + place;
-            self.add(format!("measured.{name}"), reference, VariableKind::Input, unit).start = Some(0.0);
-            self.add(format!("expected.{name}"), FIRST_EXPECTED + place, VariableKind::Sampled, unit);
+            self.add(format!("measured.{name}"), reference, VariableKind::Input, unit).start =
+                Some(0.0);
+            self.add(
+                format!("expected.{name}"),
+                FIRST_EXPECTED + place,
+                VariableKind::Sampled,
+                unit,
+            );
         }
     }
 

@@ -5,11 +5,11 @@ pub(crate) const MOST_CONDITIONS: usize = 32;
 
 /// How the conditions of a decision are connected.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Tree {
+pub(crate) enum ConditionTree {
     Condition(usize),
-    Not(Box<Tree>),
-    And(Box<[Tree; 2]>),
-    Or(Box<[Tree; 2]>),
+    Not(Box<ConditionTree>),
+    And(Box<[ConditionTree; 2]>),
+    Or(Box<[ConditionTree; 2]>),
     /// The cases of a `switch`: exactly one of them is taken.
     Cases,
 }
@@ -43,20 +43,20 @@ enum Effect {
     Passes,
 }
 
-impl Tree {
+impl ConditionTree {
     /// The value of the decision; `None` if it was not evaluated.
     pub fn value(&self, vector: &Vector) -> Option<bool> {
         match self {
-            Tree::Condition(condition) => vector.value(*condition),
-            Tree::Not(inner) => inner.value(vector).map(|value| !value),
-            Tree::And(sides) => Self::chain(sides, vector, false),
-            Tree::Or(sides) => Self::chain(sides, vector, true),
-            Tree::Cases => None,
+            ConditionTree::Condition(condition) => vector.value(*condition),
+            ConditionTree::Not(inner) => inner.value(vector).map(|value| !value),
+            ConditionTree::And(sides) => Self::chain(sides, vector, false),
+            ConditionTree::Or(sides) => Self::chain(sides, vector, true),
+            ConditionTree::Cases => None,
         }
     }
 
     /// `decisive` is the value of the left side without which the right one is evaluated.
-    fn chain([left, right]: &[Tree; 2], vector: &Vector, decisive: bool) -> Option<bool> {
+    fn chain([left, right]: &[ConditionTree; 2], vector: &Vector, decisive: bool) -> Option<bool> {
         match left.value(vector)? {
             value if value == decisive => Some(value),
             _ => right.value(vector),
@@ -66,27 +66,27 @@ impl Tree {
     /// Whether the value of a condition decided this evaluation: no side beside its way to the top masks it.
     pub fn is_decided_by(&self, condition: usize, vector: &Vector) -> bool {
         match self {
-            Tree::Cases => vector.value(condition).is_some(),
+            ConditionTree::Cases => vector.value(condition).is_some(),
             _ => self.effect(condition, vector) == Effect::Passes,
         }
     }
 
     fn effect(&self, condition: usize, vector: &Vector) -> Effect {
         match self {
-            Tree::Condition(own) if *own == condition => match vector.value(condition) {
+            ConditionTree::Condition(own) if *own == condition => match vector.value(condition) {
                 Some(_) => Effect::Passes,
                 None => Effect::Masked,
             },
-            Tree::Condition(_) | Tree::Cases => Effect::Elsewhere,
-            Tree::Not(inner) => inner.effect(condition, vector),
-            Tree::And(sides) => Self::effect_beside(sides, condition, vector, false),
-            Tree::Or(sides) => Self::effect_beside(sides, condition, vector, true),
+            ConditionTree::Condition(_) | ConditionTree::Cases => Effect::Elsewhere,
+            ConditionTree::Not(inner) => inner.effect(condition, vector),
+            ConditionTree::And(sides) => Self::effect_beside(sides, condition, vector, false),
+            ConditionTree::Or(sides) => Self::effect_beside(sides, condition, vector, true),
         }
     }
 
     /// `masking` is the value of the other side that decides alone.
     fn effect_beside(
-        [left, right]: &[Tree; 2],
+        [left, right]: &[ConditionTree; 2],
         condition: usize,
         vector: &Vector,
         masking: bool,
@@ -142,7 +142,7 @@ pub(crate) struct Decision {
     pub text: String,
     /// The text of each condition, or of each case.
     pub conditions: Vec<String>,
-    pub tree: Tree,
+    pub tree: ConditionTree,
 }
 
 /// The independent effect of a condition among some evaluations.

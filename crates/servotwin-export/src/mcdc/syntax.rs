@@ -4,7 +4,7 @@
 //! This reads functions of the hand-written code, statement by statement. What it does not understand it refuses, with the
 //! place: a decision that is overlooked would look like one that is covered.
 
-use super::decision::{Decision, DecisionKind, MOST_CONDITIONS, Tree};
+use super::decision::{ConditionTree, Decision, DecisionKind, MOST_CONDITIONS};
 use super::tokens::{Token, line_of, refused, tokens};
 use crate::error::ExportError;
 use std::collections::BTreeSet;
@@ -486,7 +486,9 @@ impl Reader<'_> {
     /// Finds the decisions in an expression whose value is no decision of a statement.
     fn visit(&mut self, node: &Node) -> Result<(), ExportError> {
         match node.shape {
-            Shape::And | Shape::Or | Shape::Not | Shape::Compare => self.decide(node, DecisionKind::Value),
+            Shape::And | Shape::Or | Shape::Not | Shape::Compare => {
+                self.decide(node, DecisionKind::Value)
+            }
             Shape::Choice => {
                 let [condition, branches @ ..] = node.parts.as_slice() else { return Ok(()) };
                 self.decide(condition, DecisionKind::Choice)?;
@@ -506,7 +508,7 @@ impl Reader<'_> {
             kind,
             text: one_line(&self.text[node.start..node.end]),
             conditions: Vec::new(),
-            tree: Tree::Cases,
+            tree: ConditionTree::Cases,
         });
         Ok(self.found.decisions.len() - 1)
     }
@@ -525,21 +527,23 @@ impl Reader<'_> {
     }
 
     /// How the conditions below a node are connected. Each is recorded.
-    fn connect(&mut self, node: &Node, number: usize) -> Result<Tree, ExportError> {
+    fn connect(&mut self, node: &Node, number: usize) -> Result<ConditionTree, ExportError> {
         Ok(match (node.shape, node.parts.as_slice()) {
             (Shape::Group, [inner]) => self.connect(inner, number)?,
-            (Shape::Not, [inner]) => Tree::Not(Box::new(self.connect(inner, number)?)),
-            (Shape::And, [left, right]) => {
-                Tree::And(Box::new([self.connect(left, number)?, self.connect(right, number)?]))
-            }
-            (Shape::Or, [left, right]) => {
-                Tree::Or(Box::new([self.connect(left, number)?, self.connect(right, number)?]))
-            }
+            (Shape::Not, [inner]) => ConditionTree::Not(Box::new(self.connect(inner, number)?)),
+            (Shape::And, [left, right]) => ConditionTree::And(Box::new([
+                self.connect(left, number)?,
+                self.connect(right, number)?,
+            ])),
+            (Shape::Or, [left, right]) => ConditionTree::Or(Box::new([
+                self.connect(left, number)?,
+                self.connect(right, number)?,
+            ])),
             _ => self.condition(node, number)?,
         })
     }
 
-    fn condition(&mut self, node: &Node, number: usize) -> Result<Tree, ExportError> {
+    fn condition(&mut self, node: &Node, number: usize) -> Result<ConditionTree, ExportError> {
         let conditions = &mut self.found.decisions[number].conditions;
         let place = conditions.len();
         conditions.push(one_line(&self.text[node.start..node.end]));
@@ -550,7 +554,7 @@ impl Reader<'_> {
             _ => self.visit(node)?,
         }
         self.insert(node.end, "))".into());
-        Ok(Tree::Condition(place))
+        Ok(ConditionTree::Condition(place))
     }
 }
 

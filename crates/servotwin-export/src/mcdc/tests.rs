@@ -1,4 +1,4 @@
-use super::decision::{Tree, Vector};
+use super::decision::{ConditionTree, Vector};
 use super::*;
 
 const FILE: &str = "small.c";
@@ -13,19 +13,23 @@ fn decisions_of(body: &str) -> Vec<Decision> {
 }
 
 /// The evaluation of a decision by conditions that are all evaluated as C does.
-fn evaluated(tree: &Tree, values: u32) -> Vector {
-    fn take(tree: &Tree, values: u32, vector: &mut Vector) -> bool {
+fn evaluated(tree: &ConditionTree, values: u32) -> Vector {
+    fn take(tree: &ConditionTree, values: u32, vector: &mut Vector) -> bool {
         match tree {
-            Tree::Condition(condition) => {
+            ConditionTree::Condition(condition) => {
                 let value = values >> condition & 1;
                 vector.evaluated |= 1 << condition;
                 vector.values |= value << condition;
                 value == 1
             }
-            Tree::Not(inner) => !take(inner, values, vector),
-            Tree::And(sides) => take(&sides[0], values, vector) && take(&sides[1], values, vector),
-            Tree::Or(sides) => take(&sides[0], values, vector) || take(&sides[1], values, vector),
-            Tree::Cases => false,
+            ConditionTree::Not(inner) => !take(inner, values, vector),
+            ConditionTree::And(sides) => {
+                take(&sides[0], values, vector) && take(&sides[1], values, vector)
+            }
+            ConditionTree::Or(sides) => {
+                take(&sides[0], values, vector) || take(&sides[1], values, vector)
+            }
+            ConditionTree::Cases => false,
         }
     }
     let mut vector = Vector { evaluated: 0, values: 0 };

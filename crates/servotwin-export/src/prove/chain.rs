@@ -1,10 +1,10 @@
 //! The whole chain, sample by sample: the outcome of a session, its evidence, its probabilities and its features.
 
-use super::Evidence;
+use super::ProofEvidence;
 use super::library::{Compiled, RunningSession};
 use super::samples::{Sample, Samples};
 use crate::error::ExportError;
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session, Why};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Session, Why};
 use servotwin_diagnosis::panel::SensorBand;
 use servotwin_diagnosis::random::Random;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ const LONGEST_COMMAND: usize = 1000;
 
 /// The outcome of a session, as flat lists: `prove_push` of the C text.
 #[derive(Default, PartialEq)]
-pub(super) struct Said {
+pub(super) struct SessionAnswer {
     pub integers: Vec<i64>,
     pub numbers: Vec<f64>,
 }
@@ -30,14 +30,14 @@ pub(super) fn compare(
     diagnoser: &Arc<Diagnoser>,
     compiled: &[Compiled],
     samples: u64,
-    evidence: &mut [Evidence],
+    evidence: &mut [ProofEvidence],
     tell: &mut dyn FnMut(u64),
 ) -> Result<(), ExportError> {
     let mut session = Session::new(diagnoser.clone())?;
     let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
     let mut generated = Samples::new(diagnoser, 1);
     let mut commands = Commands::new();
-    let mut said = [Said::default(), Said::default()];
+    let mut said = [SessionAnswer::default(), SessionAnswer::default()];
     for k in 0..samples {
         if let Some((command, place)) = commands.next(&session) {
             obey(&mut session, (command, place))?;
@@ -67,8 +67,8 @@ pub(super) fn compare_sample(
     session: &mut Session,
     others: &mut [RunningSession],
     (number, sample): (u64, &Sample),
-    [right, said]: &mut [Said; 2],
-    evidence: &mut [Evidence],
+    [right, said]: &mut [SessionAnswer; 2],
+    evidence: &mut [ProofEvidence],
 ) -> bool {
     push(session, sample, right);
     let newest = newest_length(session);
@@ -145,7 +145,7 @@ pub(super) fn obey(
 }
 
 /// Pushes a sample and writes the whole outcome of the session.
-pub(super) fn push(session: &mut Session, sample: &Sample, said: &mut Said) {
+pub(super) fn push(session: &mut Session, sample: &Sample, said: &mut SessionAnswer) {
     let outcome = *session.push(&sample.inputs, &sample.measured, &sample.twin);
     said.integers.clear();
     said.integers.extend(integers(&outcome));
@@ -185,17 +185,18 @@ pub(super) fn integers(outcome: &Outcome) -> [i64; 18] {
     let none = -1;
     let kind = number_of_finding(&outcome.finding);
     let (actuator, action, detail, input, why) = match outcome.finding {
-        Finding::Unjudged | Finding::Healthy | Finding::Detected | Finding::Unknown => {
-            (none, none, none, none, 0)
-        }
-        Finding::Actuator { actuator } => (i64::from(actuator), none, none, none, 0),
-        Finding::Action { actuator, action } => {
+        IndexedFinding::Unjudged
+        | IndexedFinding::Healthy
+        | IndexedFinding::Detected
+        | IndexedFinding::Unknown => (none, none, none, none, 0),
+        IndexedFinding::Actuator { actuator } => (i64::from(actuator), none, none, none, 0),
+        IndexedFinding::Action { actuator, action } => {
             (i64::from(actuator), i64::from(action), none, none, 0)
         }
-        Finding::Detail { actuator, action, detail } => {
+        IndexedFinding::Detail { actuator, action, detail } => {
             (i64::from(actuator), i64::from(action), i64::from(detail), none, 0)
         }
-        Finding::EnvironmentInvalid { input, why } => {
+        IndexedFinding::EnvironmentInvalid { input, why } => {
             (none, none, none, i64::from(input), number_of_reason(why))
         }
     };
@@ -235,16 +236,16 @@ pub(super) fn integers(outcome: &Outcome) -> [i64; 18] {
 }
 
 /// `servotwin_finding` of the C text.
-pub(super) fn number_of_finding(finding: &Finding) -> i64 {
+pub(super) fn number_of_finding(finding: &IndexedFinding) -> i64 {
     match finding {
-        Finding::Unjudged => 0,
-        Finding::Healthy => 1,
-        Finding::Detected => 2,
-        Finding::Actuator { .. } => 3,
-        Finding::Action { .. } => 4,
-        Finding::Detail { .. } => 5,
-        Finding::Unknown => 6,
-        Finding::EnvironmentInvalid { .. } => 7,
+        IndexedFinding::Unjudged => 0,
+        IndexedFinding::Healthy => 1,
+        IndexedFinding::Detected => 2,
+        IndexedFinding::Actuator { .. } => 3,
+        IndexedFinding::Action { .. } => 4,
+        IndexedFinding::Detail { .. } => 5,
+        IndexedFinding::Unknown => 6,
+        IndexedFinding::EnvironmentInvalid { .. } => 7,
     }
 }
 
@@ -292,12 +293,12 @@ fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bo
     rows.all(|(view, row)| super::models::same_bits(row, &other.row(view, row.len())))
 }
 
-pub(super) fn is_same(a: &Said, b: &Said) -> bool {
+pub(super) fn is_same(a: &SessionAnswer, b: &SessionAnswer) -> bool {
     a.integers == b.integers && super::models::same_bits(&a.numbers, &b.numbers)
 }
 
 /// The first difference in words.
-fn difference(right: &Said, said: &Said) -> String {
+fn difference(right: &SessionAnswer, said: &SessionAnswer) -> String {
     let integer = right.integers.iter().zip(&said.integers).position(|(a, b)| a != b);
     let mut numbers = right.numbers.iter().zip(&said.numbers);
     let number = numbers.position(|(a, b)| a.to_bits() != b.to_bits());

@@ -4,7 +4,7 @@ use super::chain::{number_of_alarm, number_of_finding};
 use super::library::{Compiled, RunningHybrid};
 use super::models::same_bits;
 use super::twin::Inputs;
-use super::{Evidence, Subject};
+use super::{ProofEvidence, Subject};
 use crate::error::ExportError;
 use servotwin::flight::runtime::Runtime;
 use servotwin_diagnosis::diagnoser::Outcome;
@@ -24,7 +24,7 @@ pub(super) fn compare(
     subject: &Subject,
     compiled: &[Compiled],
     samples: u64,
-    evidence: &mut [Evidence],
+    evidence: &mut [ProofEvidence],
 ) -> Result<(), ExportError> {
     let Subject { study, diagnoser, twin } = subject;
     let runtime = Runtime::new(study, (*diagnoser).clone(), vec![])?;

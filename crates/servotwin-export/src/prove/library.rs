@@ -1,6 +1,6 @@
 //! An export, compiled and loaded.
 
-use super::chain::Said;
+use super::chain::SessionAnswer;
 use super::samples::Sample;
 use crate::compile::{Workplace, compiled, compilers, starts};
 use crate::error::ExportError;
@@ -118,7 +118,7 @@ impl Build {
 /// The answer of a stage: `servotwin_answer`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Answer {
+pub(super) struct LibraryAnswer {
     pub decided: i32,
     pub probability: f64,
 }
@@ -136,19 +136,19 @@ pub(super) struct Diagnosis {
 
 /// Which hierarchy of which window length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct LibraryPlace {
     pub is_committee: bool,
     pub length: usize,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for LibraryPlace {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = if self.is_committee { "boosted trees" } else { "trees" };
         write!(out, "{kind} of window length {}", self.length + 1)
     }
 }
 
-impl Place {
+impl LibraryPlace {
     fn numbers(self) -> (i32, i32) {
         (i32::from(self.is_committee), self.length as i32)
     }
@@ -336,7 +336,7 @@ impl Compiled {
 
     pub fn leaf(
         &self,
-        at: Place,
+        at: LibraryPlace,
         stage: usize,
         tree: usize,
         row: &[f64],
@@ -347,8 +347,13 @@ impl Compiled {
         Ok(unsafe { function(is_committee, length, stage as i32, tree as i32, row.as_ptr()) })
     }
 
-    pub fn decide(&self, at: Place, stage: usize, row: &[f64]) -> Result<Answer, ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, i32, *const f64) -> Answer;
+    pub fn decide(
+        &self,
+        at: LibraryPlace,
+        stage: usize,
+        row: &[f64],
+    ) -> Result<LibraryAnswer, ExportError> {
+        type Function = unsafe extern "C" fn(i32, i32, i32, *const f64) -> LibraryAnswer;
         let function = unsafe { self.library.get::<Function>(b"prove_decide") }?;
         let (is_committee, length) = at.numbers();
         Ok(unsafe { function(is_committee, length, stage as i32, row.as_ptr()) })
@@ -387,7 +392,7 @@ impl Compiled {
         Ok(unsafe { function(length as i32, known as i32, row.as_ptr()) })
     }
 
-    pub fn diagnose(&self, at: Place, views: &[Vec<f64>]) -> Result<Diagnosis, ExportError> {
+    pub fn diagnose(&self, at: LibraryPlace, views: &[Vec<f64>]) -> Result<Diagnosis, ExportError> {
         type Function = unsafe extern "C" fn(i32, i32, *const *const f64) -> Diagnosis;
         let function = unsafe { self.library.get::<Function>(b"prove_diagnose") }?;
         let (is_committee, length) = at.numbers();
@@ -442,7 +447,7 @@ impl Compiled {
 
 impl RunningSession<'_> {
     /// Pushes a sample; `said` gets lists as long as those of `like`.
-    pub fn push(&mut self, sample: &Sample, like: &Said, said: &mut Said) {
+    pub fn push(&mut self, sample: &Sample, like: &SessionAnswer, said: &mut SessionAnswer) {
         said.integers.resize(like.integers.len(), 0);
         said.numbers.resize(like.numbers.len(), 0.0);
         let (integers, numbers) = (said.integers.as_mut_ptr(), said.numbers.as_mut_ptr());

@@ -22,7 +22,7 @@ pub use worst_path::{Work, WorstPath};
 use crate::error::ExportError;
 use crate::precision::Precision;
 use crate::source_file::SourceFile;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use library::Compiled;
 use serde::Serialize;
 use servotwin::study::Study;
@@ -47,7 +47,7 @@ const RANDOM_ROWS: usize = 20_000;
 
 /// A row for which the export answers otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Difference {
+pub struct RowDifference {
     /// The model.
     pub place: String,
     /// Its answer, and the right one.
@@ -56,7 +56,7 @@ pub struct Difference {
 
 /// What one build was compared on.
 #[derive(Debug, Clone, PartialEq, Serialize, Default)]
-pub struct Evidence {
+pub struct ProofEvidence {
     /// The compiler with its flags.
     pub command: String,
     /// The compiler's version.
@@ -102,7 +102,7 @@ pub struct Evidence {
     #[serde(skip)]
     most_differences: usize,
     /// The first differences.
-    pub differences: Vec<Difference>,
+    pub differences: Vec<RowDifference>,
 }
 
 impl<'p> Plan<'p> {
@@ -113,7 +113,7 @@ impl<'p> Plan<'p> {
     }
 }
 
-impl Evidence {
+impl ProofEvidence {
     /// Whether every answer was the same and every leaf was reached.
     pub fn holds(&self) -> bool {
         self.rounds_twice && self.leaves_not_reached == 0 && self.differences.is_empty()
@@ -121,16 +121,16 @@ impl Evidence {
 
     /// No evidence of a build yet.
     fn of(build: &Build) -> Self {
-        Evidence {
+        ProofEvidence {
             command: build.command(),
             version: build.version(),
-            ..Evidence::until(MOST_DIFFERENCES)
+            ..ProofEvidence::until(MOST_DIFFERENCES)
         }
     }
 
     /// No evidence yet.
     fn until(most_differences: usize) -> Self {
-        Evidence { most_differences, ..Evidence::default() }
+        ProofEvidence { most_differences, ..ProofEvidence::default() }
     }
 
     /// Whether there are as many differences as anybody will read.
@@ -140,7 +140,7 @@ impl Evidence {
 
     fn differ(&mut self, place: String, what: String) {
         if !self.has_enough() {
-            self.differences.push(Difference { place, what });
+            self.differences.push(RowDifference { place, what });
         }
     }
 }
@@ -152,7 +152,7 @@ pub struct Subject<'s> {
     /// The diagnoser.
     pub diagnoser: &'s Arc<Diagnoser>,
     /// The twin.
-    pub twin: &'s Twin<'s>,
+    pub twin: &'s ExportedTwin<'s>,
 }
 
 /// The scope of a proof.
@@ -160,7 +160,7 @@ pub struct Plan<'p> {
     /// The diagnoser.
     pub diagnoser: &'p Arc<Diagnoser>,
     /// The twin, if the files have one.
-    pub twin: Option<&'p Twin<'p>>,
+    pub twin: Option<&'p ExportedTwin<'p>>,
     /// The study, if twin and diagnoser belong to one.
     pub study: Option<&'p Study>,
     /// The export.
@@ -199,12 +199,12 @@ impl<'p> Plan<'p> {
 ///
 /// # Errors
 /// [`ExportError::NoCompiler`], [`ExportError::Refused`], [`ExportError::Load`], [`ExportError::File`]. A difference is
-/// no error; [`Evidence::holds`] is then false.
+/// no error; [`ProofEvidence::holds`] is then false.
 pub fn prove(
     plan: &Plan,
     builds: &[Build],
     tell: &mut dyn FnMut(&str, f64),
-) -> Result<Vec<Evidence>, ExportError> {
+) -> Result<Vec<ProofEvidence>, ExportError> {
     let (compiled, mut all) = compile(plan, builds, &|_| (), tell)?;
     if let Some(twin) = plan.twin {
         points::compare(twin, &compiled, POINTS, &mut all)?;
@@ -232,16 +232,16 @@ pub fn prove(
 fn compile(
     plan: &Plan,
     builds: &[Build],
-    check: &dyn Fn(&mut Evidence),
+    check: &dyn Fn(&mut ProofEvidence),
     tell: &mut dyn FnMut(&str, f64),
-) -> Result<(Vec<Compiled>, Vec<Evidence>), ExportError> {
+) -> Result<(Vec<Compiled>, Vec<ProofEvidence>), ExportError> {
     tell("compiling", 0.0);
     let compiled = builds.iter().map(|build| Compiled::new(plan.files, build));
     let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
     let mut all = Vec::new();
     for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
         tell("comparing trees", number as f64 / builds.len() as f64);
-        let mut evidence = Evidence::of(build);
+        let mut evidence = ProofEvidence::of(build);
         check(&mut evidence);
         compare_parts(plan.diagnoser, (compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
         all.push(evidence);
@@ -254,7 +254,7 @@ fn compare_parts(
     diagnoser: &Diagnoser,
     (compiled, precision): (&Compiled, Precision),
     random_rows: usize,
-    evidence: &mut Evidence,
+    evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
     evidence.rounds_twice = compiled.rounds_twice()?;
     models::compare(diagnoser, (compiled, precision), random_rows, evidence)

@@ -1,8 +1,8 @@
 //! Trees and boosted trees: every leaf, both sides of every threshold, and missing values at every test.
 
-use super::Evidence;
-use super::library::{Compiled, Diagnosis, Place};
-use super::rows::{TestRow, Rows};
+use super::ProofEvidence;
+use super::library::{Compiled, Diagnosis, LibraryPlace};
+use super::rows::{Rows, TestRow};
 use crate::error::ExportError;
 use crate::precision::Precision;
 use servotwin_diagnosis::classifiers::Model;
@@ -21,12 +21,12 @@ pub(super) fn compare(
     diagnoser: &Diagnoser,
     (compiled, precision): (&Compiled, Precision),
     random_rows: usize,
-    evidence: &mut Evidence,
+    evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
     for (length, of_length) in diagnoser.lengths.iter().enumerate() {
         let panel = &of_length.panel;
         for (is_committee, hierarchy) in [(false, &panel.trees), (true, &panel.committee)] {
-            let at = Place { is_committee, length };
+            let at = LibraryPlace { is_committee, length };
             for place in 0..hierarchy.stages.len() {
                 compare_stage(hierarchy, (at, place), (compiled, precision), evidence)?;
             }
@@ -52,9 +52,9 @@ fn leaves(branches: &Branches) -> impl Iterator<Item = usize> + '_ {
 
 fn compare_stage(
     hierarchy: &Hierarchy,
-    (at, place): (Place, usize),
+    (at, place): (LibraryPlace, usize),
     (compiled, precision): (&Compiled, Precision),
-    evidence: &mut Evidence,
+    evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
     let stage = &hierarchy.stages[place];
     let mut compared = ComparedStage {
@@ -103,7 +103,7 @@ fn compare_stage(
 /// A stage with the row that both sides are asked about.
 struct ComparedStage<'a> {
     stage: &'a Stage,
-    at: Place,
+    at: LibraryPlace,
     place: usize,
     compiled: &'a Compiled,
     precision: Precision,
@@ -139,7 +139,7 @@ impl ComparedStage<'_> {
         &self,
         (tree, leaf): (usize, usize),
         number: i32,
-        evidence: &mut Evidence,
+        evidence: &mut ProofEvidence,
     ) -> Result<(), ExportError> {
         let Model::BoostedTrees(model) = &self.stage.model else { return Ok(()) };
         let outputs = model.outputs().len();
@@ -155,7 +155,7 @@ impl ComparedStage<'_> {
     }
 
     /// Compares decision and probabilities.
-    fn answers(&mut self, evidence: &mut Evidence) -> Result<(), ExportError> {
+    fn answers(&mut self, evidence: &mut ProofEvidence) -> Result<(), ExportError> {
         let said = self.compiled.decide(self.at, self.place, &self.row)?;
         let right = self.stage.answer(&self.row, &mut self.scratch);
         let is_near = match self.may_tie() {
@@ -187,10 +187,10 @@ impl ComparedStage<'_> {
 
 /// Random rows, whose values lie at or beside thresholds, through a whole hierarchy; of committees also the novelty.
 fn compare_hierarchy(
-    (of_length, at): (&Length, Place),
+    (of_length, at): (&Length, LibraryPlace),
     (compiled, precision): (&Compiled, Precision),
     random_rows: usize,
-    evidence: &mut Evidence,
+    evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
     let panel = &of_length.panel;
     let hierarchy = if at.is_committee { &panel.committee } else { &panel.trees };
@@ -233,10 +233,10 @@ fn is_same(said: &Diagnosis, right: &hierarchy::Diagnosis) -> bool {
 /// Compares the probabilities of all hypotheses, and the novelty of the first view for every class.
 fn compare_probabilities(
     of_length: &Length,
-    at: Place,
+    at: LibraryPlace,
     (compiled, precision, views): (&Compiled, Precision, &[Vec<f64>]),
     scratch: &mut Scratch,
-    evidence: &mut Evidence,
+    evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
     let committee = &of_length.panel.committee;
     let count = 1 + committee.names.actuators.len() * committee.names.actions.len();
@@ -284,7 +284,7 @@ fn value(thresholds: &[f64], precision: Precision, random: &mut Random) -> f64 {
 
 /// Whether a number is the trained one: its bits in double precision; in single precision nearly it, and the largest
 /// difference is noted.
-fn is_near(precision: Precision, said: f64, right: f64, evidence: &mut Evidence) -> bool {
+fn is_near(precision: Precision, said: f64, right: f64, evidence: &mut ProofEvidence) -> bool {
     if precision == Precision::F64 {
         return said.to_bits() == right.to_bits();
     }
@@ -293,7 +293,12 @@ fn is_near(precision: Precision, said: f64, right: f64, evidence: &mut Evidence)
     difference <= ROUNDING
 }
 
-fn are_near(precision: Precision, said: &[f64], right: &[f64], evidence: &mut Evidence) -> bool {
+fn are_near(
+    precision: Precision,
+    said: &[f64],
+    right: &[f64],
+    evidence: &mut ProofEvidence,
+) -> bool {
     let pairs = said.iter().zip(right);
     said.len() == right.len()
         && pairs.fold(true, |near, (a, b)| is_near(precision, *a, *b, evidence) && near)
@@ -304,8 +309,8 @@ fn are_near(precision: Precision, said: &[f64], right: &[f64], evidence: &mut Ev
 fn is_same_in_single(
     said: &Diagnosis,
     right: &hierarchy::Diagnosis,
-    at: Place,
-    evidence: &mut Evidence,
+    at: LibraryPlace,
+    evidence: &mut ProofEvidence,
 ) -> bool {
     let place = |index: Option<u32>| index.map_or(-1, |index| index as i32);
     let indices = [right.actuator, right.action, right.detail].map(place);

@@ -6,7 +6,7 @@
 mod rust;
 
 use super::library::{Build, Workshop};
-use super::{Evidence, HYBRID_SAMPLES, Plan, chain, compare_parts, hybrid, points, twin};
+use super::{HYBRID_SAMPLES, Plan, ProofEvidence, chain, compare_parts, hybrid, points, twin};
 use crate::error::ExportError;
 use crate::precision::Precision;
 use crate::source_file::SourceFile;
@@ -112,7 +112,7 @@ pub fn mutants(
 
 fn is_found(plan: &Plan, workshop: &Workshop, number: usize) -> Result<bool, ExportError> {
     let compiled = workshop.load(&format!("mutant_{number}.so"))?;
-    let mut evidence = Evidence::until(1);
+    let mut evidence = ProofEvidence::until(1);
     compare_parts(plan.diagnoser, (&compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
     let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
     if let Some(twin) = plan.twin.filter(|_| all[0].holds()) {

@@ -1,10 +1,10 @@
 //! The equations of a twin and their gradients at random points, also at those that no flight reaches: trajectories do not
 //! take every branch.
 
-use super::Evidence;
+use super::ProofEvidence;
 use super::library::{Compiled, PointOf, RunningTwin};
 use crate::error::ExportError;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use servotwin_diagnosis::random::Random;
 use servotwin_model::program::{FaultAt, Program};
 use servotwin_model::solver::StepMemory;
@@ -25,7 +25,7 @@ struct Point {
     slopes: Vec<f64>,
 }
 
-fn point(twin: &Twin, random: &mut Random) -> Point {
+fn point(twin: &ExportedTwin, random: &mut Random) -> Point {
     let program = twin.program;
     let mut intensity = || if random.unit() < FAULTY { random.unit() } else { 0.0 };
     let faults = program.faults().map(|(component, fault)| FaultAt {
@@ -62,10 +62,10 @@ fn point(twin: &Twin, random: &mut Random) -> Point {
 
 /// Compares so many points in all builds.
 pub(super) fn compare(
-    twin: &Twin,
+    twin: &ExportedTwin,
     compiled: &[Compiled],
     points: u64,
-    evidence: &mut [Evidence],
+    evidence: &mut [ProofEvidence],
 ) -> Result<(), ExportError> {
     let program = twin.program;
     let mut random = Random::new(4);

@@ -3,7 +3,7 @@
 //! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading or
 //! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then a value is missing, wild or frozen.
 
-use servotwin_diagnosis::diagnoser::{Diagnoser, Sensor};
+use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
 use servotwin_diagnosis::random::Random;
 
 /// Longest disturbance, in samples.
@@ -150,7 +150,7 @@ impl<'d> Samples<'d> {
             3 => self.disturb_boundary(size),
             4 => {
                 let of = self.diagnoser.sensors[sensor].actuator;
-                let own = |(_, other): &(usize, &Sensor)| other.actuator == of;
+                let own = |(_, other): &(usize, &DiagnosedSensor)| other.actuator == of;
                 let places = self.diagnoser.sensors.iter().enumerate().filter(own);
                 for place in places.map(|(place, _)| place).collect::<Vec<_>>() {
                     self.disturbances[place].offset = draw_size(&mut self.random);
@@ -220,7 +220,8 @@ fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
     let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
     let mut values = Vec::new();
     for _ in 0..1000 {
-        let inside = |input: &servotwin_diagnosis::diagnoser::environment::Input, share: f64| {
+        let inside = |input: &servotwin_diagnosis::diagnoser::environment::InputRange,
+                      share: f64| {
             input.least + share * (input.largest - input.least)
         };
         values = environment.inputs.iter().map(|i| inside(i, random.between(0.1, 0.9))).collect();

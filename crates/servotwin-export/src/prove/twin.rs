@@ -1,9 +1,9 @@
 //! The twin beside its C text: random inputs, faults that are there at the start and faults that begin on the way.
 
-use super::Evidence;
+use super::ProofEvidence;
 use super::library::{Compiled, RunningTwin};
 use crate::error::ExportError;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use servotwin_diagnosis::random::Random;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{self, Knot};
@@ -20,7 +20,7 @@ const WILD: f64 = 0.3;
 
 /// Inputs that wander about their defaults.
 pub(super) struct Inputs<'t> {
-    twin: &'t Twin<'t>,
+    twin: &'t ExportedTwin<'t>,
     random: Random,
     /// The step of each sample, and samples until it changes.
     courses: Vec<(f64, usize)>,
@@ -28,7 +28,7 @@ pub(super) struct Inputs<'t> {
 }
 
 impl<'t> Inputs<'t> {
-    pub fn new(twin: &'t Twin, seed: u64) -> Self {
+    pub fn new(twin: &'t ExportedTwin, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let is_wild = random.unit() < WILD;
         let inputs = twin.program.network().inputs.iter().zip(&twin.ranges);
@@ -65,10 +65,10 @@ impl<'t> Inputs<'t> {
 /// Runs so many twins with random faults for this duration, s, in Rust and in all builds. `tell` hears the number of
 /// variants so far.
 pub(super) fn compare(
-    twin: &Twin,
+    twin: &ExportedTwin,
     compiled: &[Compiled],
     (variants, duration_s): (u64, f64),
-    evidence: &mut [Evidence],
+    evidence: &mut [ProofEvidence],
     tell: &mut dyn FnMut(u64),
 ) -> Result<(), ExportError> {
     let mut random = Random::new(3);
@@ -84,7 +84,7 @@ pub(super) fn compare(
         let begins_late = random.unit() < 0.5;
         Run { twin, duration_s, fault, begins_late, seed }.compare(&mut others, evidence);
         tell(seed + 1);
-        if evidence.iter().any(Evidence::has_enough) {
+        if evidence.iter().any(ProofEvidence::has_enough) {
             break;
         }
     }
@@ -93,7 +93,7 @@ pub(super) fn compare(
 
 /// A run of one variant.
 struct Run<'r> {
-    twin: &'r Twin<'r>,
+    twin: &'r ExportedTwin<'r>,
     duration_s: f64,
     /// The fault, and its place in the catalog.
     fault: Option<(usize, FaultAt)>,
@@ -114,8 +114,8 @@ impl Run<'_> {
         (program.parameters(&faults), intensities)
     }
 
-    fn compare(&self, others: &mut [RunningTwin], evidence: &mut [Evidence]) {
-        let Twin { program, settings, period_s, .. } = *self.twin;
+    fn compare(&self, others: &mut [RunningTwin], evidence: &mut [ProofEvidence]) {
+        let ExportedTwin { program, settings, period_s, .. } = *self.twin;
         let mut own = solver::Twin::new(program, settings, period_s, self.twin.between.clone());
         let mut inputs = Inputs::new(self.twin, self.seed);
         let samples = (self.duration_s / period_s) as u64;

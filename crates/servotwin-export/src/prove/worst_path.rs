@@ -12,8 +12,8 @@
 //! together follows from their periods. No row need reach the deepest leaves of all trees at once, so the sequence may
 //! stay below the bound.
 
-use super::Evidence;
-use super::chain::{Said, compare_sample, is_judged};
+use super::ProofEvidence;
+use super::chain::{SessionAnswer, compare_sample, is_judged};
 use super::library::Compiled;
 use super::models::trees;
 use super::samples::{Disturbance, Sample, Samples};
@@ -117,11 +117,11 @@ impl WorstPath {
         &self,
         diagnoser: &Arc<Diagnoser>,
         compiled: &[Compiled],
-        evidence: &mut [Evidence],
+        evidence: &mut [ProofEvidence],
     ) -> Result<(), ExportError> {
         let mut session = Session::new(diagnoser.clone())?;
         let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
-        let mut said = <[Said; 2]>::default();
+        let mut said = <[SessionAnswer; 2]>::default();
         for (number, sample) in self.sequence.iter().enumerate() {
             let sample = (number as u64, sample);
             if !compare_sample(&mut session, &mut others, sample, &mut said, evidence) {

@@ -17,7 +17,7 @@ pub(super) fn write(text: &mut String, notation: Notation, diagnoser: &Diagnoser
 }
 
 fn sensors(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
-    let entry = |sensor: &servotwin_diagnosis::diagnoser::Sensor| {
+    let entry = |sensor: &servotwin_diagnosis::diagnoser::DiagnosedSensor| {
         let stand_in_noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
         let fields = [
             ("scale", notation.number(sensor.scale)),
@@ -35,7 +35,7 @@ fn inputs(text: &mut String, notation: Notation, diagnoser: &Diagnoser) {
     let environment = &diagnoser.environment;
     let range =
         |least, largest| [("least", notation.number(least)), ("largest", notation.number(largest))];
-    let entry = |input: &servotwin_diagnosis::diagnoser::environment::Input| {
+    let entry = |input: &servotwin_diagnosis::diagnoser::environment::InputRange| {
         let frozen = input.frozen_after_samples(diagnoser.period_s).unwrap_or(0);
         let frozen = notation.unsigned(frozen.min(u64::from(u32::MAX)));
         let [least, largest] = range(input.least, input.largest);

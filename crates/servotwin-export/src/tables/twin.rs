@@ -3,7 +3,7 @@
 use crate::error::ExportError;
 use crate::language::Language;
 use crate::notation::Notation;
-use crate::twin::Twin;
+use crate::twin::ExportedTwin;
 use servotwin_model::c_source::{described, write_rust_twin, write_twin};
 use servotwin_model::program::Program;
 use servotwin_model::solver::tableau::Tableau;
@@ -26,7 +26,7 @@ fn heads(notation: Notation) -> [&'static str; 2] {
 }
 
 /// The texts of three files: sizes, tables and equations.
-pub(crate) fn texts(twin: &Twin, notation: Notation) -> Result<[String; 3], ExportError> {
+pub(crate) fn texts(twin: &ExportedTwin, notation: Notation) -> Result<[String; 3], ExportError> {
     let method = twin.settings.method;
     let equations = match notation.language {
         Language::C => write_twin(twin.program, method),
@@ -79,7 +79,7 @@ struct Tables {
 }
 
 impl Tables {
-    fn write(&mut self, twin: &Twin, tableau: &Tableau) {
+    fn write(&mut self, twin: &ExportedTwin, tableau: &Tableau) {
         let notation = self.notation;
         let control = control(twin, tableau, notation);
         self.text.push('\n');
@@ -122,7 +122,7 @@ impl Tables {
     }
 
     /// The variables that the sensors show. The header of the hybrid twin declares them in C.
-    fn sensors(&mut self, twin: &Twin) {
+    fn sensors(&mut self, twin: &ExportedTwin) {
         let sensors = twin.sensors.iter().map(|slot| (slot.to_string(), String::new())).collect();
         let mut count = twin.sensors.len();
         if self.notation.language == Language::C {
@@ -162,7 +162,7 @@ impl Tables {
         }
     }
 
-    fn inputs(&mut self, twin: &Twin) {
+    fn inputs(&mut self, twin: &ExportedTwin) {
         let (inputs, notation) = (&twin.program.network().inputs, self.notation);
         let defaults = inputs.iter().map(|input| {
             let fields =
@@ -186,7 +186,7 @@ impl Tables {
 }
 
 /// The entry of the control of the steps.
-fn control(twin: &Twin, tableau: &Tableau, notation: Notation) -> String {
+fn control(twin: &ExportedTwin, tableau: &Tableau, notation: Notation) -> String {
     let (is_fixed, step_s, tolerance, max_step_s, limit) = match twin.settings.control {
         Control::Fixed { step_s } => (true, step_s, 1.0, 1.0, f64::MAX),
         Control::Adaptive { tolerance, max_step_s, attempt_rate_limit_per_s } => {

@@ -3,7 +3,7 @@
 //! A key is a column; keys of nested objects and lists are joined with dots. Missing or null values become NaN, or an
 //! empty string in text columns. Blank lines are skipped.
 
-use super::{Column, ContentError, ColumnKind, Table, TableError, Values};
+use super::{Column, ColumnKind, ContentError, Table, TableError, Values};
 use crate::files;
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -44,9 +44,9 @@ use ::parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use ::parquet::schema::types::{Type, TypePtr};
 use serde_json::Value;
 
-use super::{Column, ContentError, Format, ColumnKind, Table, TableError, Values, unknown_column};
+use super::{Column, ColumnKind, ContentError, Format, Table, TableError, Values, unknown_column};
 use arrow::Facts;
-use decode::{Source, bytes_of_texts, values_of};
+use decode::{ColumnSource, bytes_of_texts, values_of};
 use limits::{Budget, text_bytes};
 use meaning::kind_of;
 
@@ -276,7 +276,7 @@ pub struct ParquetReader {
     file: Arc<File>,
     metadata: ParquetMetaData,
     schema: Table,
-    sources: Vec<Source>,
+    sources: Vec<ColumnSource>,
     /// Wanted columns that cannot be read, with the reason.
     left_out: Vec<(String, ContentError)>,
     /// Columns that are not wanted.
@@ -356,7 +356,7 @@ impl ParquetReader {
     /// Adds a column to the schema.
     fn add(
         &mut self,
-        source: Source,
+        source: ColumnSource,
         notes: &BTreeMap<String, String>,
         facts: &HashMap<String, Facts>,
     ) -> Result<(), TableError> {
@@ -412,7 +412,7 @@ impl ParquetReader {
     }
 
     /// Reads the values of a column in all row groups.
-    fn whole_column(&self, source: &Source, budget: Budget) -> Result<Values, ContentError> {
+    fn whole_column(&self, source: &ColumnSource, budget: Budget) -> Result<Values, ContentError> {
         let width = match source.kind {
             ColumnKind::Float | ColumnKind::Integer => 8,
             ColumnKind::Unsigned => 4,
@@ -439,7 +439,7 @@ impl ParquetReader {
     /// Reads a column part by part; `read_part` gets the number of rows and the index of the first one.
     fn read_column(
         &self,
-        source: &Source,
+        source: &ColumnSource,
         budget: Budget,
         mut read_part: impl FnMut(&mut ColumnReader, usize, usize) -> Result<(), ContentError>,
     ) -> Result<(), ContentError> {
@@ -480,7 +480,7 @@ impl ParquetReader {
         let group = self.metadata.row_group(self.next_group);
         let rows = rows_of(group)?;
         let budget = Budget::new(Limits::from_environment());
-        let open = |source: &Source| open_column(&self.file, group, source, rows, budget);
+        let open = |source: &ColumnSource| open_column(&self.file, group, source, rows, budget);
         self.columns = guarded(|| self.sources.iter().map(open).collect())?;
         (self.rows_left, self.next_group) = (rows, self.next_group + 1);
         Ok(())
@@ -506,7 +506,7 @@ fn bytes_of(values: &Values) -> u64 {
 fn open_column(
     file: &Arc<File>,
     group: &RowGroupMetaData,
-    source: &Source,
+    source: &ColumnSource,
     rows: usize,
     budget: Budget,
 ) -> Result<ColumnReader, ContentError> {
@@ -653,7 +653,7 @@ fn chosen<'a>(fields: &'a Fields, choice: Choice) -> Result<Vec<Field<'a>>, Tabl
 
 impl Field<'_> {
     /// Describes how to read the field.
-    fn source(&self, file: &ParquetMetaData) -> Result<Source, ContentError> {
+    fn source(&self, file: &ParquetMetaData) -> Result<ColumnSource, ContentError> {
         let (kind, meaning) = kind_of(self.field, self.durations)?;
         let place = self.place.ok_or(ContentError::Unreadable)?;
         let chunks: Vec<&ColumnChunkMetaData> =
@@ -663,7 +663,9 @@ impl Field<'_> {
             chunk.statistics().and_then(|known| known.null_count_opt()).is_some_and(|gaps| gaps > 0)
         };
         let kind = match kind {
-            ColumnKind::Integer | ColumnKind::Unsigned | ColumnKind::Flag if chunks.iter().any(has_gap) => {
+            ColumnKind::Integer | ColumnKind::Unsigned | ColumnKind::Flag
+                if chunks.iter().any(has_gap) =>
+            {
                 ColumnKind::Float
             }
             kind => kind,
@@ -672,7 +674,7 @@ impl Field<'_> {
             chunk.encodings().any(|encoding| encoding == Encoding::DELTA_BYTE_ARRAY)
         };
         let texts_at_once = if chunks.iter().any(shares) { 1 } else { TEXTS_AT_ONCE };
-        Ok(Source { name: self.name.clone(), place, kind, meaning, texts_at_once })
+        Ok(ColumnSource { name: self.name.clone(), place, kind, meaning, texts_at_once })
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Fit;
 use crate::samples::{PresentClasses, Samples};
-use crate::tree::{Criterion, Growth, Presorted, Rules, grow};
+use crate::tree::{Criterion, Growth, Presorted, SplitRules, grow};
 use servotwin_diagnosis::classifiers::Classifier;
 use servotwin_diagnosis::classifiers::adaboost::{Model, WeightedTree};
 use servotwin_diagnosis::error::{Error, require};
@@ -40,7 +40,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    fn rules(&self, samples: &Samples) -> Result<Rules, Error> {
+    fn rules(&self, samples: &Samples) -> Result<SplitRules, Error> {
         let rate = self.learning_rate;
         require(self.rounds >= 1, "rounds", self.rounds as f64, ">= 1")?;
         let classes = PresentClasses::new(samples).len();
@@ -48,7 +48,7 @@ impl Settings {
             self.max_depth.unwrap_or(classes.next_power_of_two().ilog2().max(1) as usize);
         require(max_depth >= 1, "max_depth", max_depth as f64, ">= 1")?;
         require(rate.is_finite() && rate > 0.0, "learning_rate", rate, "> 0")?;
-        Ok(Rules {
+        Ok(SplitRules {
             criterion: self.criterion,
             max_depth,
             min_rows_split: 2,

@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use super::Fit;
 use crate::samples::Samples;
 use crate::tree::{
-    Bins, Costs, Criterion, Growth, Limits, Presorted, Rules, grow, grow_binned, prune,
+    Bins, Criterion, Growth, Presorted, SplitCosts, SplitLimits, SplitRules, grow, grow_binned,
+    prune,
 };
 use servotwin_diagnosis::error::{Error, require, same_length};
 use servotwin_diagnosis::random::Random;
@@ -103,9 +104,9 @@ impl Settings {
         not_negative("ccp_alpha", self.ccp_alpha)
     }
 
-    fn rules(&self, samples: &Samples) -> Result<Rules, Error> {
+    fn rules(&self, samples: &Samples) -> Result<SplitRules, Error> {
         let features = self.allowed_features(samples)?;
-        Ok(Rules {
+        Ok(SplitRules {
             criterion: self.criterion,
             max_depth: self.max_depth.unwrap_or(usize::MAX),
             min_rows_split: self.min_samples_split,
@@ -128,20 +129,21 @@ impl Settings {
         if features.is_empty() { Err(Error::NoFeatures) } else { Ok(features) }
     }
 
-    fn limits(&self, samples: &Samples) -> Result<Vec<Limits>, Error> {
+    fn limits(&self, samples: &Samples) -> Result<Vec<SplitLimits>, Error> {
         if self.resolutions.is_empty() {
             return Ok(vec![]);
         }
-        let mut limits = vec![Limits::default(); samples.features()];
+        let mut limits = vec![SplitLimits::default(); samples.features()];
         for Resolution { feature, gap, magnitude } in &self.resolutions {
             not_negative("gap", *gap)?;
             not_negative("magnitude", *magnitude)?;
-            limits[samples.feature_index(feature)?] = Limits { gap: *gap, magnitude: *magnitude };
+            limits[samples.feature_index(feature)?] =
+                SplitLimits { gap: *gap, magnitude: *magnitude };
         }
         Ok(limits)
     }
 
-    fn checked_costs(&self, classes: usize) -> Result<Option<Costs>, Error> {
+    fn checked_costs(&self, classes: usize) -> Result<Option<SplitCosts>, Error> {
         let Some(costs) = &self.costs else {
             return Ok(None);
         };
@@ -152,7 +154,7 @@ impl Settings {
                 not_negative("costs", cost)?;
             }
         }
-        Ok(Some(Costs(costs.clone())))
+        Ok(Some(SplitCosts(costs.clone())))
     }
 
     /// The row weights for the impurity.
@@ -160,7 +162,7 @@ impl Settings {
         &self,
         samples: &Samples,
         weights: &'a [f64],
-        costs: &Option<Costs>,
+        costs: &Option<SplitCosts>,
     ) -> Result<Cow<'a, [f64]>, Error> {
         let Some(costs) = costs.as_ref().filter(|_| self.costs_alter_priors) else {
             return Ok(Cow::Borrowed(weights));

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Fit;
 use crate::samples::Samples;
-use crate::tree::{Criterion, Growth, Presorted, Rules, grow};
+use crate::tree::{Criterion, Growth, Presorted, SplitRules, grow};
 use servotwin_diagnosis::classifiers::random_forest::{Model, VotingTree};
 use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::random::Random;
@@ -67,7 +67,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    fn rules(&self, samples: &Samples) -> Result<Rules, Error> {
+    fn rules(&self, samples: &Samples) -> Result<SplitRules, Error> {
         require(self.trees >= 1, "trees", self.trees as f64, ">= 1")?;
         let (split, leaf) = (self.min_samples_split, self.min_samples_leaf);
         require(split >= 2, "min_samples_split", split as f64, ">= 2")?;
@@ -81,7 +81,7 @@ impl Settings {
                 count
             }
         };
-        Ok(Rules {
+        Ok(SplitRules {
             criterion: self.criterion,
             max_depth: self.max_depth.unwrap_or(usize::MAX),
             min_rows_split: split,

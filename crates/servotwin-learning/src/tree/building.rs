@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::criterion::Criterion;
-use super::split::{Candidate, Limits};
+use super::split::{Candidate, SplitLimits};
 use crate::samples::Samples;
 use servotwin_diagnosis::numeric::arg_max;
 use servotwin_diagnosis::tree::{NewNode, RejectedSplit, Tree};
@@ -17,9 +17,9 @@ const PURE: f64 = f64::EPSILON;
 
 /// Costs of wrong decisions: `costs[true class][decided class]`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Costs(pub Vec<Vec<f64>>);
+pub(crate) struct SplitCosts(pub Vec<Vec<f64>>);
 
-impl Costs {
+impl SplitCosts {
     /// The class with the smallest expected cost for these class weights, the lowest in a tie.
     fn decide(&self, weights: &[f64]) -> usize {
         let cost_of = |class: usize| -> f64 {
@@ -36,7 +36,7 @@ impl Costs {
 
 /// Rules of splitting.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Rules {
+pub(crate) struct SplitRules {
     pub criterion: Criterion,
     pub max_depth: usize,
     pub min_rows_split: usize,
@@ -47,13 +47,13 @@ pub(crate) struct Rules {
     /// Number of features drawn for each split; all if not less than `features.len()`.
     pub drawn_features: usize,
     /// Limits for every feature of the samples, or empty for none.
-    pub limits: Vec<Limits>,
-    pub costs: Option<Costs>,
+    pub limits: Vec<SplitLimits>,
+    pub costs: Option<SplitCosts>,
 }
 
-impl Rules {
+impl SplitRules {
     /// The limits of a feature.
-    pub fn limits_of(&self, feature: usize) -> Limits {
+    pub fn limits_of(&self, feature: usize) -> SplitLimits {
         self.limits.get(feature).copied().unwrap_or_default()
     }
 
@@ -70,7 +70,7 @@ pub(crate) struct Growth<'a> {
     pub weights: &'a [f64],
     /// Weight of each row in the impurity.
     pub impurity_weights: &'a [f64],
-    pub rules: &'a Rules,
+    pub rules: &'a SplitRules,
 }
 
 impl Growth<'_> {

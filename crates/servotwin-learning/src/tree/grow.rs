@@ -6,7 +6,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::building::{Building, Growth, Parent, Rules};
+use super::building::{Building, Growth, Parent, SplitRules};
 use super::criterion::{CountEntropyScan, CountScan, Criterion, EntropyScan, GiniScan, Scan};
 use super::presorted::Presorted;
 use super::split::{Candidate, NodeRows, best_of_feature};
@@ -268,7 +268,7 @@ fn sort_by_rank(keys: &mut Vec<u64>, spare: &mut Vec<u64>) {
 }
 
 /// Whether features are drawn at random for each split.
-fn draws(rules: &Rules) -> bool {
+fn draws(rules: &SplitRules) -> bool {
     rules.drawn_features < rules.features.len()
 }
 

@@ -18,8 +18,8 @@ pub use criterion::Criterion;
 pub use prune::{PruningStep, prune, pruning_path};
 
 pub(crate) use binned::grow_binned;
-pub(crate) use building::{Costs, Growth, Rules};
+pub(crate) use building::{Growth, SplitCosts, SplitRules};
 pub(crate) use grow::grow;
 pub(crate) use histogram::Bins;
 pub(crate) use presorted::Presorted;
-pub(crate) use split::{Limits, divide_rows, separate};
+pub(crate) use split::{SplitLimits, divide_rows, separate};

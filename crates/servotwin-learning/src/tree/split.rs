@@ -6,14 +6,14 @@ use servotwin_diagnosis::numeric::MAX_VALUE;
 
 /// Resolution limits of a feature. Zero allows everything.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Limits {
+pub(crate) struct SplitLimits {
     /// Minimum difference of the two values beside a threshold.
     pub gap: f64,
     /// Minimum distance of a threshold from zero.
     pub magnitude: f64,
 }
 
-impl Limits {
+impl SplitLimits {
     pub fn allow(self, threshold: f64, gap: f64) -> bool {
         gap >= self.gap && libm::fabs(threshold) >= self.magnitude
     }
@@ -157,7 +157,7 @@ pub(crate) fn best_of_feature<S: Scan>(
     rows: &NodeRows,
     feature: usize,
     min_rows: usize,
-    limits: Limits,
+    limits: SplitLimits,
     totals: &[f64],
     scan: &mut S,
 ) -> Offer {
@@ -198,7 +198,7 @@ fn try_thresholds<S: Scan>(
     missing_left: Option<bool>,
     feature: usize,
     min_rows: usize,
-    limits: Limits,
+    limits: SplitLimits,
     scan: &mut S,
     offer: &mut Offer,
 ) {

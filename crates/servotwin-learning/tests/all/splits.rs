@@ -83,7 +83,8 @@ fn too_little_to_split_is_an_error() {
 fn cross_validation_counts_every_row_once() {
     let samples = crate::tables::clouds(60, 1);
     let splits = stratified_k_fold(samples.labels(), 5, 0).unwrap();
-    let tables = cross_validate(&Settings::default_of(ClassifierKind::Cart), &samples, &splits).unwrap();
+    let tables =
+        cross_validate(&Settings::default_of(ClassifierKind::Cart), &samples, &splits).unwrap();
     assert_eq!(tables.iter().map(Confusion::total).sum::<u64>(), 60);
     assert!(tables.iter().all(|table| table.accuracy() == Some(1.0)));
 }

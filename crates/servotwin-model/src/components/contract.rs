@@ -23,9 +23,9 @@ const TEMPERATURE_K: f64 = 313.15;
 const SAMPLES: usize = 64;
 
 /// Uniform numbers in 0 … 1 from a seed (xorshift64*).
-pub(crate) struct Random(pub u64);
+pub(crate) struct UniformNumbers(pub u64);
 
-impl Random {
+impl UniformNumbers {
     pub(crate) fn next(&mut self) -> f64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -192,7 +192,7 @@ impl Alone {
 
     /// Pseudo-random inputs of a block.
     fn samples(&self, block: &Block) -> Vec<Vec<f64>> {
-        let mut random = Random(0x9e37_79b9_7f4a_7c15);
+        let mut random = UniformNumbers(0x9e37_79b9_7f4a_7c15);
         let ranges = self.ranges(block);
         let sample = |_| {
             let values = ranges.iter().map(|(low, high)| low + (high - low) * random.next());
@@ -423,7 +423,7 @@ fn every_sensor_says_what_its_readings_span_and_nobody_else_does() {
         let component = super::find(alone.spec.kind).expect("of the catalogue");
         let span = component.span(&alone.parameters);
         assert_eq!(span.is_some(), is_sensor, "{}", alone.spec.kind);
-        let sound = |s: super::Span| s.full_scale > 0.0 && s.range >= s.full_scale;
+        let sound = |s: super::MeasuringSpan| s.full_scale > 0.0 && s.range >= s.full_scale;
         assert!(span.is_none_or(sound), "{}", alone.spec.kind);
     }
 }

@@ -16,7 +16,7 @@
 
 use super::conversion;
 use super::filter::FilterFlow;
-use crate::component::{Component, Span};
+use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
@@ -87,9 +87,9 @@ impl Component for FlowSensor {
         &SPEC
     }
 
-    fn span(&self, parameters: &[f64]) -> Option<Span> {
+    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
         let full_scale = parameters[index::full_scale_m3_s];
-        Some(Span { full_scale, range: 2.0 * full_scale })
+        Some(MeasuringSpan { full_scale, range: 2.0 * full_scale })
     }
 
     fn connect(&self, wiring: &mut Wiring) {

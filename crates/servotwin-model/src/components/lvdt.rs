@@ -13,7 +13,7 @@
 //! Source: demodulators form the ratio of difference and sum. The second order is usual.
 
 use super::conversion;
-use crate::component::{Component, Span};
+use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
@@ -69,8 +69,8 @@ impl Component for Lvdt {
         &SPEC
     }
 
-    fn span(&self, parameters: &[f64]) -> Option<Span> {
-        Some(Span {
+    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
+        Some(MeasuringSpan {
             full_scale: parameters[index::full_scale_m],
             range: 2.0 * parameters[index::full_scale_m],
         })

@@ -11,7 +11,7 @@
 //! Source: the current loop of IEC 60381-1. The first order is usual for transducers.
 
 use super::conversion;
-use crate::component::{Component, Span};
+use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Port, Spec, Start, State, Unit, declare::*};
@@ -72,7 +72,7 @@ impl Component for PressureSensor {
         &SPEC
     }
 
-    fn span(&self, parameters: &[f64]) -> Option<Span> {
+    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
         Some(measuring_span(parameters))
     }
 
@@ -83,9 +83,9 @@ impl Component for PressureSensor {
 }
 
 /// The measuring span of a transducer.
-pub(super) fn measuring_span(parameters: &[f64]) -> Span {
+pub(super) fn measuring_span(parameters: &[f64]) -> MeasuringSpan {
     let full_scale = parameters[index::full_scale_pa];
-    Span { full_scale, range: full_scale }
+    MeasuringSpan { full_scale, range: full_scale }
 }
 
 /// Wires a transducer that measures a pressure.

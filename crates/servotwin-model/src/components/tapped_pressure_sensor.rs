@@ -13,7 +13,7 @@
 use super::pressure_sensor::{
     CURRENT, FAULTS, PARAMETERS as SHARED, PORTS, connect_transducer, measuring_span,
 };
-use crate::component::{Component, Span};
+use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Parameter, Spec, Start, Unit, declare::*};
@@ -54,7 +54,7 @@ impl Component for TappedPressureSensor {
         &SPEC
     }
 
-    fn span(&self, parameters: &[f64]) -> Option<Span> {
+    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
         Some(measuring_span(parameters))
     }
 

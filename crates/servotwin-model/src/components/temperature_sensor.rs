@@ -13,7 +13,7 @@
 //! Source: the current loop of IEC 60381-1. The first order is that of a body into which heat flows.
 
 use super::conversion;
-use crate::component::{Component, Span};
+use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
@@ -67,9 +67,9 @@ impl Component for TemperatureSensor {
         &SPEC
     }
 
-    fn span(&self, parameters: &[f64]) -> Option<Span> {
+    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
         let range = parameters[index::range_high_k] - parameters[index::range_low_k];
-        Some(Span { full_scale: range, range })
+        Some(MeasuringSpan { full_scale: range, range })
     }
 
     fn connect(&self, wiring: &mut Wiring) {

@@ -4,7 +4,7 @@ use super::compiled_step::CompiledSteps;
 use super::lane_state::{LaneState, Moving, Phase};
 use super::lane_stepper::{LaneStepper, Numbers};
 use super::tableau::Tableau;
-use super::{Failure, SAME_TIME_S, SolverSettings, Statistics};
+use super::{SAME_TIME_S, SolverFailure, SolverSettings, Statistics};
 use crate::lanes::{Kernel, Level, dispatch};
 use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
@@ -54,7 +54,7 @@ pub trait JobSource<'a> {
     /// Receives a sample of the recorded slots.
     fn sample(&mut self, job: usize, index: usize, values: &[f64]);
     /// Receives the outcome of a variant.
-    fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>);
+    fn finish(&mut self, job: usize, outcome: Result<Statistics, SolverFailure>);
     /// Whether to stop now and drop the variants in the lanes without a result.
     fn cancelled(&self) -> bool {
         false

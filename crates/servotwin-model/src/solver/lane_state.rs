@@ -1,7 +1,7 @@
 //! The progress of one variant through time: its current time and the length of its next step.
 
 use super::follow::{self, Following};
-use super::{Control, Failure, SAME_TIME_S, SolverSettings, Statistics};
+use super::{Control, SAME_TIME_S, SolverFailure, SolverSettings, Statistics};
 use crate::signal::{Cubic, Piecewise};
 use alloc::boxed::Box;
 use alloc::vec;
@@ -101,7 +101,7 @@ pub(super) struct LaneState {
     pub attempt_rate_per_s: f64,
     pub statistics: Statistics,
     /// Why the variant could not be finished.
-    pub failure: Option<Failure>,
+    pub failure: Option<SolverFailure>,
     /// Progress in [`Phase::Following`].
     pub following: Option<Box<Following>>,
 }

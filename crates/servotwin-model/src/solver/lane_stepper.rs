@@ -12,7 +12,7 @@ use super::lane_state::{LaneState, Phase};
 use super::step::MAX_LANES;
 use super::step_memory::StepMemory;
 use super::tableau::Tableau;
-use super::{Cause, Failure, MIN_STEP_S, SolverSettings};
+use super::{Cause, MIN_STEP_S, SolverFailure, SolverSettings};
 use crate::math;
 use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
@@ -362,7 +362,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
             let is_too_small = error.is_finite() && !fixed;
             let cause = if is_too_small { Cause::StepTooSmall } else { Cause::NotFinite };
             let state = self.memory.worst_state(index);
-            lane_state.failure = Some(Failure { time_s: lane_state.time_s, state, cause });
+            lane_state.failure = Some(SolverFailure { time_s: lane_state.time_s, state, cause });
             lane_state.phase = Phase::Idle;
         }
     }

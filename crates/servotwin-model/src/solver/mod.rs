@@ -215,7 +215,7 @@ impl core::ops::AddAssign for Statistics {
 
 /// Why a variant could not be finished.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Failure {
+pub struct SolverFailure {
     /// Time of the failure, s.
     pub time_s: f64,
     /// The state with the largest error, by its index in the program.
@@ -293,7 +293,7 @@ mod tests {
     struct Record<'a> {
         waiting: Vec<Job<'a>>,
         samples: Vec<Vec<f64>>,
-        outcomes: Vec<Option<Result<Statistics, Failure>>>,
+        outcomes: Vec<Option<Result<Statistics, SolverFailure>>>,
     }
 
     impl<'a> JobSource<'a> for Record<'a> {
@@ -303,7 +303,7 @@ mod tests {
         fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
             self.samples[job].push(values[0]);
         }
-        fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+        fn finish(&mut self, job: usize, outcome: Result<Statistics, SolverFailure>) {
             self.outcomes[job] = Some(outcome);
         }
     }

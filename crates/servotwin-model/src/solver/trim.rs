@@ -1,7 +1,7 @@
 //! The steady state that a run starts from.
 
 use super::ensemble::{Job, JobSource, run};
-use super::{Failure, SolverSettings, Statistics};
+use super::{SolverFailure, SolverSettings, Statistics};
 use crate::lanes::Level;
 use crate::program::{Program, Slot};
 use alloc::vec::Vec;
@@ -12,7 +12,7 @@ use alloc::vec::Vec;
 ///
 /// # Errors
 /// The search met numbers that are not finite.
-pub fn settle(program: &Program, job: Job) -> Result<Vec<f64>, Failure> {
+pub fn settle(program: &Program, job: Job) -> Result<Vec<f64>, SolverFailure> {
     settle_counted(program, job).map(|(states, _)| states)
 }
 
@@ -21,11 +21,14 @@ pub fn settle(program: &Program, job: Job) -> Result<Vec<f64>, Failure> {
 ///
 /// # Errors
 /// The search met numbers that are not finite.
-pub fn settle_counted(program: &Program, job: Job) -> Result<(Vec<f64>, Statistics), Failure> {
+pub fn settle_counted(
+    program: &Program,
+    job: Job,
+) -> Result<(Vec<f64>, Statistics), SolverFailure> {
     struct Catch<'a> {
         job: Option<Job<'a>>,
         states: Vec<f64>,
-        outcome: Result<Statistics, Failure>,
+        outcome: Result<Statistics, SolverFailure>,
     }
     impl<'a> JobSource<'a> for Catch<'a> {
         fn next(&mut self) -> Option<Job<'a>> {
@@ -34,7 +37,7 @@ pub fn settle_counted(program: &Program, job: Job) -> Result<(Vec<f64>, Statisti
         fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
             self.states = values.to_vec();
         }
-        fn finish(&mut self, _job: usize, outcome: Result<Statistics, Failure>) {
+        fn finish(&mut self, _job: usize, outcome: Result<Statistics, SolverFailure>) {
             self.outcome = outcome;
         }
     }

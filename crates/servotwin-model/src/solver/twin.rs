@@ -14,7 +14,7 @@
 use super::compiled_step::CompiledSteps;
 use super::lane_state::{LaneState, Moving, Phase};
 use super::lane_stepper::{LaneStepper, Numbers};
-use super::{Failure, MIN_STEP_S, SolverSettings, Statistics};
+use super::{MIN_STEP_S, SolverFailure, SolverSettings, Statistics};
 use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
 use alloc::vec::Vec;
@@ -134,7 +134,7 @@ impl<'p> Twin<'p> {
     ///
     /// # Errors
     /// The search met numbers that are not finite.
-    pub fn settle(&mut self, inputs: &[Knot], guess: &[f64]) -> Result<(), Failure> {
+    pub fn settle(&mut self, inputs: &[Knot], guess: &[f64]) -> Result<(), SolverFailure> {
         self.inputs.copy_from_slice(inputs);
         self.restart(true);
         self.take_loaded();
@@ -157,7 +157,7 @@ impl<'p> Twin<'p> {
     ///
     /// # Errors
     /// The solver could not continue. Only [`Twin::settle`] and [`Twin::restore`] clear this failure.
-    pub fn step(&mut self, inputs: &[Knot]) -> Result<(), Failure> {
+    pub fn step(&mut self, inputs: &[Knot]) -> Result<(), SolverFailure> {
         if let Some(failure) = self.lane_state().failure {
             return Err(failure);
         }
@@ -332,7 +332,7 @@ impl<'p> Twin<'p> {
         }
     }
 
-    fn attempt(&mut self) -> Result<(), Failure> {
+    fn attempt(&mut self) -> Result<(), SolverFailure> {
         let (_, error) = self.stepper.attempt();
         self.stepper.conclude(error);
         self.lane_state().failure.map_or(Ok(()), Err)

@@ -5,7 +5,8 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Between, Change, Failure, Job, JobSource, Knot, SolverSettings, Snapshot, Statistics, Twin, run,
+    Between, Change, Job, JobSource, Knot, Snapshot, SolverFailure, SolverSettings, Statistics,
+    Twin, run,
 };
 
 const PERIOD_S: f64 = 0.01;
@@ -51,7 +52,7 @@ impl<'a> JobSource<'a> for One<'a> {
     fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
         self.samples.push(values.to_vec());
     }
-    fn finish(&mut self, _job: usize, outcome: Result<Statistics, Failure>) {
+    fn finish(&mut self, _job: usize, outcome: Result<Statistics, SolverFailure>) {
         outcome.unwrap();
     }
 }

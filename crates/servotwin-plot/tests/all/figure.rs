@@ -11,7 +11,7 @@ use servotwin_plot::heatmap::ConfusionMatrix;
 use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_plot::lines::{Curve, Lines};
 use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin_plot::tree::{Node, Tree};
+use servotwin_plot::tree::{Node, TreeFigure};
 use servotwin_plot::{Figure, FigureError};
 
 use crate::folder::Folder;
@@ -67,7 +67,7 @@ fn tree(depth: usize) -> Figure {
         }
     }
     let classes = vec!["healthy".to_owned(), NAME.to_owned(), "jam".to_owned()];
-    Tree {
+    TreeFigure {
         title: NAME.to_owned(),
         classes,
         looks: vec![],

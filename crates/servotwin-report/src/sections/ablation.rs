@@ -1,6 +1,6 @@
 //! Ablation: the diagnosis on new commands with parts taken away.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{NONE, share, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::campaign::data_features;
@@ -19,7 +19,8 @@ impl Section for Ablation {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        let mut families = Grid::new([("family", Side::Left), ("what it computes", Side::Left)]);
+        let mut families =
+            HtmlTable::new([("family", Alignment::Left), ("what it computes", Alignment::Left)]);
         let words = material.words();
         let known = data_features(material.study);
         let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
@@ -28,18 +29,20 @@ impl Section for Ablation {
         }
         let mut tables = vec![];
         for result in &material.results.subjects {
-            let mut heads =
-                vec![("variation".to_owned(), Side::Left), ("features".to_owned(), Side::Right)];
+            let mut heads = vec![
+                ("variation".to_owned(), Alignment::Left),
+                ("features".to_owned(), Alignment::Right),
+            ];
             if words.has_several() {
-                heads.push(("A".to_owned(), Side::Right));
+                heads.push(("A".to_owned(), Alignment::Right));
             }
-            heads.push(("B".to_owned(), Side::Right));
-            heads.push(("end to end".to_owned(), Side::Right));
+            heads.push(("B".to_owned(), Alignment::Right));
+            heads.push(("end to end".to_owned(), Alignment::Right));
             if words.has_several() {
                 let head = format!("most often given to the wrong {}", words.unit());
-                heads.push((head, Side::Left));
+                heads.push((head, Alignment::Left));
             }
-            let mut grid = Grid::new(heads);
+            let mut grid = HtmlTable::new(heads);
             for row in &result.evaluation.ablation {
                 // Without features of individual actuators, only stage A can be asked.
                 let asked = row.command.is_some_and(|rate| rate.count > 0);

@@ -1,6 +1,6 @@
 //! The tree that finds the failed actuator (figure 9 of the seed paper), and the other trees of every setting.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{percent, unit};
 use crate::{Material, Section, stages};
@@ -68,11 +68,11 @@ impl Section for ActuatorTree {
             "The features that the trees ask for. “Of \
              scale” means: of the sensor's scale in the table above.",
         );
-        let mut grid = Grid::new([
-            ("tree", Side::Left),
-            ("nodes", Side::Right),
-            ("depth", Side::Right),
-            ("what carries it (share of the impurity removed)", Side::Left),
+        let mut grid = HtmlTable::new([
+            ("tree", Alignment::Left),
+            ("nodes", Alignment::Right),
+            ("depth", Alignment::Right),
+            ("what carries it (share of the impurity removed)", Alignment::Left),
         ]);
         for stage in &result.evaluation.stages {
             let count = |value: Option<usize>| value.map_or("–".into(), |v| v.to_string());
@@ -101,7 +101,7 @@ fn asks(stage: &Stage, words: &Vocabulary) -> String {
     }
 }
 
-fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> Grid {
+fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> HtmlTable {
     let mut asked: Vec<&str> = vec![];
     for stage in &hierarchy.stages {
         for name in stages::asked(hierarchy, stage) {
@@ -110,8 +110,11 @@ fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> 
             }
         }
     }
-    let mut grid =
-        Grid::new([("feature", Side::Left), ("unit", Side::Left), ("meaning", Side::Left)]);
+    let mut grid = HtmlTable::new([
+        ("feature", Alignment::Left),
+        ("unit", Alignment::Left),
+        ("meaning", Alignment::Left),
+    ]);
     for feature in features.iter().filter(|known| asked.contains(&known.name.as_str())) {
         let unit = unit(feature.unit).to_owned();
         grid.push(vec![feature.name.clone(), unit, words.adapted(&feature.meaning)]);

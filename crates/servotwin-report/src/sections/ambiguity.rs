@@ -1,7 +1,7 @@
 //! Faults that the diagnosis confuses with each other.
 
 use crate::lines;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{percent, spoken};
 use crate::{Material, Section, hardest_first};
 use servotwin::job::results::SubjectResult;
@@ -25,12 +25,12 @@ impl Section for Ambiguity {
         let words = material.words();
         let show = |result: &SubjectResult, page: &mut Page| {
             let ambiguity = &result.evaluation.ambiguity;
-            let mut grid = Grid::new([
-                ("fault", Side::Left),
-                ("taken for", Side::Left),
-                ("wrong was", Side::Left),
-                ("times", Side::Right),
-                ("of its tests", Side::Right),
+            let mut grid = HtmlTable::new([
+                ("fault", Alignment::Left),
+                ("taken for", Alignment::Left),
+                ("wrong was", Alignment::Left),
+                ("times", Alignment::Right),
+                ("of its tests", Alignment::Right),
             ]);
             for pair in ambiguity.pairs.iter().take(SHOWN) {
                 grid.push(vec![

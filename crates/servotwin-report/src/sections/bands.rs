@@ -2,7 +2,7 @@
 
 use crate::lines::{self, Measure, Who};
 use crate::looks;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, chosen, rate, stacked};
 use crate::{Material, Section};
@@ -114,10 +114,11 @@ fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
     bars.draw()
 }
 
-fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
-    let mut heads = vec![("sensor".to_owned(), Side::Left), ("fixed".into(), Side::Right)];
-    heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
-    let mut grid = Grid::new(heads);
+fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> HtmlTable {
+    let mut heads =
+        vec![("sensor".to_owned(), Alignment::Left), ("fixed".into(), Alignment::Right)];
+    heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Alignment::Right)));
+    let mut grid = HtmlTable::new(heads);
     for (place, name) in names.iter().enumerate() {
         let mut row = vec![name.clone(), chosen(100.0 * BAND)];
         let width = |band: Option<&Band>| {
@@ -136,12 +137,12 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
 }
 
 /// Detection and false alarms with both bands.
-fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
-    let mut grid = Grid::new([
-        ("setting", Side::Left),
-        ("band", Side::Left),
-        ("faults detected", Side::Right),
-        ("healthy specimens that alarm", Side::Right),
+fn effect(results: &[(&SubjectResult, &[Band])]) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("setting", Alignment::Left),
+        ("band", Alignment::Left),
+        ("faults detected", Alignment::Right),
+        ("healthy specimens that alarm", Alignment::Right),
     ]);
     for (result, _) in results {
         let evaluation = &result.evaluation;
@@ -166,9 +167,10 @@ fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
 fn compared(results: &[(&SubjectResult, &[Band])], words: &Vocabulary, page: &mut Page) {
     let measures: Vec<Measure> =
         lines::safety(words).into_iter().chain(lines::right(words)).collect();
-    let mut heads = ["setting", "by", "band"].map(|head| (head.to_owned(), Side::Left)).to_vec();
-    heads.extend(measures.iter().map(|measure| (measure.title.clone(), Side::Right)));
-    let mut grid = Grid::new(heads);
+    let mut heads =
+        ["setting", "by", "band"].map(|head| (head.to_owned(), Alignment::Left)).to_vec();
+    heads.extend(measures.iter().map(|measure| (measure.title.clone(), Alignment::Right)));
+    let mut grid = HtmlTable::new(heads);
     for (result, _) in results {
         // The trees come first, then the committee.
         for (who, paper) in Who::ALL.into_iter().zip(&result.evaluation.paper_band) {

@@ -1,10 +1,10 @@
 //! The commands on which the diagnosis is evaluated (figure 7 of the seed paper).
 
 use super::commands_curve::in_words;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::{Material, Section};
 use servotwin::shown::Shown;
-use servotwin_plot::Meaning;
+use servotwin_plot::SemanticColor;
 use servotwin_plot::time_series::{Panel, Series, TimeSeries};
 
 /// The section. The module describes it.
@@ -44,9 +44,9 @@ impl Section for Commands {
             let signal = &case.inputs[study.command_input];
             let values: Vec<f64> = time.iter().map(|&t| read.value(signal.value(t))).collect();
             let panel = Panel::new(name, &label);
-            figure = figure.with(
-                panel.with(Series::new("", time.clone(), values).looking(Meaning::Plain(0).look())),
-            );
+            figure = figure.with(panel.with(
+                Series::new("", time.clone(), values).looking(SemanticColor::Plain(0).look()),
+            ));
         }
         let shown = match end < study.duration_s {
             true => format!("the first {end} s of {} s", study.duration_s),
@@ -61,7 +61,8 @@ impl Section for Commands {
                 study.cases.iter().map(|case| case.name.as_str()).collect::<Vec<_>>().join(", "),
             ),
         );
-        let mut grid = Grid::new([("command", Side::Left), ("what it is", Side::Left)]);
+        let mut grid =
+            HtmlTable::new([("command", Alignment::Left), ("what it is", Alignment::Left)]);
         let text: toml::Table = study.text.parse().unwrap_or_default();
         let signals = text.get("command").and_then(|section| section.get("signals"));
         for name in known {

@@ -2,7 +2,7 @@
 
 use crate::lines;
 use crate::looks;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{chosen, number, stacked};
 use crate::{Material, Section};
@@ -114,18 +114,22 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
     lines.draw()
 }
 
-fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)], words: &Vocabulary) -> Grid {
-    let mut heads = vec![("training commands".to_owned(), Side::Right)];
+fn table(
+    curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)],
+    words: &Vocabulary,
+) -> HtmlTable {
+    let mut heads = vec![("training commands".to_owned(), Alignment::Right)];
     let mut measures = vec!["end to end right".to_owned()];
     if words.has_off() {
         measures.push(format!("{} missed", words.off()));
     }
     for what in &measures {
-        let head =
-            |(result, _): &(&SubjectResult, _)| (format!("{what}, {}", result.title), Side::Right);
+        let head = |(result, _): &(&SubjectResult, _)| {
+            (format!("{what}, {}", result.title), Alignment::Right)
+        };
         heads.extend(curves.iter().map(head));
     }
-    let mut grid = Grid::new(heads);
+    let mut grid = HtmlTable::new(heads);
     let mut counts: Vec<usize> =
         curves.iter().flat_map(|(_, curve)| curve.iter().map(|(count, _)| *count)).collect();
     counts.sort_unstable();
@@ -147,9 +151,12 @@ fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)], words: &Voc
 }
 
 /// Lists the training commands with a description. Draws of one pattern share a row.
-fn list(study: &Study, training: &Training) -> Grid {
-    let mut grid =
-        Grid::new([("command", Side::Left), ("what it is", Side::Left), ("load", Side::Right)]);
+fn list(study: &Study, training: &Training) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("command", Alignment::Left),
+        ("what it is", Alignment::Left),
+        ("load", Alignment::Right),
+    ]);
     let text: toml::Table = study.text.parse().unwrap_or_default();
     let driven = text.get("load").and_then(|load| load.get("input")).and_then(toml::Value::as_str);
     let inputs = &study.system.network().inputs;

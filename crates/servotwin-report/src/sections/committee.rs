@@ -3,7 +3,7 @@
 
 use crate::lines::{self, Who};
 use crate::looks;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
 use crate::{Material, Section};
@@ -13,7 +13,7 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
 use servotwin_plot::Figure;
-use servotwin_plot::Meaning;
+use servotwin_plot::SemanticColor;
 use servotwin_plot::lines::{Curve, Lines};
 
 /// Reads a share of a level with the ends of its interval.
@@ -60,15 +60,15 @@ impl Section for Committee {
     }
 }
 
-fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
-    let heads = [("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
+fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
+    let heads = [("held out".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
     let right = lines::right(words);
     // With one actuator there is no actuator stage.
     let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
-    let stages = letters.iter().map(|letter| ((*letter).to_owned(), Side::Right));
-    let measures = right.iter().map(|measure| (measure.title.clone(), Side::Right));
-    let last = [("end to end, by kind".to_owned(), Side::Right)];
-    let mut grid = Grid::new(heads.into_iter().chain(stages).chain(measures).chain(last));
+    let stages = letters.iter().map(|letter| ((*letter).to_owned(), Alignment::Right));
+    let measures = right.iter().map(|measure| (measure.title.clone(), Alignment::Right));
+    let last = [("end to end, by kind".to_owned(), Alignment::Right)];
+    let mut grid = HtmlTable::new(heads.into_iter().chain(stages).chain(measures).chain(last));
     for protocol in ALL {
         let Some(committee) = result.evaluation.committee(protocol) else { continue };
         for who in Who::ALL {
@@ -93,12 +93,12 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
 fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut lines = Lines::new("", "confidence", "share of right answers");
     lines.y_range = Some((0.0, 1.0));
-    let mut grid = Grid::new([
-        ("setting", Side::Left),
-        ("answers", Side::Right),
-        ("in the most confident tenth", Side::Right),
-        ("Brier score", Side::Right),
-        ("calibration error", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("setting", Alignment::Left),
+        ("answers", Alignment::Right),
+        ("in the most confident tenth", Alignment::Right),
+        ("Brier score", Alignment::Right),
+        ("calibration error", Alignment::Right),
     ]);
     for result in results {
         let Some(reliability) = &result.evaluation.reliability else { continue };
@@ -120,7 +120,7 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     }
     page.heading("How far its confidence can be believed");
     let ideal = Curve::new("as sure as right", vec![(0.0, 0.0), (1.0, 1.0)]).unmarked();
-    let ideal = ideal.looking(Meaning::Plain(1).look());
+    let ideal = ideal.looking(SemanticColor::Plain(1).look());
     page.figure(
         "reliability",
         lines.with(ideal).draw(),
@@ -234,22 +234,23 @@ fn unknown_kinds(words: &Vocabulary) -> String {
 }
 
 /// A table with one row for each rule.
-fn rules(isolation: &Isolation, words: &Vocabulary) -> Grid {
+fn rules(isolation: &Isolation, words: &Vocabulary) -> HtmlTable {
     let (off, several) = (words.has_off(), words.has_off() && words.has_several());
     let mut heads = vec![
-        ("decided".to_owned(), Side::Left),
-        ("share decided".to_owned(), Side::Right),
-        (format!("{} right, of decided", words.action()), Side::Right),
-        ("right or not isolated".to_owned(), Side::Right),
+        ("decided".to_owned(), Alignment::Left),
+        ("share decided".to_owned(), Alignment::Right),
+        (format!("{} right, of decided", words.action()), Alignment::Right),
+        ("right or not isolated".to_owned(), Alignment::Right),
     ];
     if several {
-        heads.push((format!("healthy {} {}", words.unit(), words.switched_off()), Side::Right));
+        heads
+            .push((format!("healthy {} {}", words.unit(), words.switched_off()), Alignment::Right));
     }
     if off {
-        heads.push((format!("{} missed", words.off()), Side::Right));
-        heads.push((format!("needless {}", words.off()), Side::Right));
+        heads.push((format!("{} missed", words.off()), Alignment::Right));
+        heads.push((format!("needless {}", words.off()), Alignment::Right));
     }
-    let mut grid = Grid::new(heads);
+    let mut grid = HtmlTable::new(heads);
     for rates in &isolation.rules {
         let mut row = vec![decided_where(rates).to_owned()];
         let shown = [rates.decided, rates.right_action, rates.right_or_not_isolated];
@@ -304,34 +305,35 @@ fn trade(abstention: &Abstention, words: &Vocabulary) -> Figure {
     };
     // The intervals of three curves at the same places would hide each other.
     let (worst, ends) = curve(&format!("{} wrong", words.action_wrong()), &wrong);
-    lines = lines.with(worst.with_intervals(ends).looking(Meaning::Plain(0).look()));
+    lines = lines.with(worst.with_intervals(ends).looking(SemanticColor::Plain(0).look()));
     if words.has_off() {
         let title = format!("fault that calls for a {} answered wrongly", words.off());
-        lines = lines.with(curve(&title, &missed).0.looking(Meaning::Command(0).look().at(1)));
+        lines =
+            lines.with(curve(&title, &missed).0.looking(SemanticColor::Command(0).look().at(1)));
     }
     if words.has_off() && words.has_several() {
         let title = format!("wrong {} {}", words.unit(), words.switched_off());
-        lines =
-            lines.with(curve(&title, &wrong_shutdown).0.looking(Meaning::Plain(1).look().at(2)));
+        lines = lines
+            .with(curve(&title, &wrong_shutdown).0.looking(SemanticColor::Plain(1).look().at(2)));
     }
     lines.draw()
 }
 
-fn levels(abstention: &Abstention, words: &Vocabulary) -> Grid {
+fn levels(abstention: &Abstention, words: &Vocabulary) -> HtmlTable {
     let mut heads = vec![
-        ("answers only".to_owned(), Side::Left),
-        ("withheld".to_owned(), Side::Right),
-        (format!("{} right", words.action()), Side::Right),
+        ("answers only".to_owned(), Alignment::Left),
+        ("withheld".to_owned(), Alignment::Right),
+        (format!("{} right", words.action()), Alignment::Right),
     ];
     let (off, wrong_unit) = (words.has_off(), words.has_off() && words.has_several());
     if wrong_unit {
         let head = format!("wrong {} {}", words.unit(), words.switched_off());
-        heads.push((head, Side::Right));
+        heads.push((head, Alignment::Right));
     }
     if off {
-        heads.push((format!("{} fault answered wrongly", words.off()), Side::Right));
+        heads.push((format!("{} fault answered wrongly", words.off()), Alignment::Right));
     }
-    let mut grid = Grid::new(heads);
+    let mut grid = HtmlTable::new(heads);
     let mut push = |title: String, level: &Level| {
         // Without any abstention there is no rate to estimate.
         let withheld = match level.abstained.count {

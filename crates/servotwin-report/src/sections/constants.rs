@@ -1,6 +1,6 @@
 //! The constants of the diagnosis in operation, with where their values come from.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::number;
 use crate::{Material, Section};
@@ -46,13 +46,13 @@ fn grouped(all: &[(Setting, Vec<Constant>)]) -> Vec<(Vec<Setting>, &[Constant])>
     groups
 }
 
-fn grid(constants: &[Constant], words: &Vocabulary) -> Grid {
-    let mut grid = Grid::new([
-        ("constant", Side::Left),
-        ("value", Side::Right),
-        ("", Side::Left),
-        ("meaning", Side::Left),
-        ("source", Side::Left),
+fn grid(constants: &[Constant], words: &Vocabulary) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("constant", Alignment::Left),
+        ("value", Alignment::Right),
+        ("", Alignment::Left),
+        ("meaning", Alignment::Left),
+        ("source", Alignment::Left),
     ]);
     for constant in constants {
         let value = format!("{} {}", number(constant.value), constant.unit);

@@ -1,6 +1,6 @@
 //! The course of the simulations: which ones ring, which began without a steady state, and the solver's steps by fault.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, spoken};
 use crate::{Material, Section};
 use servotwin::job::manifest::{DataSetEntry, KindEffort, MovingVariant};
@@ -79,13 +79,13 @@ fn caption(set: &DataSetEntry) -> String {
     parts.join(" ")
 }
 
-fn named(variants: &[MovingVariant]) -> Grid {
-    let mut grid = Grid::new([
-        ("variant", Side::Right),
-        ("fault", Side::Left),
-        ("intensity", Side::Right),
-        ("case", Side::Left),
-        ("limit cycle", Side::Left),
+fn named(variants: &[MovingVariant]) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("variant", Alignment::Right),
+        ("fault", Alignment::Left),
+        ("intensity", Alignment::Right),
+        ("case", Alignment::Left),
+        ("limit cycle", Alignment::Left),
     ]);
     for one in variants {
         grid.push(vec![
@@ -110,15 +110,15 @@ fn called(set: &DataSetEntry) -> String {
     format!("{}, for {}", set.setting, if set.is_training { "learning" } else { "judging" })
 }
 
-fn grid<'e>(efforts: impl Iterator<Item = &'e KindEffort>) -> Grid {
-    let mut grid = Grid::new([
-        ("fault", Side::Left),
-        ("variants", Side::Right),
-        ("steps a second", Side::Right),
-        ("at most", Side::Right),
-        ("ring", Side::Right),
-        ("began on the move", Side::Right),
-        ("limit cycle", Side::Right),
+fn grid<'e>(efforts: impl Iterator<Item = &'e KindEffort>) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("fault", Alignment::Left),
+        ("variants", Alignment::Right),
+        ("steps a second", Alignment::Right),
+        ("at most", Alignment::Right),
+        ("ring", Alignment::Right),
+        ("began on the move", Alignment::Right),
+        ("limit cycle", Alignment::Right),
     ]);
     for effort in efforts {
         grid.push(vec![

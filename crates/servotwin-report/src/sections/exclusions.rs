@@ -1,6 +1,6 @@
 //! Variants that were left out, with counts.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::number;
 use crate::{Material, Section};
 
@@ -21,16 +21,19 @@ impl Section for Exclusions {
 
     fn write(&self, material: &Material, page: &mut Page) {
         let words = material.words();
-        let mut heads =
-            vec![("data set", Side::Left), ("for", Side::Left), ("variants", Side::Right)];
-        heads.extend(words.has_several().then_some(("mirror images", Side::Right)));
+        let mut heads = vec![
+            ("data set", Alignment::Left),
+            ("for", Alignment::Left),
+            ("variants", Alignment::Right),
+        ];
+        heads.extend(words.has_several().then_some(("mirror images", Alignment::Right)));
         heads.extend([
-            ("without a fault", Side::Right),
-            ("undetectable", Side::Right),
-            ("not simulated to the end", Side::Right),
-            ("faults left", Side::Right),
+            ("without a fault", Alignment::Right),
+            ("undetectable", Alignment::Right),
+            ("not simulated to the end", Alignment::Right),
+            ("faults left", Alignment::Right),
         ]);
-        let mut grid = Grid::new(heads);
+        let mut grid = HtmlTable::new(heads);
         for set in &material.manifest.data_sets {
             let used = set.variants - set.healthy - set.undetectable - set.failed.len();
             let mut row = vec![
@@ -59,12 +62,12 @@ impl Section for Exclusions {
             ),
         );
         for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
-            let mut grid = Grid::new([
-                ("variant", Side::Right),
-                ("fault", Side::Left),
-                ("intensity", Side::Right),
-                ("case", Side::Left),
-                ("reason", Side::Left),
+            let mut grid = HtmlTable::new([
+                ("variant", Alignment::Right),
+                ("fault", Alignment::Left),
+                ("intensity", Alignment::Right),
+                ("case", Alignment::Left),
+                ("reason", Alignment::Left),
             ]);
             for failed in set.failed.iter().take(SHOWN) {
                 grid.push(vec![

@@ -1,6 +1,6 @@
 //! Table 1 of the seed paper, and the physical meaning of each fault.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, spoken};
 use crate::{Material, Section, table};
 use servotwin::study::Study;
@@ -23,11 +23,11 @@ impl Section for Faults {
         if study.faults.is_empty() {
             return;
         }
-        let mut grid = Grid::new([
-            ("command", Side::Left),
-            ("failure", Side::Left),
-            ("components", Side::Right),
-            ("faults", Side::Right),
+        let mut grid = HtmlTable::new([
+            ("command", Alignment::Left),
+            ("failure", Alignment::Left),
+            ("components", Alignment::Right),
+            ("faults", Alignment::Right),
         ]);
         let rows = table::rows(study);
         for row in &rows {
@@ -71,14 +71,14 @@ fn kinds(study: &Study) -> Vec<FaultAt> {
     kinds
 }
 
-fn physical(study: &Study) -> Grid {
-    let mut grid = Grid::new([
-        ("fault", Side::Left),
-        ("meaning", Side::Left),
-        ("parameter", Side::Left),
-        ("healthy", Side::Right),
-        ("intensity 1", Side::Right),
-        ("unit", Side::Left),
+fn physical(study: &Study) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("fault", Alignment::Left),
+        ("meaning", Alignment::Left),
+        ("parameter", Alignment::Left),
+        ("healthy", Alignment::Right),
+        ("intensity 1", Alignment::Right),
+        ("unit", Alignment::Left),
     ]);
     let program = &study.system.program;
     let components = &study.system.network().components;

@@ -3,7 +3,7 @@
 
 use crate::looks;
 use crate::looks::Looks;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
@@ -390,13 +390,13 @@ impl SettingLimits<'_> {
     }
 }
 
-fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> Grid {
-    let mut grid = Grid::new([
-        ("", Side::Left),
-        ("setting", Side::Left),
-        ("limit", Side::Right),
-        ("measured", Side::Right),
-        ("", Side::Left),
+fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("", Alignment::Left),
+        ("setting", Alignment::Left),
+        ("limit", Alignment::Right),
+        ("measured", Alignment::Right),
+        ("", Alignment::Left),
     ]);
     for limit in limits(study, results, words) {
         let is_strong = ![MET, NONE_SEEN, ""].contains(&limit.verdict);
@@ -503,19 +503,19 @@ fn times(latency: &Option<Latency>) -> String {
     })
 }
 
-fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> Grid {
-    let mut heads: Vec<(String, Side)> = vec![
-        ("command".into(), Side::Left),
-        ("visible".into(), Side::Right),
-        ("isolated".into(), Side::Right),
-        ("another command".into(), Side::Right),
+fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
+    let mut heads: Vec<(String, Alignment)> = vec![
+        ("command".into(), Alignment::Left),
+        ("visible".into(), Alignment::Right),
+        ("isolated".into(), Alignment::Right),
+        ("another command".into(), Alignment::Right),
     ];
     if words.has_several() {
-        heads.push((format!("wrong {}", words.unit()), Side::Right));
+        heads.push((format!("wrong {}", words.unit()), Alignment::Right));
     }
     let times_heads = ["silent", "until visible", "until isolated", "visible to isolated"];
-    heads.extend(times_heads.map(|head| (head.into(), Side::Right)));
-    let mut grid = Grid::new(heads);
+    heads.extend(times_heads.map(|head| (head.into(), Alignment::Right)));
+    let mut grid = HtmlTable::new(heads);
     for class in &merit.classes {
         let [low, high] = class.intensities;
         let count =
@@ -532,12 +532,13 @@ fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> Grid {
     grid
 }
 
-fn by_onset(results: &FlightResults, words: &Vocabulary) -> Grid {
-    let left = ["begins", "setting"].map(|head| (head.to_owned(), Side::Left));
+fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
+    let left = ["begins", "setting"].map(|head| (head.to_owned(), Alignment::Left));
     let right = ["visible", "isolated", "silent", "until isolated: median, 95 %"];
-    let right = right.map(|head| (head.to_owned(), Side::Right));
-    let wrong = words.has_several().then(|| (format!("wrong {} off", words.unit()), Side::Right));
-    let mut grid = Grid::new(left.into_iter().chain(right).chain(wrong));
+    let right = right.map(|head| (head.to_owned(), Alignment::Right));
+    let wrong =
+        words.has_several().then(|| (format!("wrong {} off", words.unit()), Alignment::Right));
+    let mut grid = HtmlTable::new(left.into_iter().chain(right).chain(wrong));
     for merit in &results.merits {
         for (name, class) in &merit.onsets {
             let isolation = class.isolation.as_ref();
@@ -571,10 +572,11 @@ fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
         "isolated: median, 95 %",
         "never isolated",
     ];
-    let right = right.map(|head| (head.to_owned(), Side::Right));
-    let wrong = words.has_several().then(|| (format!("wrong {} off", words.unit()), Side::Right));
-    let left = [("setting".to_owned(), Side::Left)];
-    let mut grid = Grid::new(left.into_iter().chain(right).chain(wrong));
+    let right = right.map(|head| (head.to_owned(), Alignment::Right));
+    let wrong =
+        words.has_several().then(|| (format!("wrong {} off", words.unit()), Alignment::Right));
+    let left = [("setting".to_owned(), Alignment::Left)];
+    let mut grid = HtmlTable::new(left.into_iter().chain(right).chain(wrong));
     for merit in &results.merits {
         let isolated =
             merit.trade.iter().filter_map(|p| Some((p.asked_per_h, p.isolation.as_ref()?)));

@@ -1,7 +1,7 @@
 //! Answers of the diagnosis to faults that it was never trained on.
 
 use super::flights::at_most;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
 use crate::{Material, Section};
@@ -103,7 +103,7 @@ fn behind_wrong_sensor(merit: &UnseenFaultMetrics, words: &Vocabulary) -> String
 }
 
 /// One row for each challenge set.
-fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> Grid {
+fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> HtmlTable {
     let columns = [
         format!("{}s", words.run()),
         "failed".into(),
@@ -115,8 +115,9 @@ fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> Grid {
         "false alarm before the onset".into(),
         "latency".into(),
     ];
-    let columns = columns.map(|name| (name, Side::Right));
-    let mut grid = Grid::new([("challenge set".to_owned(), Side::Left)].into_iter().chain(columns));
+    let columns = columns.map(|name| (name, Alignment::Right));
+    let mut grid =
+        HtmlTable::new([("challenge set".to_owned(), Alignment::Left)].into_iter().chain(columns));
     for set in sets {
         let [need, missed] = set.missed_shutdowns;
         let latency = set.latency.as_ref();
@@ -137,17 +138,20 @@ fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> Grid {
     grid
 }
 
-fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Grid {
-    let left = [("fault".to_owned(), Side::Left), (format!("{}s", vocabulary.run()), Side::Right)];
-    let words = Words::default().named();
-    let words = words.map(|(word, _)| (vocabulary.said(word), Side::Right));
-    let right = [
-        ("off: at fault".to_owned(), Side::Right),
-        ("off: healthy".to_owned(), Side::Right),
-        ("off: healthy, sensor wrong".to_owned(), Side::Right),
-        ("first word".to_owned(), Side::Right),
+fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
+    let left = [
+        ("fault".to_owned(), Alignment::Left),
+        (format!("{}s", vocabulary.run()), Alignment::Right),
     ];
-    let mut grid = Grid::new(left.into_iter().chain(words).chain(right));
+    let words = Words::default().named();
+    let words = words.map(|(word, _)| (vocabulary.said(word), Alignment::Right));
+    let right = [
+        ("off: at fault".to_owned(), Alignment::Right),
+        ("off: healthy".to_owned(), Alignment::Right),
+        ("off: healthy, sensor wrong".to_owned(), Alignment::Right),
+        ("first word".to_owned(), Alignment::Right),
+    ];
+    let mut grid = HtmlTable::new(left.into_iter().chain(words).chain(right));
     for outcome in &merit.outcomes {
         let row = row(outcome, vocabulary);
         let behind = outcome.shutdowns_behind_wrong_sensor.unwrap_or_default();

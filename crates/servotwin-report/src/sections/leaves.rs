@@ -1,11 +1,11 @@
 //! The least pure leaves, and the classes in them.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{of_unit, percent, spoken};
 use crate::{Material, Section};
 use servotwin::campaign::data_features;
 use servotwin::evaluation::leaves::{Condition, Content};
-use servotwin_diagnosis::hierarchy::{Place, Question};
+use servotwin_diagnosis::hierarchy::{Question, StagePlace};
 
 /// The section. The module describes it.
 pub struct Leaves;
@@ -22,7 +22,7 @@ impl Section for Leaves {
     fn write(&self, material: &Material, page: &mut Page) {
         let units = data_features(material.study);
         let words = material.words();
-        let first = Place { question: Question::Actuator, actuator: None, action: None }.id();
+        let first = StagePlace { question: Question::Actuator, actuator: None, action: None }.id();
         let class = |stage: &str, name| match stage == first {
             true => words.class(Question::Actuator, name),
             false => name,
@@ -34,13 +34,13 @@ impl Section for Leaves {
             format!("{} {sign} {}", condition.feature, of_unit(condition.threshold, unit))
         };
         for result in &material.results.subjects {
-            let mut grid = Grid::new([
-                ("tree", Side::Left),
-                ("answer", Side::Left),
-                ("purity", Side::Right),
-                ("variants", Side::Right),
-                ("because", Side::Left),
-                ("holds", Side::Left),
+            let mut grid = HtmlTable::new([
+                ("tree", Alignment::Left),
+                ("answer", Alignment::Left),
+                ("purity", Alignment::Right),
+                ("variants", Alignment::Right),
+                ("because", Alignment::Left),
+                ("holds", Alignment::Left),
             ]);
             for leaf in &result.evaluation.worst_leaves {
                 let because: Vec<String> = leaf.conditions.iter().map(condition).collect();

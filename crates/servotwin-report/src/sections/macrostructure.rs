@@ -5,8 +5,8 @@ use crate::page::Page;
 use crate::words::{share, spoken};
 use crate::{Material, Section, stages};
 use servotwin::evaluation::protocol::ProtocolResult;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question, Stage};
-use servotwin_plot::Meaning;
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage, StagePlace};
+use servotwin_plot::SemanticColor;
 use servotwin_plot::diagram::{Block, Diagram, Wire};
 
 /// The section. The module describes it.
@@ -56,7 +56,7 @@ fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks
     let commands =
         names.actions.iter().map(|name| (spoken(name), looks.class(Question::Action, name)));
     let plain = [("decision", 0), ("residuals", 1), ("tree", 0)];
-    let plain = plain.map(|(kind, place)| (kind.to_owned(), Meaning::Plain(place).look()));
+    let plain = plain.map(|(kind, place)| (kind.to_owned(), SemanticColor::Plain(place).look()));
     let (kinds, looks) = plain.into_iter().chain(commands).unzip();
     let mut diagram = Diagram { kinds, looks, ..Diagram::default() };
     let sensors = Block::new("residuals", "features of\nresiduals", "residuals", "");
@@ -89,7 +89,7 @@ fn add_actuator(
     let group = spoken(name);
     let own = |question, command| {
         let several = hierarchy.names.actuators.len() > 1;
-        Place { question, actuator: several.then_some(actuator), action: command }.id()
+        StagePlace { question, actuator: several.then_some(actuator), action: command }.id()
     };
     let command_id = own(Question::Action, None);
     let text = format!("{command_id}  command\n{}", accuracy(judged, &command_id));

@@ -1,6 +1,6 @@
 //! The commands and versions that reproduce the report.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::NONE;
 use crate::{Material, Section};
 
@@ -18,7 +18,7 @@ impl Section for Making {
 
     fn write(&self, material: &Material, page: &mut Page) {
         let (study, manifest) = (material.study, material.manifest);
-        let mut grid = Grid::new([("", Side::Left), ("", Side::Left)]);
+        let mut grid = HtmlTable::new([("", Alignment::Left), ("", Alignment::Left)]);
         let mut push = |name: &str, value: String| grid.push(vec![name.into(), value]);
         push("program", format!("servotwin {}", manifest.version));
         push("study", format!("{} ({})", manifest.study, study.title));
@@ -41,7 +41,7 @@ impl Section for Making {
             "Versions, settings and seeds. The same study gives the same bytes again, \
              on any number of processors.",
         );
-        let mut files = Grid::new([("file", Side::Left), ("SHA-256", Side::Left)]);
+        let mut files = HtmlTable::new([("file", Alignment::Left), ("SHA-256", Alignment::Left)]);
         for file in manifest.inputs.iter().chain(&manifest.outputs) {
             files.push(vec![file.file.clone(), file.sha256.clone()]);
         }

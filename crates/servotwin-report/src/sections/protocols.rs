@@ -1,7 +1,7 @@
 //! The protocols: how each holds variants out, and the results under it.
 
 use crate::lines;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, percent, stacked};
 use crate::{Material, Section};
@@ -63,13 +63,13 @@ impl Section for Protocols {
 }
 
 /// A table with protocols in rows and measures in columns.
-fn grid(results: &[ProtocolResult], words: &Vocabulary) -> Grid {
+fn grid(results: &[ProtocolResult], words: &Vocabulary) -> HtmlTable {
     let stages = lines::stages(words, &results.iter().collect::<Vec<_>>());
-    let mut heads = vec![("held out", Side::Left), ("splits", Side::Right)];
-    heads.extend(stages.iter().map(|(letter, _)| (letter.as_str(), Side::Right)));
+    let mut heads = vec![("held out", Alignment::Left), ("splits", Alignment::Right)];
+    heads.extend(stages.iter().map(|(letter, _)| (letter.as_str(), Alignment::Right)));
     let whole = ["end to end", "by kind", "of all"];
-    heads.extend(whole.map(|head| (head, Side::Right)));
-    let mut grid = Grid::new(heads);
+    heads.extend(whole.map(|head| (head, Alignment::Right)));
+    let mut grid = HtmlTable::new(heads);
     for result in results {
         let mut row = vec![words.adapted(&result.title), result.splits.to_string()];
         let accuracy = |letter: &str| stacked(result.stage(letter).map(|score| score.accuracy));

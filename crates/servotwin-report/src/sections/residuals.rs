@@ -7,7 +7,7 @@ use crate::words::spoken;
 use crate::{Material, Section};
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_plot::Meaning;
+use servotwin_plot::SemanticColor;
 use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
 
@@ -111,17 +111,17 @@ fn in_time(study: &Study, example: &Example) -> servotwin_plot::Figure {
         let panel = Panel::new(label(study, sensor), unit.shown())
             .with(
                 Series::new("measured", time.clone(), shown(&example.runs[last].1[sensor]))
-                    .looking(Meaning::Measured.look()),
+                    .looking(SemanticColor::Measured.look()),
             )
             .with(
                 Series::new("twin", time.clone(), shown(&example.twin[sensor]))
-                    .looking(Meaning::Twin.look()),
+                    .looking(SemanticColor::Twin.look()),
             );
         figure = figure.with(panel);
         let values = residual(study, example, last, sensor)[..count].to_vec();
         residuals = residuals.with(
             Series::new(label(study, sensor), time.clone(), values)
-                .looking(Meaning::Plain(place).look()),
+                .looking(SemanticColor::Plain(place).look()),
         );
     }
     figure.with(residuals.with_band(Band::constant("±3 %", -BAND, BAND))).draw()

@@ -1,7 +1,7 @@
 //! Training on one setting, testing on another.
 
 use crate::lines::Who;
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::stacked;
 use crate::{Material, Section};
@@ -110,15 +110,16 @@ fn map(crosses: &[Cross], who: Who, error: Error) -> Figure {
     .draw()
 }
 
-fn grid(crosses: &[Cross], words: &Vocabulary) -> Grid {
+fn grid(crosses: &[Cross], words: &Vocabulary) -> HtmlTable {
     let mut heads =
-        vec![("trained on".to_owned(), Side::Left), ("tested on".to_owned(), Side::Left)];
-    heads.extend(Who::ALL.map(|who| (format!("{}, end to end", who.title()), Side::Right)));
+        vec![("trained on".to_owned(), Alignment::Left), ("tested on".to_owned(), Alignment::Left)];
+    heads.extend(Who::ALL.map(|who| (format!("{}, end to end", who.title()), Alignment::Right)));
     if words.has_off() {
-        let head = |who: Who| (format!("{}, {} missed", who.title(), words.off()), Side::Right);
+        let head =
+            |who: Who| (format!("{}, {} missed", who.title(), words.off()), Alignment::Right);
         heads.extend(Who::ALL.map(head));
     }
-    let mut grid = Grid::new(heads);
+    let mut grid = HtmlTable::new(heads);
     let mut last = "";
     for cross in crosses {
         let trained = if cross.trained == last { "" } else { &cross.trained };

@@ -1,7 +1,7 @@
 //! The consequences of errors, by name.
 
 use crate::lines::{self, Who};
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
 use crate::{Material, Section, hardest_first};
@@ -72,15 +72,16 @@ fn about(words: &Vocabulary, page: &mut Page) {
 }
 
 /// A table with one row for each protocol and classifier, and one column for each measure.
-fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
+fn grid(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
     let mut safety = lines::safety(words);
     // A measure without a count under any protocol has no column.
     let protocols = &result.evaluation.protocols;
     let judged = || protocols.iter().chain(&result.evaluation.committee);
     safety.retain(|measure| judged().any(|judged| (measure.rate)(judged).is_some()));
-    let mut heads = vec![("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
-    heads.extend(safety.iter().map(|measure| (measure.title.clone(), Side::Right)));
-    let mut grid = Grid::new(heads);
+    let mut heads =
+        vec![("held out".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
+    heads.extend(safety.iter().map(|measure| (measure.title.clone(), Alignment::Right)));
+    let mut grid = HtmlTable::new(heads);
     for protocol in ALL {
         for who in Who::ALL {
             let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
@@ -100,17 +101,17 @@ fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
 /// Writes the answers for healthy specimens, one row for each setting.
 fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
     let mut heads = vec![
-        ("setting".to_owned(), Side::Left),
-        ("specimens".to_owned(), Side::Right),
-        ("alarm".to_owned(), Side::Right),
+        ("setting".to_owned(), Alignment::Left),
+        ("specimens".to_owned(), Alignment::Right),
+        ("alarm".to_owned(), Alignment::Right),
     ];
     for who in Who::ALL {
-        heads.push((format!("faulty by {}", who.title()), Side::Right));
+        heads.push((format!("faulty by {}", who.title()), Alignment::Right));
         if words.has_off() {
-            heads.push((format!("{} by {}", words.switched_off(), who.title()), Side::Right));
+            heads.push((format!("{} by {}", words.switched_off(), who.title()), Alignment::Right));
         }
     }
-    let mut grid = Grid::new(heads);
+    let mut grid = HtmlTable::new(heads);
     for result in &material.results.subjects {
         let Some(alarms) = &result.evaluation.false_alarms else { continue };
         let mut row = vec![result.title.clone(), alarms.alarms.of.to_string()];
@@ -136,16 +137,17 @@ fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
 /// Writes the components whose faults are attributed to the wrong actuator, or not isolated.
 fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Page) {
     let unit = words.unit();
-    let mut heads = vec![("component".to_owned(), Side::Left), ("tests".to_owned(), Side::Right)];
+    let mut heads =
+        vec![("component".to_owned(), Alignment::Left), ("tests".to_owned(), Alignment::Right)];
     let (several, off) = (words.has_several(), words.has_several() && words.has_off());
     if several {
-        heads.push((format!("wrong {unit}"), Side::Right));
+        heads.push((format!("wrong {unit}"), Alignment::Right));
     }
     if off {
-        heads.push((format!("wrong {unit} {}", words.switched_off()), Side::Right));
+        heads.push((format!("wrong {unit} {}", words.switched_off()), Alignment::Right));
     }
-    heads.push(("end to end right".to_owned(), Side::Right));
-    let mut grid = Grid::new(heads);
+    heads.push(("end to end right".to_owned(), Alignment::Right));
+    let mut grid = HtmlTable::new(heads);
     let mut list: Vec<_> = result.components.iter().collect();
     let right = |rate: Rate| rate.share.unwrap_or(1.0);
     list.sort_by(|a, b| right(a.right).total_cmp(&right(b.right)));

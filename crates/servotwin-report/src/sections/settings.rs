@@ -1,7 +1,7 @@
 //! The settings, and the effect of an additional sensor.
 
 use crate::lines::{self, Who};
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{begun, change, percent, rate, stacked};
 use crate::{Material, Section};
 use servotwin::campaign::data_features;
@@ -65,12 +65,12 @@ fn third_sensor(
     if let Some((before, after)) = under(without, Who::Trees).zip(under(with, Who::Trees)) {
         page.text(&verdict(&before, &after, &used(material, with)));
     }
-    let mut grid = Grid::new([
-        ("", Side::Left),
-        ("by", Side::Left),
-        (&without.title, Side::Right),
-        (&with.title, Side::Right),
-        ("change, points", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("", Alignment::Left),
+        ("by", Alignment::Left),
+        (&without.title, Alignment::Right),
+        (&with.title, Alignment::Right),
+        ("change, points", Alignment::Right),
     ]);
     let mut push = |title: &str, who: Who, of: &dyn Fn(&ProtocolResult) -> Option<Rate>| {
         let both = [without, with].map(|result| under(result, who).as_ref().and_then(of));

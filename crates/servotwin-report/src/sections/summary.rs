@@ -2,7 +2,7 @@
 //! separately the comparison with the seed paper.
 
 use crate::lines::{self, OF_PAPER};
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::{PAPER, Vocabulary};
 use crate::words::{NONE, number, percent, rate, stacked};
 use crate::{Material, Section};
@@ -142,10 +142,10 @@ fn silent(evaluation: &Evaluation) -> Option<&Level> {
 }
 
 /// A table with measures in rows and settings in columns.
-fn side_by_side(settings: &[&SubjectResult], words: &Vocabulary) -> Grid {
-    let heads = [("".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
-    let titles = settings.iter().map(|result| (result.title.clone(), Side::Right));
-    let mut grid = Grid::new(heads.into_iter().chain(titles));
+fn side_by_side(settings: &[&SubjectResult], words: &Vocabulary) -> HtmlTable {
+    let heads = [("".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
+    let titles = settings.iter().map(|result| (result.title.clone(), Alignment::Right));
+    let mut grid = HtmlTable::new(heads.into_iter().chain(titles));
     let mut last = String::new();
     for row in lines::headline(settings, words) {
         let title = if row.title == last { String::new() } else { row.title.clone() };
@@ -208,13 +208,13 @@ fn seed_paper(material: &Material, page: &mut Page) {
     if material.study.name != PAPER {
         return;
     }
-    let mut grid = Grid::new([
-        ("", Side::Left),
-        ("seed paper", Side::Right),
-        ("its trees, repeated here", Side::Right),
-        ("mean of random thirds", Side::Right),
-        ("of them below the seed paper", Side::Right),
-        ("trees of this report", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("", Alignment::Left),
+        ("seed paper", Alignment::Right),
+        ("its trees, repeated here", Alignment::Right),
+        ("mean of random thirds", Alignment::Right),
+        ("of them below the seed paper", Alignment::Right),
+        ("trees of this report", Alignment::Right),
     ]);
     let thirds = |letter: &str| evaluation.random_thirds.iter().find(|t| t.stage == letter);
     let mut push = |letter: &str, title: &str, values: [Option<Rate>; 2]| {

@@ -1,6 +1,6 @@
 //! The system: its schematic and its sensors.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::number;
 use crate::{Material, Section, schematic};
 
@@ -25,11 +25,11 @@ impl Section for System {
             "The simulated system: what supplies at the top, what is moved at the bottom. Lines run from \
              the port that sets pressure, motion or signal, and branch to all that it is joined with.",
         );
-        let mut grid = Grid::new([
-            ("sensor", Side::Left),
-            ("signal", Side::Left),
-            ("scale", Side::Right),
-            ("unit", Side::Left),
+        let mut grid = HtmlTable::new([
+            ("sensor", Alignment::Left),
+            ("signal", Alignment::Left),
+            ("scale", Alignment::Right),
+            ("unit", Alignment::Left),
         ]);
         for (place, &sensor) in study.measured.iter().enumerate() {
             let sensor = &system.sensors[sensor];

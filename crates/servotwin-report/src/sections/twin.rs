@@ -1,6 +1,6 @@
 //! Twins fitted to their actuators, and the twin's conditional confidence band.
 
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{chosen, number, rate};
 use crate::{Material, Section};
 use servotwin::campaign::Comparison;
@@ -45,7 +45,7 @@ impl Section for Twin {
 }
 
 /// A table with one row for each kind of parameter, over all actuators.
-fn parameters(all: &[Comparison]) -> Grid {
+fn parameters(all: &[Comparison]) -> HtmlTable {
     let kind = |one: &Comparison| match one.parameter.split_once('.') {
         Some((_, rest)) if rest.contains('.') => rest.to_owned(),
         _ => one.parameter.clone(),
@@ -56,12 +56,12 @@ fn parameters(all: &[Comparison]) -> Grid {
             kinds.push(kind(one));
         }
     }
-    let mut grid = Grid::new([
-        ("parameter", Side::Left),
-        ("fits", Side::Right),
-        ("error (rms)", Side::Right),
-        ("standard error", Side::Right),
-        ("true value in its 95 % interval", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("parameter", Alignment::Left),
+        ("fits", Alignment::Right),
+        ("error (rms)", Alignment::Right),
+        ("standard error", Alignment::Right),
+        ("true value in its 95 % interval", Alignment::Right),
     ]);
     let row = |name: &str, own: &[&Comparison]| {
         let count = own.len() as f64;
@@ -99,10 +99,10 @@ fn band(merit: &BandMerit, study: &Study, page: &mut Page) {
         figure,
         "Factors of the field: 1 is the mean of all healthy samples of the sensor.",
     );
-    let mut grid = Grid::new([
-        ("flights, none of them learned from", Side::Left),
-        ("leave the field", Side::Right),
-        ("leave the fixed band", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("flights, none of them learned from", Alignment::Left),
+        ("leave the field", Alignment::Right),
+        ("leave the fixed band", Alignment::Right),
     ]);
     let of = |count: usize, of: usize| rate(Some(Rate::new(count as u64, of as u64)));
     let [field_left, fixed_left] = merit.left.map(|count| of(count, merit.healthy));
@@ -115,8 +115,11 @@ fn band(merit: &BandMerit, study: &Study, page: &mut Page) {
          covered: nothing like them is known.",
         merit.outside
     ));
-    let mut grid =
-        Grid::new([("sensor", Side::Left), ("field", Side::Right), ("fixed band", Side::Right)]);
+    let mut grid = HtmlTable::new([
+        ("sensor", Alignment::Left),
+        ("field", Alignment::Right),
+        ("fixed band", Alignment::Right),
+    ]);
     for (sensor, name) in merit.sensors.iter().enumerate() {
         let [least, most] = merit.ends(sensor).map(|end| number(100.0 * end));
         let fixed = number(100.0 * merit.fixed.half_width(sensor, &[]));

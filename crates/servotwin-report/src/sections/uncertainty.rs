@@ -1,7 +1,7 @@
 //! Answers that depend on differences below the sensors' uncertainty.
 
 use crate::lines::{self, Who};
-use crate::page::{Grid, Page, Side};
+use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{of_unit, percent, stacked};
 use crate::{Material, Section};
@@ -68,18 +68,18 @@ impl Section for Uncertainty {
     }
 }
 
-fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> Grid {
+fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> HtmlTable {
     let mut heads = vec![
-        ("setting".to_owned(), Side::Left),
-        ("by".to_owned(), Side::Left),
-        ("moves".to_owned(), Side::Right),
+        ("setting".to_owned(), Alignment::Left),
+        ("by".to_owned(), Alignment::Left),
+        ("moves".to_owned(), Alignment::Right),
     ];
     if words.has_several() {
-        heads.push((words.unit().to_owned(), Side::Right));
+        heads.push((words.unit().to_owned(), Alignment::Right));
     }
-    heads.push((words.action_wrong(), Side::Right));
-    heads.push(("any part".to_owned(), Side::Right));
-    let mut grid = Grid::new(heads);
+    heads.push((words.action_wrong(), Alignment::Right));
+    heads.push(("any part".to_owned(), Alignment::Right));
+    let mut grid = HtmlTable::new(heads);
     for (result, (trees, committee)) in results {
         for (who, flips) in Who::ALL.into_iter().zip([trees, committee]) {
             let title = if who == Who::Trees { result.title.clone() } else { String::new() };
@@ -103,12 +103,12 @@ fn worst(result: &SubjectResult, trees: &Flips, features: &[DataFeature], page: 
     let (all, flipping): (usize, usize) = asked
         .clone()
         .fold((0, 0), |(all, some), split| (all + 1, some + usize::from(split.flips.count > 0)));
-    let mut grid = Grid::new([
-        ("tree", Side::Left),
-        ("asks", Side::Left),
-        ("uncertainty there", Side::Right),
-        ("asked", Side::Right),
-        ("another answer", Side::Right),
+    let mut grid = HtmlTable::new([
+        ("tree", Alignment::Left),
+        ("asks", Alignment::Left),
+        ("uncertainty there", Alignment::Right),
+        ("asked", Alignment::Right),
+        ("another answer", Alignment::Right),
     ]);
     for split in asked.filter(|split| split.flips.count > 0).take(SHOWN) {
         grid.push(row(split, features));

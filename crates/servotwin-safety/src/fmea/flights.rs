@@ -7,7 +7,7 @@
 use crate::error::SafetyError;
 use crate::results::{EvidenceBasis, FOLDER, StudyResultsFolder};
 use servotwin::files::create_folder;
-use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::tracking::{TrackedQuantities, first_report_s};
 use servotwin::job::JobError;
 use servotwin::job::flights::diagnoser;
@@ -310,7 +310,7 @@ impl FaultFlyer<'_> {
         &self,
         fault: Option<FaultAt>,
         reacts: bool,
-    ) -> Result<Record, servotwin::flight::runtime::RuntimeError> {
+    ) -> Result<FlightRecord, servotwin::flight::runtime::RuntimeError> {
         let scenario = Scenario {
             study: self.study,
             inputs: self.study.cases[0].inputs.clone(),
@@ -324,7 +324,12 @@ impl FaultFlyer<'_> {
         closed_loop::fly(&scenario, &self.diagnoser, &slots)
     }
 
-    fn both(&self, fault: Option<&FlyingFault>, intensity: f64, healthy: &Record) -> FlownFault {
+    fn both(
+        &self,
+        fault: Option<&FlyingFault>,
+        intensity: f64,
+        healthy: &FlightRecord,
+    ) -> FlownFault {
         let at = fault.map(|fault| FaultAt { intensity, ..fault.at });
         let flown = self.fly(at, true).and_then(|with| Ok((with, self.fly(at, false)?)));
         let name = fault.map_or("healthy", |fault| fault.id.as_str());
@@ -343,8 +348,8 @@ impl FaultFlyer<'_> {
         &self,
         name: &str,
         (fault, intensity): (Option<&FlyingFault>, f64),
-        [with, alone]: [&Record; 2],
-        healthy: &Record,
+        [with, alone]: [&FlightRecord; 2],
+        healthy: &FlightRecord,
     ) -> FlownFault {
         let since = with.time_s.iter().position(|time_s| *time_s >= self.plan.onset_s).unwrap_or(0);
         let error = |record| {
@@ -401,12 +406,12 @@ impl FaultFlyer<'_> {
     fn differences(
         &self,
         unit: Option<&str>,
-        alone: &Record,
-        healthy: &Record,
+        alone: &FlightRecord,
+        healthy: &FlightRecord,
         since: usize,
     ) -> [f64; 2] {
         let force = |record| self.kept.rod_force(unit?, record);
-        let piston = |record: &'_ Record| {
+        let piston = |record: &'_ FlightRecord| {
             let place = self.pistons.iter().position(|(of, _)| Some(of.as_str()) == unit)?;
             Some(record.plant[self.kept.slots.len() + place].clone())
         };

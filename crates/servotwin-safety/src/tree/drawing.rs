@@ -5,7 +5,7 @@ use super::lanes::LaneTrees;
 use super::numbers::{BandEnd, ExposureHours, event_probabilities};
 use super::structure::{GateKind, TreeInput};
 use servotwin::figure::Figure;
-use servotwin::figure::tree::{Branch, Node, Tree};
+use servotwin::figure::tree::{Branch, Node, TreeFigure};
 use servotwin::text::number;
 
 /// A gate with more inputs than this is a list in one box.
@@ -23,7 +23,7 @@ pub fn draw(trees: &LaneTrees, hours: &ExposureHours, top: usize) -> Figure {
         "{}: probability in the last flight before a check (flight {} h, repair {} h, check {} h)",
         trees.tree.gates[top].title, hours.flight_h, hours.repair_h, hours.check_h
     );
-    Tree { title, classes: vec![], looks: vec![], root, sideways: true }.draw()
+    TreeFigure { title, classes: vec![], looks: vec![], root, sideways: true }.draw()
 }
 
 struct FaultTreeDrawer<'t> {

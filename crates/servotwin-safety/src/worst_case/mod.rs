@@ -22,7 +22,7 @@ use servotwin::flight::worst_case::{
 };
 use servotwin::job::JobError;
 use servotwin::job::flights::{Crew, diagnoser};
-use servotwin::signal::random::Random;
+use servotwin::signal::random::NormalDeviates;
 use servotwin_diagnosis::diagnoser::Session;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -125,8 +125,8 @@ impl<'s> WorstCaseSearch<'s> {
         Ok(())
     }
 
-    fn random(&self, method: Method) -> Random {
-        Random::stream(self.flyer.seed, STREAMS + method as u64)
+    fn random(&self, method: Method) -> NormalDeviates {
+        NormalDeviates::stream(self.flyer.seed, STREAMS + method as u64)
     }
 
     /// Flies those of a generation's points that are not stored, and stores all. `first` points came before.

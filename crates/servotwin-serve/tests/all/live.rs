@@ -5,11 +5,11 @@ use crate::viewer::{
     wait_for,
 };
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{Flight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
 use servotwin_model::program::FaultAt;
 use servotwin_serve::feed::{Frame, Message as Said};
-use servotwin_serve::signals::{Sample, Signals};
-use servotwin_serve::{Access, Live, Session};
+use servotwin_serve::signals::{ShownSample, Signals};
+use servotwin_serve::{Access, Live, SavedSession};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::OnceLock;
@@ -164,7 +164,7 @@ fn a_huge_header_gets_no_answer_but_a_refusal() {
 }
 
 /// The frames of a session, and what is between them as JSON.
-fn frames_and_texts(session: &Session) -> (Vec<Vec<u8>>, Vec<Value>) {
+fn frames_and_texts(session: &SavedSession) -> (Vec<Vec<u8>>, Vec<Value>) {
     let (mut frames, mut texts) = (vec![], vec![]);
     for message in &session.messages {
         match message {
@@ -189,8 +189,8 @@ fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32
         reacts,
     };
     let (with, without) = (scenario(true), scenario(false));
-    let mut flight = Flight::new(&with, &live.diagnoser).unwrap();
-    let mut ghost = Flight::new(&without, &live.diagnoser).unwrap();
+    let mut flight = ClosedLoopFlight::new(&with, &live.diagnoser).unwrap();
+    let mut ghost = ClosedLoopFlight::new(&without, &live.diagnoser).unwrap();
     let signals = Signals::of_flights(&live.study, &live.diagnoser);
     let (component, fault) = live.study.system.find_fault(FAULT).unwrap();
     let mut values = vec![];
@@ -203,7 +203,7 @@ fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32
         flight.sample().unwrap();
         ghost.sample().unwrap();
         flight.react().unwrap();
-        signals.fill(&Sample::of_flights(&flight, &ghost), &mut values);
+        signals.fill(&ShownSample::of_flights(&flight, &ghost), &mut values);
     }
     values.into_iter().map(f32::to_bits).collect()
 }

@@ -4,15 +4,15 @@ use crate::viewer::{
     FAULT, diagnoser, event_of, get, join_at, live, own, served_from_all, study, wait_for,
 };
 use serde_json::json;
-use servotwin::flight::closed_loop::{Flight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
 use servotwin::study::Study;
 use servotwin::units;
 use servotwin_model::program::FaultAt;
 use servotwin_serve::feed::{Frame, Message};
-use servotwin_serve::{Measured, Session, Stream};
+use servotwin_serve::{Measured, SavedSession, Stream};
 use servotwin_watch::End;
 use servotwin_watch::map::Map;
-use servotwin_watch::source::{Read, LogRow, Source, SourceError};
+use servotwin_watch::source::{LogRow, Read, Source, SourceError};
 use servotwin_watch::watchdog::WatchdogRules;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -47,9 +47,9 @@ fn flown(study: &Study, map: &Map, samples: usize) -> Vec<Vec<f64>> {
         specimen: None,
         reacts: false,
     };
-    let mut flight = Flight::new(&scenario, &diagnoser).unwrap();
+    let mut flight = ClosedLoopFlight::new(&scenario, &diagnoser).unwrap();
     let (component, fault) = study.system.find_fault(FAULT).unwrap();
-    let column = |name: &str, flight: &Flight, k: usize| {
+    let column = |name: &str, flight: &ClosedLoopFlight, k: usize| {
         let input = study.system.network().inputs.iter().position(|input| input.id == name);
         let sensor =
             study.measured.iter().position(|&place| study.system.sensors[place].id == name);
@@ -122,7 +122,7 @@ fn measured<'s>(study: &'s Study, title: &str) -> Measured<'s> {
     }
 }
 
-fn read(study: &Study, rows: Vec<Vec<f64>>) -> Session {
+fn read(study: &Study, rows: Vec<Vec<f64>>) -> SavedSession {
     let mut source = Rows(rows.into_iter(), 0);
     let log = measured(study, "log").read(&mut source, &AtomicBool::new(false), &mut |_, _| ());
     let log = log.unwrap();
@@ -131,7 +131,7 @@ fn read(study: &Study, rows: Vec<Vec<f64>>) -> Session {
 }
 
 /// The values of one signal.
-fn signal(session: &Session, id: &str) -> Vec<f32> {
+fn signal(session: &SavedSession, id: &str) -> Vec<f32> {
     let signals = session.about["signals"].as_array().unwrap();
     let place = signals.iter().position(|signal| signal["id"] == id).unwrap();
     let frames = session.messages.iter().filter_map(|message| match message {
@@ -142,7 +142,7 @@ fn signal(session: &Session, id: &str) -> Vec<f32> {
     values.chunks(signals.len()).map(|sample| sample[place]).collect()
 }
 
-fn events(session: &Session) -> Vec<serde_json::Value> {
+fn events(session: &SavedSession) -> Vec<serde_json::Value> {
     let event = |message: &Message| match message {
         Message::Event(text) => Some(serde_json::from_str(text).unwrap()),
         _ => None,

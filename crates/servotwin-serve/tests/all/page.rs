@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use servotwin_serve::feed::{Frame, Message};
-use servotwin_serve::{Session, saved_page};
+use servotwin_serve::{SavedSession, saved_page};
 use std::process::Command;
 
 /// What `page.cjs` reports; `None` without Node.
@@ -27,7 +27,7 @@ fn a_page_keeps_a_minute_of_an_hour_and_draws_its_peaks() {
 }
 
 /// Thirty samples of two signals in frames of five, with an event and a state before the second frame.
-fn session() -> Session {
+fn session() -> SavedSession {
     let signal = |id: &str| json!({ "id": id, "label": id, "unit": "kN" });
     let about =
         json!({ "title": "</script>", "period_s": 0.01, "signals": [signal("a"), signal("b")] });
@@ -40,7 +40,7 @@ fn session() -> Session {
     let mut messages: Vec<Message> = (0..6).map(|k| frame(5 * k)).collect();
     messages.insert(1, Message::State(r#"{"alarm":"raised"}"#.into()));
     messages.insert(1, Message::Event(r#"{"time_s":0.05,"kind":"inject"}"#.into()));
-    Session { about, messages }
+    SavedSession { about, messages }
 }
 
 #[test]

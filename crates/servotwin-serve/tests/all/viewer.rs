@@ -6,7 +6,7 @@ use servotwin::job::flights::{Crew, learn};
 use servotwin::parallel::Workers;
 use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_serve::{Access, Live, Server, Session, Source};
+use servotwin_serve::{Access, Live, LiveSource, SavedSession, Server};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -54,12 +54,12 @@ pub fn served(visit: impl FnOnce(SocketAddr)) {
 }
 
 /// Serves a source on a free port while `visit` runs.
-pub fn served_from(source: &impl Source, visit: impl FnOnce(SocketAddr)) {
+pub fn served_from(source: &impl LiveSource, visit: impl FnOnce(SocketAddr)) {
     served_from_all(&[source], visit);
 }
 
 /// Serves a fleet on a free port while `visit` runs.
-pub fn served_from_all(sources: &[&dyn Source], visit: impl FnOnce(SocketAddr)) {
+pub fn served_from_all(sources: &[&dyn LiveSource], visit: impl FnOnce(SocketAddr)) {
     let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
     let server = Server::listen(access).unwrap();
     let link = server.link();
@@ -94,13 +94,13 @@ pub fn get_bytes(address: SocketAddr, path: &str, host: &str, more: &str) -> (u1
 }
 
 /// Saves the session of a server and reads it.
-pub fn save(address: SocketAddr) -> Session {
+pub fn save(address: SocketAddr) -> SavedSession {
     let (status, bytes) = get_bytes(address, "/session", &address.to_string(), "");
     assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
     let name = format!("servotwin-saved-{}-{}.parquet", std::process::id(), address.port());
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, bytes).unwrap();
-    let session = Session::read(&path).unwrap();
+    let session = SavedSession::read(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
     session
 }

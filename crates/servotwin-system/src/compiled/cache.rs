@@ -65,12 +65,12 @@ pub fn clear(folder: &Path) -> io::Result<usize> {
 }
 
 /// The libraries of one text and one way to compile it.
-pub(super) struct Entry {
+pub(super) struct CacheEntry {
     folder: PathBuf,
     key: String,
 }
 
-impl Entry {
+impl CacheEntry {
     /// `None` without a folder.
     pub fn new(text: &str, how: &[&str]) -> Option<Self> {
         let mut digest = Sha256::new();
@@ -78,7 +78,7 @@ impl Entry {
             digest.update((part.len() as u64).to_le_bytes());
             digest.update(part);
         }
-        Some(Entry { folder: folder()?, key: short(&digest.finalize()) })
+        Some(CacheEntry { folder: folder()?, key: short(&digest.finalize()) })
     }
 
     fn stem(&self, level: Level) -> String {

@@ -1,7 +1,7 @@
 //! A value that does not change.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A value that does not change.

@@ -2,7 +2,7 @@
 
 use super::ALL;
 use super::spec::Range;
-use crate::document::{Quantities, Quantity};
+use crate::document::{NumberWithUnit, Quantities};
 use crate::shown::Shown;
 use crate::table::TableError;
 use servotwin_model::signal::CurveError;
@@ -186,7 +186,8 @@ fn beyond(value: f64, min: f64, max: f64, unit: Unit) -> String {
     let bounds = [min.abs(), max.abs()].into_iter().filter(|bound| bound.is_finite());
     let read = Shown::of(unit, bounds.fold(0.0, f64::max));
     let [value, min, max] = [value, min, max].map(|si| in_six_digits(read.value(si)));
-    let (value, range) = (Quantity(value, read.symbol()), Quantities(min, max, read.symbol()));
+    let (value, range) =
+        (NumberWithUnit(value, read.symbol()), Quantities(min, max, read.symbol()));
     format!("{value}, but allowed are {range}")
 }
 

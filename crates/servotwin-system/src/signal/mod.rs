@@ -23,7 +23,7 @@ mod text;
 mod units;
 
 pub use error::SignalError;
-pub use spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+pub use spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 pub use text::QuantityError;
 pub use units::Measure;
 
@@ -35,7 +35,7 @@ use std::fmt;
 /// Every kind of signal, in the order of the documentation.
 pub static ALL: &[&dyn SignalKind] = &[
     &constant::Constant,
-    &step::Step,
+    &step::StepSignal,
     &ramp::Ramp,
     &sine::Sine,
     &sweep::Sweep,
@@ -50,7 +50,7 @@ pub fn find(kind: &str) -> Option<&'static dyn SignalKind> {
 
 /// A number as the user wrote it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quantity {
+pub struct WrittenQuantity {
     /// The number before the unit.
     pub number: f64,
     /// The unit; `None` means SI.
@@ -59,7 +59,7 @@ pub struct Quantity {
     pub per_second: bool,
 }
 
-impl Quantity {
+impl WrittenQuantity {
     /// The measure of its unit; `None` for a plain number.
     pub fn measure(&self) -> Option<Measure> {
         self.unit.map(|unit| Measure::per(unit.unit, self.per_second))
@@ -71,7 +71,7 @@ impl Quantity {
     }
 }
 
-impl fmt::Display for Quantity {
+impl fmt::Display for WrittenQuantity {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "{}{}", self.number, self.unit.map_or("", |unit| unit.symbol))?;
         if self.per_second { write!(out, "/s") } else { Ok(()) }
@@ -82,7 +82,7 @@ impl fmt::Display for Quantity {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Argument {
     /// A number with or without a unit.
-    Quantity(Quantity),
+    Quantity(WrittenQuantity),
     /// A word, e.g. a file name.
     Word(String),
 }

@@ -18,8 +18,8 @@
 //! values do not depend on the duration of the run. Without a limit, the tanh is left out.
 
 use super::error::SignalError;
-use super::random::Random;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::random::NormalDeviates;
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::math::{sin_cos, tanh};
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
@@ -124,7 +124,7 @@ fn filtered(seed: u64, bandwidth_hz: f64, sampling_hz: f64, count: usize) -> Vec
     // The damping 1/Q of the two pole pairs of a Butterworth filter.
     let mut sections =
         [PI / 8.0, 3.0 * PI / 8.0].map(|a| Biquad::new(sin / cos, 2.0 * sin_cos(a).1));
-    let mut random = Random::new(seed);
+    let mut random = NormalDeviates::new(seed);
     // The slower pair forgets by e^{-2.4} per 1/f_c: 15 of them leave 2e-16.
     let settling = (15.0 * sampling_hz / bandwidth_hz).ceil() as usize;
     let samples = (0..settling + count)

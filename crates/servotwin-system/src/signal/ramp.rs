@@ -1,7 +1,7 @@
 //! A straight line from zero, to a value or to the end of the run.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A straight line from zero.

@@ -10,14 +10,14 @@ use std::f64::consts::PI;
 const READY: usize = 128;
 
 /// A generator of normal deviates, vectorized in lanes; results do not depend on the lanes.
-pub struct Random {
+pub struct NormalDeviates {
     bits: servotwin_diagnosis::random::Random,
     level: Level,
     ready: [f64; READY],
     next: usize,
 }
 
-impl Random {
+impl NormalDeviates {
     /// A generator whose numbers depend only on the seed.
     pub fn new(seed: u64) -> Self {
         Self::of(servotwin_diagnosis::random::Random::new(seed))
@@ -94,19 +94,19 @@ mod tests {
     #[test]
     fn deviates_made_in_lanes_are_the_same() {
         for level in servotwin_model::lanes::ALL.into_iter().filter(|level| level.available()) {
-            let mut random = Random { level, ..Random::new(5) };
+            let mut random = NormalDeviates { level, ..NormalDeviates::new(5) };
             let mut bits = servotwin_diagnosis::random::Random::new(5);
             for _ in 0..2 * READY {
                 let (cos, sin) = deviates(uniform(&mut bits), uniform(&mut bits));
                 assert_eq!([random.normal(), random.normal()], [cos, sin], "{}", level.name());
             }
         }
-        assert_ne!(Random::new(5).normal(), Random::new(6).normal());
+        assert_ne!(NormalDeviates::new(5).normal(), NormalDeviates::new(6).normal());
     }
 
     #[test]
     fn normal_deviates_have_their_moments() {
-        let mut random = Random::new(3);
+        let mut random = NormalDeviates::new(3);
         let n = 200_000;
         let values: Vec<f64> = (0..n).map(|_| random.normal()).collect();
         let moment = |k: i32| values.iter().map(|v| v.powi(k)).sum::<f64>() / f64::from(n);

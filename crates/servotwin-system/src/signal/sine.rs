@@ -6,7 +6,7 @@
 //! of the amplitude.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::math::sin_cos;
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;

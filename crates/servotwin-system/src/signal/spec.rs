@@ -4,7 +4,7 @@
 
 use super::error::SignalError;
 use super::units::Measure;
-use super::{Argument, Quantity};
+use super::{Argument, WrittenQuantity};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::borrow::Cow;
@@ -258,7 +258,7 @@ impl<'a> Given<'a> {
 pub(super) fn check_unit(
     spec: &Spec,
     parameter: &Parameter,
-    quantity: &Quantity,
+    quantity: &WrittenQuantity,
     measure: Measure,
 ) -> Result<(), SignalError> {
     if quantity.measure().is_none_or(|own| own == measure) {
@@ -276,7 +276,7 @@ pub(super) fn check_unit(
 pub(super) fn check_range(
     spec: &Spec,
     parameter: &Parameter,
-    quantity: &Quantity,
+    quantity: &WrittenQuantity,
 ) -> Result<(), SignalError> {
     let whole = parameter.sort != Sort::Whole || quantity.number.fract() == 0.0;
     if whole && parameter.range.contains(quantity.si()) {

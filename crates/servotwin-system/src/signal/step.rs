@@ -1,11 +1,11 @@
 //! A jump from zero.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A jump from zero.
-pub struct Step;
+pub struct StepSignal;
 
 static SPEC: Spec = Spec {
     kind: "step",
@@ -31,7 +31,7 @@ static SPEC: Spec = Spec {
     ],
 };
 
-impl SignalKind for Step {
+impl SignalKind for StepSignal {
     fn spec(&self) -> &'static Spec {
         &SPEC
     }

@@ -15,7 +15,7 @@
 
 use super::error::SignalError;
 use super::sine::sin_cos_of_periods;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::math::{exp, ln};
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;

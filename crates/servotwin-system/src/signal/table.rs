@@ -4,7 +4,7 @@
 //! are in SI. Times are in seconds and strictly increasing.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, SignalKind, Parameter, Range, Sort, Spec};
+use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use crate::table;
 use crate::units::{NamedUnit, TABLE};
 use servotwin_model::signal::{CurveError, Piecewise};

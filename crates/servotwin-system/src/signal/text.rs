@@ -1,8 +1,8 @@
 //! The compact text of a signal: `kind:name=value,name=value + …`.
 
 use super::error::SignalError;
-use super::spec::{Fallback, SignalKind, Parameter, Sort, Spec, check_range, check_unit};
-use super::{Argument, Measure, Quantity, Signal, Term, find, units};
+use super::spec::{Fallback, Parameter, SignalKind, Sort, Spec, check_range, check_unit};
+use super::{Argument, Measure, Signal, Term, WrittenQuantity, find, units};
 use servotwin_model::spec::Unit;
 use std::fmt;
 use std::str::FromStr;
@@ -108,7 +108,7 @@ pub enum QuantityError {
     },
 }
 
-impl FromStr for Quantity {
+impl FromStr for WrittenQuantity {
     type Err = QuantityError;
 
     fn from_str(text: &str) -> Result<Self, QuantityError> {
@@ -126,20 +126,24 @@ impl FromStr for Quantity {
         let number = number.parse().ok().filter(|n: &f64| n.is_finite());
         let number = number.ok_or_else(not_a_number)?;
         match units::find(unit.trim()) {
-            _ if unit.trim().is_empty() => Ok(Quantity { number, unit: None, per_second: false }),
-            Some((unit, per_second)) => Ok(Quantity { number, unit: Some(unit), per_second }),
+            _ if unit.trim().is_empty() => {
+                Ok(WrittenQuantity { number, unit: None, per_second: false })
+            }
+            Some((unit, per_second)) => {
+                Ok(WrittenQuantity { number, unit: Some(unit), per_second })
+            }
             None => Err(QuantityError::UnknownUnit { given: text.into() }),
         }
     }
 }
 
-impl Quantity {
+impl WrittenQuantity {
     /// The SI value of a text, which must be in `unit` or a plain number.
     ///
     /// # Errors
     /// The text is not a number, or has another unit.
     pub fn in_unit(text: &str, unit: Unit) -> Result<f64, QuantityError> {
-        let quantity: Quantity = text.parse()?;
+        let quantity: WrittenQuantity = text.parse()?;
         let measure = Measure::of(unit);
         match quantity.measure() {
             Some(found) if found != measure => {
@@ -225,11 +229,11 @@ fn checked_quantity(
     spec: &Spec,
     parameter: &Parameter,
     text: &str,
-) -> Result<Quantity, SignalError> {
+) -> Result<WrittenQuantity, SignalError> {
     let by_input = matches!(parameter.sort, Sort::Value | Sort::Rate);
     let measure = parameter.measure(Unit::None);
     let (kind, name) = (spec.kind, parameter.name);
-    let quantity: Quantity = text.parse().map_err(|error| match error {
+    let quantity: WrittenQuantity = text.parse().map_err(|error| match error {
         QuantityError::NotANumber { given } => {
             SignalError::NotANumber { kind, parameter: name, given }
         }

@@ -17,7 +17,7 @@
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
 use super::{Realism, Role};
-use crate::document::Place;
+use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::Signal;
 use servotwin_model::signal::Piecewise;
@@ -49,17 +49,17 @@ pub struct Calibration {
 impl Calibration {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         if reader.text.realistic.as_ref().is_none_or(|realistic| realistic.has_no_tolerances()) {
-            return Err(reader.empty(&Place::of(&["fitted"]), "realistic.tolerances"));
+            return Err(reader.empty(&KeyPath::of(&["fitted"]), "realistic.tolerances"));
         }
         let Text { duration_s, judge, learn, in_each_case, .. } = *text;
         let fits = in_each_case <= judge.min(learn);
         let allowed = "at most judge, and at most learn";
-        let at = Place::of(&["fitted", "in_each_case"]);
+        let at = KeyPath::of(&["fitted", "in_each_case"]);
         reader.range(&at, in_each_case as f64, fits, allowed)?;
         let command = reader.command_input()?;
         let mut inputs = reader.default_inputs();
         let signal = Ok(text.command.clone());
-        let at = Place::of(&["fitted", "command"]);
+        let at = KeyPath::of(&["fitted", "command"]);
         inputs[command] = reader.signal(&at, "command", signal, command, duration_s)?;
         Ok(Self { inputs, duration_s, judge, learn, in_each_case })
     }

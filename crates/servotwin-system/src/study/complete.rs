@@ -1,9 +1,9 @@
 //! Completeness of a study for the main job. An incomplete file is readable and serves commands that
 //! simulate nothing, such as `watch`. `check` and the stages reject it before any simulation.
 
-use super::mistake::Mistake;
+use super::mistake::StudyMistake;
 use super::{Study, StudyError};
-use crate::document::{Collector, Diagnostic, Place};
+use crate::document::{Collector, Diagnostic, KeyPath};
 
 impl Study {
     /// Checks that the study has everything that its campaign and flights need.
@@ -20,21 +20,21 @@ impl Study {
 
     fn missing_for_a_campaign(&self) -> Vec<Diagnostic> {
         let reader = self.reader();
-        let mut found = Collector::<Mistake>::new();
-        let mut note = |at: Place, mistake| found.note(&reader.span(&at), mistake);
+        let mut found = Collector::<StudyMistake>::new();
+        let mut note = |at: KeyPath, mistake| found.note(&reader.span(&at), mistake);
         if self.classes.is_empty() {
-            note(Place::of(&["classes"]), Mistake::NoFaults);
+            note(KeyPath::of(&["classes"]), StudyMistake::NoFaults);
         }
         if self.intensities.is_empty() {
-            note(Place::of(&["intensities"]), Mistake::Empty { field: "intensities" });
+            note(KeyPath::of(&["intensities"]), StudyMistake::Empty { field: "intensities" });
         }
         if let Some(flights) = &self.parsed.flights {
             if self.realism.is_none() {
-                note(Place::of(&["flights"]), Mistake::NoRealism);
+                note(KeyPath::of(&["flights"]), StudyMistake::NoRealism);
             }
             for at in flights.without_faults_to_learn() {
                 let (field, allowed) = (at.to_string(), "at least 1".to_owned());
-                note(at, Mistake::OutOfRange { field, value: 0.0, allowed });
+                note(at, StudyMistake::OutOfRange { field, value: 0.0, allowed });
             }
         }
         found.locate(&self.text)

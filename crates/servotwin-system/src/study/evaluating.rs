@@ -16,7 +16,7 @@
 use super::Setting;
 use super::keys::{SEED, SETTINGS, SOME_SPECIMENS};
 use super::reader::{Noted, Reader};
-use crate::document::Place;
+use crate::document::KeyPath;
 use crate::format::{Value, section};
 use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 use servotwin_learning::tree::Criterion;
@@ -131,7 +131,7 @@ pub(super) fn settings() -> Vec<&'static str> {
 impl Evaluating {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let listed = |key: &str, names: &Option<Vec<String>>| {
-            let list = Place::of(&["evaluation", key]);
+            let list = KeyPath::of(&["evaluation", key]);
             let one = |(n, name): (usize, &String)| setting(reader, &list.element(n), name);
             let of = |names: &Vec<String>| all(names.iter().enumerate().map(one));
             names.as_ref().map(of).transpose()
@@ -140,7 +140,7 @@ impl Evaluating {
         let classifiers = listed("classifiers", &text.classifiers);
         let ablation = listed("ablation", &text.ablation);
         let trees = all(text.trees.iter().map(|(name, text)| {
-            let at = Place::of(&["evaluation", "trees", name]);
+            let at = KeyPath::of(&["evaluation", "trees", name]);
             Ok((setting(reader, &at.name(), name)?, text.growing(&at, reader)?))
         }));
         let learned_bands = learned_bands?;
@@ -161,7 +161,7 @@ impl Evaluating {
 }
 
 impl TreesText {
-    fn growing(&self, at: &Place, reader: &Reader) -> Result<Growing, Noted> {
+    fn growing(&self, at: &KeyPath, reader: &Reader) -> Result<Growing, Noted> {
         let of = |word: &String| {
             let known = CRITERIA.iter().find(|(known, _)| known == word);
             let unknown = || reader.unknown(&at.key("criterion"), "criterion", word, criteria());
@@ -173,7 +173,7 @@ impl TreesText {
 }
 
 /// Finds a setting by name among those that the study can have.
-fn setting(reader: &Reader, at: &Place, name: &str) -> Result<Setting, Noted> {
+fn setting(reader: &Reader, at: &KeyPath, name: &str) -> Result<Setting, Noted> {
     let text = reader.text;
     let is_there = |setting: &Setting| match setting {
         Setting::Ideal => true,
@@ -191,7 +191,7 @@ fn needs_healthy(reader: &Reader) -> Result<(), Noted> {
     match reader.text.training.as_ref().is_some_and(|training| training.has_healthy()) {
         true => Ok(()),
         false => {
-            Err(reader.empty(&Place::of(&["evaluation", "learned_bands"]), "training.healthy"))
+            Err(reader.empty(&KeyPath::of(&["evaluation", "learned_bands"]), "training.healthy"))
         }
     }
 }

@@ -1,9 +1,9 @@
 //! The fault list: every fault of every class, in every actuator, at every
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
-use super::mistake::Mistake;
+use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
-use crate::document::{Place, TextSpan};
+use crate::document::{KeyPath, TextSpan};
 use servotwin_model::program::FaultAt;
 
 /// A row of Table 1.
@@ -53,8 +53,8 @@ impl Reader<'_> {
         for (place, c) in self.text.classes.iter().enumerate() {
             for (key, text) in [("detail", &c.detail), ("command", &c.command)] {
                 if text.trim().is_empty() {
-                    let at = Place::of(&["classes"]).element(place).key(key);
-                    self.note(&self.span(&at), Mistake::Empty { field: key });
+                    let at = KeyPath::of(&["classes"]).element(place).key(key);
+                    self.note(&self.span(&at), StudyMistake::Empty { field: key });
                 }
             }
         }
@@ -88,7 +88,7 @@ impl Reader<'_> {
         Ok(faults)
     }
 
-    fn find_fault(&self, at: &Place, unit: &str, kind: &str) -> Result<(usize, usize), Noted> {
+    fn find_fault(&self, at: &KeyPath, unit: &str, kind: &str) -> Result<(usize, usize), Noted> {
         let id = &full_name(unit, kind);
         let find = |id: &str| self.system.program.find_fault(id);
         find(id).ok_or_else(|| {
@@ -109,8 +109,8 @@ impl Reader<'_> {
 }
 
 /// The place of a fault in the list of its class.
-fn listed_fault(class: usize, position: usize) -> Place<'static> {
-    Place::of(&["classes"]).element(class).key("faults").element(position)
+fn listed_fault(class: usize, position: usize) -> KeyPath<'static> {
+    KeyPath::of(&["classes"]).element(class).key("faults").element(position)
 }
 
 /// Prefixes a name with its unit. An empty unit name stands for the whole system.

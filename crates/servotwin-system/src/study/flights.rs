@@ -26,10 +26,10 @@ use super::keys::{FLIGHT_S, FLIGHTS, MAX_ENVIRONMENTS, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::training::{check_pattern, count_ranges, filled, filled_at};
-use crate::document::Place;
+use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::bus::as_sent;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use serde::Serialize;
 use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
@@ -269,7 +269,7 @@ impl Text {
     }
 
     /// The patterns of all commands with their places in the file.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
+    pub(super) fn patterns(&self) -> impl Iterator<Item = (KeyPath<'static>, &str)> {
         self.commands.iter().enumerate().map(|(n, text)| (command_at(n), text.as_str()))
     }
 
@@ -279,10 +279,10 @@ impl Text {
     }
 
     /// The places of sizes without any training flight with a fault.
-    pub(super) fn without_faults_to_learn(&self) -> Vec<Place<'static>> {
-        let own = (Place::of(&["flights", "learn", "repeats"]), self.learn);
+    pub(super) fn without_faults_to_learn(&self) -> Vec<KeyPath<'static>> {
+        let own = (KeyPath::of(&["flights", "learn", "repeats"]), self.learn);
         let full =
-            self.full.map(|of| (Place::of(&["flights", "full", "learn", "repeats"]), of.learn));
+            self.full.map(|of| (KeyPath::of(&["flights", "full", "learn", "repeats"]), of.learn));
         let all = [Some(own), full].into_iter().flatten();
         all.filter(|(_, size)| size.repeats == 0).map(|(at, _)| at).collect()
     }
@@ -304,7 +304,7 @@ impl Text {
     /// and patterns before any flight. Returns what each specimen draws.
     pub(super) fn check_all(&self, reader: &Reader) -> Result<Vec<PlantDraw>, Noted> {
         let (ranges, other_plant) = (self.check_ranges(reader), self.other_plant(reader));
-        let draws = other_plant::draws(reader, &Place::of(&["flights"]), &self.draws, &[]);
+        let draws = other_plant::draws(reader, &KeyPath::of(&["flights"]), &self.draws, &[]);
         self.check(reader)?;
         ranges?;
         other_plant?;
@@ -321,7 +321,7 @@ impl Text {
         let d = self.duration_s;
         let [from, to] = self.onset_s;
         let inside = from >= 0.0 && to < d;
-        let section = Place::of(&["flights"]);
+        let section = KeyPath::of(&["flights"]);
         reader.range(
             &section.key("onset_s"),
             from,
@@ -354,7 +354,7 @@ impl Text {
             units().map(move |unit| ("unit_inputs", unit.clone(), name, range))
         });
         for (section, unit, name, range) in own.chain(of_units) {
-            let at = Place::of(&["flights", section, name]);
+            let at = KeyPath::of(&["flights", section, name]);
             let input = reader.input(&at.name(), &full_name(&unit, name))?;
             for value in range {
                 reader.constant(&at, input, *value)?;
@@ -362,7 +362,7 @@ impl Text {
         }
         for (name, range) in &self.unit_parameters {
             for unit in units() {
-                let at = Place::of(&["flights", "unit_parameters", name]);
+                let at = KeyPath::of(&["flights", "unit_parameters", name]);
                 let (component, place) = super::realism::find(reader, &at.name(), unit, name)?;
                 for value in range {
                     reader.parameter(&at, (component, place), *value)?;
@@ -451,8 +451,9 @@ impl Text {
         let command = filled(pattern, first + number / self.commands.len());
         let durations_s = [size.healthy_duration_s, size.further_duration_s];
         let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);
-        let mut random =
-            Random::new(u64::from(u32::from(letter)) << 32 | number as u64 ^ self.seed << 40);
+        let mut random = NormalDeviates::new(
+            u64::from(u32::from(letter)) << 32 | number as u64 ^ self.seed << 40,
+        );
         let flown = (name, position, command, longest_s);
         self.with_shares(reader, flown, &mut || random.unit())
     }
@@ -476,12 +477,12 @@ impl Text {
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut draw = |[low, high]: [f64; 2]| low + (high - low) * share();
         for (input, range) in &self.inputs {
-            let at = Place::of(&["flights", "inputs", input]).name();
+            let at = KeyPath::of(&["flights", "inputs", input]).name();
             inputs[reader.input(&at, input)?] = constant(draw(*range));
         }
         for (input, range) in &self.unit_inputs {
             for unit in &reader.text.units {
-                let at = Place::of(&["flights", "unit_inputs", input]).name();
+                let at = KeyPath::of(&["flights", "unit_inputs", input]).name();
                 let input = reader.input(&at, &full_name(unit, input))?;
                 inputs[input] = constant(draw(*range));
             }
@@ -489,7 +490,7 @@ impl Text {
         let mut parameters = vec![];
         for (parameter, range) in &self.unit_parameters {
             for unit in &reader.text.units {
-                let at = Place::of(&["flights", "unit_parameters", parameter]).name();
+                let at = KeyPath::of(&["flights", "unit_parameters", parameter]).name();
                 let (component, place) = super::realism::find(reader, &at, unit, parameter)?;
                 parameters.push((component, place, draw(*range)));
             }
@@ -509,6 +510,6 @@ fn first_command(letter: char, seed: usize) -> usize {
 }
 
 /// The place of a pattern of commands.
-fn command_at(position: usize) -> Place<'static> {
-    Place::of(&["flights", "commands"]).element(position)
+fn command_at(position: usize) -> KeyPath<'static> {
+    KeyPath::of(&["flights", "commands"]).element(position)
 }

@@ -1,14 +1,14 @@
 //! Mistakes of a study file beyond its form, with their messages.
 
 use super::realism::REALISTIC;
-use crate::document::{self, Explained, Quantity, suggest};
+use crate::document::{self, Explained, NumberWithUnit, suggest};
 
 /// A mistake in a study file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub(crate) enum Mistake {
+pub(crate) enum StudyMistake {
     /// A mistake of form that any TOML file can have.
     #[error(transparent)]
-    Document(#[from] document::Mistake),
+    Document(#[from] document::TomlMistake),
     /// A name that the system does not have. `known` lists the valid names, unless there are too many.
     #[error("there is no {what} '{name}'")]
     Unknown { what: &'static str, name: String, nearest: Option<String>, known: Vec<String> },
@@ -19,7 +19,7 @@ pub(crate) enum Mistake {
     )]
     Shared { what: &'static str, name: String, unit: String },
     /// A number outside its range.
-    #[error("{field} is {}, but must be {allowed}", Quantity(*.value, ""))]
+    #[error("{field} is {}, but must be {allowed}", NumberWithUnit(*.value, ""))]
     OutOfRange { field: String, value: f64, allowed: String },
     /// A signal that cannot be built.
     #[error("signal '{name}': {error}")]
@@ -52,36 +52,36 @@ pub(crate) enum Mistake {
     NoRealism,
 }
 
-impl Explained for Mistake {
+impl Explained for StudyMistake {
     fn help(&self) -> Option<String> {
         match self {
-            Mistake::Document(mistake) => mistake.help(),
-            Mistake::Unknown { nearest: None, known, .. } if known.is_empty() => None,
-            Mistake::Unknown { nearest, known, .. } => Some(suggest(nearest, known)),
-            Mistake::Shared { .. } => Some(
+            StudyMistake::Document(mistake) => mistake.help(),
+            StudyMistake::Unknown { nearest: None, known, .. } if known.is_empty() => None,
+            StudyMistake::Unknown { nearest, known, .. } => Some(suggest(nearest, known)),
+            StudyMistake::Shared { .. } => Some(
                 "a diagnosis says which unit is at fault, and of what units share it is none: leave it out, or write \
                  a second study with units = [\"\"], in which the whole system is one unit"
                     .into(),
             ),
-            Mistake::NoFaults => Some("add [[classes]] with 'faults'".into()),
-            Mistake::TimesOrPlus => {
+            StudyMistake::NoFaults => Some("add [[classes]] with 'faults'".into()),
+            StudyMistake::TimesOrPlus => {
                 Some("times = [0.9, 1.1] is a range of factors, plus = [-10, 10] of offsets".into())
             }
-            Mistake::NoRealism => Some(REALISTIC.example.into()),
+            StudyMistake::NoRealism => Some(REALISTIC.example.into()),
             _ => None,
         }
     }
 
     fn range(&self) -> Option<(f64, f64)> {
         match self {
-            Mistake::Document(mistake) => mistake.range(),
+            StudyMistake::Document(mistake) => mistake.range(),
             _ => None,
         }
     }
 
     fn allowed(&self) -> Option<String> {
         match self {
-            Mistake::OutOfRange { allowed, .. } => Some(allowed.clone()),
+            StudyMistake::OutOfRange { allowed, .. } => Some(allowed.clone()),
             _ => None,
         }
     }

@@ -33,7 +33,7 @@ pub use warning::Warning;
 
 use crate::built_in;
 use crate::document::{
-    self, Collector, Diagnostic, Entry, Place, TextSpan, entries, plain_table, write_mistakes,
+    self, Collector, Diagnostic, Entry, KeyPath, TextSpan, entries, plain_table, write_mistakes,
 };
 use crate::files::FileError;
 use crate::format::{self, Value, section};
@@ -44,7 +44,7 @@ use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
 use flights::{Environment, Redraw};
 use keys::{QUANTITY, RUN_S, some};
-use mistake::Mistake;
+use mistake::StudyMistake;
 use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
@@ -545,7 +545,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
     for error in &errors {
         let message = error.message().trim().replace('\n', ", ");
         let span = error.span().unwrap_or(0..0);
-        mistakes.note(&span, document::Mistake::Syntax { message });
+        mistakes.note(&span, document::TomlMistake::Syntax { message });
     }
     let mut parsed = None;
     let all = entries(root.get_ref());
@@ -554,7 +554,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
     if let (Some(found), Some(format)) = (found, format)
         && found != f64::from(FORMAT)
     {
-        let mistake = document::Mistake::Format { found, supported: FORMAT };
+        let mistake = document::TomlMistake::Format { found, supported: FORMAT };
         mistakes.note(&format.value_at(), mistake);
     }
     if mistakes.is_empty() {
@@ -566,13 +566,14 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
             Ok(text) => parsed = Some(text.in_its_size()),
             Err(error) if mistakes.is_empty() => {
                 let message = error.message().to_owned();
-                mistakes.note(&(0..0), document::Mistake::Syntax { message });
+                mistakes.note(&(0..0), document::TomlMistake::Syntax { message });
             }
             Err(_) => {}
         }
     }
     let mut doubtful = format::doubtful(Text::KEYS, &all);
-    if !mistakes.all(|mistake| is_form(mistake) || matches!(mistake, Mistake::Repeated { .. })) {
+    if !mistakes.all(|mistake| is_form(mistake) || matches!(mistake, StudyMistake::Repeated { .. }))
+    {
         doubtful.push("units");
     }
     // Without the name of a system, no other name can be looked up.
@@ -583,8 +584,8 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
 }
 
 /// Whether a mistake concerns the form of the file.
-fn is_form(mistake: &Mistake) -> bool {
-    matches!(mistake, Mistake::Document(_))
+fn is_form(mistake: &StudyMistake) -> bool {
+    matches!(mistake, StudyMistake::Document(_))
 }
 
 /// A parsed file, with substitutes for unreadable entries.
@@ -592,11 +593,11 @@ struct Understood {
     parsed: Text,
     /// The keys that have a substitute.
     doubtful: Vec<&'static str>,
-    mistakes: Collector<Mistake>,
+    mistakes: Collector<StudyMistake>,
 }
 
 /// Notes duplicates in lists whose elements must be unique.
-fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
+fn repetitions(root: &[Entry], mistakes: &mut Collector<StudyMistake>) {
     let mut told = |what: &'static str, elements: Vec<Entry>| {
         let mut seen: Vec<String> = vec![];
         for element in elements {
@@ -606,7 +607,7 @@ fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
             };
             if seen.contains(&name) {
                 let name = name.clone();
-                mistakes.note(&element.value_at(), Mistake::Repeated { what, name });
+                mistakes.note(&element.value_at(), StudyMistake::Repeated { what, name });
             }
             seen.push(name);
         }
@@ -621,12 +622,12 @@ fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
     let units = listed(root, "units");
     if let Some(whole) = units.iter().find(|unit| unit.text() == Ok("")).filter(|_| units.len() > 1)
     {
-        mistakes.note(&whole.value_at(), Mistake::WholeBesideUnits);
+        mistakes.note(&whole.value_at(), StudyMistake::WholeBesideUnits);
     }
     if let Some(surplus) = units.get(MAX_ACTUATORS) {
         let allowed = format!("at most {MAX_ACTUATORS}");
         let (field, value) = ("number of units".into(), units.len() as f64);
-        mistakes.note(&surplus.value_at(), Mistake::OutOfRange { field, value, allowed });
+        mistakes.note(&surplus.value_at(), StudyMistake::OutOfRange { field, value, allowed });
     }
 }
 
@@ -651,14 +652,14 @@ fn system_at(text: &str) -> TextSpan {
 }
 
 /// Finds the system of a study. An unknown name is returned as a mistake of the study.
-fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, Mistake>> {
+fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, StudyMistake>> {
     let system = |error| Ok(StudyError::System(error));
     if let Some(text) = built_in::find(&built_in::SYSTEMS, name) {
         return System::parse(text, &format!("systems/{name}.toml")).map_err(system);
     }
     if !name.ends_with(".toml") {
         let known = built_in::SYSTEMS.iter().map(|(known, _)| *known);
-        return Err(Err(Mistake::Unknown {
+        return Err(Err(StudyMistake::Unknown {
             what: "built-in system (a file ends in .toml)",
             name: name.into(),
             nearest: nearest(name, known.clone()).map(Into::into),
@@ -736,14 +737,14 @@ impl Reader<'_> {
         let mut seen = Vec::new();
         for id in self.text.sensors.keys() {
             if !ids().any(|known| known == id) {
-                let at = Place::of(&["sensors", id]).name();
+                let at = KeyPath::of(&["sensors", id]).name();
                 self.unknown(&at, "sensor in the system", id, ids());
             }
         }
         for (position, sensor) in list.iter().enumerate() {
             let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
             if let Ok(sensor) = self.sensor(position, text) {
-                let at = Place::of(&["sensors", &list[position].id]).name();
+                let at = KeyPath::of(&["sensors", &list[position].id]).name();
                 self.named_apart(&at, &sensor, &seen);
                 measured.push(position);
                 seen.push(sensor);
@@ -751,7 +752,7 @@ impl Reader<'_> {
         }
         if let Some(extra) = &self.text.extra_sensor {
             let position = ids().position(|id| id == extra.id);
-            let at = Place::of(&["extra_sensor", "id"]);
+            let at = KeyPath::of(&["extra_sensor", "id"]);
             let unknown = || self.unknown(&at, "sensor in the system", &extra.id, ids());
             let position = position.ok_or_else(unknown)?;
             let (name, noise) = (list[position].label.clone(), self.noise(position));
@@ -772,16 +773,16 @@ impl Reader<'_> {
     }
 
     /// Notes a sensor with the same label as another, because features are named after labels.
-    fn named_apart(&self, at: &Place, sensor: &Sensor, others: &[Sensor]) {
+    fn named_apart(&self, at: &KeyPath, sensor: &Sensor, others: &[Sensor]) {
         if others.iter().any(|other| other.name == sensor.name) {
-            let mistake = Mistake::Repeated { what: "sensor", name: sensor.name.clone() };
+            let mistake = StudyMistake::Repeated { what: "sensor", name: sensor.name.clone() };
             self.note(&self.span(at), mistake);
         }
     }
 
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
         let crate::system::Sensor { id, label, .. } = &self.system.sensors[position];
-        let at = Place::of(&["sensors", id]);
+        let at = KeyPath::of(&["sensors", id]);
         let words = || Quantity::ALL.iter().map(|(_, word)| *word);
         let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
         let (quantity, _) = found.ok_or_else(|| {
@@ -815,14 +816,14 @@ impl Reader<'_> {
             let Some(text) = self.text.sensors.get(id) else { continue };
             if text.follows_controller {
                 let law = laws::of_controller(self.system, measured, place);
-                let at = Place::of(&["sensors", id, "follows_controller"]);
+                let at = KeyPath::of(&["sensors", id, "follows_controller"]);
                 if law.is_empty() {
-                    self.note(&self.span(&at), Mistake::NoController { sensor: id.clone() });
+                    self.note(&self.span(&at), StudyMistake::NoController { sensor: id.clone() });
                 }
                 sensor.follows = self.in_scales(measured, place, &law);
                 continue;
             }
-            let at = Place::of(&["sensors", id, "follows"]);
+            let at = KeyPath::of(&["sensors", id, "follows"]);
             let (count, few) = (text.follows.len(), text.follows.len() <= MAX_FOLLOWED);
             let _ = self.range(&at, count as f64, few, format!("at most {MAX_FOLLOWED} others"));
             let follow = |(id, &weight): (&String, &f64)| {
@@ -846,7 +847,7 @@ impl Reader<'_> {
     /// The place of a followed sensor, and its weight in shares of scale.
     fn follow(
         &self,
-        at: &Place,
+        at: &KeyPath,
         measured: &[usize],
         place: usize,
         (followed, weight): (&str, f64),
@@ -874,7 +875,7 @@ impl Reader<'_> {
         for (name, signal) in &self.text.command.signals {
             let (signal, duration_s) = (Ok(signal.clone()), self.text.duration_s);
             let built = self.signal(
-                &Place::of(&["command", "signals", name]).name(),
+                &KeyPath::of(&["command", "signals", name]).name(),
                 name,
                 signal,
                 command,
@@ -892,8 +893,8 @@ impl Reader<'_> {
                 }
                 let case = format!("{name}{load_name}");
                 if cases.iter().any(|other: &OperatingCase| other.name == case) {
-                    let at = Place::of(&["command", "signals", name]).name();
-                    let mistake = Mistake::Repeated { what: "case", name: case.clone() };
+                    let at = KeyPath::of(&["command", "signals", name]).name();
+                    let mistake = StudyMistake::Repeated { what: "case", name: case.clone() };
                     self.note(&self.span(&at), mistake);
                 }
                 cases.push(OperatingCase { name: case, command: name.clone(), inputs });
@@ -905,9 +906,9 @@ impl Reader<'_> {
     /// The suffix that each load adds to the names of cases, with the load itself.
     fn loads(&self) -> Result<Vec<(String, Load)>, Noted> {
         let Some(load) = &self.text.load else { return Ok(vec![(String::new(), None)]) };
-        let input = self.input(&Place::of(&["load", "input"]), &load.input)?;
+        let input = self.input(&KeyPath::of(&["load", "input"]), &load.input)?;
         let values = sorted_by_value(&load.values).into_iter().map(|(name, value)| {
-            let value = self.constant(&Place::of(&["load", "values", &name]), input, value)?;
+            let value = self.constant(&KeyPath::of(&["load", "values", &name]), input, value)?;
             Ok((format!("/{name}"), Some((input, value))))
         });
         Ok(self.sound(values))

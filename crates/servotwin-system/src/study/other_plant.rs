@@ -22,9 +22,9 @@
 use super::faults::full_name;
 use super::keys::{FLIGHTS, some};
 use super::reader::{Noted, Reader};
-use crate::document::{Place, Quantity};
+use crate::document::{KeyPath, NumberWithUnit};
 use crate::format::section;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use servotwin_model::components::{self, Component};
 use servotwin_model::math::{exp, ln};
 use servotwin_model::network::Instance;
@@ -80,12 +80,13 @@ pub struct PlantDraw {
 
 impl OtherPlant {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let section = Place::of(&["flights", "other_plant"]);
+        let section = KeyPath::of(&["flights", "other_plant"]);
         let known = text.kinds.iter().map(|entry| kinds(reader, &section, entry));
         let known = reader.sound(known);
         let period_s = 1.0 / reader.text.sample_hz;
         let [from_s, to_s] = text.latency_s;
-        let allowed = format!("two times from 0 s to {}, one sample", Quantity(period_s, "s"));
+        let allowed =
+            format!("two times from 0 s to {}, one sample", NumberWithUnit(period_s, "s"));
         let latency = section.key("latency_s");
         let latency = reader.range(&latency, to_s, from_s >= 0.0 && to_s <= period_s, allowed);
         // Which parameters there are depends on the kinds.
@@ -102,7 +103,7 @@ impl OtherPlant {
 /// The draws of a section.
 pub(super) fn draws(
     reader: &Reader,
-    section: &Place,
+    section: &KeyPath,
     texts: &[DrawText],
     kinds: &[(usize, &'static str)],
 ) -> Vec<PlantDraw> {
@@ -124,7 +125,7 @@ pub fn apply_draws(
     draws: &[PlantDraw],
     scatter: f64,
     parts: &[Instance],
-    random: &mut Random,
+    random: &mut NormalDeviates,
     overrides: &mut Vec<(usize, usize, f64)>,
 ) {
     for draw in draws {
@@ -158,7 +159,7 @@ fn named(reader: &Reader, name: &str) -> Vec<usize> {
 /// Components with the kind that stands for theirs.
 fn kinds(
     reader: &Reader,
-    section: &Place,
+    section: &KeyPath,
     (name, kind): (&String, &String),
 ) -> Result<Vec<(usize, &'static str)>, Noted> {
     let at = section.key("kinds").key(name);
@@ -177,7 +178,7 @@ fn kinds(
         Some((what, missing)) => {
             let own = own.spec().kind;
             let (kind, own, what) = (kind.clone(), own.into(), format!("{what} '{missing}'"));
-            Err(reader.note(&reader.span(&at), super::Mistake::NoStandIn { kind, own, what }))
+            Err(reader.note(&reader.span(&at), super::StudyMistake::NoStandIn { kind, own, what }))
         }
     }
 }
@@ -195,14 +196,14 @@ fn lacking(own: &dyn Component, other: &dyn Component) -> Option<(&'static str, 
 /// A draw of each channel, or one draw of what all share.
 fn of_draw(
     reader: &Reader,
-    at: Place,
+    at: KeyPath,
     text: &DrawText,
     kinds: &[(usize, &'static str)],
 ) -> Result<Vec<PlantDraw>, Noted> {
     let (range, is_factor) = match (text.times, text.plus) {
         (Some(range), None) => (range, true),
         (None, Some(range)) => (range, false),
-        _ => return Err(reader.note(&reader.span(&at), super::Mistake::TimesOrPlus)),
+        _ => return Err(reader.note(&reader.span(&at), super::StudyMistake::TimesOrPlus)),
     };
     let place = at.key(if is_factor { "times" } else { "plus" });
     let is_allowed = !is_factor || range[0] > 0.0;
@@ -223,7 +224,7 @@ fn of_draw(
 /// The parameters that a name stands for, in plants of the given kinds.
 fn parameters(
     reader: &Reader,
-    at: &Place,
+    at: &KeyPath,
     name: &str,
     kinds: &[(usize, &'static str)],
 ) -> Result<Vec<(usize, String)>, Noted> {

@@ -12,7 +12,7 @@
 use super::faults::full_name;
 use super::keys::QUANTITY;
 use super::reader::{Noted, OF_A_CLASS, Reader};
-use crate::document::Place;
+use crate::document::KeyPath;
 use crate::format::{Value, section};
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
@@ -61,11 +61,11 @@ impl Reactions {
         for (name, text) in texts {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
-                reader.unknown(&Place::of(&["reactions", name]).name(), OF_A_CLASS, name, known);
+                reader.unknown(&KeyPath::of(&["reactions", name]).name(), OF_A_CLASS, name, known);
                 continue;
             }
             let units = 0..reader.text.units.len();
-            let section = Place::of(&["reactions", name]);
+            let section = KeyPath::of(&["reactions", name]);
             let of_units = units.map(|unit| text.reaction(reader, &section, unit));
             list.push((name.clone(), reader.sound(of_units)));
         }
@@ -94,7 +94,7 @@ impl Reactions {
 }
 
 impl Text {
-    fn reaction(&self, reader: &Reader, section: &Place, unit: usize) -> Result<Reaction, Noted> {
+    fn reaction(&self, reader: &Reader, section: &KeyPath, unit: usize) -> Result<Reaction, Noted> {
         let name = &reader.text.units[unit];
         let mut reaction = Reaction { switches_off: self.switches_off, ..Reaction::default() };
         for (input, value) in &self.unit_inputs {

@@ -1,9 +1,9 @@
 //! The state of a parser that reads one study. It looks names up in the system and collects mistakes
 //! with their places.
 
-use super::mistake::Mistake;
+use super::mistake::StudyMistake;
 use super::{StudyError, Text};
-use crate::document::{self, Collector, Place, TextSpan};
+use crate::document::{self, Collector, KeyPath, TextSpan};
 use crate::nearest::nearest;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
@@ -23,7 +23,7 @@ pub(super) struct Reader<'a> {
     pub source: &'a str,
     pub text: &'a Text,
     pub system: &'a System,
-    pub mistakes: RefCell<Collector<Mistake>>,
+    pub mistakes: RefCell<Collector<StudyMistake>>,
     /// The file as a document, parsed when a place in it is first needed.
     pub document: OnceCell<Spanned<DeTable<'a>>>,
     /// The keys whose unreadable value was replaced by a substitute.
@@ -42,7 +42,7 @@ const LISTED: usize = 30;
 
 impl<'a> Reader<'a> {
     /// Notes a mistake, at most one for each place. Mistakes that may come from a substitute are dropped.
-    pub fn note(&self, at: &TextSpan, mistake: Mistake) -> Noted {
+    pub fn note(&self, at: &TextSpan, mistake: StudyMistake) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
         if !mistakes.knows(at) && self.is_certain(&mistake) {
             mistakes.note(at, mistake);
@@ -51,16 +51,16 @@ impl<'a> Reader<'a> {
     }
 
     /// Whether the mistake stands regardless of the unreadable keys.
-    fn is_certain(&self, mistake: &Mistake) -> bool {
+    fn is_certain(&self, mistake: &StudyMistake) -> bool {
         match mistake {
             _ if self.doubtful.is_empty() => true,
-            Mistake::Document(_) | Mistake::Signal { .. } => true,
-            Mistake::Shared { .. } => self.is_sound(&["units"]),
+            StudyMistake::Document(_) | StudyMistake::Signal { .. } => true,
+            StudyMistake::Shared { .. } => self.is_sound(&["units"]),
             // Apart from the actuators' names, lookups in the system do not depend on the study.
-            Mistake::Unknown { name, .. } if name.is_empty() => false,
-            Mistake::Unknown { what: OF_A_CLASS, .. } => self.is_sound(&["classes"]),
-            Mistake::Unknown { what: OTHER_SENSOR, .. } => self.is_sound(&["sensors"]),
-            Mistake::Unknown { .. } => self.is_sound(&["units"]),
+            StudyMistake::Unknown { name, .. } if name.is_empty() => false,
+            StudyMistake::Unknown { what: OF_A_CLASS, .. } => self.is_sound(&["classes"]),
+            StudyMistake::Unknown { what: OTHER_SENSOR, .. } => self.is_sound(&["sensors"]),
+            StudyMistake::Unknown { .. } => self.is_sound(&["units"]),
             _ => false,
         }
     }
@@ -73,7 +73,7 @@ impl<'a> Reader<'a> {
     /// Notes an unknown name at a place.
     pub fn unknown<'n>(
         &self,
-        at: &Place,
+        at: &KeyPath,
         what: &'static str,
         name: &str,
         known: impl IntoIterator<Item = &'n str>,
@@ -85,25 +85,25 @@ impl<'a> Reader<'a> {
         let nearest = nearest.map(Into::into);
         let few = known.len() <= LISTED;
         let known = if few { known.into_iter().map(Into::into).collect() } else { vec![] };
-        let mistake = Mistake::Unknown { what, name: name.into(), nearest, known };
+        let mistake = StudyMistake::Unknown { what, name: name.into(), nearest, known };
         self.note(&self.span(at), mistake)
     }
 
     /// Notes a name of something that all actuators share, where each actuator needs its own.
-    pub fn shared(&self, at: &Place, what: &'static str, unit: &str, name: &str) -> Noted {
-        let mistake = Mistake::Shared { what, name: name.into(), unit: unit.into() };
+    pub fn shared(&self, at: &KeyPath, what: &'static str, unit: &str, name: &str) -> Noted {
+        let mistake = StudyMistake::Shared { what, name: name.into(), unit: unit.into() };
         self.note(&self.span(at), mistake)
     }
 
     /// Notes a mistake in a text.
-    pub fn in_text(&self, at: &Place, mistake: document::Mistake) -> Noted {
+    pub fn in_text(&self, at: &KeyPath, mistake: document::TomlMistake) -> Noted {
         self.note(&self.span(at), mistake.into())
     }
 
     /// Checks that a number lies within its range.
     pub fn range(
         &self,
-        at: &Place,
+        at: &KeyPath,
         value: f64,
         ok: bool,
         allowed: impl Into<String>,
@@ -111,14 +111,15 @@ impl<'a> Reader<'a> {
         if ok {
             return Ok(());
         }
-        let mistake = Mistake::OutOfRange { field: at.to_string(), value, allowed: allowed.into() };
+        let mistake =
+            StudyMistake::OutOfRange { field: at.to_string(), value, allowed: allowed.into() };
         Err(self.note(&self.span(at), mistake))
     }
 
     /// Checks that a component's parameter allows a value.
     pub fn parameter(
         &self,
-        at: &Place,
+        at: &KeyPath,
         (component, parameter): (usize, usize),
         value: f64,
     ) -> Result<(), Noted> {
@@ -127,12 +128,12 @@ impl<'a> Reader<'a> {
     }
 
     /// Notes an empty value at its place.
-    pub fn empty(&self, at: &Place, field: &'static str) -> Noted {
-        self.note(&self.span(at), Mistake::Empty { field })
+    pub fn empty(&self, at: &KeyPath, field: &'static str) -> Noted {
+        self.note(&self.span(at), StudyMistake::Empty { field })
     }
 
     /// The index of the input that is named at a place.
-    pub fn input(&self, at: &Place, id: &str) -> Result<usize, Noted> {
+    pub fn input(&self, at: &KeyPath, id: &str) -> Result<usize, Noted> {
         let inputs = &self.system.network().inputs;
         let position = inputs.iter().position(|i| i.id == id);
         let known = inputs.iter().map(|i| i.id.as_str());
@@ -141,11 +142,11 @@ impl<'a> Reader<'a> {
 
     /// The index of the input that the commands drive.
     pub fn command_input(&self) -> Result<usize, Noted> {
-        self.input(&Place::of(&["command", "input"]), &self.text.command.input)
+        self.input(&KeyPath::of(&["command", "input"]), &self.text.command.input)
     }
 
     /// A constant signal for an input, checked against its range.
-    pub fn constant(&self, at: &Place, input: usize, value: f64) -> Result<Piecewise, Noted> {
+    pub fn constant(&self, at: &KeyPath, input: usize, value: f64) -> Result<Piecewise, Noted> {
         let (min, max) = self.system.network().input_range(input);
         let unit = self.system.network().inputs[input].unit.symbol();
         let allowed = format!("{}", crate::document::Quantities(min, max, unit));
@@ -156,7 +157,7 @@ impl<'a> Reader<'a> {
     /// Builds the signal of an input for a duration.
     pub fn signal(
         &self,
-        at: &Place,
+        at: &KeyPath,
         name: &str,
         signal: Result<Signal, SignalError>,
         input: usize,
@@ -169,7 +170,7 @@ impl<'a> Reader<'a> {
             if !is_certain && !self.is_sound(&["duration_s", "sample_hz", at.section()]) {
                 return Noted;
             }
-            let mistake = Mistake::Signal { name: name.into(), error: error.to_string() };
+            let mistake = StudyMistake::Signal { name: name.into(), error: error.to_string() };
             self.note(&self.span(at), mistake)
         })
     }
@@ -192,7 +193,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The byte range of a place in the file.
-    pub fn span(&self, at: &Place) -> TextSpan {
+    pub fn span(&self, at: &KeyPath) -> TextSpan {
         let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
         at.find(root.get_ref())
     }

@@ -5,9 +5,9 @@ use super::Study;
 use super::faults::full_name;
 use super::keys::{SEED, SPECIMENS, some};
 use super::reader::{Noted, Reader};
-use crate::document::Place;
+use crate::document::KeyPath;
 use crate::format::{Value, section};
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 
 section! {
     pub(super) struct Text {
@@ -229,7 +229,7 @@ impl Realism {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let mut tolerances = Vec::new();
         for (position, tolerance) in text.tolerances.iter().enumerate() {
-            let at = Place::of(&["realistic", "tolerances"]).element(position).key("parameters");
+            let at = KeyPath::of(&["realistic", "tolerances"]).element(position).key("parameters");
             let sigma = tolerance.sigma;
             for unit in &reader.text.units {
                 let names = tolerance.parameters.iter().enumerate();
@@ -258,7 +258,7 @@ impl Realism {
         variant: usize,
         scatter: f64,
     ) -> Vec<(usize, usize, f64)> {
-        let mut random = Random::new(mix(self.seed, variant, 1 + 2 * lot as u64));
+        let mut random = NormalDeviates::new(mix(self.seed, variant, 1 + 2 * lot as u64));
         let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
         self.deviating(study, &deviations, scatter)
     }
@@ -300,13 +300,13 @@ impl Realism {
     }
 
     /// The random numbers for the sensors of one variant.
-    pub fn noise(&self, lot: Lot, variant: usize) -> Random {
-        Random::new(mix(self.seed, variant, 2 + 2 * lot as u64))
+    pub fn noise(&self, lot: Lot, variant: usize) -> NormalDeviates {
+        NormalDeviates::new(mix(self.seed, variant, 2 + 2 * lot as u64))
     }
 
     /// A uniformly drawn index below `count` for a variant.
     pub(super) fn dealt(&self, variant: usize, count: usize) -> usize {
-        let draw = Random::new(mix(self.seed, variant, DEALING)).unit();
+        let draw = NormalDeviates::new(mix(self.seed, variant, DEALING)).unit();
         ((draw * count as f64) as usize).min(count - 1)
     }
 
@@ -330,7 +330,7 @@ fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
 /// Finds the component and parameter indices of a name at a place.
 pub(super) fn find(
     reader: &Reader,
-    at: &Place,
+    at: &KeyPath,
     unit: &str,
     name: &str,
 ) -> Result<(usize, usize), Noted> {

@@ -21,10 +21,10 @@
 
 use super::OperatingCase;
 use super::keys::{RUN_S, SPECIMENS};
-use super::mistake::Mistake;
+use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
-use crate::document::Mistake::NotInOrder;
-use crate::document::Place;
+use crate::document::KeyPath;
+use crate::document::TomlMistake::NotInOrder;
 use crate::format::{Value, section};
 use crate::signal::{Signal, SignalError};
 use servotwin_model::math::{exp, ln};
@@ -62,7 +62,7 @@ impl Text {
     }
 
     /// The patterns of all drawn commands with their places in the file.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
+    pub(super) fn patterns(&self) -> impl Iterator<Item = (KeyPath<'static>, &str)> {
         self.draws.iter().enumerate().map(|(n, draws)| (pattern_at(n), draws.signal.as_str()))
     }
 }
@@ -90,13 +90,13 @@ impl Training {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let d = text.duration_s;
         let judged = reader.text.duration_s;
-        let at = Place::of(&["training", "duration_s"]);
+        let at = KeyPath::of(&["training", "duration_s"]);
         reader.range(&at, d, d <= judged, "at most the study's duration_s")?;
         let spread = text.intensity_spread;
         let signals = text.commands();
         if signals.is_empty() {
             return Err(
-                reader.empty(&Place::of(&["training"]), "training.draws and training.signals")
+                reader.empty(&KeyPath::of(&["training"]), "training.draws and training.signals")
             );
         }
         let command = reader.command_input()?;
@@ -113,11 +113,13 @@ impl Training {
             inputs[command] = built;
             let load = text.load_of(place, reader)?;
             if let Some((input, value)) = load {
-                inputs[input] = reader.constant(&Place::of(&["training", "load"]), input, value)?;
+                inputs[input] =
+                    reader.constant(&KeyPath::of(&["training", "load"]), input, value)?;
             }
             let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
             if cases.iter().any(|other: &OperatingCase| other.command == name) {
-                let mistake = Mistake::Repeated { what: "training command", name: name.clone() };
+                let mistake =
+                    StudyMistake::Repeated { what: "training command", name: name.clone() };
                 reader.note(&reader.span(&at), mistake);
             }
             cases.push(OperatingCase { name: format!("{name}{percent}"), command: name, inputs });
@@ -139,7 +141,7 @@ const LEAST_INTENSITY: f64 = 0.01;
 /// A training command.
 struct Command<'t> {
     /// The place in the file.
-    at: Place<'t>,
+    at: KeyPath<'t>,
     name: String,
     /// The pattern or the name.
     said: &'t str,
@@ -159,7 +161,7 @@ impl Text {
             }
         }
         let named = self.signals.iter().map(|(name, signal)| Command {
-            at: Place::of(&["training", "signals", name]).name(),
+            at: KeyPath::of(&["training", "signals", name]).name(),
             name: name.clone(),
             said: name,
             signal: Ok(signal.clone()),
@@ -172,23 +174,23 @@ impl Text {
     fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, Noted> {
         let Some([low, high]) = self.load else { return Ok(None) };
         let Some(load) = &reader.text.load else {
-            return Err(reader.empty(&Place::of(&["training", "load"]), "load"));
+            return Err(reader.empty(&KeyPath::of(&["training", "load"]), "load"));
         };
         let value = rounded(low + (high - low) * halton(place as u64 + 1, BASES[0]));
-        Ok(Some((reader.input(&Place::of(&["load", "input"]), &load.input)?, value)))
+        Ok(Some((reader.input(&KeyPath::of(&["load", "input"]), &load.input)?, value)))
     }
 }
 
 /// The place of a pattern of drawn commands.
-fn pattern_at(position: usize) -> Place<'static> {
-    Place::of(&["training", "draws"]).element(position).key("signal")
+fn pattern_at(position: usize) -> KeyPath<'static> {
+    KeyPath::of(&["training", "draws"]).element(position).key("signal")
 }
 
 /// Checks that the ranges of a pattern are in order, and that the input allows both ends of each range while the others
 /// are at their middle. A few draws might miss an end that more of them would reach.
 pub(super) fn check_pattern(
     reader: &Reader,
-    at: &Place,
+    at: &KeyPath,
     pattern: &str,
     input: usize,
     duration_s: f64,

@@ -3,7 +3,7 @@
 use super::faults::full_name;
 use super::reader::Reader;
 use super::{Study, training};
-use crate::document::{Collector, Diagnostic, Explained, Quantities, Quantity};
+use crate::document::{Collector, Diagnostic, Explained, NumberWithUnit, Quantities};
 use crate::signal::{Argument, Signal, Sort};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
@@ -47,14 +47,14 @@ impl fmt::Display for Warning {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Warning::InertFault { fault, component, parameter, value, unit } => {
-                let value = Quantity(*value, unit.symbol());
+                let value = NumberWithUnit(*value, unit.symbol());
                 write!(
                     out,
                     "the fault '{fault}' changes nothing: '{parameter}' of '{component}' stays {value} at every intensity"
                 )
             }
             Warning::BeyondInput { parameter, value, input, min, max, unit } => {
-                let (value, unit) = (Quantity(*value, unit.symbol()), unit.symbol());
+                let (value, unit) = (NumberWithUnit(*value, unit.symbol()), unit.symbol());
                 let range = Quantities(*min, *max, unit);
                 write!(
                     out,

@@ -1,7 +1,7 @@
 //! Checks that need the whole system: missing and unused items, and mistakes of the compilation, reported at their
 //! places in the file.
 
-use super::mistake::Mistake;
+use super::mistake::SystemMistake;
 use super::read::{Named, Reader};
 use super::scope::{Input, Part, Scope};
 use crate::document::{self, Collector, Quantities, TextSpan};
@@ -42,7 +42,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
             None if reader.fluids.len() > 1 && part.sound && once(&mut told, &part.at, 0) => {
                 let known = reader.fluids.iter().map(|fluid| fluid.name.clone()).collect();
                 let id = part.id.clone();
-                reader.mistakes.note(&part.at, Mistake::WhichFluid { id, known });
+                reader.mistakes.note(&part.at, SystemMistake::WhichFluid { id, known });
             }
             None => {}
         }
@@ -61,8 +61,8 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
             let (id, range_k) = (part.id.clone(), (min, max));
             let liquid = liquid(part, &reader.fluids);
             let mistake = match fluid.too_soft_pa(kelvin) {
-                Some(pa) => Mistake::FluidTooSoft { id, kelvin, pa, range_k },
-                None => Mistake::FluidTemperature { id, kelvin, liquid, range_k },
+                Some(pa) => SystemMistake::FluidTooSoft { id, kelvin, pa, range_k },
+                None => SystemMistake::FluidTemperature { id, kelvin, liquid, range_k },
             };
             reader.mistakes.note(&part.at, mistake);
         }
@@ -89,7 +89,7 @@ fn once(told: &mut BTreeSet<(usize, usize)>, at: &TextSpan, which: usize) -> boo
     told.insert((at.start, which))
 }
 
-fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<Mistake>) {
+fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<SystemMistake>) {
     let mut told = BTreeSet::new();
     for part in &mut scope.parts {
         for (index, declared) in part.spec().parameters.iter().enumerate() {
@@ -100,7 +100,7 @@ fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<Mistake>) {
             part.sound = false;
             if once(&mut told, &part.at, index) {
                 let range = Quantities(declared.min, declared.max, declared.unit.symbol());
-                let mistake = document::Mistake::Missing {
+                let mistake = document::TomlMistake::Missing {
                     place: format!("'{}' ({})", part.id, part.spec().kind),
                     key: declared.name,
                     write: format!("{} = … ({}; {range})", declared.name, declared.summary),
@@ -112,11 +112,11 @@ fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<Mistake>) {
 }
 
 /// Checks that every input feeds something, and nothing that already has a source.
-fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
+fn signals(scope: &Scope, mistakes: &mut Collector<SystemMistake>) {
     let mut fed: Vec<(PortOf, usize)> = Vec::new();
     for (index, input) in scope.inputs.iter().enumerate() {
         if input.targets.is_empty() && scope.complete {
-            mistakes.note(&input.at, Mistake::InputUnused { id: input.id.clone() });
+            mistakes.note(&input.at, SystemMistake::InputUnused { id: input.id.clone() });
         }
         for target in &input.targets {
             default_in_range(scope, input, target.port, mistakes);
@@ -124,11 +124,11 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
                 let other = fed.iter().find(|&&(of, by)| of == port && by != index);
                 if let PortKind::SignalOut { .. } = scope.port(port).kind {
                     let (input, output) = (input.id.clone(), scope.port_id(port));
-                    mistakes.note(&target.at, Mistake::InputAndOutput { input, output });
+                    mistakes.note(&target.at, SystemMistake::InputAndOutput { input, output });
                 } else if let Some(&(_, by)) = other {
                     let first = scope.inputs[by].id.clone();
                     let second = input.id.clone();
-                    mistakes.note(&target.at, Mistake::TwoInputs { first, second });
+                    mistakes.note(&target.at, SystemMistake::TwoInputs { first, second });
                 }
             }
             fed.push((target.port, index));
@@ -137,7 +137,12 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
 }
 
 /// Checks that an input's default is within the range of a port.
-fn default_in_range(scope: &Scope, input: &Input, port: PortOf, mistakes: &mut Collector<Mistake>) {
+fn default_in_range(
+    scope: &Scope,
+    input: &Input,
+    port: PortOf,
+    mistakes: &mut Collector<SystemMistake>,
+) {
     let spec = scope.parts[port.component].spec();
     let Some((min, max)) = spec.input_range(scope.port(port)) else { return };
     if (min..=max).contains(&input.default) || input.default.is_nan() {
@@ -145,7 +150,7 @@ fn default_in_range(scope: &Scope, input: &Input, port: PortOf, mistakes: &mut C
     }
     let (unit, summary) = (input.unit.symbol(), scope.port(port).summary);
     let (key, value) = (format!("default of '{}'", input.id), input.default);
-    let mistake = document::Mistake::OutOfRange { key, value, min, max, unit, summary };
+    let mistake = document::TomlMistake::OutOfRange { key, value, min, max, unit, summary };
     mistakes.note(&input.at, mistake);
 }
 
@@ -154,7 +159,7 @@ fn unused(reader: &mut Reader) {
         reader.assemblies.iter().filter(|a| !a.used).map(|a| ("assembly", &a.name, &a.at));
     let fluids = reader.fluids.iter().filter(|f| !f.used).map(|f| ("fluid", &f.name, &f.at));
     for (what, name, at) in assemblies.chain(fluids) {
-        reader.mistakes.note(at, Mistake::Unused { what, name: name.clone() });
+        reader.mistakes.note(at, SystemMistake::Unused { what, name: name.clone() });
     }
 }
 
@@ -188,7 +193,8 @@ fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     for (at, port, also) in open {
         let declared = scope.port(port);
         let (end, family) = (scope.port_id(port), declared.kind.family());
-        mistakes.note(&at, Mistake::OpenPort { end, family, summary: declared.summary, also });
+        mistakes
+            .note(&at, SystemMistake::OpenPort { end, family, summary: declared.summary, also });
     }
 }
 
@@ -196,7 +202,7 @@ fn explained(
     scope: &Scope,
     fluids: &[Fluid],
     mistake: &network::Mistake,
-) -> Option<(TextSpan, Mistake)> {
+) -> Option<(TextSpan, SystemMistake)> {
     let place = |component: usize| scope.parts[component].at.clone();
     let id = |component: usize| scope.parts[component].id.clone();
     let port_id = |port: PortOf| scope.port_id(port);
@@ -206,19 +212,26 @@ fn explained(
         network::Mistake::MixedKinds { connection, first, second } => {
             let end = scope.connections[connection].iter().find(|end| end.port == second)?;
             let told = |port: PortOf| (port_id(port), family(port));
-            (end.at.clone(), Mistake::MixedKinds { first: told(first), second: told(second) })
+            (end.at.clone(), SystemMistake::MixedKinds { first: told(first), second: told(second) })
         }
         network::Mistake::MixedUnits { from, to } => mixed_units(scope, from, to)?,
         network::Mistake::TwoSources { first, second } => {
             let (at, family) = (scope.mention(second), family(second));
-            (at, Mistake::TwoSources { first: port_id(first), second: port_id(second), family })
+            (
+                at,
+                SystemMistake::TwoSources {
+                    first: port_id(first),
+                    second: port_id(second),
+                    family,
+                },
+            )
         }
         network::Mistake::NoSource(port) => {
             let ends = scope.joined(port).into_iter().map(port_id).collect();
-            (scope.mention(port), Mistake::NoSource { ends, family: family(port) })
+            (scope.mention(port), SystemMistake::NoSource { ends, family: family(port) })
         }
         network::Mistake::NoReference { component } => {
-            (place(component), Mistake::NoReference { id: id(component) })
+            (place(component), SystemMistake::NoReference { id: id(component) })
         }
         network::Mistake::TwoFluids { first, second } => {
             let parts = [first, second].map(|c| &scope.parts[c]);
@@ -226,24 +239,31 @@ fn explained(
                 return None;
             }
             let [first, second] = parts.map(|part| told_fluid(part, fluids));
-            (parts[1].at.clone(), Mistake::TwoFluids { first, second })
+            (parts[1].at.clone(), SystemMistake::TwoFluids { first, second })
         }
         network::Mistake::AlgebraicLoop { ref components } => {
             let ids = components.iter().map(|&c| id(c)).collect();
-            (place(components[0]), Mistake::AlgebraicLoop { ids })
+            (place(components[0]), SystemMistake::AlgebraicLoop { ids })
         }
         network::Mistake::Impossible { component, ref reason } => {
             if !scope.parts[component].sound {
                 return None;
             }
-            (place(component), Mistake::Impossible { id: id(component), reason: reason.clone() })
+            (
+                place(component),
+                SystemMistake::Impossible { id: id(component), reason: reason.clone() },
+            )
         }
-        network::Mistake::Empty => (0..0, Mistake::Empty),
-        network::Mistake::TooLarge => (0..0, Mistake::TooLarge),
+        network::Mistake::Empty => (0..0, SystemMistake::Empty),
+        network::Mistake::TooLarge => (0..0, SystemMistake::TooLarge),
     })
 }
 
-fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(TextSpan, Mistake)> {
+fn mixed_units(
+    scope: &Scope,
+    from: Option<PortOf>,
+    to: PortOf,
+) -> Option<(TextSpan, SystemMistake)> {
     let unit_of = |port: PortOf| match scope.port(port).kind {
         PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit),
         _ => None,
@@ -251,13 +271,13 @@ fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(TextS
     let read: (String, Unit) = (scope.port_id(to), unit_of(to)?);
     if let Some(source) = from {
         let from = (scope.port_id(source), unit_of(source)?);
-        return Some((scope.mention(to), Mistake::MixedUnits { from, to: read }));
+        return Some((scope.mention(to), SystemMistake::MixedUnits { from, to: read }));
     }
     let node = scope.joined(to);
     let feeds = |input: &&Input| input.targets.iter().any(|target| node.contains(&target.port));
     let input = scope.inputs.iter().find(feeds)?;
     let from = (input.id.clone(), input.unit);
-    Some((input.unit_at.clone(), Mistake::MixedUnits { from, to: read }))
+    Some((input.unit_at.clone(), SystemMistake::MixedUnits { from, to: read }))
 }
 
 /// Describes a source with its liquid and temperature.

@@ -1,7 +1,7 @@
 //! Imperfections of sensors: noise, and the steps of their converters.
 
 use super::System;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use servotwin_model::components::Component;
 use servotwin_model::scalar::Primitive;
 
@@ -39,7 +39,7 @@ impl Imperfection {
     }
 
     /// Adds noise to a value and quantizes it.
-    fn apply(self, value: f64, noise: &mut Random) -> f64 {
+    fn apply(self, value: f64, noise: &mut NormalDeviates) -> f64 {
         let noisy = value + self.sigma * noise.normal();
         // Rounds ties to even, without the cost of the standard library's call.
         if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
@@ -57,14 +57,14 @@ impl Imperfections {
     }
 
     /// Applies the imperfections to one sample of all sensors, in physical units.
-    pub fn apply(&self, sample: &mut [f64], noise: &mut Random) {
+    pub fn apply(&self, sample: &mut [f64], noise: &mut NormalDeviates) {
         for (value, imperfection) in sample.iter_mut().zip(&self.0) {
             *value = imperfection.apply(*value, noise);
         }
     }
 
     /// Applies the imperfection of one sensor to its samples.
-    pub fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut Random) {
+    pub fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut NormalDeviates) {
         samples.iter_mut().for_each(|value| *value = self.0[place].apply(*value, noise));
     }
 }
@@ -81,7 +81,7 @@ mod tests {
         let imperfections = Imperfections::of(&study.system, sensors);
         const SAMPLES: usize = 20_000;
         let mut all = vec![0.0; SAMPLES * sensors.len()];
-        let mut noise = Random::new(5);
+        let mut noise = NormalDeviates::new(5);
         all.chunks_exact_mut(sensors.len()).for_each(|s| imperfections.apply(s, &mut noise));
         for (place, own) in imperfections.0.iter().enumerate() {
             let shown = || all.iter().skip(place).step_by(sensors.len());

@@ -1,16 +1,16 @@
 //! Mistakes in a system file and their messages.
 
-use crate::document::{self, Explained, Quantity, suggest};
+use crate::document::{self, Explained, NumberWithUnit, suggest};
 use crate::units::word;
 use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::spec::Unit;
 
 /// A mistake in a system file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub(crate) enum Mistake {
+pub(crate) enum SystemMistake {
     /// A mistake that any TOML file can have.
     #[error(transparent)]
-    Document(#[from] document::Mistake),
+    Document(#[from] document::TomlMistake),
     /// A name with letters that ids cannot have.
     #[error("'{name}' cannot be a name")]
     BadName { name: String },
@@ -72,7 +72,7 @@ pub(crate) enum Mistake {
         range_k: (f64, f64),
     },
     /// The bulk modulus of a self-defined liquid would be too low at the temperature of its source.
-    #[error("'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {}: allowed are {} … {} K", Quantity(*.pa, "Pa"), .range_k.0, .range_k.1)]
+    #[error("'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {}: allowed are {} … {} K", NumberWithUnit(*.pa, "Pa"), .range_k.0, .range_k.1)]
     FluidTooSoft {
         id: String,
         kelvin: f64,
@@ -135,7 +135,7 @@ pub(crate) enum Mistake {
         known: Vec<String>,
     },
     /// A sensor whose noise exceeds its scale, by which residuals are divided.
-    #[error("the scale of sensor '{sensor}' is {}, less than noise and steps of '{component}': {}", Quantity(*.scale, .unit.symbol()), Quantity(rounded(*.noise), .unit.symbol()))]
+    #[error("the scale of sensor '{sensor}' is {}, less than noise and steps of '{component}': {}", NumberWithUnit(*.scale, .unit.symbol()), NumberWithUnit(rounded(*.noise), .unit.symbol()))]
     ScaleBelowNoise {
         sensor: String,
         /// The component that it reads.
@@ -271,112 +271,114 @@ fn setter(family: &str) -> &'static str {
     }
 }
 
-impl Mistake {
+impl SystemMistake {
     /// Help without names; [`Explained::help`] adds the help with names.
     fn advice(&self) -> Option<&'static str> {
         Some(match self {
-            Mistake::BadName { .. } => "names have small letters, digits and '_'",
-            Mistake::ReservedName { .. } => "choose another",
-            Mistake::ThickensWhenWarm { .. } => {
+            SystemMistake::BadName { .. } => "names have small letters, digits and '_'",
+            SystemMistake::ReservedName { .. } => "choose another",
+            SystemMistake::ThickensWhenWarm { .. } => {
                 "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)"
             }
-            Mistake::DuplicateId { .. } => "every id stands for one thing",
-            Mistake::KindOrAssembly { .. } => {
+            SystemMistake::DuplicateId { .. } => "every id stands for one thing",
+            SystemMistake::KindOrAssembly { .. } => {
                 "for example: kind = \"volume\"; or assembly = \"actuator\""
             }
-            Mistake::KindOverridden { .. } => "write a second assembly for another structure",
-            Mistake::FluidNotHere { .. } => {
+            SystemMistake::KindOverridden { .. } => "write a second assembly for another structure",
+            SystemMistake::FluidNotHere { .. } => {
                 "a fluid is named by the sources and tanks of the circuit"
             }
-            Mistake::TwoInputs { .. } | Mistake::InputAndOutput { .. } => {
+            SystemMistake::TwoInputs { .. } | SystemMistake::InputAndOutput { .. } => {
                 "a signal has one source: keep one of them"
             }
-            Mistake::NoSignalInput { .. } => "inputs feed the signal inputs of components",
-            Mistake::InputUnused { .. } => {
+            SystemMistake::NoSignalInput { .. } => "inputs feed the signal inputs of components",
+            SystemMistake::InputUnused { .. } => {
                 "list what it feeds, for example: to = [\"supply.pressure\"]"
             }
-            Mistake::MixedKinds { .. } => "a connection joins ports of one kind",
-            Mistake::TwoSources { family, .. } => part(family),
-            Mistake::NoSource { family, .. } => setter(family),
-            Mistake::NoReference { .. } => "connect a pressure_source or a tank",
-            Mistake::TwoFluids { .. } => "fluid and temperature are the same throughout a circuit",
-            Mistake::AlgebraicLoop { .. } => {
+            SystemMistake::MixedKinds { .. } => "a connection joins ports of one kind",
+            SystemMistake::TwoSources { family, .. } => part(family),
+            SystemMistake::NoSource { family, .. } => setter(family),
+            SystemMistake::NoReference { .. } => "connect a pressure_source or a tank",
+            SystemMistake::TwoFluids { .. } => {
+                "fluid and temperature are the same throughout a circuit"
+            }
+            SystemMistake::AlgebraicLoop { .. } => {
                 "break the loop with a component that has a state, such as a low_pass_filter"
             }
-            Mistake::Empty => "add a component that stores something, such as a volume",
-            Mistake::Document(_)
-            | Mistake::UnknownWord { .. }
-            | Mistake::UnknownPort { .. }
-            | Mistake::Unused { .. }
-            | Mistake::WrongSuffix { .. }
-            | Mistake::FaultAmongParameters { .. }
-            | Mistake::PortAmongParameters { .. }
-            | Mistake::WhichFluid { .. }
-            | Mistake::FluidTooSoft { .. }
-            | Mistake::NoPort { .. }
-            | Mistake::UnknownUnit { .. }
-            | Mistake::NoOutput { .. }
-            | Mistake::NoSupply { .. }
-            | Mistake::ScaleBelowNoise { .. }
-            | Mistake::OpenPort { .. }
-            | Mistake::FluidTemperature { .. }
-            | Mistake::TooFewEnds
-            | Mistake::RepeatedEnd { .. }
-            | Mistake::MixedUnits { .. }
-            | Mistake::Impossible { .. }
-            | Mistake::TooLarge => return None,
+            SystemMistake::Empty => "add a component that stores something, such as a volume",
+            SystemMistake::Document(_)
+            | SystemMistake::UnknownWord { .. }
+            | SystemMistake::UnknownPort { .. }
+            | SystemMistake::Unused { .. }
+            | SystemMistake::WrongSuffix { .. }
+            | SystemMistake::FaultAmongParameters { .. }
+            | SystemMistake::PortAmongParameters { .. }
+            | SystemMistake::WhichFluid { .. }
+            | SystemMistake::FluidTooSoft { .. }
+            | SystemMistake::NoPort { .. }
+            | SystemMistake::UnknownUnit { .. }
+            | SystemMistake::NoOutput { .. }
+            | SystemMistake::NoSupply { .. }
+            | SystemMistake::ScaleBelowNoise { .. }
+            | SystemMistake::OpenPort { .. }
+            | SystemMistake::FluidTemperature { .. }
+            | SystemMistake::TooFewEnds
+            | SystemMistake::RepeatedEnd { .. }
+            | SystemMistake::MixedUnits { .. }
+            | SystemMistake::Impossible { .. }
+            | SystemMistake::TooLarge => return None,
         })
     }
 }
 
-impl Explained for Mistake {
+impl Explained for SystemMistake {
     fn help(&self) -> Option<String> {
         Some(match self {
-            Mistake::Document(mistake) => return mistake.help(),
-            Mistake::UnknownWord { nearest, known, .. }
-            | Mistake::UnknownPort { nearest, known, .. } => suggest(nearest, known),
-            Mistake::Unused { what, .. } => format!("remove the {what} or use it"),
-            Mistake::WrongSuffix { right, si: Some(si), .. } => {
-                format!("write: {right} = {}", Quantity(*si, ""))
+            SystemMistake::Document(mistake) => return mistake.help(),
+            SystemMistake::UnknownWord { nearest, known, .. }
+            | SystemMistake::UnknownPort { nearest, known, .. } => suggest(nearest, known),
+            SystemMistake::Unused { what, .. } => format!("remove the {what} or use it"),
+            SystemMistake::WrongSuffix { right, si: Some(si), .. } => {
+                format!("write: {right} = {}", NumberWithUnit(*si, ""))
             }
-            Mistake::WrongSuffix { right, .. } => format!("write: {right} = …"),
-            Mistake::FaultAmongParameters { key } => {
+            SystemMistake::WrongSuffix { right, .. } => format!("write: {right} = …"),
+            SystemMistake::FaultAmongParameters { key } => {
                 format!("its value at intensity 1 is set by: faults.{key} = …")
             }
-            Mistake::PortAmongParameters { key, id } => {
+            SystemMistake::PortAmongParameters { key, id } => {
                 format!("ports are joined in 'connections': [\"{id}.{key}\", …]")
             }
-            Mistake::WhichFluid { known, .. } => {
+            SystemMistake::WhichFluid { known, .. } => {
                 format!("add: fluid = \"…\"; known: {}", known.join(", "))
             }
-            Mistake::FluidTooSoft { .. } => {
-                let least = Quantity(LEAST_BULK_MODULUS_PA, "Pa");
+            SystemMistake::FluidTooSoft { .. } => {
+                let least = NumberWithUnit(LEAST_BULK_MODULUS_PA, "Pa");
                 format!("by its bulk_modulus_pa at 40 °C and bulk_modulus_change; at least {least}")
             }
-            Mistake::NoPort { known, .. } => format!("its ports: {}", known.join(", ")),
-            Mistake::UnknownUnit { meant: Some(unit), .. } => {
+            SystemMistake::NoPort { known, .. } => format!("its ports: {}", known.join(", ")),
+            SystemMistake::UnknownUnit { meant: Some(unit), .. } => {
                 format!("files are in SI: \"{}\"", word(*unit))
             }
-            Mistake::UnknownUnit { .. } => {
+            SystemMistake::UnknownUnit { .. } => {
                 let known: Vec<&str> = Unit::ALL.into_iter().map(word).collect();
                 format!("known: {} (1: a pure number)", known.join(", "))
             }
-            Mistake::NoOutput { known, .. } if known.is_empty() => {
+            SystemMistake::NoOutput { known, .. } if known.is_empty() => {
                 "a sensor is a signal output, such as the 'reading' of a pressure_sensor".into()
             }
-            Mistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
-            Mistake::NoSupply { known, .. } if known.is_empty() => {
+            SystemMistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
+            SystemMistake::NoSupply { known, .. } if known.is_empty() => {
                 "an input drives a source with: to = [\"supply.pressure\"]".into()
             }
-            Mistake::NoSupply { known, .. } => format!("known: {}", known.join(", ")),
-            Mistake::ScaleBelowNoise { full_scale, unit, .. } => format!(
+            SystemMistake::NoSupply { known, .. } => format!("known: {}", known.join(", ")),
+            SystemMistake::ScaleBelowNoise { full_scale, unit, .. } => format!(
                 "residuals are divided by it; usual is the full scale of the sensor, {}",
-                Quantity(full_scale.unwrap_or_default(), unit.symbol())
+                NumberWithUnit(full_scale.unwrap_or_default(), unit.symbol())
             ),
-            Mistake::OpenPort { summary, also, .. } if also.is_empty() => {
+            SystemMistake::OpenPort { summary, also, .. } if also.is_empty() => {
                 format!("the port is: {summary}")
             }
-            Mistake::OpenPort { summary, also, .. } => {
+            SystemMistake::OpenPort { summary, also, .. } => {
                 format!("the port is: {summary}; the same holds for {}", also.join(", "))
             }
             mistake => return mistake.advice().map(str::to_owned),
@@ -385,10 +387,9 @@ impl Explained for Mistake {
 
     fn range(&self) -> Option<(f64, f64)> {
         match self {
-            Mistake::Document(mistake) => mistake.range(),
-            Mistake::FluidTemperature { range_k, .. } | Mistake::FluidTooSoft { range_k, .. } => {
-                Some(*range_k)
-            }
+            SystemMistake::Document(mistake) => mistake.range(),
+            SystemMistake::FluidTemperature { range_k, .. }
+            | SystemMistake::FluidTooSoft { range_k, .. } => Some(*range_k),
             _ => None,
         }
     }

@@ -43,11 +43,11 @@ pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
 use crate::compiled::Compiled;
-use crate::document::{Diagnostic, Quantities, Quantity, write_mistakes};
+use crate::document::{Diagnostic, NumberWithUnit, Quantities, write_mistakes};
 use crate::files::FileError;
 use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
-use servotwin_model::components::Span;
+use servotwin_model::components::MeasuringSpan;
 use servotwin_model::network::{self, Network};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
@@ -189,7 +189,7 @@ impl System {
         let soft = instance.fluid.too_soft_pa(value).filter(|_| unit == Unit::Kelvin);
         Err(match soft {
             Some(pa) => {
-                let (value, pa) = (Quantity(value, unit.symbol()), Quantity(pa, "Pa"));
+                let (value, pa) = (NumberWithUnit(value, unit.symbol()), NumberWithUnit(pa, "Pa"));
                 format!("{range}; at {value} the bulk modulus of its liquid would be {pa}")
             }
             None => range.to_string(),
@@ -207,7 +207,7 @@ impl System {
             let declared = &instance.component.spec().parameters[parameter];
             self.allows(component, parameter, value).map_err(|allowed| {
                 let (id, name) = (&instance.id, declared.name);
-                let value = Quantity(value, declared.unit.symbol());
+                let value = NumberWithUnit(value, declared.unit.symbol());
                 format!("{id}.{name} = {value} is out of range: allowed are {allowed}")
             })?;
             instance.parameters[parameter] = value;
@@ -259,7 +259,9 @@ impl System {
     pub fn readable(&self, sensor: usize) -> (f64, f64) {
         let instance = &self.network().components[self.sensors[sensor].component];
         match instance.component.span(&instance.parameters) {
-            Some(Span { full_scale, range }) => (full_scale - 2.0 * range, full_scale + range),
+            Some(MeasuringSpan { full_scale, range }) => {
+                (full_scale - 2.0 * range, full_scale + range)
+            }
             None => (f64::NEG_INFINITY, f64::INFINITY),
         }
     }

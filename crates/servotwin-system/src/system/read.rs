@@ -3,7 +3,7 @@
 
 mod reservoir;
 
-use super::mistake::Mistake;
+use super::mistake::SystemMistake;
 use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor};
@@ -166,7 +166,7 @@ enum Resolved {
 
 /// The parsed file, as far as it was understood.
 pub(super) struct Reader {
-    pub mistakes: Collector<Mistake>,
+    pub mistakes: Collector<SystemMistake>,
     pub fluids: Vec<Named<Option<Fluid>>>,
     pub assemblies: Vec<Named<Scope>>,
     pub scope: Scope,
@@ -183,14 +183,18 @@ fn names<'a>(all: impl IntoIterator<Item = &'a str>) -> Vec<String> {
 }
 
 /// The mistake for an unknown word.
-fn unknown_word(what: &'static str, word: &str, known: Vec<String>) -> Mistake {
+fn unknown_word(what: &'static str, word: &str, known: Vec<String>) -> SystemMistake {
     let nearest = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
-    Mistake::UnknownWord { what, word: word.into(), nearest, known }
+    SystemMistake::UnknownWord { what, word: word.into(), nearest, known }
 }
 
-fn unknown_key(entry: &Entry, place: impl Into<String>, known: Vec<String>) -> document::Mistake {
+fn unknown_key(
+    entry: &Entry,
+    place: impl Into<String>,
+    known: Vec<String>,
+) -> document::TomlMistake {
     let nearest = nearest(entry.key, known.iter().map(String::as_str)).map(str::to_owned);
-    document::Mistake::UnknownKey { key: entry.key.into(), place: place.into(), nearest, known }
+    document::TomlMistake::UnknownKey { key: entry.key.into(), place: place.into(), nearest, known }
 }
 
 fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
@@ -218,7 +222,7 @@ impl Reader {
         for error in &errors {
             let message = error.message().trim().replace('\n', ", ");
             let span = error.span().unwrap_or(0..0);
-            self.mistakes.note(&span, document::Mistake::Syntax { message });
+            self.mistakes.note(&span, document::TomlMistake::Syntax { message });
         }
         // After a syntax error, the rest of the file cannot be judged.
         if !errors.is_empty() {
@@ -239,7 +243,7 @@ impl Reader {
         match entry.number() {
             Ok(found) if found == f64::from(FORMAT) => true,
             Ok(found) => {
-                let mistake = document::Mistake::Format { found, supported: FORMAT };
+                let mistake = document::TomlMistake::Format { found, supported: FORMAT };
                 self.mistakes.note(&entry.value_at(), mistake);
                 false
             }
@@ -338,7 +342,7 @@ impl Reader {
             return Some(value);
         }
         let (key, unit) = (entry.key.into(), unit.symbol());
-        let mistake = document::Mistake::OutOfRange { key, value, min, max, unit, summary };
+        let mistake = document::TomlMistake::OutOfRange { key, value, min, max, unit, summary };
         self.mistakes.note(&entry.value_at(), mistake);
         None
     }
@@ -354,9 +358,15 @@ impl Reader {
         table.map_or_else(Vec::new, entries)
     }
 
-    fn missing(&mut self, at: &TextSpan, place: impl Into<String>, key: &'static str, write: String) {
+    fn missing(
+        &mut self,
+        at: &TextSpan,
+        place: impl Into<String>,
+        key: &'static str,
+        write: String,
+    ) {
         let place = place.into();
-        self.mistakes.note(at, document::Mistake::Missing { place, key, write });
+        self.mistakes.note(at, document::TomlMistake::Missing { place, key, write });
     }
 
     fn only(&mut self, all: &[Entry], place: &str, known: &[&str]) {
@@ -369,9 +379,9 @@ impl Reader {
     fn good_name(&mut self, name: &str, at: &TextSpan) {
         let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if RESERVED.contains(&name) {
-            self.mistakes.note(at, Mistake::ReservedName { name: name.into() });
+            self.mistakes.note(at, SystemMistake::ReservedName { name: name.into() });
         } else if name.is_empty() || !name.chars().all(good) {
-            self.mistakes.note(at, Mistake::BadName { name: name.into() });
+            self.mistakes.note(at, SystemMistake::BadName { name: name.into() });
         }
     }
 
@@ -414,7 +424,8 @@ impl Reader {
             value.table = self.points(fluid, points, &value.own)?;
         }
         if value.own.viscosity_100_m2_s >= value.own.viscosity_40_m2_s {
-            self.mistakes.note(&fluid.at, Mistake::ThickensWhenWarm { fluid: fluid.key.into() });
+            self.mistakes
+                .note(&fluid.at, SystemMistake::ThickensWhenWarm { fluid: fluid.key.into() });
             sound = false;
         }
         sound.then_some(value)
@@ -435,7 +446,7 @@ impl Reader {
         let at = entry.value_at();
         let list = entry.list().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()?;
         if list.len() < 2 {
-            let mistake = document::Mistake::TooFew { key: entry.key.into(), least: 2 };
+            let mistake = document::TomlMistake::TooFew { key: entry.key.into(), least: 2 };
             self.mistakes.note(&at, mistake);
             return None;
         }
@@ -502,7 +513,7 @@ impl Reader {
         }
         let (key, unit) = (name.into(), unit.symbol());
         let summary = "of the liquid here, by its value at 40 °C and bulk_modulus_change";
-        let mistake = document::Mistake::OutOfRange { key, value: pa, min, max, unit, summary };
+        let mistake = document::TomlMistake::OutOfRange { key, value: pa, min, max, unit, summary };
         self.mistakes.note(&point.at, mistake);
         None
     }
@@ -569,7 +580,8 @@ impl Reader {
                 }
             }
             (Some(_), Some(_)) => {
-                self.mistakes.note(&entry.at, Mistake::KindOrAssembly { id: entry.key.into() });
+                self.mistakes
+                    .note(&entry.at, SystemMistake::KindOrAssembly { id: entry.key.into() });
                 scope.broken.push(entry.key.into());
                 scope.complete = false;
             }
@@ -621,7 +633,7 @@ impl Reader {
         };
         let all = entries(table);
         if let Some(kind) = get(&all, "kind") {
-            self.mistakes.note(&kind.at, Mistake::KindOverridden { id: entry.key.into() });
+            self.mistakes.note(&kind.at, SystemMistake::KindOverridden { id: entry.key.into() });
         }
         self.settings(&mut content.parts[index], &all);
     }
@@ -641,7 +653,7 @@ impl Reader {
     fn built(&mut self, entry: &Entry) -> Option<Part> {
         let all = entries(self.table(entry)?);
         let Some(kind) = get(&all, "kind") else {
-            self.mistakes.note(&entry.at, Mistake::KindOrAssembly { id: entry.key.into() });
+            self.mistakes.note(&entry.at, SystemMistake::KindOrAssembly { id: entry.key.into() });
             return None;
         };
         let word = self.text(kind)?;
@@ -669,7 +681,7 @@ impl Reader {
                 },
                 ("fluid", None) => {
                     let (id, kind) = (part.id.clone(), spec.kind);
-                    self.mistakes.note(&entry.at, Mistake::FluidNotHere { id, kind });
+                    self.mistakes.note(&entry.at, SystemMistake::FluidNotHere { id, kind });
                 }
                 _ => self.unknown_parameter(part, entry),
             }
@@ -713,10 +725,10 @@ impl Reader {
         let spec: &'static Spec = part.spec();
         if spec.fault(entry.key).is_some() {
             let key = entry.key.into();
-            self.mistakes.note(&entry.at, Mistake::FaultAmongParameters { key });
+            self.mistakes.note(&entry.at, SystemMistake::FaultAmongParameters { key });
         } else if spec.port(entry.key).is_some() {
             let (key, id) = (entry.key.into(), part.id.clone());
-            self.mistakes.note(&entry.at, Mistake::PortAmongParameters { key, id });
+            self.mistakes.note(&entry.at, SystemMistake::PortAmongParameters { key, id });
         } else {
             let extra: &[&str] = if spec.reference { &["fluid", "faults"] } else { &["faults"] };
             let place = format!("'{}' ({})", part.id, spec.kind);
@@ -738,14 +750,15 @@ impl Reader {
     ) -> Option<String> {
         if let Some(slip) = units::slip(entry.key, entry.number().ok(), parameters) {
             let (right, unit) = (slip.parameter.name, slip.parameter.unit);
-            let mistake = Mistake::WrongSuffix { key: entry.key.into(), right, unit, si: slip.si };
+            let mistake =
+                SystemMistake::WrongSuffix { key: entry.key.into(), right, unit, si: slip.si };
             self.mistakes.note(&entry.at, mistake);
             return Some(right.into());
         }
         let known = parameters.iter().map(|p| p.name).chain(extra.iter().copied());
         let mistake = unknown_key(entry, place, names(known));
         let meant = match &mistake {
-            document::Mistake::UnknownKey { nearest, .. } => nearest.clone(),
+            document::TomlMistake::UnknownKey { nearest, .. } => nearest.clone(),
             _ => None,
         };
         self.mistakes.note(&entry.at, mistake);
@@ -783,7 +796,7 @@ impl Reader {
             [first] => first,
             [first, second, ..] => {
                 let id = |input: usize| scope.inputs[input].id.clone();
-                let mistake = Mistake::TwoInputs { first: id(first), second: id(second) };
+                let mistake = SystemMistake::TwoInputs { first: id(first), second: id(second) };
                 self.mistakes.note(&entry.value_at(), mistake);
                 scope.complete = false;
                 return;
@@ -805,7 +818,7 @@ impl Reader {
             }
         };
         if list.len() < 2 {
-            self.mistakes.note(&entry.value_at(), Mistake::TooFewEnds);
+            self.mistakes.note(&entry.value_at(), SystemMistake::TooFewEnds);
             scope.complete = false;
         }
         let (mut ends, mut inputs): (Vec<End>, Vec<usize>) = Default::default();
@@ -815,7 +828,7 @@ impl Reader {
                 Some(Resolved::Input(input)) => inputs.push(input),
                 Some(Resolved::Port(port)) if ends.iter().any(|end| end.port == port) => {
                     let end = scope.port_id(port);
-                    self.mistakes.note(&element.value_at(), Mistake::RepeatedEnd { end });
+                    self.mistakes.note(&element.value_at(), SystemMistake::RepeatedEnd { end });
                 }
                 Some(Resolved::Port(port)) => ends.push(End { port, at: element.value_at() }),
                 None => scope.complete = false,
@@ -837,7 +850,7 @@ impl Reader {
         let ports =
             |index: usize| names(scope.parts[index].spec().ports.iter().map(|port| port.name));
         if let Some(index) = scope.part(word) {
-            let mistake = Mistake::NoPort { id: word.into(), known: ports(index) };
+            let mistake = SystemMistake::NoPort { id: word.into(), known: ports(index) };
             self.mistakes.note(&at, mistake);
             return None;
         }
@@ -855,7 +868,7 @@ impl Reader {
         let known = ports(component);
         self.mistakes.note(
             &at,
-            Mistake::UnknownPort {
+            SystemMistake::UnknownPort {
                 id: id.into(),
                 kind: spec.kind,
                 port: port.into(),
@@ -874,10 +887,11 @@ impl Reader {
                 scope.inputs[input].targets.push(end);
                 return;
             }
-            PortKind::SignalOut { .. } => {
-                Mistake::InputAndOutput { input: scope.inputs[input].id.clone(), output: id() }
-            }
-            kind => Mistake::NoSignalInput { end: id(), family: kind.family() },
+            PortKind::SignalOut { .. } => SystemMistake::InputAndOutput {
+                input: scope.inputs[input].id.clone(),
+                output: id(),
+            },
+            kind => SystemMistake::NoSignalInput { end: id(), family: kind.family() },
         };
         self.mistakes.note(&end.at, mistake);
         scope.complete = false;
@@ -886,7 +900,7 @@ impl Reader {
     fn input(&mut self, scope: &mut Scope, entry: &Entry) {
         self.good_name(entry.key, &entry.at);
         if scope.has(entry.key) {
-            self.mistakes.note(&entry.at, Mistake::DuplicateId { id: entry.key.into() });
+            self.mistakes.note(&entry.at, SystemMistake::DuplicateId { id: entry.key.into() });
         }
         let Some(table) = self.table(entry) else {
             scope.broken.push(entry.key.into());
@@ -930,7 +944,8 @@ impl Reader {
         let word = self.text(entry)?;
         let unit = units::find_si(word);
         if unit.is_none() {
-            let mistake = Mistake::UnknownUnit { word: word.into(), meant: units::meant(word) };
+            let mistake =
+                SystemMistake::UnknownUnit { word: word.into(), meant: units::meant(word) };
             self.mistakes.note(&entry.value_at(), mistake);
         }
         unit.map(|unit| (unit, entry.value_at()))
@@ -953,7 +968,7 @@ impl Reader {
                 }
                 Some(Resolved::Input(other)) => {
                     let id = |input: usize| scope.inputs[input].id.clone();
-                    let mistake = Mistake::TwoInputs { first: id(input), second: id(other) };
+                    let mistake = SystemMistake::TwoInputs { first: id(input), second: id(other) };
                     self.mistakes.note(&element.value_at(), mistake);
                     scope.complete = false;
                 }
@@ -1011,8 +1026,14 @@ impl Reader {
         if part.sound && noise > scale {
             let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);
             let (sensor, component) = (id.into(), part.id.clone());
-            let mistake =
-                Mistake::ScaleBelowNoise { sensor, component, scale, noise, full_scale, unit };
+            let mistake = SystemMistake::ScaleBelowNoise {
+                sensor,
+                component,
+                scale,
+                noise,
+                full_scale,
+                unit,
+            };
             self.mistakes.note(at, mistake);
         }
     }
@@ -1050,7 +1071,8 @@ impl Reader {
                 (false, None) => names(own),
                 (true, None) => Vec::new(),
             };
-            self.mistakes.note(&entry.value_at(), Mistake::NoOutput { signal: word.into(), known });
+            self.mistakes
+                .note(&entry.value_at(), SystemMistake::NoOutput { signal: word.into(), known });
         }
         found.map(|&(_, port, unit)| (port, unit))
     }

@@ -2,7 +2,7 @@
 
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Failure, SolverSettings, Statistics};
+use servotwin_model::solver::{SolverFailure, SolverSettings, Statistics};
 use servotwin_system::ensemble::{Ensemble, Variant};
 use servotwin_system::system::System;
 use std::collections::BTreeMap;
@@ -174,7 +174,7 @@ impl Test {
         ensemble
     }
 
-    pub fn try_run(&self, record: &[&str]) -> Result<Samples, Failure> {
+    pub fn try_run(&self, record: &[&str]) -> Result<Samples, SolverFailure> {
         let ensemble = self.ensemble(record);
         let (columns, statistics) = ensemble.run_one(&self.variant())?;
         let columns = record.iter().map(|id| id.to_string()).zip(columns).collect();

@@ -7,7 +7,7 @@ use servotwin_system::ensemble::Ensemble;
 use servotwin_system::ensemble::Variant;
 use servotwin_system::signal::Signal;
 use servotwin_system::system::System;
-use servotwin_system::validity::{Limit, PressureMonitor};
+use servotwin_system::validity::{CrossedLimit, PressureMonitor};
 
 const BAR: f64 = 1e5;
 const PERIOD_S: f64 = 5e-5;
@@ -40,7 +40,8 @@ impl Case<'_> {
         };
         let mut ensemble = Ensemble::new(program);
         let control = Control::within(1e-5);
-        ensemble.settings = SolverSettings { method: Method::Rodas4P2, control, land_on_samples: true };
+        ensemble.settings =
+            SolverSettings { method: Method::Rodas4P2, control, land_on_samples: true };
         ensemble.duration_s = self.duration_s;
         ensemble.sample_period_s = PERIOD_S;
         ensemble.record = record.iter().map(|id| program.observable(id).unwrap().slot).collect();
@@ -209,6 +210,6 @@ fn a_cavity_is_reported_with_its_place_and_time() {
     let findings = monitor.findings();
     assert_eq!(findings.len(), 1, "{findings:?}");
     let finding = &findings[0];
-    assert_eq!((finding.limit, finding.name.as_str()), (Limit::Vapor, "line.pressure_pa"));
+    assert_eq!((finding.limit, finding.name.as_str()), (CrossedLimit::Vapor, "line.pressure_pa"));
     assert!((finding.first_s - 0.159).abs() < 1e-3 && finding.duration_s > 0.04, "{finding:?}");
 }

@@ -3,7 +3,7 @@
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Failure, Statistics};
+use servotwin_model::solver::{SolverFailure, Statistics};
 use servotwin_system::built_in;
 use servotwin_system::compiled::Compiled;
 use servotwin_system::ensemble::{Ensemble, Later, Variant};
@@ -11,7 +11,7 @@ use servotwin_system::system::System;
 
 const VARIANTS: usize = 21;
 
-type Run = Result<(Statistics, Vec<Vec<u64>>), Failure>;
+type Run = Result<(Statistics, Vec<Vec<u64>>), SolverFailure>;
 
 /// Faults of all kinds at growing intensity, some of them healed on the way, while every input swings and then
 /// stays; all that can be recorded.

@@ -10,7 +10,9 @@ use servotwin_model::fluid::{Fluid, compressibility_per_pa};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{self, Cause, Failure, Job, JobSource, SolverSettings, Statistics};
+use servotwin_model::solver::{
+    self, Cause, Job, JobSource, SolverFailure, SolverSettings, Statistics,
+};
 use servotwin_model::spec::Unit;
 use servotwin_system::ensemble::Variant;
 use servotwin_system::signal::Signal;
@@ -567,7 +569,7 @@ fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
         fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
             self.1.push(values.to_vec());
         }
-        fn finish(&mut self, _job: usize, outcome: Result<Statistics, Failure>) {
+        fn finish(&mut self, _job: usize, outcome: Result<Statistics, SolverFailure>) {
             outcome.expect("a plain step");
         }
     }
@@ -740,7 +742,11 @@ fn residuals_have_the_size_and_sign_of_their_fault() {
 
 /// Twelve variants of which some are hard, run on a number of threads with some
 /// lanes; `spoiled` are given a mass of zero.
-fn twelve(threads: usize, level: Level, spoiled: &[usize]) -> Vec<Result<Vec<Vec<f64>>, Failure>> {
+fn twelve(
+    threads: usize,
+    level: Level,
+    spoiled: &[usize],
+) -> Vec<Result<Vec<Vec<f64>>, SolverFailure>> {
     let base = move_there_and_back().settings(SolverSettings::campaign()).lasting(0.3, 1e-2);
     let mut ensemble = base.ensemble(&all_states());
     (ensemble.threads, ensemble.level) = (threads, level);

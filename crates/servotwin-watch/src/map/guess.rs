@@ -8,7 +8,7 @@
 //! If two columns are equally likely, both are named and neither is used.
 
 use super::FORMAT;
-use super::words::{Meaning, words};
+use super::words::{ColumnMeaning, words};
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
 use servotwin::system::System;
@@ -92,7 +92,7 @@ struct Candidate<'c> {
     behind: Vec<(String, Option<Named<'c>>)>,
     /// The unit used for this column.
     unit: Option<Named<'c>>,
-    meaning: Meaning,
+    meaning: ColumnMeaning,
     numbers: Vec<u32>,
 }
 
@@ -261,7 +261,7 @@ impl<'c> Candidate<'c> {
             points.map(|end| (key(end), *unit))
         });
         let behind = behind.collect();
-        Candidate { column, keys, behind, unit, meaning: Meaning::of(&words), numbers }
+        Candidate { column, keys, behind, unit, meaning: ColumnMeaning::of(&words), numbers }
     }
 
     /// How well a column fits a target; 0 means not at all.
@@ -312,7 +312,7 @@ impl<'c> Candidate<'c> {
 
     /// How well the words fit a quantity; 0 means not at all.
     fn measures(&self, quantity: Quantity) -> u32 {
-        let Meaning { pressure, position, command, parts, .. } = self.meaning;
+        let ColumnMeaning { pressure, position, command, parts, .. } = self.meaning;
         let unit = self.unit.map(|(unit, _)| unit);
         let is_pressure = pressure || unit == Some(Unit::Pascal);
         let is_position = position || matches!(unit, Some(Unit::Metre | Unit::Radian));

@@ -8,7 +8,7 @@ use servotwin_model::spec::Unit;
 pub enum Mistake {
     /// A mistake that any TOML file can have.
     #[error("{0}")]
-    Document(document::Mistake),
+    Document(document::TomlMistake),
     /// A name that the system does not have.
     #[error("the system has no {what} '{id}'")]
     UnknownId {
@@ -81,8 +81,8 @@ impl Explained for Mistake {
     }
 }
 
-impl From<document::Mistake> for Mistake {
-    fn from(mistake: document::Mistake) -> Self {
+impl From<document::TomlMistake> for Mistake {
+    fn from(mistake: document::TomlMistake) -> Self {
         Mistake::Document(mistake)
     }
 }

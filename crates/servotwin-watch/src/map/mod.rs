@@ -10,7 +10,7 @@ mod words;
 pub use guess::{Guess, Trust, guess};
 pub use mistake::Mistake;
 
-use super::sequencer::{Rules, Stamped};
+use super::sequencer::{SequencerRules, Stamped};
 use super::source::{LogRow, SourceError, Wanted};
 use servotwin::system::System;
 use servotwin_io::document::{Collector, Diagnostic, TextSpan, write_mistakes};
@@ -31,7 +31,7 @@ pub struct Map {
     channels: Vec<Channel>,
     inputs: usize,
     /// When samples are reordered or dropped.
-    pub rules: Rules,
+    pub rules: SequencerRules,
     wanted: Wanted,
     /// Where the map file names each wanted column.
     places: Vec<TextSpan>,

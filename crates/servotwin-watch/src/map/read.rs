@@ -1,7 +1,7 @@
 //! Reads TOML into a [`Map`]. Mistakes are collected, and reading continues.
 
 use super::{Channel, FORMAT, Map, MapError, Mistake, Origin, Time};
-use crate::sequencer::Rules;
+use crate::sequencer::SequencerRules;
 use crate::source::{DATE, Wanted};
 use servotwin::system::System;
 use servotwin::units;
@@ -29,7 +29,7 @@ struct Reader<'s> {
     time: Time,
     channels: Vec<Channel>,
     inputs: usize,
-    rules: Rules,
+    rules: SequencerRules,
     wanted: Wanted,
     places: Vec<TextSpan>,
 }
@@ -57,7 +57,7 @@ impl<'s> Reader<'s> {
             time: Time::Rate { rate_hz: 1.0 },
             channels,
             inputs,
-            rules: Rules::default(),
+            rules: SequencerRules::default(),
             wanted: Wanted::default(),
             places: vec![],
         }
@@ -68,7 +68,7 @@ impl<'s> Reader<'s> {
         for error in &errors {
             let message = error.message().trim().replace('\n', ", ");
             let span = error.span().unwrap_or(0..0);
-            self.note(&span, document::Mistake::Syntax { message });
+            self.note(&span, document::TomlMistake::Syntax { message });
         }
         if !errors.is_empty() {
             return;
@@ -122,7 +122,7 @@ impl<'s> Reader<'s> {
         match entry.number() {
             Ok(found) if found == f64::from(FORMAT) => return true,
             Ok(found) => {
-                let mistake = document::Mistake::Format { found, supported: FORMAT };
+                let mistake = document::TomlMistake::Format { found, supported: FORMAT };
                 self.note(&entry.value_at(), mistake);
             }
             Err(mistake) => self.note(&entry.value_at(), mistake),
@@ -335,7 +335,8 @@ impl<'s> Reader<'s> {
             Ok(value) if (min..=max).contains(&value) => return Some(value),
             Ok(value) => {
                 let (key, unit) = (key.to_owned(), "");
-                let mistake = document::Mistake::OutOfRange { key, value, min, max, unit, summary };
+                let mistake =
+                    document::TomlMistake::OutOfRange { key, value, min, max, unit, summary };
                 self.note(&entry.value_at(), mistake);
             }
             Err(mistake) => self.note(&entry.value_at(), mistake),
@@ -346,7 +347,7 @@ impl<'s> Reader<'s> {
     /// Reports unknown keys of a table.
     fn known(&mut self, entries: &[Entry], place: &str, known: &[&str]) {
         for entry in entries.iter().filter(|entry| !known.contains(&entry.key)) {
-            let mistake = document::Mistake::UnknownKey {
+            let mistake = document::TomlMistake::UnknownKey {
                 key: entry.key.into(),
                 place: place.into(),
                 nearest: nearest(entry.key, known.iter().copied()).map(str::to_owned),
@@ -358,10 +359,10 @@ impl<'s> Reader<'s> {
 
     fn missing(&mut self, span: &TextSpan, place: &str, key: &'static str, write: &str) {
         let (place, write) = (place.to_owned(), write.to_owned());
-        self.note(span, document::Mistake::Missing { place, key, write });
+        self.note(span, document::TomlMistake::Missing { place, key, write });
     }
 
-    fn note(&mut self, span: &TextSpan, mistake: document::Mistake) {
+    fn note(&mut self, span: &TextSpan, mistake: document::TomlMistake) {
         self.mistakes.note(span, mistake);
     }
 }

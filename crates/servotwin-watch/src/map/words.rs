@@ -2,7 +2,7 @@
 
 /// The meaning of a column according to its name.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Meaning {
+pub(super) struct ColumnMeaning {
     pub pressure: bool,
     pub position: bool,
     pub command: bool,
@@ -128,10 +128,10 @@ const OTHER: &[&str] = &[
     "counter",
 ];
 
-impl Meaning {
+impl ColumnMeaning {
     /// Interprets the words of a name.
     pub(super) fn of(words: &[String]) -> Self {
-        let mut meaning = Meaning::default();
+        let mut meaning = ColumnMeaning::default();
         words.iter().for_each(|word| meaning.add(word));
         meaning
     }
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn letters_of_quantities_stand_before_parts() {
-        let of = |name: &str| Meaning::of(&words(name).0);
+        let of = |name: &str| ColumnMeaning::of(&words(name).0);
         let supply = of("PSUP1");
         assert!(supply.pressure && supply.parts.supply && !supply.position);
         let ram = of("XRAM2");

@@ -17,7 +17,7 @@ use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
 use live::{Live, Loss};
 use serde_json::json;
-use servotwin::observer::{Finding, State};
+use servotwin::observer::{DiagnosisState, Finding};
 use servotwin_io::files::{AtomicFile, FileError};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -233,8 +233,12 @@ impl Mcap {
             WatchEvent::NoData => {
                 let evidence = notice.words().into_iter().collect();
                 let phase = notice.phase;
-                let silent =
-                    Finding { state: State::NoData, phase, evidence, ..Finding::default() };
+                let silent = Finding {
+                    state: DiagnosisState::NoData,
+                    phase,
+                    evidence,
+                    ..Finding::default()
+                };
                 self.decide(now_s, &silent)?;
             }
             WatchEvent::DataAgain => self.decide(now_s, &self.last_finding.clone())?,

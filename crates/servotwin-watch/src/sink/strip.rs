@@ -2,7 +2,7 @@
 
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::Notice;
-use servotwin::observer::{Finding, State};
+use servotwin::observer::{DiagnosisState, Finding};
 use servotwin_io::moment;
 use std::fmt::Write;
 
@@ -29,7 +29,7 @@ struct Change {
 #[derive(Debug, Default)]
 pub struct Strip {
     /// The most severe state of every part.
-    parts: Vec<State>,
+    parts: Vec<DiagnosisState>,
     /// Samples in a full part, and in the last part.
     width: usize,
     filled: usize,
@@ -42,19 +42,19 @@ pub struct Strip {
 }
 
 /// The order of states: a part shows the most severe.
-fn severity(state: State) -> usize {
+fn severity(state: DiagnosisState) -> usize {
     match state {
-        State::NoData => 0,
-        State::Healthy => 1,
-        State::Undecided => 2,
-        State::EnvironmentInvalid => 3,
-        State::Unknown => 4,
-        State::Detected => 5,
-        State::Isolated => 6,
+        DiagnosisState::NoData => 0,
+        DiagnosisState::Healthy => 1,
+        DiagnosisState::Undecided => 2,
+        DiagnosisState::EnvironmentInvalid => 3,
+        DiagnosisState::Unknown => 4,
+        DiagnosisState::Detected => 5,
+        DiagnosisState::Isolated => 6,
     }
 }
 
-fn severest(one: State, other: State) -> State {
+fn severest(one: DiagnosisState, other: DiagnosisState) -> DiagnosisState {
     if severity(other) > severity(one) { other } else { one }
 }
 
@@ -126,8 +126,8 @@ impl Strip {
         let strip: String = self.parts.iter().map(|state| state.mark()).collect();
         let [begin, end] = [self.begin_s, self.end_s].map(moment::shown);
         let mut text = format!("{begin} |{strip}| {end}\n");
-        let met = |state: &State| self.parts.contains(state);
-        let legend = State::ALL.into_iter().filter(met);
+        let met = |state: &DiagnosisState| self.parts.contains(state);
+        let legend = DiagnosisState::ALL.into_iter().filter(met);
         let legend: Vec<String> =
             legend.map(|state| format!("'{}' {}", state.mark(), state.words())).collect();
         let _ = writeln!(text, "{}\n", legend.join(", "));
@@ -156,8 +156,8 @@ impl Strip {
 mod tests {
     use super::*;
 
-    fn told(states: impl IntoIterator<Item = State>) -> String {
-        let mut strip = Strip { parts: vec![State::NoData], ..Strip::default() };
+    fn told(states: impl IntoIterator<Item = DiagnosisState>) -> String {
+        let mut strip = Strip { parts: vec![DiagnosisState::NoData], ..Strip::default() };
         for (second, state) in states.into_iter().enumerate() {
             strip.change(second as f64, &Finding { state, ..Finding::default() });
         }
@@ -166,14 +166,14 @@ mod tests {
 
     #[test]
     fn what_goes_to_and_fro_for_long_is_one_line() {
-        let two = [State::NoData, State::EnvironmentInvalid];
+        let two = [DiagnosisState::NoData, DiagnosisState::EnvironmentInvalid];
         let text = told(two.into_iter().cycle().take(6));
         assert!(text.matches(" s  ").count() == 6 && !text.contains("more"), "{text}");
         let longer = two.into_iter().cycle().take(1001);
-        let text = told(longer.chain([State::Healthy, State::NoData]));
+        let text = told(longer.chain([DiagnosisState::Healthy, DiagnosisState::NoData]));
         assert!(text.contains("   1000.00 s  until here 995 more between these two"), "{text}");
         assert_eq!(text.matches(" s  ").count(), 9, "{text}");
-        let three = [State::NoData, State::Healthy, State::Unknown];
+        let three = [DiagnosisState::NoData, DiagnosisState::Healthy, DiagnosisState::Unknown];
         assert!(!told(three.into_iter().cycle().take(90)).contains("more"));
     }
 }

@@ -5,7 +5,7 @@
 //! that has all wanted names is the header, unless the map names the columns; the header may be repeated. Blank lines
 //! and lines that begin with `#` are skipped.
 
-use super::{Bad, Read, LogRow, Wanted};
+use super::{Bad, LogRow, Read, Wanted};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::Value;
 use servotwin_io::sanitize;

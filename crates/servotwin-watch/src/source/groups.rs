@@ -1,11 +1,11 @@
 //! Groups of columns with separate times: the rows of a recording whose channels have several rates.
 
 use super::frame::Flaw;
-use super::{Read, LogRow, Source, SourceError, Wanted};
+use super::{LogRow, Read, Source, SourceError, Wanted};
 
 /// Columns with common times.
 #[derive(Debug)]
-pub(super) struct Group {
+pub(super) struct ColumnGroup {
     /// The times, s; `None` if rows have no time.
     times_s: Option<Vec<f64>>,
     /// The index of each column among those wanted, with its values.
@@ -14,19 +14,19 @@ pub(super) struct Group {
     next: usize,
 }
 
-impl Group {
+impl ColumnGroup {
     /// Creates a group; the shortest column limits its rows.
     pub(super) fn new(times_s: Option<Vec<f64>>, columns: Vec<(usize, Vec<f64>)>) -> Self {
         let lengths = columns.iter().map(|(_, values)| values.len());
         let rows = lengths.chain(times_s.as_ref().map(Vec::len)).min().unwrap_or(0);
-        Group { times_s, columns, rows, next: 0 }
+        ColumnGroup { times_s, columns, rows, next: 0 }
     }
 }
 
 /// The rows of several groups in the order of their times; rows with the same time are merged.
 pub(super) struct Groups {
     wanted: Wanted,
-    groups: Vec<Group>,
+    groups: Vec<ColumnGroup>,
     rows: u64,
     read: u64,
     place: u64,
@@ -40,7 +40,7 @@ impl Groups {
     pub(super) fn new(
         address: &str,
         wanted: &Wanted,
-        mut groups: Vec<Group>,
+        mut groups: Vec<ColumnGroup>,
     ) -> Result<Self, SourceError> {
         groups.retain(|group| !group.columns.is_empty());
         if wanted.time.is_none() && groups.len() > 1 {
@@ -118,7 +118,7 @@ mod tests {
         let names = ["t", "fast", "slow"].map(String::from).to_vec();
         let wanted = Wanted { names, time: Some(0), ..Wanted::default() };
         let group = |times: &[f64], place, values: &[f64]| {
-            Group::new(Some(times.to_vec()), vec![(place, values.to_vec())])
+            ColumnGroup::new(Some(times.to_vec()), vec![(place, values.to_vec())])
         };
         let groups = vec![
             group(&[0.0, 1.0, 2.0, f64::NAN], 1, &[1.0, 2.0, 3.0, 4.0]),

@@ -2,7 +2,7 @@
 
 use super::frame::{self, Flaw, Frames};
 use super::survey::{LogColumn, Objects, Sheet};
-use super::{Read, LogRow, Source, SourceError, Wanted};
+use super::{LogRow, Read, Source, SourceError, Wanted};
 use servotwin_io::files::FileError;
 use servotwin_io::table::csv::encoding;
 use std::io::{self, BufRead};

@@ -5,7 +5,7 @@
 //! cells, complex and sparse arrays are skipped. The reader follows the published description of the format; every
 //! length is checked against the file.
 
-use super::groups::{Group, Groups, bytes};
+use super::groups::{ColumnGroup, Groups, bytes};
 use super::{LogColumn, Source, SourceError, Wanted};
 use servotwin_io::files::FileError;
 use servotwin_io::sanitize;
@@ -68,7 +68,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError
         }
         all.push((place, values));
     }
-    Ok(Box::new(Groups::new(&address, wanted, vec![Group::new(times, all)])?))
+    Ok(Box::new(Groups::new(&address, wanted, vec![ColumnGroup::new(times, all)])?))
 }
 
 /// The columns of a file; the format stores no units.

@@ -9,7 +9,7 @@
 
 use super::frame::{Flaw, Frames};
 use super::survey::{LogColumn, Objects};
-use super::{Bad, Read, LogRow, Source, SourceError, Wanted};
+use super::{Bad, LogRow, Read, Source, SourceError, Wanted};
 use ::mcap::McapError;
 use ::mcap::read::ChunkReader;
 use ::mcap::records::{ChunkHeader, Record};

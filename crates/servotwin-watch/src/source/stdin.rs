@@ -2,7 +2,7 @@
 
 use super::frame::{self, Flaw, Frames};
 use super::lines::{Line, next_line};
-use super::{PAUSE, Read, LogRow, Source, SourceError, Wanted};
+use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
 use std::io::{self, BufRead, BufReader};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 

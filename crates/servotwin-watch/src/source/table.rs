@@ -1,6 +1,6 @@
 //! Reads a Parquet file in batches.
 
-use super::{Bad, DATE, LogColumn, Read, LogRow, Source, SourceError, Wanted};
+use super::{Bad, DATE, LogColumn, LogRow, Read, Source, SourceError, Wanted};
 use servotwin_io::moment;
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::growing::is_missing;

@@ -4,7 +4,7 @@
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
-use super::{Dropped, Irregularity, PAUSE, Read, LogRow, Source, SourceError, Wanted};
+use super::{Dropped, Irregularity, LogRow, PAUSE, Read, Source, SourceError, Wanted};
 use socket2::SockRef;
 use std::collections::VecDeque;
 use std::io;

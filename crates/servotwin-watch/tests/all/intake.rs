@@ -1,13 +1,13 @@
 //! Logs as rigs and recorders write them: read whole as `fit` reads them, by the rules and maps of `watch`.
 
 use crate::folder::Folder;
-use servotwin::fit::{Record, RecordError};
+use servotwin::fit::{FitRecord, RecordError};
 use servotwin::study::Study;
 use servotwin_watch::counts::Irregularity;
 use servotwin_watch::intake::{self, IntakeError, Whole};
 use servotwin_watch::map::{Guess, Map, Trust, guess};
-use servotwin_watch::source::{Address, LogColumn, Read, LogRow, SourceError};
-use servotwin_watch::span::Span;
+use servotwin_watch::source::{Address, LogColumn, LogRow, Read, SourceError};
+use servotwin_watch::span::LogSpan;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn spring() -> Study {
 
 fn read(path: &Path, map: Option<&str>, study: &Study) -> Result<Whole, IntakeError> {
     let map = map.map(|text| Map::parse(text, "map.toml", &study.system).unwrap());
-    intake::read(path, map.as_ref(), Span::default(), study)
+    intake::read(path, map.as_ref(), LogSpan::default(), study)
 }
 
 fn column(whole: &Whole, name: &str) -> Vec<f64> {
@@ -187,10 +187,10 @@ fn channels_of_objects_are_found_wherever_they_begin() {
     let log = folder.write("late.jsonl", lines);
     let study = spring();
     let whole = read(&log, None, &study).unwrap();
-    let error = Record::from_table("late", &whole.table, &study.system).unwrap_err();
+    let error = FitRecord::from_table("late", &whole.table, &study.system).unwrap_err();
     let begins = "x_p_m has no value before line 301: --from 3 reads the record from there on";
     assert_eq!(error.to_string(), begins);
-    let span = Span::parse(Some("3"), None).unwrap();
+    let span = LogSpan::parse(Some("3"), None).unwrap();
     let rest = intake::read(&log, None, span, &study).unwrap();
     assert_eq!((rest.counts.samples, column(&rest, "x_p_m")[0]), (200, 0.3));
     assert_eq!(rest.table.origin().place(0), "line 301");
@@ -213,7 +213,7 @@ fn dates_without_a_zone_are_literal_and_an_hour_set_back_is_named_as_daylight_sa
     let error_of = |name: &str, date: &dyn Fn(usize) -> String| {
         let log = folder.write(name, dated(date));
         let whole = read(&log, None, &study).unwrap();
-        Record::from_table(name, &whole.table, &study.system).map(|record| record.period_s)
+        FitRecord::from_table(name, &whole.table, &study.system).map(|record| record.period_s)
     };
     let second = |k: usize| 0.01 * (k % 400) as f64;
     // The first 400 samples end at 03:00 of summer time, which is 02:00 of winter time.
@@ -247,7 +247,7 @@ fn a_part_is_read_by_seconds_or_dates_and_nothing_else() {
         folder.write("log.csv", dated(|k| format!("2025-03-30 02:00:{:05.2}Z", 0.01 * k as f64)));
     let part = |from: Option<&str>, to: Option<&str>| {
         let span =
-            Span::parse(from, to).map_err(|error| IntakeError::Source(SourceError::Cut(error)));
+            LogSpan::parse(from, to).map_err(|error| IntakeError::Source(SourceError::Cut(error)));
         span.and_then(|span| intake::read(&log, None, span, &study))
             .map(|whole| whole.counts.samples)
     };
@@ -283,7 +283,7 @@ fn a_unit_in_the_name_of_the_time_is_a_claim_that_steps_may_contradict() {
         assert!(made.text.contains(&line), "{}", made.text);
         assert!(made.doubts[0].contains(&format!("in {other} they are 0.01 s apart")), "{made:?}");
         let whole = read(&log, None, &study).unwrap();
-        let error = Record::from_table("log", &whole.table, &study.system).unwrap_err();
+        let error = FitRecord::from_table("log", &whole.table, &study.system).unwrap_err();
         let likely = Some((other, 0.01));
         assert!(
             matches!(error, RecordError::Period { likely: found, .. } if found == likely),
@@ -419,7 +419,7 @@ fn a_source_counts_rows_that_are_cut_off_for_logs_without_times() {
         "format = 1\n[time]\nrate_hz = 10\n[sensors]\np_a = { column = \"PA1\", unit = \"bar\" }\n";
     let map = Map::parse(map, "map", &spring().system).unwrap();
     let source = Address::File(log).open(map.wanted()).unwrap();
-    let span = Span::parse(Some("0.5"), None).unwrap();
+    let span = LogSpan::parse(Some("0.5"), None).unwrap();
     let mut cut = servotwin_watch::cut::Cut::new(source, "log".into(), &map, span);
     let mut row = servotwin_watch::source::Source::read(&mut cut, &mut LogRow::default()).unwrap();
     let mut kept = LogRow::default();

@@ -7,19 +7,19 @@ use proptest::prelude::*;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin_watch::checkpoint::Checkpoint;
-use servotwin_watch::counts::{Counts, Irregularity};
+use servotwin_watch::counts::{Irregularity, WatchCounts};
 use servotwin_watch::map::{Map, Trust, guess};
-use servotwin_watch::sequencer::{Rules, Sequencer, Stamped, Tick};
+use servotwin_watch::sequencer::{Sequencer, SequencerRules, Stamped, Tick};
 use servotwin_watch::sink::events::Events;
 use servotwin_watch::sink::mcap::Mcap;
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin_watch::sink::timeline::Timeline;
 use servotwin_watch::sink::{Sample, Scene, Sink, SinkError};
-use servotwin_watch::source::{Address, LogColumn, Read, LogRow, Source, SourceError};
+use servotwin_watch::source::{Address, LogColumn, LogRow, Read, Source, SourceError};
 use servotwin_watch::watchdog::{Notice, WatchEvent, WatchdogRules};
 use servotwin_watch::{
-    Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,
+    Checkpoints, DiagnosisState, End, Finding, Observation, Observer, Phase, Watch, WatchError,
 };
 use sha2::{Digest, Sha256};
 use std::io::Read as _;
@@ -61,9 +61,9 @@ impl Observer for Fake {
         }
         self.above = if measured[0] > 1.0 { self.above + 1 } else { 0 };
         self.finding.state = match self.above {
-            0 => State::Healthy,
-            1 | 2 => State::Detected,
-            _ => State::Isolated,
+            0 => DiagnosisState::Healthy,
+            1 | 2 => DiagnosisState::Detected,
+            _ => DiagnosisState::Isolated,
         };
         self.finding.phase = if self.above > 2 { Phase::Raised } else { Phase::None };
         self.finding.actuator = (self.above > 2).then_some(1);
@@ -120,7 +120,7 @@ p_a = { column = "PA", unit = "bar" }
 x_p = { column = "x", unit = "mm", offset = 2, hold_s = 0.02 }
 "#;
 
-fn watch_file(path: &Path, map: &Map) -> (Kept, Counts, Fake) {
+fn watch_file(path: &Path, map: &Map) -> (Kept, WatchCounts, Fake) {
     let mut source = Address::File(path.to_path_buf()).open(map.wanted()).unwrap();
     let (mut fake, mut kept) = (Fake::default(), Kept::default());
     let mut watch = Watch::new(&mut *source, map, &mut fake, 0.01);
@@ -153,7 +153,8 @@ fn a_log_comes_in_as_its_map_says() {
     assert_eq!(held, [true, true, true, false, false, true]);
     assert!(kept.0.iter().all(|(_, inputs, _)| inputs[1] == 2e7));
     assert!(kept.0[3].1[0].is_nan());
-    let met: Vec<(Irregularity, u64, u64)> = counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
+    let met: Vec<(Irregularity, u64, u64)> =
+        counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
     assert_eq!(met, [(Irregularity::NoHeader, 1, 1), (Irregularity::Gap, 1, 5)]);
     assert_eq!((counts.frames, counts.samples), (6, 6));
     assert_eq!(counts.missing[0], 2, "the command");
@@ -247,11 +248,14 @@ fn columns_are_found_by_their_names() {
 }
 
 /// What a sequencer gives for some samples of one value: the times in periods, `None` for a restart.
-fn sequence(samples: &[(f64, f64)], rules: Rules) -> (Vec<Option<(f64, f64)>>, Counts) {
-    let mut counts = Counts::new("row", 1);
+fn sequence(
+    samples: &[(f64, f64)],
+    rules: SequencerRules,
+) -> (Vec<Option<(f64, f64)>>, WatchCounts) {
+    let mut counts = WatchCounts::new("row", 1);
     let mut sequencer = Sequencer::new(0.01, 1, rules);
     let mut out = vec![];
-    let mut take = |sequencer: &mut Sequencer, counts: &mut Counts| {
+    let mut take = |sequencer: &mut Sequencer, counts: &mut WatchCounts| {
         while let Some(tick) = sequencer.next(counts) {
             out.push(match tick {
                 Tick::Sample { time_s, values, .. } => Some((time_s, values[0])),
@@ -269,7 +273,7 @@ fn sequence(samples: &[(f64, f64)], rules: Rules) -> (Vec<Option<(f64, f64)>>, C
     (out, counts)
 }
 
-fn count(counts: &Counts, kind: Irregularity) -> u64 {
+fn count(counts: &WatchCounts, kind: Irregularity) -> u64 {
     counts.of(kind).count
 }
 
@@ -278,30 +282,38 @@ fn samples_out_of_order_are_put_in_order() {
     let time = |k: usize| 3.0 + k as f64 * 0.01;
     let order = [0, 1, 3, 2, 4, 5, 5, 7, 8, 6, 9, 10, 11, 12, 13, 14, 15, 16, 4];
     let samples: Vec<(f64, f64)> = order.map(|k| (time(k), k as f64)).to_vec();
-    let (out, counts) = sequence(&samples, Rules::default());
+    let (out, counts) = sequence(&samples, SequencerRules::default());
     let values: Vec<f64> = out.iter().map(|tick| tick.unwrap().1).collect();
     assert_eq!(values, (0..17).map(f64::from).collect::<Vec<_>>());
     assert!(out.iter().enumerate().all(|(k, tick)| tick.unwrap().0 == time(k)));
-    let met: Vec<(Irregularity, u64, u64)> = counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
-    assert_eq!(met, [(Irregularity::Reordered, 2, 4), (Irregularity::Doubled, 1, 7), (Irregularity::Late, 1, 19)]);
+    let met: Vec<(Irregularity, u64, u64)> =
+        counts.met().map(|(k, t)| (k, t.count, t.first)).collect();
+    assert_eq!(
+        met,
+        [
+            (Irregularity::Reordered, 2, 4),
+            (Irregularity::Doubled, 1, 7),
+            (Irregularity::Late, 1, 19)
+        ]
+    );
 }
 
 #[test]
 fn a_faster_log_gives_the_nearest_samples_and_a_slower_one_gaps() {
     let fast: Vec<(f64, f64)> = (0..100).map(|k| (f64::from(k) * 0.0025, f64::from(k))).collect();
-    let (out, counts) = sequence(&fast, Rules::default());
+    let (out, counts) = sequence(&fast, SequencerRules::default());
     assert_eq!(out.len(), 26);
     assert!(out.iter().take(25).enumerate().all(|(k, tick)| tick.unwrap().1 == 4.0 * k as f64));
     assert_eq!(count(&counts, Irregularity::Surplus), 74);
     let slow: Vec<(f64, f64)> = (0..10).map(|k| (f64::from(k) * 0.03, f64::from(k))).collect();
-    let (out, counts) = sequence(&slow, Rules::default());
+    let (out, counts) = sequence(&slow, SequencerRules::default());
     assert_eq!((out.len(), count(&counts, Irregularity::Gap)), (28, 18));
     assert!(out[1].unwrap().1.is_nan() && out[3].unwrap().1 == 1.0);
 }
 
 #[test]
 fn one_wrong_time_is_dropped_and_ten_are_another_clock() {
-    let rules = Rules::default();
+    let rules = SequencerRules::default();
     let steady = |from: f64, count: usize| (0..count).map(move |k| (from + k as f64 * 0.01, from));
     let mut samples: Vec<(f64, f64)> = steady(0.0, 50).collect();
     samples.extend([(1e9, -1.0), (3.0, -1.0)]);
@@ -310,8 +322,11 @@ fn one_wrong_time_is_dropped_and_ten_are_another_clock() {
     assert_eq!((out.len(), count(&counts, Irregularity::Outlier)), (70, 2));
     assert!(out.iter().all(|tick| tick.unwrap().1 != -1.0));
 
-    for (to, kind) in [(1e9, Irregularity::ClockForward), (-500.0, Irregularity::ClockBack), (0.2, Irregularity::ClockBack)]
-    {
+    for (to, kind) in [
+        (1e9, Irregularity::ClockForward),
+        (-500.0, Irregularity::ClockBack),
+        (0.2, Irregularity::ClockBack),
+    ] {
         let mut samples: Vec<(f64, f64)> = steady(0.0, 50).collect();
         samples.extend(steady(to, 30));
         let (out, counts) = sequence(&samples, rules);
@@ -341,7 +356,7 @@ proptest! {
         longest_gap_s in 0.01..3.0_f64,
         witnesses in 2..12_usize,
     ) {
-        let rules = Rules { wait_s, longest_gap_s, witnesses };
+        let rules = SequencerRules { wait_s, longest_gap_s, witnesses };
         let samples: Vec<(f64, f64)> =
             times.iter().map(|&t| (f64::from(t) * 0.004, f64::from(t))).collect();
         let (out, counts) = sequence(&samples, rules);
@@ -658,7 +673,13 @@ fn survives(frames: u64, seed: u64) {
     let (kept, counts, _) = watch_file(&log, &simple_map(&system));
     assert_eq!(counts.samples, kept.0.len() as u64);
     let met: Vec<Irregularity> = counts.met().map(|(kind, _)| kind).collect();
-    for kind in [Irregularity::Noise, Irregularity::WrongColumns, Irregularity::BadObject, Irregularity::Late, Irregularity::Outlier] {
+    for kind in [
+        Irregularity::Noise,
+        Irregularity::WrongColumns,
+        Irregularity::BadObject,
+        Irregularity::Late,
+        Irregularity::Outlier,
+    ] {
         assert!(met.contains(&kind), "{kind:?} of {met:?}");
     }
     // More than half of the lines were good.
@@ -685,18 +706,18 @@ fn an_hour_is_a_small_page() {
     let features: Vec<String> = (0..13).map(|k| format!("feature {k}")).collect();
     let scene = Scene::new("An hour <of> flight", &system, features, 0.01);
     let (mut timeline, mut strip) = (Timeline::new(scene), Strip::default());
-    let mut counts = Counts::new("row", 24);
+    let mut counts = WatchCounts::new("row", 24);
     counts.note_with(Irregularity::NoTime, 3, &"'<x>'");
     let mut dice = Dice(7);
     let mut noise = |count: usize| -> Vec<f64> {
         (0..count).map(|_| dice.roll(1000) as f64 / 500.0 - 1.0).collect()
     };
-    let mut finding = Finding { state: State::Healthy, ..Finding::default() };
+    let mut finding = Finding { state: DiagnosisState::Healthy, ..Finding::default() };
     let inputs = system.network().inputs.len();
     for k in 0..360_000_usize {
         let (inputs, sensors) = (noise(inputs), noise(13));
         if k == 200_000 {
-            finding.state = State::Isolated;
+            finding.state = DiagnosisState::Isolated;
             finding.command = "shutdown".into();
         }
         let observation = Observation {
@@ -934,7 +955,7 @@ impl Source for Quiet {
                 std::thread::sleep(Duration::from_millis(1));
                 let is_beat = |notice: &Notice| {
                     matches!(notice.event, WatchEvent::Heartbeat { .. })
-                        && notice.state == State::NoData
+                        && notice.state == DiagnosisState::NoData
                 };
                 let beats = self.said.lock().unwrap().iter().any(is_beat);
                 if beats && count(&WatchEvent::NoData) > count(&WatchEvent::DataAgain) {
@@ -1003,12 +1024,12 @@ fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
     assert_eq!(times.len(), 150);
     let said = said.lock().unwrap();
     let of = |event: WatchEvent| said.iter().filter(move |notice| notice.event == event);
-    assert!(of(WatchEvent::NoData).all(|notice| notice.state == State::NoData));
+    assert!(of(WatchEvent::NoData).all(|notice| notice.state == DiagnosisState::NoData));
     assert!(of(WatchEvent::NoData).all(|notice| notice.silent_s >= 0.2));
-    assert!(of(WatchEvent::DataAgain).all(|notice| notice.state == State::Healthy));
+    assert!(of(WatchEvent::DataAgain).all(|notice| notice.state == DiagnosisState::Healthy));
     assert!(of(WatchEvent::DataAgain).count() >= 2);
     let is_beat = |notice: &&Notice| matches!(notice.event, WatchEvent::Heartbeat { .. });
-    let silent = |notice: &&Notice| notice.state == State::NoData;
+    let silent = |notice: &&Notice| notice.state == DiagnosisState::NoData;
     assert!(said.iter().filter(is_beat).any(|notice| silent(&notice)), "it beats in silence");
 }
 
@@ -1122,8 +1143,8 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
         state,
         phase: Phase::None,
     };
-    mcap.notice(&notice(WatchEvent::NoData, State::NoData)).unwrap();
-    mcap.notice(&notice(WatchEvent::DataAgain, State::Healthy)).unwrap();
+    mcap.notice(&notice(WatchEvent::NoData, DiagnosisState::NoData)).unwrap();
+    mcap.notice(&notice(WatchEvent::DataAgain, DiagnosisState::Healthy)).unwrap();
     mcap.finish().unwrap();
     let found = messages(&std::fs::read(&path).unwrap());
     let of = |topic: &str| -> Vec<(u64, serde_json::Value)> {

@@ -1,6 +1,6 @@
 //! MQTT: a broker of the test's own, which does what it is told and may fall silent, and mosquitto where it is installed.
 
-use servotwin_watch::source::{Address, Flaw, Read, LogRow, Source, SourceError, Wanted};
+use servotwin_watch::source::{Address, Flaw, LogRow, Read, Source, SourceError, Wanted};
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;

@@ -36,7 +36,7 @@ fn a_file_of_a_feature_that_is_off_names_it_and_the_line_to_type() {
 #[cfg(any(feature = "mf4", feature = "mat"))]
 mod read {
     use super::*;
-    use servotwin_watch::source::{Read, LogRow};
+    use servotwin_watch::source::{LogRow, Read};
 
     /// All rows of a file, or why there are none.
     pub(super) fn rows(path: &std::path::Path, wanted: &Wanted) -> Result<Vec<Vec<f64>>, String> {

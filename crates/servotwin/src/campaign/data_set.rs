@@ -6,7 +6,7 @@
 
 use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Campaign, Images, Planned, ShardRow, Setting, Study};
+use super::{Campaign, Images, Planned, Setting, ShardRow, Study};
 use crate::study::{Plants, Role};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};

@@ -19,7 +19,7 @@ const LIMIT_CYCLE: &str = "limit_cycle";
 
 /// The effort of simulating a variant and the twin that it is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Effort {
+pub struct VariantEffort {
     /// Steps per simulated second; 0 if the variant was not simulated to the end.
     pub steps_per_s: f64,
     /// Steps per simulated second of the twin.
@@ -35,13 +35,13 @@ fn steps_per_s(work: &Statistics, duration_s: f64) -> f64 {
     (work.steps - work.settling) as f64 / duration_s
 }
 
-impl Effort {
+impl VariantEffort {
     /// The effort of a variant and its twin with their durations; `work` is `None` if it did not run to the end.
     pub(super) fn of(
         (work, duration_s): (Option<&Statistics>, f64),
         (twin, twin_s): (&RecordedRun, f64),
     ) -> Self {
-        Effort {
+        VariantEffort {
             steps_per_s: work.map_or(0.0, |work| steps_per_s(work, duration_s)),
             twin_steps_per_s: steps_per_s(&twin.work, twin_s),
             began_on_the_move: work.is_some_and(|work| twin.is_on_the_move(work)),
@@ -63,11 +63,11 @@ impl Effort {
         columns
     }
 
-    /// Reads the columns written by [`Effort::to_columns`].
+    /// Reads the columns written by [`VariantEffort::to_columns`].
     pub(super) fn from_table(table: &Table) -> Result<Vec<Self>, TableError> {
         let (steps, twins) = (table.f64(STEPS)?, table.f64(TWIN_STEPS)?);
         let (moving, cycles) = (table.bool(MOVING)?, table.bool(LIMIT_CYCLE)?);
-        let of = |row: usize| Effort {
+        let of = |row: usize| VariantEffort {
             steps_per_s: steps[row],
             twin_steps_per_s: twins[row],
             began_on_the_move: moving[row],
@@ -78,7 +78,7 @@ impl Effort {
 }
 
 /// The columns common to shards and data sets.
-fn told(efforts: &[Effort]) -> Vec<Column> {
+fn told(efforts: &[VariantEffort]) -> Vec<Column> {
     let steps = efforts.iter().map(|effort| effort.steps_per_s).collect();
     let moving = efforts.iter().map(|effort| effort.began_on_the_move).collect();
     let cycles = efforts.iter().map(|effort| effort.limit_cycle).collect();
@@ -93,8 +93,8 @@ fn told(efforts: &[Effort]) -> Vec<Column> {
 }
 
 /// The columns of a data set.
-pub(super) fn effort_columns(efforts: &[Effort]) -> Vec<Column> {
-    let rings = efforts.iter().map(Effort::rings).collect();
+pub(super) fn effort_columns(efforts: &[VariantEffort]) -> Vec<Column> {
+    let rings = efforts.iter().map(VariantEffort::rings).collect();
     let mut columns = told(efforts);
     let rings = Column::new("rings", "", Values::Flag(rings));
     columns.push(rings.described("More than five times the solver steps of the twin."));

@@ -3,7 +3,9 @@
 use super::columns::HEALTHY;
 use super::data_set::Maker;
 use super::shard::{ShardRow, Shards};
-use super::{Campaign, CampaignError, OnTheMove, Outcome, Plants, Prepared, calibration_file};
+use super::{
+    Campaign, CampaignError, CampaignOutcome, OnTheMove, Plants, PreparedCampaign, calibration_file,
+};
 use crate::table::parquet::ParquetWriter;
 
 /// Number of shards in one group of a data set; a group is held in memory until it is written.
@@ -15,7 +17,7 @@ impl Campaign<'_> {
     /// # Errors
     /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`], [`CampaignError::Cancelled`];
     /// or a file cannot be read or written.
-    pub fn merge(&self) -> Result<Outcome, CampaignError> {
+    pub fn merge(&self) -> Result<CampaignOutcome, CampaignError> {
         let prepared = self.done()?;
         if !self.units_are_alike(&prepared)? {
             return Err(CampaignError::NotAlike);
@@ -32,7 +34,7 @@ impl Campaign<'_> {
     ///
     /// # Errors
     /// [`CampaignError::Unfinished`] if shards are missing, or a file cannot be read or written.
-    pub fn features(&self) -> Result<Outcome, CampaignError> {
+    pub fn features(&self) -> Result<CampaignOutcome, CampaignError> {
         self.joined(&self.done()?)
     }
 
@@ -50,8 +52,8 @@ impl Campaign<'_> {
     }
 
     /// The plan of a campaign whose shards are complete, either with symmetric copies or with every variant simulated.
-    fn done(&self) -> Result<Prepared, CampaignError> {
-        let missing = |prepared: &Prepared| {
+    fn done(&self) -> Result<PreparedCampaign, CampaignError> {
+        let missing = |prepared: &PreparedCampaign| {
             let shards = self.shards(prepared);
             match shards.iter().all(Shards::seem_complete) {
                 true => 0,
@@ -74,23 +76,27 @@ impl Campaign<'_> {
     }
 
     /// Whether the probes agree with their symmetric copies.
-    pub(super) fn units_are_alike(&self, prepared: &Prepared) -> Result<bool, CampaignError> {
+    pub(super) fn units_are_alike(
+        &self,
+        prepared: &PreparedCampaign,
+    ) -> Result<bool, CampaignError> {
         let probed = prepared.images.probed();
         let windows = self.shards(prepared)[0].windows(self.study, &probed)?;
         Ok(prepared.images.hold(|variant| &windows[&variant]))
     }
 
-    fn joined(&self, prepared: &Prepared) -> Result<Outcome, CampaignError> {
+    fn joined(&self, prepared: &PreparedCampaign) -> Result<CampaignOutcome, CampaignError> {
         let variants = prepared.counts.iter().sum();
-        let mut outcome = Outcome { variants, resumed: variants, ..Outcome::default() };
+        let mut outcome =
+            CampaignOutcome { variants, resumed: variants, ..CampaignOutcome::default() };
         self.write_data_sets(prepared, &mut outcome)?;
         Ok(outcome)
     }
 
     pub(super) fn write_data_sets(
         &self,
-        prepared: &Prepared,
-        outcome: &mut Outcome,
+        prepared: &PreparedCampaign,
+        outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
         [outcome.images, outcome.alike] = prepared.images.counts();
         outcome.failed.clear();
@@ -104,13 +110,13 @@ impl Campaign<'_> {
 
     fn write_data_set(
         &self,
-        prepared: &Prepared,
+        prepared: &PreparedCampaign,
         place: usize,
         shards: &Shards,
-        outcome: &mut Outcome,
+        outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
         let (study, setting) = (self.study, self.settings[place]);
-        let Prepared { plan, images, .. } = prepared;
+        let PreparedCampaign { plan, images, .. } = prepared;
         let maker = Maker { campaign: self, setting, plan, images };
         let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
         let mut writer: Option<ParquetWriter> = None;
@@ -153,7 +159,7 @@ impl Campaign<'_> {
 
     fn on_the_move(
         &self,
-        prepared: &Prepared,
+        prepared: &PreparedCampaign,
         place: usize,
         variant: usize,
         row: &ShardRow,

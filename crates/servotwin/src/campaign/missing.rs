@@ -1,7 +1,7 @@
 //! Lists the parts whose shards a merge lacks, so that one command can submit them again.
 
 use super::shard::Shards;
-use super::{Campaign, CampaignError, Prepared};
+use super::{Campaign, CampaignError, PreparedCampaign};
 use crate::study::{Role, Setting};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -96,7 +96,7 @@ pub fn missing_parts(
 }
 
 impl Campaign<'_> {
-    fn compared(&self, prepared: &Prepared, thorough: bool) -> Compared {
+    fn compared(&self, prepared: &PreparedCampaign, thorough: bool) -> Compared {
         let shards = self.shards(prepared);
         let is_passed = !thorough && shards.iter().all(Shards::seem_complete);
         let absent = |shards: &Shards| match is_passed {

@@ -28,10 +28,10 @@ pub use crate::experiment::{CampaignError, ensemble};
 pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
-pub use effort::Effort;
+pub use effort::VariantEffort;
 pub use missing::{MissingParts, MissingRows, missing_parts};
 pub use part::{Part, runs};
-pub use prepared::Prepared;
+pub use prepared::PreparedCampaign;
 pub use shard::ShardRow;
 
 use crate::ensemble::{Ensemble, Variant};
@@ -94,7 +94,7 @@ pub struct Planned {
 
 /// The result of a campaign.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct CampaignOutcome {
     /// Number of variants in all scenarios.
     pub variants: usize,
     /// Number of variants that were already done.
@@ -222,9 +222,12 @@ impl Campaign<'_> {
     /// # Errors
     /// A file cannot be written, the study is empty, or the healthy system cannot be simulated. Failures of single
     /// variants are in the outcome.
-    pub fn run(&self, progress: impl Fn(usize, usize) + Sync) -> Result<Outcome, CampaignError> {
+    pub fn run(
+        &self,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> Result<CampaignOutcome, CampaignError> {
         let mut prepared = self.prepared()?;
-        let mut outcome = Outcome::default();
+        let mut outcome = CampaignOutcome::default();
         loop {
             self.simulate(&prepared, prepared.bundles(), &mut outcome, &progress)?;
             if outcome.cancelled {
@@ -259,8 +262,8 @@ impl Campaign<'_> {
         self.folder.join("shards")
     }
 
-    fn shards(&self, prepared: &Prepared) -> Vec<Shards> {
-        let Prepared { fingerprints, counts, .. } = prepared;
+    fn shards(&self, prepared: &PreparedCampaign) -> Vec<Shards> {
+        let PreparedCampaign { fingerprints, counts, .. } = prepared;
         let of = |(place, &setting): (usize, &Setting)| {
             let fingerprint = fingerprints[place].clone();
             Shards::new(&self.shard_folder(), setting, self.role, fingerprint, counts[place])
@@ -271,9 +274,9 @@ impl Campaign<'_> {
     /// Simulates the variants of the bundles whose rows no shard contains, unless cancelled.
     fn simulate(
         &self,
-        prepared: &Prepared,
+        prepared: &PreparedCampaign,
         bundles: Vec<Vec<usize>>,
-        outcome: &mut Outcome,
+        outcome: &mut CampaignOutcome,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
         let simulated = self.simulate_rounds(prepared, bundles, outcome, progress);
@@ -283,9 +286,9 @@ impl Campaign<'_> {
 
     fn simulate_rounds(
         &self,
-        prepared: &Prepared,
+        prepared: &PreparedCampaign,
         mut bundles: Vec<Vec<usize>>,
-        outcome: &mut Outcome,
+        outcome: &mut CampaignOutcome,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
         create_folder(self.shard_folder()).map_err(CampaignError::File)?;
@@ -323,7 +326,7 @@ impl Campaign<'_> {
     }
 
     /// Divides the shards of bundles into rounds; a round holds its twins and the rows of unfinished shards in memory.
-    fn rounds(&self, prepared: &Prepared, bundles: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    fn rounds(&self, prepared: &PreparedCampaign, bundles: &[Vec<usize>]) -> Vec<Vec<usize>> {
         let mut rounds: Vec<Vec<usize>> = vec![];
         let mut twins = BTreeSet::new();
         for bundle in bundles {
@@ -411,7 +414,7 @@ impl Campaign<'_> {
         &self,
         run: &Run,
         mut collectors: Vec<Collector>,
-        outcome: &mut Outcome,
+        outcome: &mut CampaignOutcome,
         done: &mut usize,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
@@ -436,7 +439,7 @@ impl Campaign<'_> {
                     *statistics += *work;
                 }
                 let plant = (result.as_ref().ok(), self.lasting_s(plan[jobs[job]]));
-                let effort = Effort::of(plant, (twin(job), ensemble.duration_s));
+                let effort = VariantEffort::of(plant, (twin(job), ensemble.duration_s));
                 let failure = result.err().map(|f| describe(ensemble.program, &f));
                 match self.keep(views, &failure.unwrap_or_default(), effort, &mut collectors) {
                     Ok(rows) => *done += rows,
@@ -460,7 +463,7 @@ impl Campaign<'_> {
         &self,
         views: Views,
         failure: &str,
-        effort: Effort,
+        effort: VariantEffort,
         collectors: &mut [Collector],
     ) -> Result<usize, CampaignError> {
         let mut wanted = 0;
@@ -478,7 +481,7 @@ impl Campaign<'_> {
     /// others, and would occupy a single lane at the end.
     fn hardest_first(
         &self,
-        Prepared { plan, images, .. }: &Prepared,
+        PreparedCampaign { plan, images, .. }: &PreparedCampaign,
         pending: &[Vec<usize>],
     ) -> Vec<usize> {
         let pending = pending.iter().flatten();
@@ -522,7 +525,7 @@ type TwinKey = (usize, usize);
 
 /// Variants without stored rows, and the inputs for simulating them.
 struct Run<'r> {
-    prepared: &'r Prepared,
+    prepared: &'r PreparedCampaign,
     jobs: &'r [usize],
     twins: &'r Twins<TwinKey>,
 }

@@ -5,7 +5,7 @@
 //! simultaneously, therefore give the same files as a single machine.
 
 use super::shard::Shards;
-use super::{Campaign, CampaignError, Outcome, Prepared};
+use super::{Campaign, CampaignError, CampaignOutcome, PreparedCampaign};
 use crate::study::{Role, Setting, Study};
 use std::fmt;
 use std::str::FromStr;
@@ -56,12 +56,12 @@ pub fn runs(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<(Role, Vec<S
 
 impl Campaign<'_> {
     /// The file names of a bundle in the folder of shards.
-    pub fn shard_files(&self, prepared: &Prepared, bundle: &[usize]) -> Vec<String> {
+    pub fn shard_files(&self, prepared: &PreparedCampaign, bundle: &[usize]) -> Vec<String> {
         self.shards(prepared).iter().flat_map(|shards| shards.names(bundle)).collect()
     }
 
     /// Number of variants of a bundle in all scenarios.
-    pub fn variants_in(&self, prepared: &Prepared, bundle: &[usize]) -> usize {
+    pub fn variants_in(&self, prepared: &PreparedCampaign, bundle: &[usize]) -> usize {
         let of = |shards: &Shards| -> usize {
             bundle.iter().map(|&shard| shards.variants_of(shard).len()).sum()
         };
@@ -74,11 +74,11 @@ impl Campaign<'_> {
     /// See [`Campaign::run`].
     pub fn run_bundles(
         &self,
-        prepared: &Prepared,
+        prepared: &PreparedCampaign,
         wanted: Vec<Vec<usize>>,
         progress: impl Fn(usize, usize) + Sync,
-    ) -> Result<Outcome, CampaignError> {
-        let mut outcome = Outcome::default();
+    ) -> Result<CampaignOutcome, CampaignError> {
+        let mut outcome = CampaignOutcome::default();
         self.simulate(prepared, wanted, &mut outcome, &progress)?;
         Ok(outcome)
     }
@@ -93,7 +93,7 @@ impl Campaign<'_> {
         part: Part,
         bundles_before: usize,
         progress: impl Fn(usize, usize) + Sync,
-    ) -> Result<(Outcome, usize), CampaignError> {
+    ) -> Result<(CampaignOutcome, usize), CampaignError> {
         let prepared = self.prepared()?;
         let bundles = prepared.bundles();
         let count = bundles.len();

@@ -14,7 +14,7 @@ use servotwin_model::hash::TextHash;
 const LARGEST_BUNDLE: usize = 8;
 
 /// The plan of a campaign.
-pub struct Prepared {
+pub struct PreparedCampaign {
     pub(super) plan: Vec<Planned>,
     pub(super) images: Images,
     /// The fingerprint of the shards of each scenario.
@@ -28,7 +28,7 @@ impl Campaign<'_> {
     ///
     /// # Errors
     /// The study is empty, or lacks a section that a scenario needs.
-    pub fn prepared(&self) -> Result<Prepared, CampaignError> {
+    pub fn prepared(&self) -> Result<PreparedCampaign, CampaignError> {
         let plan = self.plan();
         if plan.is_empty() {
             return Err(CampaignError::NoVariants);
@@ -41,17 +41,20 @@ impl Campaign<'_> {
     }
 
     /// The same plan with every variant simulated.
-    pub(super) fn without_images(&self, Prepared { plan, .. }: Prepared) -> Prepared {
+    pub(super) fn without_images(
+        &self,
+        PreparedCampaign { plan, .. }: PreparedCampaign,
+    ) -> PreparedCampaign {
         let images = Images::none(&plan);
         self.prepared_with(plan, images)
     }
 
-    fn prepared_with(&self, plan: Vec<Planned>, images: Images) -> Prepared {
+    fn prepared_with(&self, plan: Vec<Planned>, images: Images) -> PreparedCampaign {
         let model = self.model_text();
         let of = |&setting: &Setting| self.fingerprint(setting, &plan, &images, &model);
         let fingerprints = self.settings.iter().map(of).collect();
         let counts = self.settings.iter().map(|&setting| variant_count(setting, &plan)).collect();
-        Prepared { plan, images, fingerprints, counts }
+        PreparedCampaign { plan, images, fingerprints, counts }
     }
 
     /// The text of the equations with their parameters, and of the sensors.
@@ -107,7 +110,7 @@ fn variant_count(setting: Setting, plan: &[Planned]) -> usize {
     if setting.has_noise() { plan.len() } else { faults }
 }
 
-impl Prepared {
+impl PreparedCampaign {
     /// Groups of shards that are simulated together. Shards that share simulations are in one bundle, up to a size
     /// limit. At the edges of large bundles, some variants are simulated in both.
     pub fn bundles(&self) -> Vec<Vec<usize>> {
@@ -146,13 +149,13 @@ mod tests {
     use crate::study::{Role, Study};
     use std::path::Path;
 
-    fn prepared(study: &Study, role: Role, settings: Vec<Setting>) -> Prepared {
+    fn prepared(study: &Study, role: Role, settings: Vec<Setting>) -> PreparedCampaign {
         let stored = Campaign::stored(Path::new("none"), study, settings[0], role);
         Campaign { settings, ..stored }.prepared().unwrap()
     }
 
     /// The share of variants served by a simulation in another bundle.
-    fn shared(prepared: &Prepared, bundles: &[Vec<usize>]) -> f64 {
+    fn shared(prepared: &PreparedCampaign, bundles: &[Vec<usize>]) -> f64 {
         let mut bundle_of = vec![0; prepared.plan.len().div_ceil(SHARD)];
         for (place, bundle) in bundles.iter().enumerate() {
             bundle.iter().for_each(|&shard| bundle_of[shard] = place);

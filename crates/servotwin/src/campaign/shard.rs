@@ -1,6 +1,6 @@
 //! Shards: files with the windows of a few hundred variants, which appear when all have ended.
 
-use super::{CampaignError, Effort, Role, Setting, Study};
+use super::{CampaignError, Role, Setting, Study, VariantEffort};
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::residual::Window;
@@ -18,7 +18,7 @@ pub struct ShardRow {
     /// Why the variant was not simulated to the end; empty if it was.
     pub failure: String,
     /// The effort of its simulation.
-    pub effort: Effort,
+    pub effort: VariantEffort,
     /// Its window of residuals.
     pub window: Window,
 }
@@ -31,7 +31,7 @@ impl ShardRow {
         let columns = (0..count).map(|place| table.f64(&window_column(place)));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
         let failures = table.text("failure")?;
-        let efforts = Effort::from_table(table)?;
+        let efforts = VariantEffort::from_table(table)?;
         let row = |(row, failure): (usize, &String)| {
             let values: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             let window = Window::from_values(sensors, watched, &values);
@@ -48,8 +48,8 @@ impl ShardRow {
             Column::new("variant", "", Values::Unsigned(rows.keys().map(|&v| v as u32).collect())),
             Column::new("failure", "", Values::Text(failures)),
         ];
-        let efforts: Vec<Effort> = rows.values().map(|row| row.effort).collect();
-        columns.extend(Effort::to_columns(&efforts));
+        let efforts: Vec<VariantEffort> = rows.values().map(|row| row.effort).collect();
+        columns.extend(VariantEffort::to_columns(&efforts));
         let values: Vec<Vec<f64>> = rows.values().map(|row| row.window.to_values()).collect();
         for place in 0..values.first().map_or(0, Vec::len) {
             let column = values.iter().map(|row| row[place]).collect();

@@ -1,6 +1,6 @@
 //! Reduces a running simulation to the windows of all variants that it serves, in every requested scenario.
 
-use super::{Campaign, Prepared};
+use super::{Campaign, PreparedCampaign};
 use crate::ensemble::Sink;
 use crate::experiment::{Observer, RecordedRun, SensorChain, SpecimenDraw, Watch};
 use servotwin_diagnosis::residual::Window;
@@ -9,7 +9,7 @@ impl Campaign<'_> {
     /// The sink of a simulated variant. `scales` are the study's.
     pub(super) fn watch<'w>(
         &self,
-        Prepared { images, counts, .. }: &Prepared,
+        PreparedCampaign { images, counts, .. }: &PreparedCampaign,
         simulated: usize,
         twin: &'w RecordedRun,
         scales: &'w [f64],

@@ -2,7 +2,7 @@
 
 use super::data_set::DataSet;
 use super::protocol::trial;
-use super::run::{Outcome, first_error};
+use super::run::{RowOutcome, first_error};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_diagnosis::panel::agree;
@@ -41,8 +41,8 @@ pub struct Abstention {
 /// chosen without these outcomes.
 pub fn evaluate(
     data: &DataSet,
-    committee: &[Outcome],
-    trees: &[Outcome],
+    committee: &[RowOutcome],
+    trees: &[RowOutcome],
     least: Option<f64>,
     shutdowns: &[u32],
 ) -> Abstention {
@@ -73,18 +73,18 @@ pub fn evaluate(
 
 fn level(
     data: &DataSet,
-    outcomes: &[Outcome],
+    outcomes: &[RowOutcome],
     answers: &dyn Fn(usize) -> bool,
     shutdowns: &[u32],
 ) -> Level {
-    let trials = |among: &dyn Fn(usize) -> bool, holds: &dyn Fn(&Outcome) -> bool| {
+    let trials = |among: &dyn Fn(usize) -> bool, holds: &dyn Fn(&RowOutcome) -> bool| {
         let places = (0..outcomes.len()).filter(|&place| among(place));
         let of = |place: usize| trial(data, outcomes[place].row, holds(&outcomes[place]));
         Rate::clustered(&places.map(of).collect::<Vec<Trial>>())
     };
-    let label = |outcome: &Outcome| data.examples.labels()[outcome.row];
-    let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
-    let wrong = |o: &Outcome| {
+    let label = |outcome: &RowOutcome| data.examples.labels()[outcome.row];
+    let is_right = |o: &RowOutcome| matches!(first_error(data, o), None | Some(Question::Detail));
+    let wrong = |o: &RowOutcome| {
         let shuts = o.said.action.is_some_and(|command| shutdowns.contains(&command));
         shuts && o.said.actuator.is_some_and(|said| said != label(o).actuator)
     };

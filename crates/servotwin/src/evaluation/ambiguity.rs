@@ -1,7 +1,7 @@
 //! Ambiguity: which kinds of fault are confused with each other.
 
 use super::data_set::DataSet;
-use super::run::{Outcome, first_error};
+use super::run::{RowOutcome, first_error};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Question;
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ pub struct Ambiguity {
 pub const GROUPING: f64 = 0.05;
 
 /// Counts the confusions of traced outcomes.
-pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {
+pub fn evaluate(data: &DataSet, outcomes: &[Vec<RowOutcome>]) -> Ambiguity {
     let mut tests = vec![0u64; data.kinds.len()];
     let mut counts: BTreeMap<(u32, u32, Question), u64> = BTreeMap::new();
     for outcome in outcomes.iter().flatten() {

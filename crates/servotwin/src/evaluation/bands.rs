@@ -16,7 +16,7 @@
 //! Two rules keep a few unusual records from widening every band. Records that began without a steady state are
 //! excluded. And no band is wider than [`MAX_OVER_LARGEST`] times the largest residual of the other records.
 
-use super::data_set::{DataSet, DataRow};
+use super::data_set::{DataRow, DataSet};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 

@@ -4,9 +4,9 @@
 //! Both come from rows that were left out of training, whole commands at a time. They give the temperature of every
 //! stage (`servotwin_learning::calibration`), and the threshold that the least certain answers do not reach.
 
-use super::data_set::{DataSet, DataRow, TrainingFilter};
+use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
-use super::run::{self, Outcome, settled};
+use super::run::{self, RowOutcome, settled};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{Classifier, Scores};
@@ -159,7 +159,7 @@ fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
 }
 
 /// Measures the calibration of the outcomes' confidence.
-pub fn reliability(outcomes: &[Outcome], is_right: impl Fn(&Outcome) -> bool) -> Reliability {
+pub fn reliability(outcomes: &[RowOutcome], is_right: impl Fn(&RowOutcome) -> bool) -> Reliability {
     const BINS: usize = 10;
     let mut bins = vec![(0.0, 0u64, 0u64); BINS];
     let mut squares = 0.0;

@@ -7,7 +7,7 @@ use super::run::settled;
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
-use servotwin_diagnosis::hierarchy::{Place, Question};
+use servotwin_diagnosis::hierarchy::{Question, StagePlace};
 use servotwin_learning::classifiers::{self, Fit};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Score, Trial};
@@ -34,7 +34,7 @@ pub struct Compared {
 /// A training with its test.
 struct Job<'a> {
     settings: classifiers::Settings,
-    place: Place,
+    place: StagePlace,
     split: &'a Split,
 }
 
@@ -79,10 +79,10 @@ pub fn evaluate(
     workers: Workers,
 ) -> Result<Vec<Compared>, EvaluationError> {
     let hierarchy = settled(data, hierarchy);
-    let asks = |place: &Place| place.question != Question::Detail;
+    let asks = |place: &StagePlace| place.question != Question::Detail;
     // Pooled stages need the views; without them every actuator has its own stage.
     let places = data.examples.places(data.examples.views() > 1);
-    let places: Vec<Place> = places.into_iter().filter(asks).collect();
+    let places: Vec<StagePlace> = places.into_iter().filter(asks).collect();
     let mut compared = vec![];
     for protocol in [Protocol::RandomThird, Protocol::Grouped] {
         let splits = protocol.splits(data, holding)?;

@@ -352,7 +352,8 @@ impl DataSet {
         for (&row, moved) in rows.iter().zip(&moved) {
             origins.extend(moved.iter().map(|_| row));
         }
-        let (copies, values): (Vec<DataRow>, Vec<Vec<Vec<f64>>>) = moved.into_iter().flatten().unzip();
+        let (copies, values): (Vec<DataRow>, Vec<Vec<Vec<f64>>>) =
+            moved.into_iter().flatten().unzip();
         let rows = self.rows.iter().cloned().chain(copies).collect();
         let examples = self.examples.extended(&origins, |row, view| &values[row][view]);
         Ok(DataSet { rows, examples: Arc::new(examples), ..self.clone() })

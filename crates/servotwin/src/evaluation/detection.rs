@@ -87,7 +87,8 @@ fn curve(data: &DataSet, faults: &[usize], kind: u32) -> Curve {
 }
 
 fn least(data: &DataSet, faults: &[usize]) -> Vec<Least> {
-    let mut order: Vec<&super::data_set::DataRow> = faults.iter().map(|&row| &data.rows[row]).collect();
+    let mut order: Vec<&super::data_set::DataRow> =
+        faults.iter().map(|&row| &data.rows[row]).collect();
     order.sort_by_key(|row| (row.fault, row.case, row.intensity));
     let of_run = |run: &[&super::data_set::DataRow]| {
         let detected = run.iter().rev().take_while(|row| row.is_detected()).last();

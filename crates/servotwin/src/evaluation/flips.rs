@@ -9,7 +9,7 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::protocol::trial;
 use crate::parallel::{self, Workers};
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::{self, Sensors};
@@ -123,7 +123,7 @@ impl Moving<'_> {
 
     /// The perturbed windows of a row, with its fault unchanged.
     pub fn moved(&self, row: usize) -> Vec<Window> {
-        let mut errors = Random::new(self.seed_of(row));
+        let mut errors = NormalDeviates::new(self.seed_of(row));
         let window = &self.windows[row];
         (0..self.draws).map(|draw| self.disturbed(window, draw, &mut errors)).collect()
     }
@@ -131,7 +131,7 @@ impl Moving<'_> {
     /// The perturbed windows of a row. Of three draws, one has a weaker fault (in one of the `specimens`, rows without
     /// a fault) and one a stronger fault.
     pub fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
-        let mut errors = Random::new(self.seed_of(row));
+        let mut errors = NormalDeviates::new(self.seed_of(row));
         let mut choices = Choices::stream(self.seed_of(row), 1);
         let window = &self.windows[row];
         let mut one = |draw: usize| {
@@ -159,7 +159,7 @@ impl Moving<'_> {
         self.seed ^ (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
     }
 
-    fn disturbed(&self, window: &Window, draw: usize, errors: &mut Random) -> Window {
+    fn disturbed(&self, window: &Window, draw: usize, errors: &mut NormalDeviates) -> Window {
         let reach = self.reaches[(draw / ROUND).min(self.reaches.len() - 1)];
         let noise: Vec<f64> = self.noise.iter().map(|noise| noise * reach).collect();
         augmentation::disturbed(window, &noise, self.lasting * reach, &mut || errors.normal())

@@ -7,12 +7,12 @@
 use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::protocol::{self, Holding, Protocol, trial};
-use super::run::{self, Outcome, first_error};
+use super::run::{self, RowOutcome, first_error};
 use super::{EvaluationSettings, Trained};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::explained::{ExplainedActions, Explanation};
-use servotwin_diagnosis::hierarchy::{Place, Question};
+use servotwin_diagnosis::hierarchy::{Question, StagePlace};
 use servotwin_diagnosis::panel::agree;
 use servotwin_learning::explained::{self, LEVEL, Origins};
 use servotwin_learning::metrics::{Rate, Trial};
@@ -100,7 +100,7 @@ impl Isolation {
 
 /// A held-out fault: the committee's outcome, and whether trees and training rows support it.
 struct JudgedFault {
-    outcome: Outcome,
+    outcome: RowOutcome,
     agrees: bool,
     explanation: Explanation,
 }
@@ -126,7 +126,7 @@ impl IsolationInputs<'_> {
     pub fn evaluate(
         &self,
         protocol: Protocol,
-        committee: &[Vec<Outcome>],
+        committee: &[Vec<RowOutcome>],
     ) -> Result<Option<Isolation>, EvaluationError> {
         let Self { data, settings, trained, workers } = self;
         let holding = Holding { lessons: settings.committee_lessons, ..settings.holding };
@@ -168,12 +168,12 @@ impl IsolationInputs<'_> {
 
 fn judge(
     data: &DataSet,
-    known: &[(Place, ExplainedActions)],
-    trees: &[Outcome],
-    committee: &[Outcome],
+    known: &[(StagePlace, ExplainedActions)],
+    trees: &[RowOutcome],
+    committee: &[RowOutcome],
 ) -> Result<Vec<JudgedFault>, EvaluationError> {
     let mut row = vec![0.0; data.features.len()];
-    let fault = |(of_trees, outcome): (&Outcome, &Outcome)| {
+    let fault = |(of_trees, outcome): (&RowOutcome, &RowOutcome)| {
         let [trees, committee] = [of_trees, outcome].map(|o| o.said.actuator_and_action());
         Ok(JudgedFault {
             outcome: *outcome,
@@ -190,7 +190,7 @@ fn learn(
     settings: &EvaluationSettings,
     protocol: Protocol,
     train: &[usize],
-) -> Result<Vec<(Place, ExplainedActions)>, EvaluationError> {
+) -> Result<Vec<(StagePlace, ExplainedActions)>, EvaluationError> {
     let clusters: Vec<u32> = data.rows.iter().map(|row| protocol::cluster(data, row)).collect();
     let cases = data.cases.len() as u32;
     // Rows of a new command share no command with the training rows. Where a kind is new, its cases are known. Then the
@@ -219,8 +219,8 @@ fn learn(
 /// What the training rows say about the decided action. Without an action there is nothing to explain.
 fn explain(
     data: &DataSet,
-    known: &[(Place, ExplainedActions)],
-    outcome: &Outcome,
+    known: &[(StagePlace, ExplainedActions)],
+    outcome: &RowOutcome,
     row: &mut [f64],
 ) -> Result<Explanation, EvaluationError> {
     let Some((actuator, action)) = outcome.said.actuator.zip(outcome.said.action) else {

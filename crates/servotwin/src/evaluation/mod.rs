@@ -39,7 +39,7 @@ use flips::{Flips, Moving};
 use isolation::Isolation;
 use piece::Bench;
 use protocol::{Holding, Protocol, ProtocolResult};
-use run::{Outcome, first_error};
+use run::{RowOutcome, first_error};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question};
@@ -359,7 +359,7 @@ fn silence(
     let trees = run::ask(data, &trained.trees, &rows)?;
     let shutdowns = data.commands(&settings.shutdowns);
     let least = trained.committee.least_confidence;
-    let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
+    let is_right = |o: &RowOutcome| matches!(first_error(data, o), None | Some(Question::Detail));
     let reliability = committee::reliability(&committee, is_right);
     Ok(Some((abstention::evaluate(data, &committee, &trees, least, &shutdowns), reliability)))
 }
@@ -436,7 +436,7 @@ fn false_alarms(
     let said = |hierarchy: &Hierarchy| -> Result<(Rate, Rate), EvaluationError> {
         let outcomes = run::ask(data, hierarchy, &alarms)?;
         let faults = outcomes.iter().filter(|outcome| outcome.said.actuator.is_some()).count();
-        let shuts = |o: &&Outcome| o.said.action.is_some_and(|c| shutdowns.contains(&c));
+        let shuts = |o: &&RowOutcome| o.said.action.is_some_and(|c| shutdowns.contains(&c));
         let shutdowns = outcomes.iter().filter(shuts).count();
         Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
     };

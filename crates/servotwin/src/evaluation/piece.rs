@@ -8,8 +8,10 @@ use super::baseline::{self, RandomThirds};
 use super::comparison::{self, Compared};
 use super::isolation::{self, Isolation, IsolationInputs};
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
-use super::run::{self, Outcome, Scope};
-use super::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings, Training, TrainingFilter};
+use super::run::{self, RowOutcome, Scope};
+use super::{
+    Context, DataSet, Evaluation, EvaluationError, EvaluationSettings, Training, TrainingFilter,
+};
 use super::{WORST_LEAVES, banded, commands, detection, false_alarms, flips, leaves};
 use super::{silence, size};
 use serde::{Deserialize, Serialize};
@@ -216,7 +218,7 @@ impl<'b> Bench<'b> {
         data: &DataSet,
         training: &Training,
         lessons: TrainingFilter,
-    ) -> Result<Option<protocol::Judged>, EvaluationError> {
+    ) -> Result<Option<protocol::JudgedProtocol>, EvaluationError> {
         let Self { settings, context, .. } = self;
         let holding = Holding { lessons, ..settings.holding };
         let shutdowns = &settings.shutdowns;
@@ -227,7 +229,7 @@ impl<'b> Bench<'b> {
     fn isolation(
         &self,
         protocol: Protocol,
-        committee: &[Vec<Outcome>],
+        committee: &[Vec<RowOutcome>],
     ) -> Result<Option<Isolation>, EvaluationError> {
         if !isolation::PROTOCOLS.contains(&protocol) {
             return Ok(None);

@@ -15,13 +15,13 @@
 //! - a new command and a fault never seen at its intensity, or at the neighboring intensities either;
 //! - a new command, with training on weak faults and testing on strong ones, and the reverse.
 
-use super::data_set::{DataSet, DataRow, TrainingFilter};
+use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
-use super::run::{Outcome, Scope, ask, first_error, run};
+use super::run::{RowOutcome, Scope, ask, first_error, run};
 use crate::parallel::Workers;
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
 use servotwin_learning::splits::{
@@ -206,7 +206,8 @@ impl Protocol {
         };
         let (train, test) = (data.learnt_from(lessons)?, data.detectable()?);
         let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
-        let split = |is_train: &dyn Fn(&DataRow, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
+        let split = |is_train: &dyn Fn(&DataRow, usize) -> bool,
+                     is_test: &dyn Fn(usize) -> bool| {
             let healthy_or =
                 |&row: &usize| data.rows[row].is_healthy || is_train(&data.rows[row], row);
             Split {
@@ -395,7 +396,7 @@ impl ProtocolResult {
 }
 
 /// A protocol's result with the outcome of every held-out row, by split.
-pub type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
+pub type JudgedProtocol = (ProtocolResult, Vec<Vec<RowOutcome>>);
 
 /// Runs a protocol; also returns the outcomes behind the result. `None` if the data set has too few groups.
 ///
@@ -408,7 +409,7 @@ pub fn evaluate(
     holding: Holding,
     shutdowns: &[String],
     workers: Workers,
-) -> Result<Option<Judged>, EvaluationError> {
+) -> Result<Option<JudgedProtocol>, EvaluationError> {
     let splits = judged_splits(protocol, data, settings, holding)?;
     if splits.is_empty() {
         return Ok(None);
@@ -462,14 +463,14 @@ pub(super) fn judged_splits(
 pub fn summary(
     protocol: Protocol,
     data: &DataSet,
-    outcomes: &[Vec<Outcome>],
+    outcomes: &[Vec<RowOutcome>],
     shutdowns: &[String],
 ) -> ProtocolResult {
     let counting = Counting::new(protocol, data, outcomes, shutdowns);
     let full = protocol.scope() != Scope::Action;
     let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
     let acted =
-        |outcome: &Outcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
+        |outcome: &RowOutcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
     let judged = data.rows_where(Role::Judged, |r| !r.is_healthy && protocol.judges(data, r));
     let detected = Rate::of(&judged, |&row| data.rows[row].is_detected()).share;
     ProtocolResult {
@@ -485,7 +486,7 @@ pub fn summary(
     }
 }
 
-fn stage_scores(data: &DataSet, outcomes: &[Vec<Outcome>], full: bool) -> Vec<StageScore> {
+fn stage_scores(data: &DataSet, outcomes: &[Vec<RowOutcome>], full: bool) -> Vec<StageScore> {
     let actuators = data.examples.names().actuators.len();
     let mut places = data.examples.places(true);
     if actuators > 1 {
@@ -496,11 +497,11 @@ fn stage_scores(data: &DataSet, outcomes: &[Vec<Outcome>], full: bool) -> Vec<St
     places.iter().map(|place| stage_score(data, outcomes, place)).collect()
 }
 
-fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> StageScore {
+fn stage_score(data: &DataSet, outcomes: &[Vec<RowOutcome>], place: &StagePlace) -> StageScore {
     let names = data.examples.names();
     let classes = data.examples.classes(place);
     let local = |class: u32| classes.iter().position(|known| *known == class).map(|c| c as u32);
-    let prediction = |outcome: &Outcome| -> Option<Prediction> {
+    let prediction = |outcome: &RowOutcome| -> Option<Prediction> {
         let truth = data.examples.labels()[outcome.row];
         let row = &data.rows[outcome.row];
         if row.is_healthy || !place.is_asked(truth.actuator, truth.action) {
@@ -535,7 +536,7 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> Stag
 struct Counting<'a> {
     protocol: Protocol,
     data: &'a DataSet,
-    outcomes: Vec<&'a Outcome>,
+    outcomes: Vec<&'a RowOutcome>,
     /// The actions that shut their actuator down.
     shutdowns: Vec<u32>,
 }
@@ -544,7 +545,7 @@ impl<'a> Counting<'a> {
     fn new(
         protocol: Protocol,
         data: &'a DataSet,
-        outcomes: &'a [Vec<Outcome>],
+        outcomes: &'a [Vec<RowOutcome>],
         shutdowns: &[String],
     ) -> Self {
         let (outcomes, shutdowns) = (outcomes.iter().flatten().collect(), data.commands(shutdowns));
@@ -553,14 +554,18 @@ impl<'a> Counting<'a> {
 
     fn trials(
         &self,
-        among: impl Fn(&Outcome) -> bool,
-        holds: impl Fn(&Outcome) -> bool,
+        among: impl Fn(&RowOutcome) -> bool,
+        holds: impl Fn(&RowOutcome) -> bool,
     ) -> Vec<Trial> {
         let asked = self.outcomes.iter().filter(|outcome| among(outcome));
         asked.map(|outcome| trial(self.data, outcome.row, holds(outcome))).collect()
     }
 
-    fn rate(&self, among: impl Fn(&Outcome) -> bool, holds: impl Fn(&Outcome) -> bool) -> Rate {
+    fn rate(
+        &self,
+        among: impl Fn(&RowOutcome) -> bool,
+        holds: impl Fn(&RowOutcome) -> bool,
+    ) -> Rate {
         Rate::clustered(&self.trials(among, holds))
     }
 
@@ -582,24 +587,24 @@ impl<'a> Counting<'a> {
         Some(Rate::clustered(&trials))
     }
 
-    fn is_wrong_actuator(&self, outcome: &Outcome) -> bool {
+    fn is_wrong_actuator(&self, outcome: &RowOutcome) -> bool {
         let truth = self.data.examples.labels()[outcome.row].actuator;
         outcome.said.actuator.is_some_and(|said| said != truth)
     }
 
-    fn shuts_down(&self, outcome: &Outcome) -> bool {
+    fn shuts_down(&self, outcome: &RowOutcome) -> bool {
         outcome.said.action.is_some_and(|command| self.shutdowns.contains(&command))
     }
 
-    fn needs_shutdown(&self, outcome: &Outcome) -> bool {
+    fn needs_shutdown(&self, outcome: &RowOutcome) -> bool {
         self.shutdowns.contains(&self.data.examples.labels()[outcome.row].action)
     }
 
     fn safety(&self) -> Safety {
-        let wrong = |outcome: &Outcome| self.is_wrong_actuator(outcome);
-        let wrong_shutdown = |outcome: &Outcome| wrong(outcome) && self.shuts_down(outcome);
-        let right_shutdown = |outcome: &Outcome| !wrong(outcome) && self.shuts_down(outcome);
-        let needed = |outcome: &Outcome| self.needs_shutdown(outcome);
+        let wrong = |outcome: &RowOutcome| self.is_wrong_actuator(outcome);
+        let wrong_shutdown = |outcome: &RowOutcome| wrong(outcome) && self.shuts_down(outcome);
+        let right_shutdown = |outcome: &RowOutcome| !wrong(outcome) && self.shuts_down(outcome);
+        let needed = |outcome: &RowOutcome| self.needs_shutdown(outcome);
         let missed = self.trials(needed, |outcome| !right_shutdown(outcome));
         Safety {
             wrong_actuator: self.rate(|_| true, wrong),
@@ -611,13 +616,14 @@ impl<'a> Counting<'a> {
     }
 
     fn components(&self) -> Vec<ComponentScore> {
-        let component = |outcome: &Outcome| self.data.component(self.data.rows[outcome.row].kind);
+        let component =
+            |outcome: &RowOutcome| self.data.component(self.data.rows[outcome.row].kind);
         let mut names: Vec<&str> = self.outcomes.iter().map(|outcome| component(outcome)).collect();
         names.sort_unstable();
         names.dedup();
         let score = |name: &&str| {
-            let own = |outcome: &Outcome| component(outcome) == *name;
-            let wrong = |outcome: &Outcome| self.is_wrong_actuator(outcome);
+            let own = |outcome: &RowOutcome| component(outcome) == *name;
+            let wrong = |outcome: &RowOutcome| self.is_wrong_actuator(outcome);
             ComponentScore {
                 component: (*name).to_owned(),
                 wrong_actuator: self.rate(own, wrong),

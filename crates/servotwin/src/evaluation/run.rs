@@ -1,6 +1,6 @@
 //! Trains and tests a hierarchy over the splits of a protocol.
 //!
-//! All results of a protocol are counted from [`Outcome`]s: the answers for each test row by the hierarchy trained on
+//! All results of a protocol are counted from [`RowOutcome`]s: the answers for each test row by the hierarchy trained on
 //! the split's training rows.
 
 use super::data_set::DataSet;
@@ -8,7 +8,7 @@ use super::error::EvaluationError;
 use crate::parallel::{self, Workers};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::hierarchy::{
-    Diagnosis, FORMAT, Hierarchy, Place, Question, Scratch, Stage,
+    Diagnosis, FORMAT, Hierarchy, Question, Scratch, Stage, StagePlace,
 };
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::Split;
@@ -27,7 +27,7 @@ pub enum Scope {
 
 /// The answers for a test row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outcome {
+pub struct RowOutcome {
     /// The index of the row.
     pub row: usize,
     /// The hierarchy's answer; each stage relies on the one above.
@@ -50,7 +50,7 @@ pub fn run(
     splits: &[Split],
     scope: Scope,
     workers: Workers,
-) -> Result<Vec<Vec<Outcome>>, EvaluationError> {
+) -> Result<Vec<Vec<RowOutcome>>, EvaluationError> {
     let settings = &settled(data, settings);
     // The threads share the splits, or the stages of a single split.
     let within = if splits.len() == 1 { workers } else { Workers::new(1) };
@@ -74,10 +74,11 @@ fn run_split(
     split: &Split,
     scope: Scope,
     workers: Workers,
-) -> Result<Vec<Outcome>, EvaluationError> {
+) -> Result<Vec<RowOutcome>, EvaluationError> {
     let hierarchy = fit_scope(data, settings, &split.train, scope, workers)?;
     let mut asking = Asking::new(data, &hierarchy);
-    let outcomes: Result<Vec<Outcome>, _> = split.test.iter().map(|&row| asking.ask(row)).collect();
+    let outcomes: Result<Vec<RowOutcome>, _> =
+        split.test.iter().map(|&row| asking.ask(row)).collect();
     let mut outcomes = outcomes?;
     if scope == Scope::AllTracing {
         trace(data, settings, &hierarchy, &split.train, &mut outcomes)?;
@@ -107,7 +108,7 @@ fn fit_scope(
 ) -> Result<Hierarchy, EvaluationError> {
     let mut places = data.examples.places(settings.pool);
     places.retain(|p| scope != Scope::Action || p.question != Question::Detail);
-    let one = |place: &Place| settings.fit_stage(&data.examples, rows, place);
+    let one = |place: &StagePlace| settings.fit_stage(&data.examples, rows, place);
     let stages: Result<Vec<_>, _> = parallel::map(&places, workers, one)?.into_iter().collect();
     let stages: Vec<Stage> = stages?.into_iter().flatten().collect();
     match stages.is_empty() {
@@ -126,7 +127,7 @@ pub fn ask(
     data: &DataSet,
     hierarchy: &Hierarchy,
     rows: &[usize],
-) -> Result<Vec<Outcome>, EvaluationError> {
+) -> Result<Vec<RowOutcome>, EvaluationError> {
     let mut asking = Asking::new(data, hierarchy);
     rows.iter().map(|&row| asking.ask(row)).collect()
 }
@@ -150,7 +151,7 @@ impl<'a> Asking<'a> {
         }
     }
 
-    fn ask(&mut self, row: usize) -> Result<Outcome, EvaluationError> {
+    fn ask(&mut self, row: usize) -> Result<RowOutcome, EvaluationError> {
         for (view, values) in self.views.iter_mut().enumerate() {
             self.data.examples.row_into(view, row, values);
         }
@@ -165,7 +166,7 @@ impl<'a> Asking<'a> {
         };
         let mut below = |question| if is_healthy { None } else { given(question) };
         let (command, detail) = (below(Question::Action), below(Question::Detail));
-        Ok(Outcome { row, said, command, detail, confused_with: None })
+        Ok(RowOutcome { row, said, command, detail, confused_with: None })
     }
 }
 
@@ -176,7 +177,7 @@ fn trace(
     settings: &HierarchySettings,
     hierarchy: &Hierarchy,
     train: &[usize],
-    outcomes: &mut [Outcome],
+    outcomes: &mut [RowOutcome],
 ) -> Result<(), EvaluationError> {
     for stage in &hierarchy.stages {
         let Some(kinds) = leaf_kinds(data, settings, stage, train)? else {
@@ -199,7 +200,7 @@ fn trace(
 }
 
 /// The first question that was answered wrongly.
-pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
+pub fn first_error(data: &DataSet, outcome: &RowOutcome) -> Option<Question> {
     let truth = data.examples.labels()[outcome.row];
     let actuator = Some(truth.actuator).filter(|_| !data.rows[outcome.row].is_healthy);
     if outcome.said.actuator != actuator {

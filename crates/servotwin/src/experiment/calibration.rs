@@ -7,8 +7,8 @@ use super::twins::{RecordedRun, record_runs};
 use super::{CampaignError, Overrides, SensorChain};
 use crate::ensemble::{Ensemble, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
-use crate::fit::{Fit, FitError, Record, Unknown};
-use crate::signal::random::Random;
+use crate::fit::{Fit, FitError, FitRecord, Unknown};
+use crate::signal::random::NormalDeviates;
 use crate::study::{Calibration, Setting, Study};
 
 /// The calibration flight of a study.
@@ -58,10 +58,10 @@ pub(crate) fn calibration_record(
     calibration: &Calibration,
     sensors: usize,
     measured: Vec<f64>,
-) -> Record {
+) -> FitRecord {
     let sensors = study.measured[..sensors].to_vec();
     let (inputs, period_s) = (&calibration.inputs, study.sample_period_s);
-    Record::logged("calibration flight", inputs, sensors, period_s, measured)
+    FitRecord::logged("calibration flight", inputs, sensors, period_s, measured)
 }
 
 /// Specimens with their twins, and their common standard errors.
@@ -84,7 +84,7 @@ pub(crate) fn fit_twins(
     study: &Study,
     ensemble: &Ensemble,
     specimens: &[Overrides],
-    noise: impl Fn(usize) -> Option<Random>,
+    noise: impl Fn(usize) -> Option<NormalDeviates>,
 ) -> Result<Calibrated, CampaignError> {
     let (calibration, sensors) = (calibration_of(study)?, study.base_sensors());
     let record = ensemble.record[..sensors].to_vec();

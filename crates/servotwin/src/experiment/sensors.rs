@@ -1,14 +1,14 @@
 //! What stands between the variables of a plant and the values that a diagnosis receives: latencies, noise, and the
 //! steps of converters.
 
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::Study;
 use crate::system::imperfection::Imperfections;
 
 /// The sensors of one plant in one run.
 pub(crate) struct SensorChain {
     /// Noise and converter steps with their random numbers; `None` for perfect sensors.
-    noise: Option<(Imperfections, Random)>,
+    noise: Option<(Imperfections, NormalDeviates)>,
     /// The latency of each sensor, at most one sample, in samples; empty without latencies.
     latencies: Vec<f64>,
     /// The variables at the sample before.
@@ -17,7 +17,7 @@ pub(crate) struct SensorChain {
 
 impl SensorChain {
     /// The first `count` measured sensors of a study. They are perfect without random numbers for their noise.
-    pub fn new(study: &Study, count: usize, noise: Option<Random>) -> Self {
+    pub fn new(study: &Study, count: usize, noise: Option<NormalDeviates>) -> Self {
         let imperfections = || Imperfections::of(&study.system, &study.measured[..count]);
         let noise = noise.map(|noise| (imperfections(), noise));
         SensorChain { noise, latencies: vec![], before: vec![] }

@@ -1,6 +1,6 @@
 //! Specimens: plants with their own tolerances.
 
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::{Lot, Realism, Setting, Study};
 
 /// Parameters that differ from the system's: (component, parameter, value).
@@ -36,7 +36,7 @@ impl<'s> SpecimenDraw<'s> {
     }
 
     /// The random numbers of its sensors; `None` if these are perfect.
-    pub fn noise(self) -> Option<Random> {
+    pub fn noise(self) -> Option<NormalDeviates> {
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_noise());
         realism.map(|realism| realism.noise(self.lot, self.number))
     }

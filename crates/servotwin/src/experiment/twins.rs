@@ -3,7 +3,7 @@
 use super::CampaignError;
 use crate::ensemble::{Ensemble, Rows, Variant};
 use servotwin_model::program::Program;
-use servotwin_model::solver::{Failure, Statistics};
+use servotwin_model::solver::{SolverFailure, Statistics};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A run from its first sample to its last.
@@ -62,7 +62,7 @@ pub(super) fn record_runs<'v>(
     error: impl FnOnce(usize, String) -> CampaignError,
 ) -> Result<Vec<RecordedRun>, CampaignError> {
     let width = ensemble.record.len();
-    let mut runs: Vec<Option<Result<RecordedRun, Failure>>> = vec![];
+    let mut runs: Vec<Option<Result<RecordedRun, SolverFailure>>> = vec![];
     runs.resize_with(count, || None);
     ensemble.run(
         count,
@@ -84,7 +84,7 @@ pub(super) fn record_runs<'v>(
 }
 
 /// Describes why and where a run of a program ended early.
-pub(crate) fn describe(program: &Program, failure: &Failure) -> String {
+pub(crate) fn describe(program: &Program, failure: &SolverFailure) -> String {
     let state = &program.states()[failure.state].name;
     format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
 }

@@ -12,9 +12,9 @@
 //! on all of it.
 
 use super::linear::Symmetric;
-use super::record::Record;
-use super::response::Difference;
-use super::{Fit, FitError, Known};
+use super::record::FitRecord;
+use super::response::DerivativeScheme;
+use super::{Fit, FitError, FitKnowledge};
 use crate::signal::Signal;
 use crate::units;
 use servotwin_model::signal::Piecewise;
@@ -54,7 +54,7 @@ pub struct Design {
     /// Its largest rate, in the input's unit per second.
     pub rate: f64,
     /// How well each unknown would be known.
-    pub known: Known,
+    pub known: FitKnowledge,
 }
 
 /// Fractions of the largest allowed size that are compared.
@@ -132,7 +132,7 @@ impl Fit<'_> {
         let mut inputs: Vec<Piecewise> = inputs.map(|input| constant(input.default)).collect();
         inputs[rig.input] = command.signal.clone();
         let samples = (duration_s / rig.period_s + 1e-6) as usize + 1;
-        let record = Record {
+        let record = FitRecord {
             name: command.text.clone(),
             period_s: rig.period_s,
             inputs,
@@ -148,8 +148,8 @@ impl Fit<'_> {
             ..*self
         };
         let nominal = vec![0.0; self.unknowns.len()];
-        let linear = own.linear(&nominal, Difference::Forward)?;
-        let known = Known::new(&self.unknowns, &nominal, &linear.information);
+        let linear = own.linear(&nominal, DerivativeScheme::Forward)?;
+        let known = FitKnowledge::new(&self.unknowns, &nominal, &linear.information);
         Ok(Design {
             command: command.text.clone(),
             gain: self.gain(&linear.information),

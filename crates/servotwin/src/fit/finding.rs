@@ -4,9 +4,9 @@
 //! largest mean over a second, times the root of its number of samples. The third is a parameter at the bound of its
 //! tolerance that would fit better beyond it. [`super::suspects`] compares faults with the residuals.
 
-use super::knowledge::Known;
+use super::knowledge::FitKnowledge;
 use super::linear::dot;
-use super::record::Record;
+use super::record::FitRecord;
 use super::solve::Minimum;
 use super::suspects::{SCORE_LIMIT, Suspect};
 use super::{Fit, FitError, FitResults};
@@ -121,7 +121,7 @@ impl FitFinding {
 impl Fit<'_> {
     /// Evaluates a minimum: how well the unknowns are known, and what is left.
     pub(super) fn judged(&self, found: Minimum) -> Result<FitResults, FitError> {
-        let known = Known::new(&self.unknowns, &found.z, &found.linear.information);
+        let known = FitKnowledge::new(&self.unknowns, &found.z, &found.linear.information);
         let known = known.ok_or(FitError::Undetermined)?;
         let left = self.left(&found.residuals);
         let mut suspects = self.suspects(&found, &known.covariance)?;
@@ -142,7 +142,7 @@ impl Fit<'_> {
     }
 
     /// Parameters at a bound that would fit better beyond it.
-    fn outside(&self, found: &Minimum, known: &Known) -> Vec<FitFinding> {
+    fn outside(&self, found: &Minimum, known: &FitKnowledge) -> Vec<FitFinding> {
         let pull = found.linear.pull(&found.residuals);
         let mut all = Vec::new();
         for (k, unknown) in self.unknowns.iter().enumerate() {
@@ -174,7 +174,7 @@ impl Fit<'_> {
     pub(super) fn left_of(
         &self,
         place: usize,
-        record: &Record,
+        record: &FitRecord,
         residuals: &[f64],
     ) -> Vec<SensorFit> {
         let (width, first) = (record.sensors.len(), self.first_sample(record));
@@ -206,7 +206,7 @@ pub(super) fn of_what_is_left(left: &[SensorFit]) -> impl Iterator<Item = FitFin
 fn of_sensor(
     place: usize,
     sensor: usize,
-    record: &Record,
+    record: &FitRecord,
     first: usize,
     values: &[f64],
 ) -> SensorFit {

@@ -10,8 +10,8 @@
 
 use super::finding::{FitFinding, of_what_is_left};
 use super::linear::{Symmetric, dot};
-use super::record::Record;
-use super::response::{Difference, Linear};
+use super::record::FitRecord;
+use super::response::{DerivativeScheme, Linear};
 use super::suspects::{INTENSITY, SCORE_LIMIT, Suspect};
 use super::unknown::Unknown;
 use super::{Fit, FitError};
@@ -29,7 +29,7 @@ const SMALL_GAIN: f64 = 0.1;
 /// The calibration flight and its information about the unknowns.
 pub struct Fleet<'p, 's> {
     problem: &'p Fit<'s>,
-    record: &'p Record,
+    record: &'p FitRecord,
     linear: Linear,
     curvature: Symmetric,
     deviations: Vec<f64>,
@@ -87,7 +87,8 @@ impl<'p, 's> Fleet<'p, 's> {
         if problem.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
         }
-        let linear = problem.linear(&vec![0.0; problem.unknowns.len()], Difference::Central)?;
+        let linear =
+            problem.linear(&vec![0.0; problem.unknowns.len()], DerivativeScheme::Central)?;
         let curvature = linear.information.plus_diagonal(&problem.priors());
         let deviations = problem.deviations(record);
         let mut fleet = Self { problem, record, linear, curvature, deviations, shown: vec![] };

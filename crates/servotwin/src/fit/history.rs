@@ -11,7 +11,7 @@ use super::intensity::intensity;
 use super::repair::{Repair, repairs};
 use super::suspects::SCORE_LIMIT;
 use super::trend::{Point, Trend};
-use super::{Fit, FitError, FitResults, Knowledge, Record, RecordError};
+use super::{Fit, FitError, FitRecord, FitResults, Knowledge, RecordError};
 
 /// How many of the latest flights with findings select the tracked faults.
 const LATEST: usize = 5;
@@ -25,14 +25,14 @@ const DRIFTS: f64 = 5.0;
 
 /// One flight of the history.
 #[derive(Clone, Debug)]
-pub struct Flight {
+pub struct HistoryFlight {
     /// The name of the log.
     pub name: String,
     /// The result of its fit.
     pub fitted: Result<FitResults, FitError>,
 }
 
-impl Flight {
+impl HistoryFlight {
     /// Whether the fit has no findings.
     pub fn is_healthy(&self) -> bool {
         self.fitted.as_ref().is_ok_and(FitResults::is_update)
@@ -91,7 +91,7 @@ pub struct Drift {
 #[derive(Clone, Debug)]
 pub struct History {
     /// The flights in order.
-    pub flights: Vec<Flight>,
+    pub flights: Vec<HistoryFlight>,
     /// The tracked faults, the likeliest first.
     pub tracks: Vec<Track>,
     /// The drifting parameters.
@@ -102,7 +102,7 @@ pub struct History {
 type Suspected = ((usize, usize), f64);
 
 /// The name of a log, with its record or the reason why it has none.
-pub type Log = (String, Result<Record, RecordError>);
+pub type Log = (String, Result<FitRecord, RecordError>);
 
 impl Fit<'_> {
     /// The history of logs in the order in which they were flown. The problem's own records are not used. If `faults`
@@ -117,7 +117,7 @@ impl Fit<'_> {
                 Ok(record) => unless_stopped(self.of_flight(record).solve())?,
                 Err(error) => Err(FitError::Record { name: name.clone(), error: error.clone() }),
             };
-            flights.push(Flight { name: name.clone(), fitted });
+            flights.push(HistoryFlight { name: name.clone(), fitted });
         }
         let chosen = match faults.is_empty() {
             true => self.suspected(&logs, &flights)?,
@@ -135,7 +135,7 @@ impl Fit<'_> {
     }
 
     /// The same problem with the record of one flight.
-    fn of_flight(&self, record: &Record) -> Self {
+    fn of_flight(&self, record: &FitRecord) -> Self {
         Fit {
             unknowns: self.unknowns.clone(),
             records: vec![record.clone()],
@@ -145,8 +145,12 @@ impl Fit<'_> {
     }
 
     /// The suspects of the latest flights with findings, with their mean probabilities.
-    fn suspected(&self, logs: &[Log], flights: &[Flight]) -> Result<Vec<Suspected>, FitError> {
-        let found = |flight: &Flight| flight.fitted.is_ok() && !flight.is_healthy();
+    fn suspected(
+        &self,
+        logs: &[Log],
+        flights: &[HistoryFlight],
+    ) -> Result<Vec<Suspected>, FitError> {
+        let found = |flight: &HistoryFlight| flight.fitted.is_ok() && !flight.is_healthy();
         let latest = (0..flights.len()).rev().filter(|&n| found(&flights[n])).take(LATEST);
         let (mut sums, mut of) = (Vec::<Suspected>::new(), 0.0);
         for number in latest {
@@ -179,7 +183,7 @@ impl Fit<'_> {
     fn track(
         &self,
         logs: &[Log],
-        flights: &[Flight],
+        flights: &[HistoryFlight],
         fault: (usize, usize),
         probability: f64,
     ) -> Result<Track, FitError> {
@@ -204,10 +208,10 @@ fn unless_stopped<T>(result: Result<T, FitError>) -> Result<Result<T, FitError>,
 }
 
 /// The drift of a parameter over its updates from flight `since` on, if any.
-fn drift(flights: &[Flight], unknown: usize, since: f64) -> Option<Drift> {
+fn drift(flights: &[HistoryFlight], unknown: usize, since: f64) -> Option<Drift> {
     let later = flights.iter().enumerate().filter(|(number, _)| *number as f64 >= since);
     let updates = later.filter(|(_, flight)| flight.is_healthy());
-    let point = |(number, flight): (usize, &Flight)| {
+    let point = |(number, flight): (usize, &HistoryFlight)| {
         let fitted = flight.fitted.as_ref().ok()?;
         let is_seen = fitted.known.each[unknown] == Knowledge::Known;
         let (level, error) = (fitted.z[unknown], fitted.known.error(unknown));

@@ -13,7 +13,7 @@
 //! error, and is widened by (FN2): at the end of a sensor's range, all larger gains look the same.
 
 use super::linear::dot;
-use super::onset::Onset;
+use super::onset::FoundOnset;
 use super::solve::Minimum;
 use super::unknown::Unknown;
 use super::{Fit, FitError, FitResults};
@@ -52,7 +52,7 @@ pub struct Diagnosed {
     /// Its probability among the candidates.
     pub probability: f64,
     /// When it began, if within the record.
-    pub onset: Option<Onset>,
+    pub onset: Option<FoundOnset>,
     /// The whole fit; the fault's intensity is the last unknown.
     pub fitted: FitResults,
 }
@@ -113,7 +113,7 @@ fn diagnosed(
     fault: (usize, usize),
     minimum: Minimum,
     alike: &[f64],
-    onset: Option<Onset>,
+    onset: Option<FoundOnset>,
 ) -> Result<Diagnosed, FitError> {
     let last = own.unknowns.len() - 1;
     let curvature = minimum.linear.information.plus_diagonal(&own.priors());

@@ -53,7 +53,7 @@ pub struct Direction {
 
 /// The knowledge about all unknowns.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Known {
+pub struct FitKnowledge {
     /// The covariance of the unknowns.
     pub covariance: Symmetric,
     /// The verdict for each unknown.
@@ -62,7 +62,7 @@ pub struct Known {
     pub directions: Vec<Direction>,
 }
 
-impl Known {
+impl FitKnowledge {
     /// From the information of the records and the values of the unknowns; `None` if an unknown without a prior is not
     /// determined at all.
     pub fn new(unknowns: &[Unknown], z: &[f64], information: &Symmetric) -> Option<Self> {

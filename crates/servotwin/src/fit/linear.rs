@@ -196,10 +196,10 @@ fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::signal::random::Random;
+    use crate::signal::random::NormalDeviates;
 
     fn random(size: usize, seed: u64) -> Symmetric {
-        let mut random = Random::new(seed);
+        let mut random = NormalDeviates::new(seed);
         let rows: Vec<Vec<f64>> =
             (0..size + 2).map(|_| (0..size).map(|_| random.normal()).collect()).collect();
         Symmetric::new(size, |i, j| rows.iter().map(|row| row[i] * row[j]).sum())
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn nothing_between_the_bounds_is_lower_than_the_minimum() {
         let bounds = [(-0.3, 0.3); 6];
-        let mut draws = Random::new(1);
+        let mut draws = NormalDeviates::new(1);
         for seed in 0..20 {
             let a = random(6, 100 + seed);
             let g: Vec<f64> = (0..6).map(|_| 3.0 * draws.normal()).collect();

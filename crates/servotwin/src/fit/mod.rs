@@ -39,9 +39,9 @@ pub mod verdict;
 mod write;
 
 pub use finding::{FitFinding, SensorFit};
-pub use knowledge::{Knowledge, Known};
-pub use onset::Onset;
-pub use record::{LeftOut, Record, RecordError, TIME_UNIT};
+pub use knowledge::{FitKnowledge, Knowledge};
+pub use onset::FoundOnset;
+pub use record::{FitRecord, LeftOut, RecordError, TIME_UNIT};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
 pub use verdict::FitVerdict;
@@ -66,7 +66,7 @@ pub struct Fit<'s> {
     /// The parameters and intensities that may change.
     pub unknowns: Vec<Unknown>,
     /// The records to explain.
-    pub records: Vec<Record>,
+    pub records: Vec<FitRecord>,
     /// Faults that a finding is compared with: (component, fault).
     pub suspects: Vec<(usize, usize)>,
     /// When the faults among the unknowns begin, s after the first sample; `None` if they precede it.
@@ -111,7 +111,7 @@ pub enum FitError {
 }
 
 impl FitError {
-    fn run(system: &System, failure: solver::Failure) -> Self {
+    fn run(system: &System, failure: solver::SolverFailure) -> Self {
         let state = system.program.states().get(failure.state);
         FitError::Run {
             time_s: failure.time_s,
@@ -151,7 +151,7 @@ pub struct FitResults {
     /// The unknowns, in standard deviations of their tolerances or as intensities.
     pub z: Vec<f64>,
     /// How well each of them is known.
-    pub known: Known,
+    pub known: FitKnowledge,
     /// The parameters in the form of a variant: (component, parameter, value).
     pub overrides: Vec<(usize, usize, f64)>,
     /// Half of the sum of squared residuals and squared deviations from the priors (FS1).
@@ -177,7 +177,7 @@ fn silent() {}
 
 impl<'s> Fit<'s> {
     /// A fit of all tolerances of a study, with all its faults as suspects.
-    pub fn of_study(study: &'s Study, records: Vec<Record>) -> Self {
+    pub fn of_study(study: &'s Study, records: Vec<FitRecord>) -> Self {
         let mut suspects: Vec<(usize, usize)> =
             study.faults.iter().map(|fault| (fault.at.component, fault.at.fault)).collect();
         suspects.dedup();
@@ -185,7 +185,7 @@ impl<'s> Fit<'s> {
     }
 
     /// A fit without unknowns and suspects.
-    pub fn new(system: &'s System, records: Vec<Record>) -> Self {
+    pub fn new(system: &'s System, records: Vec<FitRecord>) -> Self {
         Self {
             system,
             unknowns: Vec::new(),
@@ -222,11 +222,11 @@ impl<'s> Fit<'s> {
     ///
     /// # Errors
     /// See [`Fit::solve`].
-    pub fn structure(&self) -> Result<Known, FitError> {
+    pub fn structure(&self) -> Result<FitKnowledge, FitError> {
         self.check()?;
         let z = vec![0.0; self.unknowns.len()];
-        let linear = self.linear(&z, response::Difference::Forward)?;
-        Known::new(&self.unknowns, &z, &linear.information).ok_or(FitError::Undetermined)
+        let linear = self.linear(&z, response::DerivativeScheme::Forward)?;
+        FitKnowledge::new(&self.unknowns, &z, &linear.information).ok_or(FitError::Undetermined)
     }
 
     /// Checks whether the records can belong to this system.
@@ -256,7 +256,7 @@ impl<'s> Fit<'s> {
     }
 
     /// The standard deviation of a sample of each sensor of a record.
-    fn deviations(&self, record: &Record) -> Vec<f64> {
+    fn deviations(&self, record: &FitRecord) -> Vec<f64> {
         let of = |&sensor: &usize| {
             let least = SOLVER_ERROR * self.system.sensors[sensor].scale;
             Imperfection::of(self.system, sensor).deviation().max(least)
@@ -264,7 +264,7 @@ impl<'s> Fit<'s> {
         record.sensors.iter().map(of).collect()
     }
 
-    fn first_sample(&self, record: &Record) -> usize {
+    fn first_sample(&self, record: &FitRecord) -> usize {
         (WARM_UP_S / record.period_s).round() as usize
     }
 }

@@ -39,7 +39,7 @@ const BESIDE: [f64; 8] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 
 /// When a fault began within a record.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Onset {
+pub struct FoundOnset {
     /// The moment, s after the first sample.
     pub at_s: f64,
     /// Its 95 % interval, s.
@@ -77,12 +77,12 @@ pub(super) struct Begun {
 
 impl Begun {
     /// The onset with its score (FO2), if it is accepted.
-    pub fn onset(&self, constant: f64) -> Option<Onset> {
+    pub fn onset(&self, constant: f64) -> Option<FoundOnset> {
         let gain = (constant - self.minimum.cost).max(0.0);
         let left = mean_square(&self.minimum);
         let score = (2.0 * gain / left).sqrt();
         let Begun { at_s, interval_s, .. } = *self;
-        (score > SCORE_LIMIT && left < MOST_LEFT).then_some(Onset { at_s, interval_s, score })
+        (score > SCORE_LIMIT && left < MOST_LEFT).then_some(FoundOnset { at_s, interval_s, score })
     }
 }
 

@@ -1,8 +1,8 @@
 //! Checks whether a record can belong to the system: wrong signs and units, stuck sensors, clocks that disagree. The
 //! nominal twin is the reference; differences of a few percent are left to the fit.
 
-use super::record::{LeftOut, Record, RecordError};
-use crate::beside::Beside;
+use super::record::{FitRecord, LeftOut, RecordError};
+use crate::beside::TwinComparison;
 use crate::recording::with_suffix;
 use crate::system::System;
 use crate::units;
@@ -33,7 +33,7 @@ struct Pair<'r> {
     mean_twin: f64,
     sd_measured: f64,
     sd_twin: f64,
-    record: &'r Record,
+    record: &'r FitRecord,
 }
 
 /// Compares a record with the nominal twin, given the residuals of its samples from `first` on.
@@ -42,7 +42,7 @@ struct Pair<'r> {
 /// The first mistake that the record shows.
 pub(super) fn check(
     system: &System,
-    record: &Record,
+    record: &FitRecord,
     deviations: &[f64],
     first: usize,
     residuals: &[f64],
@@ -139,7 +139,7 @@ impl Pair<'_> {
     }
 
     fn is_turned(&self) -> bool {
-        let mut beside = Beside::default();
+        let mut beside = TwinComparison::default();
         self.measured.iter().zip(&self.twin).for_each(|(m, t)| beside.take(*m, *t));
         beside.is_turned()
     }

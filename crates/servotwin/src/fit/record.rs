@@ -12,7 +12,7 @@
 //! more than a twentieth of their difference. The interpolation is fourth order for smooth signals and does not
 //! overshoot at a step.
 
-use crate::document::{Quantities, Quantity};
+use crate::document::{NumberWithUnit, Quantities};
 use crate::moment;
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
@@ -45,7 +45,7 @@ const DAYLIGHT_SAVING_S: f64 = 3600.0;
 
 /// The sensor values of an actuator and its inputs.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub struct FitRecord {
     /// The name in messages.
     pub name: String,
     /// Time between samples, s.
@@ -80,7 +80,7 @@ pub struct LeftOut {
 impl fmt::Display for LeftOut {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { column, count, place, value, range: (low, high), unit } = self;
-        let value = Quantity(*value, unit.symbol());
+        let value = NumberWithUnit(*value, unit.symbol());
         let range = Quantities(in_digits(*low), in_digits(*high), unit.symbol());
         let more = match count {
             1 => String::new(),
@@ -226,7 +226,7 @@ impl From<TableError> for RecordError {
     }
 }
 
-impl Record {
+impl FitRecord {
     /// A record as a logger stores it: the sampled inputs, and `measured`.
     pub fn logged(
         name: &str,
@@ -241,7 +241,7 @@ impl Record {
         };
         let inputs = inputs.iter().map(|signal| smooth(period_s, &sampled(signal))).collect();
         let left_out = Vec::new();
-        Record { name: name.into(), period_s, inputs, sensors, measured, left_out }
+        FitRecord { name: name.into(), period_s, inputs, sensors, measured, left_out }
     }
 
     /// Reads a record from a table.

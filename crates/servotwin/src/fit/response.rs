@@ -8,7 +8,7 @@
 //! so all lanes make nearly the same steps. The solver's errors are then nearly equal and cancel in the difference.
 
 use super::linear::{Symmetric, dot};
-use super::record::Record;
+use super::record::FitRecord;
 use super::unknown::Unknown;
 use super::{Fit, FitError};
 use crate::ensemble::{Ensemble, Later, Sink, Variant};
@@ -17,7 +17,7 @@ use std::sync::atomic::Ordering;
 
 /// How derivatives are approximated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Difference {
+pub enum DerivativeScheme {
     /// One-sided difference.
     Forward,
     /// Two-sided difference.
@@ -78,7 +78,7 @@ impl Sink for Compare<'_> {
 
 impl<'s> Fit<'s> {
     /// The ensemble that runs a record's variants.
-    pub(super) fn ensemble(&self, record: &Record) -> Ensemble<'s> {
+    pub(super) fn ensemble(&self, record: &FitRecord) -> Ensemble<'s> {
         Ensemble {
             settings: self.solver,
             threads: self.threads,
@@ -129,7 +129,7 @@ impl<'s> Fit<'s> {
     /// The residuals of several variants of one record.
     pub(super) fn run<'v>(
         &self,
-        record: &Record,
+        record: &FitRecord,
         count: usize,
         variant: impl Fn(usize) -> Variant<'v> + Sync,
     ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
@@ -140,7 +140,7 @@ impl<'s> Fit<'s> {
     pub(super) fn run_in<'v>(
         &self,
         ensemble: &Ensemble,
-        record: &Record,
+        record: &FitRecord,
         count: usize,
         variant: impl Fn(usize) -> Variant<'v> + Sync,
     ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
@@ -167,7 +167,11 @@ impl<'s> Fit<'s> {
     }
 
     /// The residuals and derivatives at a point.
-    pub(super) fn linear(&self, z: &[f64], difference: Difference) -> Result<Linear, FitError> {
+    pub(super) fn linear(
+        &self,
+        z: &[f64],
+        difference: DerivativeScheme,
+    ) -> Result<Linear, FitError> {
         let mut points = vec![z.to_vec()];
         let mut moves = Vec::new();
         for (k, unknown) in self.unknowns.iter().enumerate() {
@@ -206,12 +210,12 @@ pub(super) fn append(
 }
 
 /// The two ends of a difference, inside the range.
-fn ends(unknown: &Unknown, z: f64, difference: Difference) -> [f64; 2] {
+fn ends(unknown: &Unknown, z: f64, difference: DerivativeScheme) -> [f64; 2] {
     let (low, high) = unknown.range;
     let h = unknown.step;
     match difference {
-        Difference::Central => [(z - h).max(low), (z + h).min(high)],
-        Difference::Forward if z + h <= high => [z, z + h],
-        Difference::Forward => [z - h, z],
+        DerivativeScheme::Central => [(z - h).max(low), (z + h).min(high)],
+        DerivativeScheme::Forward if z + h <= high => [z, z + h],
+        DerivativeScheme::Forward => [z - h, z],
     }
 }

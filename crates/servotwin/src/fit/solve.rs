@@ -8,7 +8,7 @@
 //! gains what (FS2) promised, the next one keeps its J. The last steps use a central-difference J.
 
 use super::linear::{Symmetric, dot};
-use super::response::{Difference, Linear, Residuals};
+use super::response::{DerivativeScheme, Linear, Residuals};
 use super::{Fit, FitError};
 
 /// The fractions of a step that are tried together.
@@ -90,10 +90,10 @@ impl Fit<'_> {
 
     /// Finds the minimum from a first guess.
     pub(super) fn minimum(&self, start: &[f64]) -> Result<Minimum, FitError> {
-        let linear = self.linear(start, Difference::Forward)?;
+        let linear = self.linear(start, DerivativeScheme::Forward)?;
         let mut found = self.steps_around(linear)?;
         for _ in 0..MOST_TURNS {
-            let linear = self.linear(&found.z, Difference::Central)?;
+            let linear = self.linear(&found.z, DerivativeScheme::Central)?;
             let (before, cost) = (found.steps, found.cost);
             let last = self.steps_around(linear)?;
             found = Minimum { steps: before + last.steps, ..last };

@@ -15,9 +15,9 @@
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
 use super::linear::{Symmetric, dot};
-use super::onset::{Begun, Guess, Moments, Onset};
-use super::record::{Record, RecordError};
-use super::response::{Difference, Linear, append, residual};
+use super::onset::{Begun, FoundOnset, Guess, Moments};
+use super::record::{FitRecord, RecordError};
+use super::response::{DerivativeScheme, Linear, append, residual};
 use super::solve::Minimum;
 use super::{Fit, FitError};
 use crate::ensemble::{Ensemble, Sink, Variant};
@@ -67,7 +67,7 @@ pub struct Suspect {
     /// The estimated intensity; for a clock the fraction by which it is fast, for a delay seconds.
     pub intensity: f64,
     /// When it began, if within the record.
-    pub onset: Option<Onset>,
+    pub onset: Option<FoundOnset>,
 }
 
 impl Suspect {
@@ -103,7 +103,7 @@ impl Suspect {
             }
             _ => match self.onset {
                 None => format!("it looks like {name} of intensity {intensity:.2} or so"),
-                Some(Onset { at_s, interval_s: (low, high), .. }) => format!(
+                Some(FoundOnset { at_s, interval_s: (low, high), .. }) => format!(
                     "it looks like {name} of intensity {intensity:.2} from {at_s:.2} s on (95 %: {low:.2} … {high:.2} s)"
                 ),
             },
@@ -173,7 +173,7 @@ impl Fit<'_> {
     /// others.
     pub(super) fn likeliest(&self) -> Result<Vec<Suspect>, FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
-        let linear = self.linear(&nominal, Difference::Forward)?;
+        let linear = self.linear(&nominal, DerivativeScheme::Forward)?;
         let healthy = self.explained(&linear, &linear.residuals)?;
         let suspect = |name: String, (cost, intensity): (f64, f64)| {
             let score = (2.0 * (healthy - cost).max(0.0)).sqrt();
@@ -243,7 +243,7 @@ impl Fit<'_> {
             suspects: faults.to_vec(),
             ..*self
         };
-        let linear = own.linear(&vec![0.0; own.unknowns.len()], Difference::Forward)?;
+        let linear = own.linear(&vec![0.0; own.unknowns.len()], DerivativeScheme::Forward)?;
         let Some(moments) = Moments::new(&own, &linear) else {
             return Ok(vec![None; faults.len()]);
         };
@@ -296,17 +296,17 @@ impl Fit<'_> {
     /// wrong.
     pub(super) fn is_rather_a_fault(
         &self,
-        record: &Record,
+        record: &FitRecord,
         error: &RecordError,
     ) -> Result<bool, FitError> {
-        let (size, change): (f64, fn(&Record, f64) -> Retimed) = match error {
+        let (size, change): (f64, fn(&FitRecord, f64) -> Retimed) = match error {
             RecordError::Shifted { by_s } => (by_s / record.period_s, delayed),
             RecordError::Clock { share } => (*share, drifting),
             _ => return Ok(false),
         };
         let (records, unknowns) = (vec![record.clone()], self.unknowns.clone());
         let own = Fit { records, unknowns, suspects: self.suspects.clone(), ..*self };
-        let linear = own.linear(&vec![0.0; own.unknowns.len()], Difference::Forward)?;
+        let linear = own.linear(&vec![0.0; own.unknowns.len()], DerivativeScheme::Forward)?;
         let faults = own.likeliest_faults(&linear, None)?.constant;
         let fault = faults.iter().map(|(_, least)| least.0).fold(f64::INFINITY, f64::min);
         let (times, _) = own.retimed(&linear, &AROUND.map(|share| share * size), change)?;
@@ -368,7 +368,7 @@ impl Fit<'_> {
         &self,
         linear: &Linear,
         sizes: &[f64],
-        change: fn(&Record, f64) -> Retimed,
+        change: fn(&FitRecord, f64) -> Retimed,
     ) -> Result<(f64, f64), FitError> {
         let mut residuals = vec![Ok(Vec::new()); sizes.len()];
         let mut in_units = sizes.to_vec();
@@ -418,7 +418,7 @@ impl Fit<'_> {
     #[expect(clippy::too_many_arguments)]
     fn against<'v>(
         &self,
-        record: &Record,
+        record: &FitRecord,
         ensemble: &Ensemble,
         base: Base,
         begin: usize,
@@ -480,7 +480,7 @@ struct Retimed {
 }
 
 /// Delays the sensors by a number of samples.
-fn delayed(record: &Record, samples: f64) -> Retimed {
+fn delayed(record: &FitRecord, samples: f64) -> Retimed {
     let by_s = samples * record.period_s;
     let later = |signal: &Piecewise| {
         let breaks = signal.breaks_s().iter().map(|b| b + by_s).collect();
@@ -490,18 +490,18 @@ fn delayed(record: &Record, samples: f64) -> Retimed {
 }
 
 /// Simulates a record whose clock runs fast by a fraction.
-fn on_fast_clock(record: &Record, share: f64) -> Retimed {
+fn on_fast_clock(record: &FitRecord, share: f64) -> Retimed {
     let stretch = 1.0 - share;
     Retimed { inputs: stretched(record, stretch), stretch, size: share }
 }
 
 /// Simulates sensors on a separate clock, on which they become increasingly late.
-fn drifting(record: &Record, share: f64) -> Retimed {
+fn drifting(record: &FitRecord, share: f64) -> Retimed {
     Retimed { inputs: stretched(record, 1.0 + share), stretch: 1.0, size: share }
 }
 
 /// The inputs of a record with stretched times.
-fn stretched(record: &Record, stretch: f64) -> Vec<Piecewise> {
+fn stretched(record: &FitRecord, stretch: f64) -> Vec<Piecewise> {
     let slower = |signal: &Piecewise| {
         let breaks = signal.breaks_s().iter().map(|b| b * stretch).collect();
         let piece = |[c0, c1, c2, c3]: &[f64; 4]| {
@@ -552,7 +552,7 @@ impl Sums {
 /// Accumulates (FF1) while samples arrive.
 struct Against<'f> {
     base: Base<'f>,
-    record: &'f Record,
+    record: &'f FitRecord,
     deviations: &'f [f64],
     first: usize,
     /// The index of the next residual.

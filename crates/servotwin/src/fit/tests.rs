@@ -17,7 +17,12 @@ use servotwin_model::signal::Piecewise;
 const COMMAND: &str = "noise:rms=4deg,bandwidth=1Hz,seed=77";
 
 /// A record of a specimen as a logger writes it: sensors with noise, commands as samples.
-fn record(study: &Study, specimen: Option<usize>, faults: Vec<FaultAt>, duration_s: f64) -> Record {
+fn record(
+    study: &Study,
+    specimen: Option<usize>,
+    faults: Vec<FaultAt>,
+    duration_s: f64,
+) -> FitRecord {
     flown(study, COMMAND, (specimen, specimen.unwrap_or(0)), faults, duration_s)
 }
 
@@ -28,7 +33,7 @@ fn flown(
     who: (Option<usize>, usize),
     faults: Vec<FaultAt>,
     duration_s: f64,
-) -> Record {
+) -> FitRecord {
     flown_as(study, command, who, Variant { faults, ..Variant::default() }, duration_s)
 }
 
@@ -39,7 +44,7 @@ fn flown_as(
     (specimen, flight): (Option<usize>, usize),
     variant: Variant,
     duration_s: f64,
-) -> Record {
+) -> FitRecord {
     let system = &study.system;
     let network = system.network();
     let constant = |value| Piecewise::constant(value).unwrap();
@@ -68,7 +73,7 @@ fn flown_as(
         .map(|k| inputs[study.command_input].value(k as f64 * study.sample_period_s))
         .collect();
     inputs[study.command_input] = smooth(study.sample_period_s, &logged);
-    Record {
+    FitRecord {
         name: "record".into(),
         period_s: study.sample_period_s,
         inputs,
@@ -321,7 +326,7 @@ fn fleet_beside_fits(
     duration_s: f64,
     fits: usize,
 ) -> (f64, usize, usize) {
-    let records: Vec<Record> =
+    let records: Vec<FitRecord> =
         (0..specimens).map(|n| record(study, Some(n), vec![], duration_s)).collect();
     let problem = Fit { suspects: vec![], ..Fit::of_study(study, vec![records[0].clone()]) };
     let begin = std::time::Instant::now();
@@ -371,7 +376,7 @@ fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
         let faults = faults.get(n).map(|id| fault(&study, id, 0.5));
         record(&study, Some(n), faults.into_iter().collect(), 12.0)
     };
-    let records: Vec<Record> = (0..12).map(flown).collect();
+    let records: Vec<FitRecord> = (0..12).map(flown).collect();
     let problem = Fit::of_study(&study, vec![records[0].clone()]);
     let fleet = fleet::Fleet::new(&problem).unwrap();
     let measured: Vec<Vec<f64>> = records.iter().map(|record| record.measured.clone()).collect();
@@ -515,7 +520,7 @@ mod records {
     use super::*;
     use crate::table::{Column, Table, Values};
 
-    fn table(study: &Study, record: &Record) -> Table {
+    fn table(study: &Study, record: &FitRecord) -> Table {
         let samples = record.samples();
         let times: Vec<f64> = (0..samples).map(|k| k as f64 * record.period_s).collect();
         let command: Vec<f64> =
@@ -534,7 +539,7 @@ mod records {
 
     /// The error with which a record is rejected.
     fn refusal(study: &Study, table: &Table) -> Option<RecordError> {
-        let record = match Record::from_table("log", table, &study.system) {
+        let record = match FitRecord::from_table("log", table, &study.system) {
             Ok(record) => record,
             Err(error) => return Some(error),
         };
@@ -612,7 +617,7 @@ mod records {
             });
             Table::from_columns(columns.collect()).unwrap()
         };
-        let read = |table: &Table| Record::from_table("log", table, &study.system);
+        let read = |table: &Table| FitRecord::from_table("log", table, &study.system);
         let plain = read(&good).unwrap();
         let text = |s: &f64| format!("2026-11-22T23:59:{:09.6}Z", 50.0 + s);
         let dates: Vec<String> = times_s.iter().map(text).collect();
@@ -633,8 +638,8 @@ mod records {
     fn a_value_that_no_sensor_shows_is_left_out_and_changes_nothing() {
         let study = spring();
         let good = table(&study, &record(&study, Some(1), vec![], 12.0));
-        let read = |table: &Table| Record::from_table("log", table, &study.system).unwrap();
-        let solved = |record: Record| Fit::of_study(&study, vec![record]).solve().unwrap();
+        let read = |table: &Table| FitRecord::from_table("log", table, &study.system).unwrap();
+        let solved = |record: FitRecord| Fit::of_study(&study, vec![record]).solve().unwrap();
         let spiked = changed(&good, "x_p_m", |row, v| if row == 700 { -1.0 } else { v });
         let spiked = changed(&spiked, "p_a_pa", |row, v| if row % 400 == 300 { 1e300 } else { v });
         let (clean, spiked) = (read(&good), read(&spiked));
@@ -711,7 +716,7 @@ mod records {
         };
         assert!((by_s - 0.1).abs() < 0.011, "{by_s}");
         // Both are on one clock that runs fast by 1 %: only the dynamics reveal it.
-        let fast = Record { period_s: record.period_s * 1.01, ..record };
+        let fast = FitRecord { period_s: record.period_s * 1.01, ..record };
         let inputs = fast.inputs.iter().map(|signal| {
             let breaks = signal.breaks_s().iter().map(|b| b * 1.01).collect();
             let values: Vec<_> = signal
@@ -721,7 +726,7 @@ mod records {
                 .collect();
             Piecewise::new(breaks, values).unwrap()
         });
-        let fast = Record { inputs: inputs.collect(), ..fast.clone() };
+        let fast = FitRecord { inputs: inputs.collect(), ..fast.clone() };
         let problem = Fit::of_study(&study, vec![fast]);
         let fitted = problem.solve().unwrap();
         let clock = fitted.suspects.iter().find(|s| s.name == suspects::CLOCK).unwrap();

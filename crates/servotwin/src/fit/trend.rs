@@ -35,7 +35,7 @@ pub struct Point {
 
 /// Level and rate with their covariance after a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
+pub struct TrendState {
     /// The flight number.
     pub at: f64,
     /// The estimated level.
@@ -50,7 +50,7 @@ pub struct State {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trend {
     /// The state after each flight, using only the flights up to it.
-    pub states: Vec<State>,
+    pub states: Vec<TrendState>,
     /// The factor s of (FT1), which scales the error variances.
     pub spread: f64,
     /// q of (FT1), per flight.
@@ -70,12 +70,12 @@ pub struct Reached {
     pub latest: Option<f64>,
 }
 
-impl State {
+impl TrendState {
     /// Predicts the state a number of flights later.
-    fn after(&self, flights: f64, walk: f64) -> State {
+    fn after(&self, flights: f64, walk: f64) -> TrendState {
         let [level, both, rate] = self.variance;
         let t = flights;
-        State {
+        TrendState {
             at: self.at + t,
             level: self.level + t * self.rate,
             rate: self.rate,
@@ -88,11 +88,11 @@ impl State {
     }
 
     /// Updates the state with a measurement; also returns the innovation and its variance.
-    fn measured(&self, level: f64, variance: f64) -> (State, f64, f64) {
+    fn measured(&self, level: f64, variance: f64) -> (TrendState, f64, f64) {
         let [own, both, rate] = self.variance;
         let (surprise, expected) = (level - self.level, own + variance);
         let gain = [own / expected, both / expected];
-        let state = State {
+        let state = TrendState {
             at: self.at,
             level: self.level + gain[0] * surprise,
             rate: self.rate + gain[1] * surprise,
@@ -127,7 +127,7 @@ impl Trend {
     }
 
     /// The state after the last flight.
-    pub fn last(&self) -> &State {
+    pub fn last(&self) -> &TrendState {
         self.states.last().expect("a trend has flights")
     }
 
@@ -181,7 +181,7 @@ struct Filtered {
 /// Runs the filter with one value of q. All variances are in units of s and are scaled afterwards.
 fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
     let first = points[0];
-    let mut state = State {
+    let mut state = TrendState {
         at: first.at,
         level: first.level,
         rate: 0.0,
@@ -212,11 +212,11 @@ fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::signal::random::Random;
+    use crate::signal::random::NormalDeviates;
 
     /// Flights 0, 1, 2 … with a given level and normal errors.
     pub fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
-        let mut random = Random::new(seed);
+        let mut random = NormalDeviates::new(seed);
         let point = |n: usize| {
             let at = n as f64;
             Point { at, level: level(at) + error * random.normal(), error }

@@ -5,7 +5,7 @@
 
 use super::runtime::{self, RuntimeError};
 use crate::study::Study;
-use servotwin_diagnosis::diagnoser::{Boundary, Sensor};
+use servotwin_diagnosis::diagnoser::{Boundary, DiagnosedSensor};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Knot, SolverSettings, Twin};
 
@@ -22,7 +22,7 @@ const FOLLOWS: f64 = 0.9;
 /// The diagnosis reads a sensor that the study does not have; the twin cannot be simulated with its usual inputs.
 pub fn boundaries(
     study: &Study,
-    sensors: &[Sensor],
+    sensors: &[DiagnosedSensor],
     watched: usize,
 ) -> Result<Vec<Boundary>, RuntimeError> {
     let slots = runtime::slots(study, sensors[..watched].iter().map(|s| s.name.as_str()))?;

@@ -9,19 +9,19 @@ pub use crate::experiment::Observer;
 
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
-use super::plan::{self, Flight, Purpose};
+use super::plan::{self, PlannedFlight, Purpose};
 use crate::ensemble::{Ensemble, Variant};
 use crate::experiment::{
     CampaignError, Overrides, SensorChain, SpecimenDraw, Twins, Watch, ensemble, fit_twins,
     simulate_twins,
 };
 use crate::parallel::Workers;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::flights::Environment;
 use crate::study::other_plant::apply_draws;
 use crate::study::{Flights, Lot, Plants, Setting, Study};
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{Failure, Statistics};
+use servotwin_model::solver::{SolverFailure, Statistics};
 use std::borrow::Cow;
 
 /// The purpose of the random numbers of a specimen's draws.
@@ -48,7 +48,7 @@ pub struct FlightCampaign<'s> {
     /// Plants with a system of their own, and the ensemble that flies them.
     pub(super) others: Option<(&'s OtherPlants, Ensemble<'s>)>,
     /// All planned flights.
-    pub plan: Vec<Flight>,
+    pub plan: Vec<PlannedFlight>,
     /// The indices of the flights whose twins were simulated.
     pub which: Vec<usize>,
     /// The twins by environment.
@@ -105,7 +105,7 @@ impl<'s> FlightCampaign<'s> {
     pub fn planned(
         study: &'s Study,
         environments: Cow<'s, [Environment]>,
-        plan: Vec<Flight>,
+        plan: Vec<PlannedFlight>,
         lot: (Purpose, u64),
         setting: Setting,
         workers: Workers<'s>,
@@ -121,7 +121,7 @@ impl<'s> FlightCampaign<'s> {
     pub fn chosen(
         study: &'s Study,
         environments: Vec<Environment>,
-        plan: Vec<Flight>,
+        plan: Vec<PlannedFlight>,
         lot: (Purpose, u64),
         setting: Setting,
         specimens: ChosenSpecimens,
@@ -134,7 +134,7 @@ impl<'s> FlightCampaign<'s> {
     fn of(
         study: &'s Study,
         environments: Cow<'s, [Environment]>,
-        (plan, which): (Vec<Flight>, Vec<usize>),
+        (plan, which): (Vec<PlannedFlight>, Vec<usize>),
         (purpose, seed): (Purpose, u64),
         setting: Setting,
         specimens: Option<ChosenSpecimens>,
@@ -219,7 +219,7 @@ impl<'s> FlightCampaign<'s> {
     }
 
     /// The noise in the calibration flight of an environment's specimen.
-    pub(super) fn calibration_noise(&self, environment: usize) -> Option<Random> {
+    pub(super) fn calibration_noise(&self, environment: usize) -> Option<NormalDeviates> {
         // Test flights have other noise than training flights.
         let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
         let draw = self.draw(first + self.number_of(environment));
@@ -255,7 +255,7 @@ impl<'s> FlightCampaign<'s> {
     }
 
     /// Whether a flight, or the twin of its environment, began without a steady state.
-    pub fn is_on_the_move(&self, flight: &Flight, work: &Statistics) -> bool {
+    pub fn is_on_the_move(&self, flight: &PlannedFlight, work: &Statistics) -> bool {
         self.twins[&flight.environment].is_on_the_move(work)
     }
 
@@ -279,8 +279,8 @@ impl<'s> FlightCampaign<'s> {
     pub fn fly<O: Observer>(
         &self,
         which: &[usize],
-        observer: impl Fn(&Flight) -> O + Sync,
-        done: impl FnMut(&Flight, O, Result<Statistics, Failure>) + Send,
+        observer: impl Fn(&PlannedFlight) -> O + Sync,
+        done: impl FnMut(&PlannedFlight, O, Result<Statistics, SolverFailure>) + Send,
     ) {
         self.fly_altered(which, |_, _| (), observer, done);
     }
@@ -289,9 +289,9 @@ impl<'s> FlightCampaign<'s> {
     pub fn fly_altered<'f, O: Observer>(
         &'f self,
         which: &[usize],
-        alter: impl Fn(&Flight, &mut Variant<'f>) + Sync,
-        observer: impl Fn(&Flight) -> O + Sync,
-        mut done: impl FnMut(&Flight, O, Result<Statistics, Failure>) + Send,
+        alter: impl Fn(&PlannedFlight, &mut Variant<'f>) + Sync,
+        observer: impl Fn(&PlannedFlight) -> O + Sync,
+        mut done: impl FnMut(&PlannedFlight, O, Result<Statistics, SolverFailure>) + Send,
     ) {
         let flight = |job: usize| &self.plan[which[job]];
         let ensemble = self.others.as_ref().map_or(&self.ensemble, |(_, ensemble)| ensemble);
@@ -310,7 +310,7 @@ impl<'s> FlightCampaign<'s> {
         );
     }
 
-    fn variant(&self, flight: &Flight) -> Variant<'_> {
+    fn variant(&self, flight: &PlannedFlight) -> Variant<'_> {
         let environment = &self.environments[flight.environment];
         let draw = self.draw(self.plant(flight));
         let specimen = match &self.deviations {
@@ -323,7 +323,7 @@ impl<'s> FlightCampaign<'s> {
         if self.setting.plants() == Plants::Specimens && self.others.is_none() {
             let stream = (draw.lot as u64) << 48 ^ draw.number as u64;
             let seed = self.study.realism.as_ref().map_or(0, |realism| realism.seed);
-            let mut random = Random::stream(DRAWS ^ seed, stream);
+            let mut random = NormalDeviates::stream(DRAWS ^ seed, stream);
             let parts = &self.study.system.network().components;
             let draws = &self.study.flight_draws;
             apply_draws(draws, self.scatter, parts, &mut random, &mut overrides);
@@ -338,19 +338,19 @@ impl<'s> FlightCampaign<'s> {
     }
 
     /// The number from which the noise of a flight is derived.
-    fn number(&self, flight: &Flight) -> usize {
+    fn number(&self, flight: &PlannedFlight) -> usize {
         flight.number + (self.seed as usize) * 1_000_000
     }
 
     /// The number from which the specimen of a flight is derived, and the draws of another plant.
-    fn plant(&self, flight: &Flight) -> usize {
+    fn plant(&self, flight: &PlannedFlight) -> usize {
         match self.fitted.is_empty() {
             true => self.number(flight),
             false => self.number_of(flight.environment),
         }
     }
 
-    fn watch<O>(&self, flight: &Flight, observer: O) -> Watch<'_, O> {
+    fn watch<O>(&self, flight: &PlannedFlight, observer: O) -> Watch<'_, O> {
         let noise = self.draw(self.number(flight)).noise();
         let mut chain = SensorChain::new(self.study, self.sensors, noise);
         if let Some((plants, _)) = self.others {

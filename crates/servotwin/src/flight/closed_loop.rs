@@ -4,10 +4,10 @@
 use super::runtime::{self, Runtime, RuntimeError};
 use crate::experiment::{SensorChain, SpecimenDraw};
 use crate::signal::bus::Bus;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::{Lot, Reaction, Setting, Study};
 use crate::system::reservoir::Level;
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Raised, Session};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{Knot, SolverSettings, Twin};
@@ -46,7 +46,7 @@ pub struct Change {
     /// Time of the change, s.
     pub time_s: f64,
     /// The new finding.
-    pub finding: Finding,
+    pub finding: IndexedFinding,
     /// The new state of the alarm.
     pub alarm: Alarm,
     /// The confidence of the finding.
@@ -55,7 +55,7 @@ pub struct Change {
 
 /// The record of a flight.
 #[derive(Clone, Debug, Default)]
-pub struct Record {
+pub struct FlightRecord {
     /// Times of the samples, s.
     pub time_s: Vec<f64>,
     /// The requested plant variables, one list per slot.
@@ -82,17 +82,17 @@ pub fn fly(
     scenario: &Scenario,
     diagnoser: &Arc<Diagnoser>,
     keep: &[Slot],
-) -> Result<Record, RuntimeError> {
-    let mut flight = Flight::new(scenario, diagnoser)?;
+) -> Result<FlightRecord, RuntimeError> {
+    let mut flight = ClosedLoopFlight::new(scenario, diagnoser)?;
     let count = |list: usize| vec![Vec::new(); list];
     let sensors = flight.measured.len();
-    let mut record = Record {
+    let mut record = FlightRecord {
         plant: count(keep.len()),
         inputs: count(scenario.inputs.len()),
         measured: count(sensors),
         twin: count(sensors),
         fluid_m3: count(flight.reservoirs.len()),
-        ..Record::default()
+        ..FlightRecord::default()
     };
     let samples = (scenario.duration_s / flight.period_s + 1e-6) as usize;
     for _ in 0..=samples {
@@ -116,7 +116,7 @@ fn push(columns: &mut [Vec<f64>], values: impl Iterator<Item = f64>) {
 }
 
 /// A flight that is advanced sample by sample.
-pub struct Flight<'f> {
+pub struct ClosedLoopFlight<'f> {
     scenario: &'f Scenario<'f>,
     period_s: f64,
     /// The number of samples so far.
@@ -139,11 +139,11 @@ pub struct Flight<'f> {
     /// Inputs overridden by the flight control computer.
     set: Vec<(usize, f64)>,
     measured: Vec<f64>,
-    last: Option<(Finding, Alarm)>,
+    last: Option<(IndexedFinding, Alarm)>,
     done: Option<u64>,
 }
 
-impl<'f> Flight<'f> {
+impl<'f> ClosedLoopFlight<'f> {
     /// A flight before its first sample.
     ///
     /// # Errors
@@ -159,11 +159,12 @@ impl<'f> Flight<'f> {
         let (setting, lot) = (Setting::Realistic, Lot::FlightsJudged);
         let draw = |number: usize| SpecimenDraw { study, setting, lot, number };
         let overrides = specimen.map_or(vec![], |number| draw(number).parameters());
-        let noise = draw(specimen.unwrap_or(0)).noise().unwrap_or_else(|| Random::new(1));
+        let noise = draw(specimen.unwrap_or(0)).noise().unwrap_or_else(|| NormalDeviates::new(1));
         let program = &study.system.program;
-        let mut plant = Twin::new(program, SolverSettings::campaign(), period_s, runtime::between(study));
+        let mut plant =
+            Twin::new(program, SolverSettings::campaign(), period_s, runtime::between(study));
         plant.load(&program.parameters_with(&overrides, &[]));
-        Ok(Flight {
+        Ok(ClosedLoopFlight {
             scenario,
             period_s,
             samples: 0,

@@ -3,7 +3,7 @@
 //! A shutdown looks like harm in tracking error and force fight. What it saves is the fluid of the whole hydraulic
 //! system, which stands here.
 
-use super::closed_loop::Record;
+use super::closed_loop::FlightRecord;
 use crate::study::Study;
 use crate::system::reservoir::pressure_share;
 
@@ -40,7 +40,7 @@ pub struct Cost {
 
 impl Cost {
     /// The cost of a flight in which a fault begins at `onset_s`.
-    pub fn of(study: &Study, record: &Record, onset_s: f64) -> Self {
+    pub fn of(study: &Study, record: &FlightRecord, onset_s: f64) -> Self {
         let end_s = record.time_s.last().copied().unwrap_or(0.0);
         let reactions = || record.actions.iter().map(|action| action.time_s);
         let first_s = reactions().find(|time| *time >= onset_s).unwrap_or(end_s);
@@ -71,7 +71,7 @@ impl Cost {
 }
 
 /// The time at which a reservoir ran empty, s.
-fn emptied_s(record: &Record, fluid_m3: &[f64]) -> Option<f64> {
+fn emptied_s(record: &FlightRecord, fluid_m3: &[f64]) -> Option<f64> {
     let place = fluid_m3.iter().position(|fluid| *fluid <= 0.0)?;
     Some(record.time_s[place])
 }
@@ -86,7 +86,7 @@ fn slope(x: &[f64], y: &[f64]) -> Option<f64> {
 }
 
 /// The force that the actuators can apply at the end, as a share of what they could at first.
-fn authority(study: &Study, record: &Record) -> f64 {
+fn authority(study: &Study, record: &FlightRecord) -> f64 {
     let off = |unit: usize| {
         let of_unit = |a: &&super::closed_loop::Action| a.raised.actuator as usize == unit;
         record.actions.iter().rfind(of_unit).is_some_and(|action| action.reaction.switches_off)
@@ -99,7 +99,7 @@ fn authority(study: &Study, record: &Record) -> f64 {
 }
 
 /// The share of its pressure that an actuator's source delivers at the end.
-fn pressure(study: &Study, record: &Record, unit: &str) -> f64 {
+fn pressure(study: &Study, record: &FlightRecord, unit: &str) -> f64 {
     let components = &study.system.network().components;
     let feeds =
         |source: usize| unit.is_empty() || components[source].id.starts_with(&format!("{unit}."));

@@ -5,13 +5,13 @@
 //! environments, provide more such windows; nothing else of them is kept.
 
 use super::campaign::{FlightCampaign, Observer};
-use super::plan::{Flight, Purpose};
+use super::plan::{PlannedFlight, Purpose};
 use super::training_windows::{BaselineCorrected, Cut, TrainingWindow, TrainingWindows};
 use super::windows::{self, WindowKind};
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::{Flights, Setting, Study};
-use servotwin_diagnosis::sliding::{Sliding, Span};
+use servotwin_diagnosis::sliding::{Sliding, WindowSpan};
 
 /// Number of environments whose twins are in memory at a time.
 const BATCH: usize = 200;
@@ -66,7 +66,7 @@ pub fn add(
 struct Seeking<'s> {
     kinds: &'s [WindowKind],
     bands: &'s [Vec<f64>],
-    flight: Option<Flight>,
+    flight: Option<PlannedFlight>,
     scales: Vec<f64>,
     /// Windows of the absolute residuals.
     absolute: Sliding,
@@ -88,7 +88,8 @@ impl<'s> Seeking<'s> {
         let sliding = |is_baseline_corrected: bool| {
             let own =
                 kinds.iter().filter(|kind| kind.is_baseline_corrected == is_baseline_corrected);
-            let spans: Vec<Span> = own.map(|kind| windows::span(kind.window_s, period_s)).collect();
+            let spans: Vec<WindowSpan> =
+                own.map(|kind| windows::span(kind.window_s, period_s)).collect();
             Sliding::new(scales.len(), scales.len(), &spans).expect("usual windows")
         };
         let baseline = windows::baseline(flights, setting, period_s);

@@ -9,7 +9,7 @@ use super::campaign::{FlightCampaign, Observer};
 use super::evidence::EvidencePeak;
 use super::judge::{EnvironmentMetrics, RaisedLog};
 use super::other_plant::{OTHER_PLANT, OtherPlants};
-use super::plan::{Flight, Onset, Purpose};
+use super::plan::{Onset, PlannedFlight, Purpose};
 use crate::campaign::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
@@ -140,7 +140,7 @@ pub fn fly(
     session: &Session,
     workers: Workers,
 ) -> Result<(Vec<HealthyFlight>, u64), CampaignError> {
-    let flight = |(environment, number): (usize, usize)| Flight {
+    let flight = |(environment, number): (usize, usize)| PlannedFlight {
         number: FIRST_NUMBER + number,
         environment,
         fault: None,
@@ -149,7 +149,7 @@ pub fn fly(
         onset: Onset::Step,
         duration_s,
     };
-    let plan: Vec<Flight> = numbers.enumerate().map(flight).collect();
+    let plan: Vec<PlannedFlight> = numbers.enumerate().map(flight).collect();
     let environments = Cow::Borrowed(environments);
     let lot = (Purpose::Judge, seed);
     let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;

@@ -5,7 +5,7 @@
 //! The few hours of the usual size cannot tell these rates apart.
 
 use super::campaign::{FlightCampaign, Observer};
-use super::plan::{self, Flight, Onset, Purpose};
+use super::plan::{self, Onset, PlannedFlight, Purpose};
 use super::training_windows::MovingFlight;
 use crate::study::{FaultCase, Flights, Study};
 use serde::{Deserialize, Serialize};
@@ -310,7 +310,7 @@ struct Remembered {
 
 /// The results of a flight: first the diagnoser's own session, then those at other target rates.
 struct Ended {
-    flight: Flight,
+    flight: PlannedFlight,
     /// The sample from which the fault is visible.
     seen: Option<u64>,
     /// How often a fault would have been called visible before the onset.
@@ -521,7 +521,7 @@ fn watched(
 }
 
 /// Combines the recorded results with the flights of their plan.
-fn ended(plan: &[Flight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
+fn ended(plan: &[PlannedFlight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
     remembered.sort_by_key(|remembered| remembered.number);
     let of = |Remembered { number, seen, by_chance, stories }| Ended {
         flight: plan[number],
@@ -601,7 +601,7 @@ impl Judged<'_> {
         ];
         let off = self.off_command().unwrap_or_default();
         let onsets = ways.into_iter().filter_map(|(name, onset)| {
-            let choice = |f: &Flight| f.onset == onset && f.intensity >= STRONG;
+            let choice = |f: &PlannedFlight| f.onset == onset && f.intensity >= STRONG;
             Some((name.to_owned(), self.class(0, off, choice)?))
         });
         let onsets = onsets.collect();
@@ -656,7 +656,11 @@ impl Judged<'_> {
         self.diagnoser.tuning.off_actions.contains(name)
     }
 
-    fn outcomes(&self, session: usize, choice: impl Fn(&Flight) -> bool) -> Vec<FlightOutcome> {
+    fn outcomes(
+        &self,
+        session: usize,
+        choice: impl Fn(&PlannedFlight) -> bool,
+    ) -> Vec<FlightOutcome> {
         let chosen = self.ended.iter().filter(|ended| choice(&ended.flight));
         chosen.filter_map(|ended| self.outcome(ended, session)).collect()
     }
@@ -696,9 +700,9 @@ impl Judged<'_> {
         &self,
         session: usize,
         command: &str,
-        choice: impl Fn(&Flight) -> bool,
+        choice: impl Fn(&PlannedFlight) -> bool,
     ) -> Option<ClassMetrics> {
-        let is_of = |flight: &Flight| {
+        let is_of = |flight: &PlannedFlight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
             class.is_some_and(|class| class.command == command) && choice(flight)
         };
@@ -747,7 +751,7 @@ impl Judged<'_> {
 
     /// The share of visible, strong faults of a command that satisfy a condition.
     fn share(&self, command: &str, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
-        let is_of = |flight: &Flight| {
+        let is_of = |flight: &PlannedFlight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
             class.is_some_and(|class| class.command == command) && flight.intensity >= STRONG
         };
@@ -792,7 +796,7 @@ impl Judged<'_> {
     }
 
     fn trade(&self, session: usize, asked_per_h: f64) -> TradePoint {
-        let strong = |flight: &Flight| flight.intensity >= STRONG;
+        let strong = |flight: &PlannedFlight| flight.intensity >= STRONG;
         let class = self.off_command().and_then(|command| self.class(session, command, strong));
         let of = class.as_ref().map_or(0, |class| class.visible.count);
         let isolated = class.as_ref().and_then(|class| class.isolation.as_ref());

@@ -4,7 +4,7 @@
 use crate::compiled::Compiled;
 use crate::ensemble::{Later, Variant};
 use crate::experiment::CampaignError;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::other_plant::apply_draws;
 use crate::study::{OtherPlant, Study};
 use crate::system::System;
@@ -93,8 +93,8 @@ impl OtherPlants {
         (0..sensors).map(|_| (low + (high - low) * random.unit()) / self.period_s).collect()
     }
 
-    fn random(&self, specimen: usize) -> Random {
-        Random::stream(self.seed, STREAM ^ specimen as u64)
+    fn random(&self, specimen: usize) -> NormalDeviates {
+        NormalDeviates::stream(self.seed, STREAM ^ specimen as u64)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Plans the flights: fault, intensity, onset, environment, specimen.
 
 use crate::ensemble::Later;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::flights::{Environment, Size};
 use crate::study::{Flights, Lot, Study};
 use servotwin_model::program::FaultAt;
@@ -61,7 +61,7 @@ impl Purpose {
 
 /// A planned flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flight {
+pub struct PlannedFlight {
     /// Its number, from which specimen and noise are derived.
     pub number: usize,
     /// The index of its environment.
@@ -80,7 +80,7 @@ pub struct Flight {
 
 /// All flights for a purpose: first those with a fault, then the healthy ones. Environments alternate so that no fault
 /// meets the same one twice.
-pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight> {
+pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<PlannedFlight> {
     let size = purpose.size(flights);
     let environments = size.environments;
     let mut list = vec![];
@@ -100,7 +100,7 @@ pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight
     }
     let healthy_s = size.healthy_duration_s.unwrap_or(flights.duration_s);
     for specimen in 0..size.healthy * environments {
-        list.push(Flight {
+        list.push(PlannedFlight {
             number: list.len(),
             environment: specimen % environments,
             fault: None,
@@ -111,7 +111,7 @@ pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight
         });
     }
     for environment in environments..environments + size.further {
-        list.push(Flight {
+        list.push(PlannedFlight {
             number: list.len(),
             environment,
             fault: None,
@@ -143,9 +143,10 @@ struct Slot {
     environments: usize,
 }
 
-fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) -> Flight {
+fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) -> PlannedFlight {
     let Slot { number, fault, repeat, environments } = slot;
-    let mut random = Random::new((purpose as u64) << 40 | number as u64 ^ flights.seed << 50);
+    let mut random =
+        NormalDeviates::new((purpose as u64) << 40 | number as u64 ^ flights.seed << 50);
     let [from, to] = flights.onset_s;
     let onset_s = from + (to - from) * random.unit();
     let of_study = study.faults[fault].at.intensity;
@@ -153,7 +154,7 @@ fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) ->
     // Seven has no common divisor with the usual numbers of intensities and environments.
     let environment =
         (7 * fault + 11 * repeat + fault / study.intensities.len().max(1)) % environments;
-    Flight {
+    PlannedFlight {
         number,
         environment,
         fault: Some(fault),
@@ -168,7 +169,7 @@ fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) ->
     }
 }
 
-impl Flight {
+impl PlannedFlight {
     /// The course of the fault, in the form of [`crate::ensemble::Variant::later`].
     pub fn later(&self, study: &Study) -> Vec<Later> {
         let Some(fault) = self.fault else { return vec![] };

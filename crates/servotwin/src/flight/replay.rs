@@ -2,8 +2,8 @@
 
 use super::runtime::RuntimeError;
 use super::watcher::Watcher;
-use crate::fit::Record;
-use crate::observer::{Finding, Observer, Phase, State};
+use crate::fit::FitRecord;
+use crate::observer::{DiagnosisState, Finding, Observer, Phase};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
@@ -23,11 +23,11 @@ pub struct ReplaySummary {
 fn weight(finding: &Finding) -> u32 {
     match (finding.phase, finding.state) {
         (Phase::Raised | Phase::Recovering, _) => 5,
-        (_, State::Isolated) => 4,
-        (_, State::Detected | State::Unknown) => 3,
-        (_, State::EnvironmentInvalid) => 2,
-        (_, State::Healthy | State::Undecided) => 1,
-        (_, State::NoData) => 0,
+        (_, DiagnosisState::Isolated) => 4,
+        (_, DiagnosisState::Detected | DiagnosisState::Unknown) => 3,
+        (_, DiagnosisState::EnvironmentInvalid) => 2,
+        (_, DiagnosisState::Healthy | DiagnosisState::Undecided) => 1,
+        (_, DiagnosisState::NoData) => 0,
     }
 }
 
@@ -38,7 +38,7 @@ fn weight(finding: &Finding) -> u32 {
 pub fn replay_record(
     study: &Study,
     diagnoser: &Arc<Diagnoser>,
-    record: &Record,
+    record: &FitRecord,
 ) -> Result<ReplaySummary, RuntimeError> {
     let (period_s, needed_s) = (record.period_s, diagnoser.period_s);
     if (period_s - needed_s).abs() > 1e-6 * needed_s {

@@ -2,11 +2,11 @@
 
 use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, StoredSession};
 use servotwin_diagnosis::error::Error;
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{Program, Slot};
-use servotwin_model::solver::{Between, Failure, Knot, SolverSettings, Snapshot, Twin};
+use servotwin_model::solver::{Between, Knot, Snapshot, SolverFailure, SolverSettings, Twin};
 use std::sync::Arc;
 
 /// Why the twin cannot run.
@@ -40,13 +40,13 @@ pub enum RuntimeError {
         /// The state that caused the failure.
         state: String,
         /// The failure of the solver, with its time.
-        failure: Failure,
+        failure: SolverFailure,
     },
 }
 
 impl RuntimeError {
     /// A failure of the solver, with the name of its state.
-    pub(super) fn of_twin(program: &Program, failure: Failure) -> Self {
+    pub(super) fn of_twin(program: &Program, failure: SolverFailure) -> Self {
         RuntimeError::Twin { state: program.states()[failure.state].name.clone(), failure }
     }
 }
@@ -57,7 +57,7 @@ pub struct Checkpoint {
     /// The twin's state; `None` before the first sample.
     pub twin: Option<Snapshot>,
     /// The state of the diagnosis.
-    pub session: State,
+    pub session: StoredSession,
     /// For each input, the last value and difference on its bus.
     pub buses: Vec<(Option<f64>, f64)>,
 }

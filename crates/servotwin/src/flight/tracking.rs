@@ -1,9 +1,9 @@
 //! Measures of what a fault does to a flight: the error of the quantity that follows the command, the force fight of
 //! several actuators, and the first report of a fault.
 
-use super::closed_loop::Record;
+use super::closed_loop::FlightRecord;
 use crate::study::Study;
-use servotwin_diagnosis::diagnoser::Finding;
+use servotwin_diagnosis::diagnoser::IndexedFinding;
 use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
 
@@ -43,7 +43,7 @@ impl TrackedQuantities {
     }
 
     /// The quantity that follows the command minus the command, SI.
-    pub fn tracking_error(&self, study: &Study, record: &Record) -> Option<Vec<f64>> {
+    pub fn tracking_error(&self, study: &Study, record: &FlightRecord) -> Option<Vec<f64>> {
         let unit = command_unit(study);
         let place = self.following.filter(|&place| self.units[place] == unit)?;
         let command = &record.inputs[study.command_input];
@@ -68,12 +68,12 @@ impl TrackedQuantities {
     }
 
     /// The rod force of an actuator, N; `None` if it has no rod.
-    pub fn rod_force<'r>(&self, unit: &str, record: &'r Record) -> Option<&'r Vec<f64>> {
+    pub fn rod_force<'r>(&self, unit: &str, record: &'r FlightRecord) -> Option<&'r Vec<f64>> {
         self.rod(unit).map(|place| &record.plant[place])
     }
 
     /// The force fight, N, of [`force_fight_n`]. `None` for one actuator, or if one has no rod.
-    pub fn force_fight(&self, study: &Study, record: &Record) -> Option<Vec<f64>> {
+    pub fn force_fight(&self, study: &Study, record: &FlightRecord) -> Option<Vec<f64>> {
         let forces = study.units.iter().map(|unit| self.rod_force(unit, record));
         let forces: Vec<&Vec<f64>> = forces.collect::<Option<_>>()?;
         let at = |sample: usize| {
@@ -103,11 +103,13 @@ pub fn command_unit(study: &Study) -> Unit {
 }
 
 /// The first time from `since_s` on at which the diagnosis reported a fault, s.
-pub fn first_report_s(record: &Record, since_s: f64) -> Option<f64> {
-    let is_report = |finding: Finding| {
+pub fn first_report_s(record: &FlightRecord, since_s: f64) -> Option<f64> {
+    let is_report = |finding: IndexedFinding| {
         !matches!(
             finding,
-            Finding::Unjudged | Finding::Healthy | Finding::EnvironmentInvalid { .. }
+            IndexedFinding::Unjudged
+                | IndexedFinding::Healthy
+                | IndexedFinding::EnvironmentInvalid { .. }
         )
     };
     let mut later = record.changes.iter().filter(|change| change.time_s >= since_s);

@@ -3,13 +3,13 @@
 use super::windows::{self, WindowKind};
 use crate::evaluation::data_set::DataRow;
 use crate::evaluation::{
-    self, DataSet, EvaluationError, FeatureInfo, EvaluationSettings, bands, committee, run,
+    self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
 };
 use crate::parallel::{self, Workers};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
-use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
+use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
 use servotwin_diagnosis::diagnoser::tuning::{
     BASELINE_CORRECTED, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
 };
@@ -237,22 +237,23 @@ fn length(
     Ok(LearnedLength { length, evidence_quantile, widest })
 }
 
-fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
+fn sensors(study: &Study) -> Vec<diagnoser::DiagnosedSensor> {
     let seen = study.sensors.0[..study.base_sensors()].iter().zip(study.scales());
-    let sensor = |(seen, scale): (&servotwin_diagnosis::features::Sensor, f64)| diagnoser::Sensor {
-        name: seen.name.clone(),
-        quantity: seen.quantity,
-        actuator: seen.actuator.map(|unit| unit as u32),
-        scale,
-        noise: seen.noise,
-        is_noisy: seen.is_noisy,
-        follows: seen.follows.iter().map(|&(other, weight)| (other as u32, weight)).collect(),
-    };
+    let sensor =
+        |(seen, scale): (&servotwin_diagnosis::features::Sensor, f64)| diagnoser::DiagnosedSensor {
+            name: seen.name.clone(),
+            quantity: seen.quantity,
+            actuator: seen.actuator.map(|unit| unit as u32),
+            scale,
+            noise: seen.noise,
+            is_noisy: seen.is_noisy,
+            follows: seen.follows.iter().map(|&(other, weight)| (other as u32, weight)).collect(),
+        };
     seen.map(sensor).collect()
 }
 
 /// The accepted inputs: within their declared ranges, and if flights varied them, not far outside the flown range.
-fn environment(study: &Study, flights: &Flights) -> Environment {
+fn environment(study: &Study, flights: &Flights) -> InputChecks {
     let network = study.system.network();
     let margin = Tuning::default().input_margin;
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
@@ -270,7 +271,7 @@ fn environment(study: &Study, flights: &Flights) -> Environment {
             false => (-f64::MAX, f64::MAX),
         };
         let (declared_least, declared_largest) = network.input_range(place);
-        Input {
+        InputRange {
             name: known.id.clone(),
             least: least.max(declared_least),
             largest: largest.min(declared_largest),
@@ -278,5 +279,5 @@ fn environment(study: &Study, flights: &Flights) -> Environment {
         }
     };
     let inputs = network.inputs.iter().enumerate().map(input).collect();
-    Environment { inputs, differences: vec![] }
+    InputChecks { inputs, differences: vec![] }
 }

@@ -5,13 +5,13 @@
 //! ([`crate::evaluation::DataSet`] reads them). Every environment counts as a separate command.
 
 use super::campaign::{FlightCampaign, Observer};
-use super::plan::{self, Flight, Purpose};
+use super::plan::{self, PlannedFlight, Purpose};
 use super::windows::{self, WindowKind};
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
 use crate::experiment::CampaignError;
 use crate::parallel::{self, Workers};
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
@@ -49,7 +49,7 @@ pub(super) struct TrainingWindow {
 }
 
 impl TrainingWindow {
-    pub fn new(cut: Cut, flight: &Flight, window: &Window) -> Self {
+    pub fn new(cut: Cut, flight: &PlannedFlight, window: &Window) -> Self {
         let bits = window.to_values().into_iter().map(f64::to_bits).collect();
         TrainingWindow { cut, flight: flight.number, bits }
     }
@@ -104,7 +104,7 @@ impl TrainingWindows {
         LeftOut { failed: self.failed as u64, on_the_move }
     }
 
-    pub(super) fn leave_out(&mut self, flight: &Flight) {
+    pub(super) fn leave_out(&mut self, flight: &PlannedFlight) {
         let moving = MovingFlight { flight: flight.number, environment: flight.environment };
         self.on_the_move.push(moving);
     }
@@ -234,11 +234,13 @@ pub fn tables(
 }
 
 /// The windows to cut from a flight; baseline-corrected ones begin after `settled` samples.
-fn cuts(kinds: &[WindowKind], settled: usize, flight: &Flight, period_s: f64) -> Vec<Cut> {
+fn cuts(kinds: &[WindowKind], settled: usize, flight: &PlannedFlight, period_s: f64) -> Vec<Cut> {
     let sample = |time_s: f64| (time_s / period_s).round() as usize;
-    let mut random = Random::new(0x5eed << 32 | flight.number as u64);
+    let mut random = NormalDeviates::new(0x5eed << 32 | flight.number as u64);
     let mut cuts = vec![];
-    for (kind, &WindowKind { window_s: length_s, is_baseline_corrected }) in kinds.iter().enumerate() {
+    for (kind, &WindowKind { window_s: length_s, is_baseline_corrected }) in
+        kinds.iter().enumerate()
+    {
         let samples = sample(length_s);
         let first = if is_baseline_corrected { settled } else { 0 };
         let mut cut = |end_s: f64, is_faulty: bool| {
@@ -272,7 +274,7 @@ fn cuts(kinds: &[WindowKind], settled: usize, flight: &Flight, period_s: f64) ->
 struct Maker<'m> {
     study: &'m Study,
     sensors: &'m Sensors,
-    plan: &'m [Flight],
+    plan: &'m [PlannedFlight],
 }
 
 impl Maker<'_> {
@@ -294,7 +296,9 @@ impl Maker<'_> {
     fn labels(&self, lessons: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
         let flight = |lesson: &TrainingWindow| self.plan[lesson.flight];
         let shown = |lesson: &&TrainingWindow| match flight(lesson) {
-            Flight { fault, intensity, .. } if lesson.cut.is_faulty => Shown { fault, intensity },
+            PlannedFlight { fault, intensity, .. } if lesson.cut.is_faulty => {
+                Shown { fault, intensity }
+            }
             _ => Shown { fault: None, intensity: 0.0 },
         };
         let case = |lesson: &&TrainingWindow| format!("{:03}", flight(lesson).environment);

@@ -1,7 +1,7 @@
 //! The runtime as an observer of a log or a live stream.
 
 use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
-use crate::observer::{Finding, Observation, Observer, Phase, State};
+use crate::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 use crate::study::{Reaction, Setting, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{self, Alarm, Diagnoser, Outcome, ScatterTest};
@@ -42,7 +42,7 @@ pub struct Watcher<'s> {
 #[derive(Serialize, Deserialize)]
 struct Stored {
     twin: Option<StoredTwin>,
-    session: diagnoser::State,
+    session: diagnoser::StoredSession,
     buses: Vec<(Option<f64>, f64)>,
     is_off: Vec<bool>,
     /// The last finding; `None` if there was none.
@@ -239,22 +239,26 @@ impl<'s> Watcher<'s> {
     }
 
     fn say(&mut self, outcome: &Outcome) {
-        use diagnoser::Finding as Found;
+        use diagnoser::IndexedFinding as Found;
         let names = self.diagnoser.names();
         let name = |list: &[String], place: u32| list[place as usize].clone();
         let (state, unit, command, detail) = match outcome.finding {
-            Found::Unjudged => (State::NoData, None, None, None),
-            Found::Healthy => (State::Healthy, None, None, None),
-            Found::Detected => (State::Detected, None, None, None),
-            Found::Actuator { actuator: unit } => (State::Detected, Some(unit), None, None),
+            Found::Unjudged => (DiagnosisState::NoData, None, None, None),
+            Found::Healthy => (DiagnosisState::Healthy, None, None, None),
+            Found::Detected => (DiagnosisState::Detected, None, None, None),
+            Found::Actuator { actuator: unit } => {
+                (DiagnosisState::Detected, Some(unit), None, None)
+            }
             Found::Action { actuator: unit, action: command } => {
-                (State::Isolated, Some(unit), Some(command), None)
+                (DiagnosisState::Isolated, Some(unit), Some(command), None)
             }
             Found::Detail { actuator: unit, action: command, detail } => {
-                (State::Isolated, Some(unit), Some(command), Some(detail))
+                (DiagnosisState::Isolated, Some(unit), Some(command), Some(detail))
             }
-            Found::Unknown => (State::Unknown, None, None, None),
-            Found::EnvironmentInvalid { .. } => (State::EnvironmentInvalid, None, None, None),
+            Found::Unknown => (DiagnosisState::Unknown, None, None, None),
+            Found::EnvironmentInvalid { .. } => {
+                (DiagnosisState::EnvironmentInvalid, None, None, None)
+            }
         };
         let mut evidence = vec![];
         if let Found::EnvironmentInvalid { .. } = outcome.finding {

@@ -3,7 +3,7 @@
 use crate::study::{Flights, Plants, Setting};
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::Tuning;
-use servotwin_diagnosis::sliding::Span;
+use servotwin_diagnosis::sliding::WindowSpan;
 
 /// The largest share of the time before the earliest fault that the settling of a baseline may take.
 const SETTLE_SHARE: f64 = 0.8;
@@ -21,9 +21,12 @@ pub struct WindowKind {
 /// also of baseline-corrected residuals. A longer baseline-corrected window would hold a single sudden motion, to which
 /// every specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators.
 pub fn kinds(flights: &Flights, setting: Setting) -> Vec<WindowKind> {
-    let absolute =
-        flights.windows_s.iter().map(|&window_s| WindowKind { window_s, is_baseline_corrected: false });
-    let baseline_corrected = WindowKind { window_s: shortest_s(flights), is_baseline_corrected: true };
+    let absolute = flights
+        .windows_s
+        .iter()
+        .map(|&window_s| WindowKind { window_s, is_baseline_corrected: false });
+    let baseline_corrected =
+        WindowKind { window_s: shortest_s(flights), is_baseline_corrected: true };
     absolute.chain(is_baseline_corrected(setting).then_some(baseline_corrected)).collect()
 }
 
@@ -36,7 +39,11 @@ fn is_baseline_corrected(setting: Setting) -> bool {
 }
 
 /// The settings of the baseline; `None` if windows are not baseline-corrected.
-pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<baseline::BaselineSettings> {
+pub fn baseline(
+    flights: &Flights,
+    setting: Setting,
+    period_s: f64,
+) -> Option<baseline::BaselineSettings> {
     let pane = span(shortest_s(flights), period_s).pane_samples;
     let Tuning { baseline_settle_s, baseline_memory_s, .. } = Tuning::default();
     let settle_s = baseline_settle_s.min(SETTLE_SHARE * flights.onset_s[0]);
@@ -44,14 +51,15 @@ pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<ba
     let panes = (settle_s / period_s) as u32 / pane;
     let settle_samples = (panes * pane + pane / 2).max(1);
     let memory_samples = ((baseline_memory_s / period_s) as u32).max(settle_samples);
-    is_baseline_corrected(setting).then_some(baseline::BaselineSettings { settle_samples, memory_samples })
+    is_baseline_corrected(setting)
+        .then_some(baseline::BaselineSettings { settle_samples, memory_samples })
 }
 
 /// The panes of a window with a given length.
-pub fn span(window_s: f64, period_s: f64) -> Span {
+pub fn span(window_s: f64, period_s: f64) -> WindowSpan {
     let samples = (window_s / period_s).round() as u32;
     let Tuning { panes, .. } = Tuning::default();
-    Span { pane_samples: (samples / panes).max(1), panes: Some(panes) }
+    WindowSpan { pane_samples: (samples / panes).max(1), panes: Some(panes) }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The flight stage: trains a diagnoser for each setting and measures its performance.
 
-use super::sealed::{Opening, Openings, Record, SealedSubject};
+use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
 use super::{Folder, JobError, held_out, pools};
 use crate::campaign::CampaignError;
 use crate::evaluation::{EvaluationError, model_file};
@@ -288,7 +288,7 @@ pub fn fly_sealed(
     study: &Study,
     settings: &[Setting],
     is_full: bool,
-    record: &Record,
+    record: &OpeningRecord,
     crew: &Crew,
 ) -> Result<SealedResults, JobError> {
     let stored = settings.iter().map(|&setting| diagnoser(folder, setting));

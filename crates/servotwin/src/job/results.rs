@@ -61,7 +61,12 @@ impl Results {
 
 impl SubjectResult {
     /// Assembles the result of a subject.
-    pub fn new(subject: Subject, study: &Study, settings: EvaluationSettings, result: Evaluation) -> Self {
+    pub fn new(
+        subject: Subject,
+        study: &Study,
+        settings: EvaluationSettings,
+        result: Evaluation,
+    ) -> Self {
         SubjectResult { subject, title: subject.title(study), settings, evaluation: result }
     }
 }

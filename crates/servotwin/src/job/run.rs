@@ -14,7 +14,7 @@ use super::folder::{Folder, Kept};
 use super::hold::Hold;
 use super::{Evaluated, JobError, Results, Subject};
 use super::{data_card, flights, manifest, subjects, train_and_evaluate};
-use crate::campaign::{Campaign, CampaignError, Outcome};
+use crate::campaign::{Campaign, CampaignError, CampaignOutcome};
 use crate::parallel::Workers;
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::{self, Table};
@@ -43,7 +43,7 @@ pub enum StudyEvent<'e> {
         /// The finished campaign.
         campaign: &'e Campaign<'e>,
         /// What the campaign counted.
-        outcome: &'e Outcome,
+        outcome: &'e CampaignOutcome,
     },
     /// A stage begins.
     Began {

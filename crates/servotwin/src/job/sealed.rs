@@ -73,16 +73,16 @@ pub struct SealedSubject<'s> {
 
 /// The record of all openings.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Record {
+pub struct OpeningRecord {
     path: PathBuf,
 }
 
-impl Record {
+impl OpeningRecord {
     /// The record of the repository around a folder. Outside of a repository, that of the output folder.
     pub fn find(start: &Path, out: &Path) -> Self {
         let folders = start.ancestors().map(|folder| folder.join(IN_REPOSITORY));
         let known = folders.into_iter().find(|path| path.is_file());
-        Record { path: known.unwrap_or_else(|| out.join(IN_FOLDER)) }
+        OpeningRecord { path: known.unwrap_or_else(|| out.join(IN_FOLDER)) }
     }
 
     /// The path of the file.

@@ -4,7 +4,7 @@ use servotwin::evaluation::committee::evidence_quantile;
 use servotwin::evaluation::data_set::DataRow;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
-    Context, DataSet, Evaluation, EvaluationError, FeatureInfo, EvaluationSettings, Trained,
+    Context, DataSet, Evaluation, EvaluationError, EvaluationSettings, FeatureInfo, Trained,
 };
 use servotwin::evaluation::{bands, evaluate, model_file, train};
 use servotwin::parallel::Workers;
@@ -148,7 +148,11 @@ fn evaluated(noise: f64, threads: usize) -> (Evaluation, Trained, DataSet) {
     (evaluation, trained, data)
 }
 
-fn evaluated_with(data: &DataSet, settings: &EvaluationSettings, threads: usize) -> (Evaluation, Trained) {
+fn evaluated_with(
+    data: &DataSet,
+    settings: &EvaluationSettings,
+    threads: usize,
+) -> (Evaluation, Trained) {
     let workers = Workers::new(threads);
     let pools = [0, 0];
     let trained = train(data, settings, &pools, workers).unwrap();

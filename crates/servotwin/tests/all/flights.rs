@@ -2,7 +2,7 @@
 //! is said and done.
 
 use servotwin::flight::campaign::{FlightCampaign, Observer};
-use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::judge::{self, FlightMetrics, Rates, WatchedFlights};
 use servotwin::flight::other_plant::OtherPlants;
 use servotwin::flight::plan::Purpose;
@@ -393,7 +393,7 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
 }
 
 /// Flies for 8 s with a lively command.
-pub fn fly(faults: Vec<(f64, FaultAt)>) -> Record {
+pub fn fly(faults: Vec<(f64, FaultAt)>) -> FlightRecord {
     let study = study();
     let (duration_s, network) = (8.0, study.system.network());
     let signal: Signal = "noise:rms=3deg,bandwidth=0.8Hz,seed=9".parse().unwrap();
@@ -422,7 +422,7 @@ fn a_strong_fault_is_switched_off_and_the_other_actuator_never_is() {
     let second = "actuator_2.servo_valve.bias_negative";
     // By itself the second fault would be switched off, too.
     let alone = fly(vec![(2.0, fault(second))]);
-    let off = |record: &Record| {
+    let off = |record: &FlightRecord| {
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
         off.map(|action| action.raised.actuator).collect::<Vec<_>>()
     };

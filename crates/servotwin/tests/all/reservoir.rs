@@ -1,6 +1,6 @@
 //! The reservoirs of the aileron: what a leak loses, what a shutdown keeps, and what happens when one is empty.
 
-use servotwin::flight::closed_loop::Record;
+use servotwin::flight::closed_loop::FlightRecord;
 use servotwin::flight::cost::Cost;
 use servotwin::signal::Signal;
 use servotwin::study::Study;
@@ -47,8 +47,12 @@ impl Flight {
         let command: Signal = "noise:rms=5deg,bandwidth=1Hz,seed=2".parse().unwrap();
         let command: Piecewise =
             command.build(inputs[place("command")].unit, self.duration_s).unwrap();
-        let mut twin =
-            Twin::new(program, SolverSettings::campaign(), PERIOD_S, vec![Between::Hold; inputs.len()]);
+        let mut twin = Twin::new(
+            program,
+            SolverSettings::campaign(),
+            PERIOD_S,
+            vec![Between::Hold; inputs.len()],
+        );
         let faults: Vec<FaultAt> = self.fault.iter().map(|fault| named(system, *fault)).collect();
         let parameters = program.parameters_with(&[], &faults);
         twin.load(&parameters);
@@ -87,11 +91,11 @@ fn lost_m3(fluid: &[f64]) -> f64 {
 }
 
 /// A record of 20 s without an action in which the first reservoir loses fluid from 5 s on, m³/s.
-fn leaking(loss_m3_s: f64) -> Record {
+fn leaking(loss_m3_s: f64) -> FlightRecord {
     let time_s: Vec<f64> = (0..=2000).map(|k| f64::from(k) * PERIOD_S).collect();
     let first = time_s.iter().map(|time| (12e-3 - loss_m3_s * (time - 5.0).max(0.0)).max(0.0));
     let fluid_m3 = vec![first.collect(), vec![12e-3; time_s.len()]];
-    Record { time_s, fluid_m3, ..Record::default() }
+    FlightRecord { time_s, fluid_m3, ..FlightRecord::default() }
 }
 
 #[test]

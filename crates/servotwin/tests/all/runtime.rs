@@ -2,16 +2,16 @@
 
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
-use servotwin::fit::Record;
+use servotwin::fit::FitRecord;
 use servotwin::flight::campaign::{FlightCampaign, Observer as FlightObserver};
-use servotwin::flight::plan::{Flight, Purpose};
+use servotwin::flight::plan::{PlannedFlight, Purpose};
 use servotwin::flight::replay::replay_record;
 use servotwin::flight::runtime::{Runtime, RuntimeError};
 use servotwin::flight::watcher::Watcher;
-use servotwin::observer::{Finding, Observer, Phase, State};
+use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
 use servotwin::parallel::Workers;
 use servotwin::study::Setting;
-use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Scatter};
 use servotwin_model::lanes::Level;
 use servotwin_model::signal::Piecewise;
@@ -35,7 +35,7 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
     let flown =
         FlightCampaign::new(study(), flights, Purpose::Judge, Setting::Realistic, Workers::new(2))
             .unwrap();
-    let mut logs: Vec<(Flight, Log)> = vec![];
+    let mut logs: Vec<(PlannedFlight, Log)> = vec![];
     flown.fly(
         &[0, 5, flown.plan.len() - 1],
         |_| Log::default(),
@@ -96,7 +96,7 @@ fn a_log_is_watched_as_the_flight_was_flown_also_after_a_checkpoint() {
     let (finding, _) = &said[raised];
     assert_eq!((finding.actuator, finding.command.as_str()), (Some(1), "shut_down"));
     // The log says that the actuator is off from then on: nothing more is said of it.
-    assert_eq!(said.last().unwrap().0.state, State::Healthy);
+    assert_eq!(said.last().unwrap().0.state, DiagnosisState::Healthy);
 }
 
 /// Whether a healthy log is wider than a scatter whose widest flight had this median excess.
@@ -156,7 +156,7 @@ fn values_that_are_missing_or_absurd_say_so_and_raise_nothing() {
 }
 
 /// The flight of `replay` as a record.
-fn record() -> Record {
+fn record() -> FitRecord {
     let flown = fly(vec![(2.0, fault("actuator_1.servo_valve.bias_positive"))]);
     let signal = |column: &Vec<f64>| {
         let slopes = vec![0.0; column.len()];
@@ -164,7 +164,7 @@ fn record() -> Record {
     };
     let samples = 0..flown.time_s.len();
     let sample = |k: usize| flown.measured.iter().map(move |column| column[k]);
-    Record {
+    FitRecord {
         name: "flight".into(),
         period_s: study().sample_period_s,
         inputs: flown.inputs.iter().map(signal).collect(),
@@ -183,7 +183,7 @@ fn of_a_flight_that_is_over_the_most_is_told_that_was_said() {
     assert_eq!((told.finding.actuator, told.finding.command.as_str()), (Some(1), "shut_down"));
     assert!((told.at_s - raised as f64 * study().sample_period_s).abs() < 1e-9, "{told:?}");
     assert_eq!((told.outside, told.finding.is_outside), (0.0, false));
-    let slower = Record { period_s: 0.025, ..record() };
+    let slower = FitRecord { period_s: 0.025, ..record() };
     assert!(matches!(
         replay_record(study(), diagnoser(), &slower),
         Err(RuntimeError::Period { .. })
@@ -197,7 +197,7 @@ fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_s
     let field = ConditionalBand {
         covariates: vec![Covariate {
             name: "load_factor".into(),
-            source: Source::Input { input: load as u32 },
+            source: CovariateSource::Input { input: load as u32 },
             edges: vec![],
             range: (0.6, 0.9),
         }],

@@ -1,7 +1,7 @@
 //! Sealed environments: what a seed outside of the study's range draws, and what the record keeps.
 
 use crate::folder::Folder;
-use servotwin::job::sealed::{Openings, Record, SEALED_SEEDS, SealedSubject};
+use servotwin::job::sealed::{OpeningRecord, Openings, SEALED_SEEDS, SealedSubject};
 use servotwin::study::Study;
 use servotwin::study::flights::{Flights, Redraw};
 use std::collections::BTreeSet;
@@ -56,7 +56,7 @@ fn no_study_file_can_declare_a_sealed_seed() {
 #[test]
 fn an_opening_counts_from_its_first_line_on() {
     let folder = Folder::new("record");
-    let record = Record::find(&folder.0, &folder.0);
+    let record = OpeningRecord::find(&folder.0, &folder.0);
     assert_eq!(record.count().unwrap(), Openings::default());
     let subject = SealedSubject {
         study: "a, b\nc",
@@ -84,14 +84,14 @@ fn the_record_of_a_repository_is_found_from_below() {
     let folder = Folder::new("repository");
     let (inside, out) = (folder.0.join("a/b"), Path::new("out"));
     std::fs::create_dir_all(&inside).unwrap();
-    assert_eq!(Record::find(&inside, out).path(), out.join("sealed-openings.csv"));
+    assert_eq!(OpeningRecord::find(&inside, out).path(), out.join("sealed-openings.csv"));
     std::fs::create_dir_all(folder.0.join("sealed")).unwrap();
     let file = folder.0.join("sealed/openings.csv");
     std::fs::write(&file, "").unwrap();
-    assert_eq!(Record::find(&inside, out).path(), file);
+    assert_eq!(OpeningRecord::find(&inside, out).path(), file);
     // The record of this repository is one that the program reads.
     let own = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-    let own = Record::find(own, out);
+    let own = OpeningRecord::find(own, out);
     assert!(own.path().ends_with("sealed/openings.csv"));
     own.count().unwrap();
 }

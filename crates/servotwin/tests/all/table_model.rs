@@ -6,7 +6,8 @@
 
 use servotwin::campaign::columns::{feature_columns_of, is_data_set};
 use servotwin::evaluation::table_model::{
-    ClassWeights, HoldOut, Judged, Selection, TableModel, evaluate_table, explain, predict, prepare,
+    ClassWeights, HoldOut, JudgedClassifier, Selection, TableModel, evaluate_table, explain,
+    predict, prepare,
 };
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
@@ -34,12 +35,23 @@ fn classifier(kind: ClassifierKind) -> Settings {
     list.into_iter().find(|settings| settings.kind() == kind).unwrap()
 }
 
-fn judge(table: &Table, selection: &Selection, kind: ClassifierKind, how: HoldOut) -> Judged {
+fn judge(
+    table: &Table,
+    selection: &Selection,
+    kind: ClassifierKind,
+    how: HoldOut,
+) -> JudgedClassifier {
     let prepared = prepare(table.clone(), None, selection).unwrap();
     prepared.validate(&classifier(kind), how, Workers::new(2)).unwrap()
 }
 
-fn accuracy(table: &Table, label: &str, group: Option<&str>, kind: ClassifierKind, how: HoldOut) -> f64 {
+fn accuracy(
+    table: &Table,
+    label: &str,
+    group: Option<&str>,
+    kind: ClassifierKind,
+    how: HoldOut,
+) -> f64 {
     // The other conditions of the rig are no features.
     let ignored = CONDITIONS.into_iter().filter(|name| *name != label && has(table, name));
     let selection = Selection {
@@ -85,19 +97,20 @@ fn liu_windows_say_about_as_much_as_single_samples() {
     let last_third = HoldOut::Last { share: 1.0 / 3.0 };
     // A forest's luck is worth a percent on so few windows: the mean of five.
     let mean = |table: &Table| -> f64 {
-        let of_seed =
-            |seed| {
-                let Settings::RandomForest(forest) = classifier(ClassifierKind::RandomForest) else {
-                    unreachable!("the settings of a forest")
-                };
-                let settings = Settings::RandomForest(
-                    servotwin_learning::classifiers::random_forest::Settings { seed, ..forest },
-                );
-                let selection = Selection { label: "mode".into(), ..Selection::default() };
-                let prepared = prepare(table.clone(), None, &selection).unwrap();
-                let judged = prepared.validate(&settings, last_third, Workers::new(2)).unwrap();
-                judged.score.accuracy.share.unwrap()
+        let of_seed = |seed| {
+            let Settings::RandomForest(forest) = classifier(ClassifierKind::RandomForest) else {
+                unreachable!("the settings of a forest")
             };
+            let settings =
+                Settings::RandomForest(servotwin_learning::classifiers::random_forest::Settings {
+                    seed,
+                    ..forest
+                });
+            let selection = Selection { label: "mode".into(), ..Selection::default() };
+            let prepared = prepare(table.clone(), None, &selection).unwrap();
+            let judged = prepared.validate(&settings, last_third, Workers::new(2)).unwrap();
+            judged.score.accuracy.share.unwrap()
+        };
         (1..=5).map(of_seed).sum::<f64>() / 5.0
     };
     let (single, window) = (mean(&traces), mean(&table));
@@ -426,8 +439,10 @@ fn texts_and_missing_values_are_learnt_from() {
     // Of two texts the other one is no stranger.
     let side: Vec<String> = (0..60).map(|k| ["left", "right"][k % 2].to_owned()).collect();
     let sided = with(table.clone(), Column::new("side", "", side));
-    let model =
-        prepare(sided.clone(), None, &plain).unwrap().train(&classifier(ClassifierKind::Cart)).unwrap();
+    let model = prepare(sided.clone(), None, &plain)
+        .unwrap()
+        .train(&classifier(ClassifierKind::Cart))
+        .unwrap();
     assert!(predict(sided, &model, &[], None).unwrap().doubts.is_empty());
     let complete = trained(small(), ClassifierKind::Cart);
     let hole = with(small(), Column::new("y", "", vec![f64::NAN; 40]));
@@ -547,8 +562,12 @@ fn a_leaf_of_1_and_11_rows_is_no_probability_of_97_percent() {
     assert_eq!(sure.text("predicted").unwrap()[0], "", "1 row of 12 is not 90 %");
     let why = explain(table.clone(), &model, 1).unwrap();
     assert!(why.probabilities && (why.scores[0].1 - 11.0 / 12.0).abs() < 1e-12, "{why:?}");
-    for kind in [ClassifierKind::RandomForest, ClassifierKind::BoostedTrees, ClassifierKind::LogisticRegression, ClassifierKind::NaiveBayes]
-    {
+    for kind in [
+        ClassifierKind::RandomForest,
+        ClassifierKind::BoostedTrees,
+        ClassifierKind::LogisticRegression,
+        ClassifierKind::NaiveBayes,
+    ] {
         let model = prepared.train(&classifier(kind)).unwrap();
         let said = predict(table.clone(), &model, &[], None).unwrap().table;
         let shares = said.f64("p:rare").unwrap();
@@ -666,7 +685,8 @@ fn measured_labels_become_classes_at_limits() {
         features: vec!["x".into()],
         ..Selection::default()
     };
-    let model = prepare(small(), None, &limited).unwrap().train(&classifier(ClassifierKind::Cart)).unwrap();
+    let model =
+        prepare(small(), None, &limited).unwrap().train(&classifier(ClassifierKind::Cart)).unwrap();
     assert_eq!(model.classes, ["up to 10", "10 to 30", "above 30"]);
     assert!(evaluate_table(small(), &model, None).unwrap().score.accuracy.share.unwrap() > 0.95);
     let wrong = Selection { label_limits: vec![30.0, 10.0], ..limited };

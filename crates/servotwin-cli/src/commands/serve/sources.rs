@@ -9,7 +9,7 @@ use crate::{Global, stop};
 use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_serve::measured::Log;
-use servotwin_serve::{Measured, ServeError, Session, Source, Stream};
+use servotwin_serve::{LiveSource, Measured, SavedSession, ServeError, Stream};
 use servotwin_watch::End;
 use servotwin_watch::map::Map;
 use servotwin_watch::source::{Address, Source as Rows};
@@ -28,7 +28,7 @@ pub fn open<'s>(
     options: &Options,
     study: &'s Study,
     global: Global,
-) -> Result<Vec<Box<dyn Source + 's>>, Failure> {
+) -> Result<Vec<Box<dyn LiveSource + 's>>, Failure> {
     let opened = |source: &String| -> Result<Opened, Failure> {
         let address = options.input.address(source)?;
         let (map, rows) = options.input.open(&address, study, options.study.is_named(), global)?;
@@ -45,7 +45,7 @@ fn source<'s>(
     Opened { address, map, mut rows }: Opened,
     diagnoser: &Arc<Diagnoser>,
     global: Global,
-) -> Result<Box<dyn Source + 's>, Failure> {
+) -> Result<Box<dyn LiveSource + 's>, Failure> {
     warn_of_lacking(&map, &needed(diagnoser, &study.system), global);
     let measured = Measured {
         title: format!("{}: {address}", study.system.title),
@@ -67,7 +67,7 @@ fn log(
     measured: &Measured,
     rows: &mut dyn Rows,
     global: Global,
-) -> Result<Session, Failure> {
+) -> Result<SavedSession, Failure> {
     let stages = Stages::new(global);
     let mut show = |_: f64, share: Option<f64>| {
         stages.show(&format!("reading {address}"), share.unwrap_or(0.0));

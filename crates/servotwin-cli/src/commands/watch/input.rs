@@ -12,13 +12,13 @@ use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::diagnoser::environment::Input as BoundaryInput;
-use servotwin_watch::counts::{Counts, Irregularity};
+use servotwin_diagnosis::diagnoser::environment::InputRange as BoundaryInput;
+use servotwin_watch::counts::{Irregularity, WatchCounts};
 use servotwin_watch::cut::Cut;
 use servotwin_watch::map::{Guess, Map, Trust, guess};
 use servotwin_watch::source::udp::Allowed;
 use servotwin_watch::source::{Address, LogColumn, Source, SourceError};
-use servotwin_watch::span::Span;
+use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -95,9 +95,9 @@ impl InputOptions {
     }
 
     /// The part of a file to read.
-    fn span(&self, address: &Address) -> Result<Span, Failure> {
+    fn span(&self, address: &Address) -> Result<LogSpan, Failure> {
         match (address.is_live(), self.from.len(), &self.to) {
-            (true, _, None) => Ok(Span::default()),
+            (true, _, None) => Ok(LogSpan::default()),
             (true, _, Some(_)) => {
                 Err(Failure::Options("--to is for files: a live stream has no part"))
             }
@@ -106,7 +106,7 @@ impl InputOptions {
             )),
             (false, _, to) => {
                 let from = self.from.first().map(String::as_str);
-                Ok(Span::parse(from, to.as_deref()).map_err(SourceError::Cut)?)
+                Ok(LogSpan::parse(from, to.as_deref()).map_err(SourceError::Cut)?)
             }
         }
     }
@@ -291,7 +291,7 @@ pub fn told(guess: &Guess, global: Global) {
 }
 
 /// Explains why a log gave no sample to judge.
-pub fn nothing(address: &Address, counts: &Counts) -> Failure {
+pub fn nothing(address: &Address, counts: &WatchCounts) -> Failure {
     let timeless = counts.of(Irregularity::NoTime);
     let reason = match counts.frames {
         0 => "nothing stands below the names of its columns".to_owned(),

@@ -4,16 +4,16 @@ use super::super::progress::is_shown;
 use super::super::{note, warn};
 use super::Options;
 use crate::failure::Failure;
-use crate::render::{Grid, Side};
+use crate::render::{Side, TextTable};
 use crate::{Global, out};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value, json};
 use servotwin::files;
 use servotwin::moment;
 use servotwin::sanitize;
-use servotwin_watch::State;
+use servotwin_watch::DiagnosisState;
 use servotwin_watch::checkpoint::Checkpoint;
-use servotwin_watch::counts::Counts;
+use servotwin_watch::counts::WatchCounts;
 use servotwin_watch::sink::events::{Events, is_change};
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
@@ -98,7 +98,7 @@ impl Outputs {
     pub fn end(
         mut self,
         options: &Options,
-        counts: Counts,
+        counts: WatchCounts,
         silences: Silences,
         saved: Option<SinkLoss>,
         is_live: bool,
@@ -132,7 +132,7 @@ pub struct Shown {
     pub strip: Strip,
     timeline: Option<Timeline>,
     /// The states without a judgment, in the order of their first appearance.
-    pub unjudged: Vec<State>,
+    pub unjudged: Vec<DiagnosisState>,
 }
 
 impl Sink for Shown {
@@ -160,7 +160,7 @@ struct Terminal {
 }
 
 impl Terminal {
-    fn holds(&self, time_s: f64, state: State) {
+    fn holds(&self, time_s: f64, state: DiagnosisState) {
         if self.is_live {
             self.bar.set_message(format!("{}  {}", moment::shown(time_s), state.words()));
         }
@@ -257,7 +257,7 @@ fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
 /// The totals of a watch.
 pub struct Totals {
     /// The counts of the log or stream.
-    pub counts: Counts,
+    pub counts: WatchCounts,
     silences: Silences,
     losses: Vec<SinkLoss>,
 }
@@ -323,7 +323,7 @@ impl Totals {
         if counts.met().next().is_some() {
             let heads =
                 [("how often", Side::Right), ("what was met", Side::Left), ("first", Side::Left)];
-            let mut grid = Grid::new(&heads);
+            let mut grid = TextTable::new(&heads);
             for (kind, tally) in counts.met() {
                 let words = kind.words().1.to_owned();
                 grid.push(vec![tally.count.to_string(), words, counts.place(tally)]);

@@ -1,6 +1,6 @@
 //! What a diagnosis in single precision decides differently than the trained one: counted, and listed row by row.
 
-use crate::prove::chain::Said;
+use crate::prove::chain::SessionAnswer;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::fmt::Write;
@@ -34,7 +34,7 @@ pub(super) type Raised = Option<(i64, i64)>;
 
 impl Decision {
     /// The decision of everything that was said.
-    pub fn of(said: &Said) -> Self {
+    pub fn of(said: &SessionAnswer) -> Self {
         let mut decision = [0; 11];
         decision.copy_from_slice(&said.integers[DECISION]);
         Decision(decision)
@@ -120,7 +120,7 @@ impl Layout {
     }
 
     /// The evidence that decides about a finding, in parts of its limit: the largest of all window lengths.
-    fn deciding(&self, said: &Said, of: Decision) -> f64 {
+    fn deciding(&self, said: &SessionAnswer, of: Decision) -> f64 {
         let [kind, actuator, action, ..] = of.0;
         let (actuator, action) = (actuator.max(0) as usize, action.max(0) as usize);
         let hypotheses = self.hypotheses();
@@ -135,7 +135,7 @@ impl Layout {
     }
 
     /// The largest differences of evidence, in parts of its limit, and of a probability.
-    fn differences(&self, double: &Said, single: &Said) -> [f64; 2] {
+    fn differences(&self, double: &SessionAnswer, single: &SessionAnswer) -> [f64; 2] {
         let hypotheses = self.hypotheses();
         let mut largest = [0.0_f64; 2];
         for length in 0..self.lengths {
@@ -285,7 +285,12 @@ impl<'d> Tracker<'d> {
 
     /// Compares a sample. Returns the actuators whose raised actions must be withdrawn from both, because they have differed
     /// for too long.
-    pub fn compare(&mut self, sample: u64, double: &Said, single: &Said) -> Vec<usize> {
+    pub fn compare(
+        &mut self,
+        sample: u64,
+        double: &SessionAnswer,
+        single: &SessionAnswer,
+    ) -> Vec<usize> {
         let (own, other) = (Decision::of(double), Decision::of(single));
         self.counts.samples += 1;
         if own == other {
@@ -302,8 +307,8 @@ impl<'d> Tracker<'d> {
     fn differ(
         &mut self,
         sample: u64,
-        (own, double): (Decision, &Said),
-        (other, single): (Decision, &Said),
+        (own, double): (Decision, &SessionAnswer),
+        (other, single): (Decision, &SessionAnswer),
     ) {
         self.counts.differing_samples += 1;
         let last = self.runs.last_mut().filter(|_| self.is_open);

@@ -6,11 +6,11 @@
 use super::decisions::{Decision, Raised, Tracker};
 use super::{Beside, SingleEvidence};
 use crate::error::ExportError;
-use crate::prove::Evidence;
+use crate::prove::ProofEvidence;
 use crate::prove::library::Compiled;
 use crate::prove::samples::Sample;
 use serde::Serialize;
-use servotwin::flight::closed_loop::{Flight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
@@ -62,7 +62,7 @@ pub(super) fn compare(
     diagnoser: &Arc<Diagnoser>,
     compiled: &[Compiled],
     flights: u64,
-    (all, single): (&mut [Evidence], &mut SingleEvidence),
+    (all, single): (&mut [ProofEvidence], &mut SingleEvidence),
     tell: &mut dyn FnMut(u64),
 ) -> Result<(), ExportError> {
     let mut counts = FlightDecisions::default();
@@ -70,7 +70,7 @@ pub(super) fn compare(
     for number in 0..flights {
         tell(number);
         let (scenario, faulty) = plan(study, diagnoser, number, flights);
-        let mut flight = Flight::new(&scenario, diagnoser)?;
+        let mut flight = ClosedLoopFlight::new(&scenario, diagnoser)?;
         let mut beside = Beside::new(diagnoser, compiled)?;
         let mut tracker = Tracker::new(diagnoser);
         let mut courses = <[Course; 2]>::default();

@@ -15,10 +15,10 @@ mod flights;
 pub use decisions::Decisions;
 pub use flights::FlightDecisions;
 
-use super::chain::{Commands, Said, is_same, obey, push};
+use super::chain::{Commands, SessionAnswer, is_same, obey, push};
 use super::library::{Build, Compiled, RunningSession};
 use super::samples::{Sample, Samples};
-use super::{Evidence, Plan, RANDOM_ROWS, chain, compare_parts, compile};
+use super::{Plan, ProofEvidence, RANDOM_ROWS, chain, compare_parts, compile};
 use crate::c;
 use crate::error::ExportError;
 use crate::precision::Precision;
@@ -60,9 +60,9 @@ pub fn prove_single(
     builds: &[Build],
     flights: u64,
     tell: &mut dyn FnMut(&str, f64),
-) -> Result<(Vec<Evidence>, SingleEvidence), ExportError> {
+) -> Result<(Vec<ProofEvidence>, SingleEvidence), ExportError> {
     let right = c::files_of_precision(plan.diagnoser, plan.precision)?;
-    let check = |evidence: &mut Evidence| check_text(plan, &right, evidence);
+    let check = |evidence: &mut ProofEvidence| check_text(plan, &right, evidence);
     let (compiled, mut all) = compile(plan, builds, &check, tell)?;
     let mut single = SingleEvidence::default();
     if let Some(worst_path) = plan.worst_path {
@@ -98,7 +98,7 @@ pub fn prove_single(
 }
 
 /// Checks that the files which depend on the precision are the right ones: those that servotwin writes for this diagnoser.
-fn check_text(plan: &Plan, right: &[SourceFile], evidence: &mut Evidence) {
+fn check_text(plan: &Plan, right: &[SourceFile], evidence: &mut ProofEvidence) {
     for right in right {
         let own = plan.files.iter().find(|file| file.name == right.name);
         if own.is_none_or(|own| own.text != right.text) {
@@ -113,7 +113,7 @@ fn prove_text(
     plan: &Plan,
     build: &Build,
     tell: &mut dyn FnMut(u64),
-) -> Result<Evidence, ExportError> {
+) -> Result<ProofEvidence, ExportError> {
     let mut files = plan.files.to_vec();
     for right in c::files_of_precision(plan.diagnoser, Precision::F64)? {
         if let Some(own) = files.iter_mut().find(|file| file.name == right.name) {
@@ -121,7 +121,7 @@ fn prove_text(
         }
     }
     let compiled = Compiled::new(&files, build)?;
-    let mut evidence = Evidence::of(build);
+    let mut evidence = ProofEvidence::of(build);
     evidence.command += " (the hand-written files in double precision)";
     compare_parts(plan.diagnoser, (&compiled, Precision::F64), RANDOM_ROWS, &mut evidence)?;
     let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
@@ -133,7 +133,7 @@ fn prove_text(
 struct Beside<'c> {
     trained: Session,
     others: Vec<RunningSession<'c>>,
-    said: [Said; 3],
+    said: [SessionAnswer; 3],
 }
 
 impl<'c> Beside<'c> {
@@ -154,8 +154,8 @@ impl<'c> Beside<'c> {
         &mut self,
         name: impl Fn() -> String,
         sample: &Sample,
-        all: &mut [Evidence],
-    ) -> Option<(&Said, &Said)> {
+        all: &mut [ProofEvidence],
+    ) -> Option<(&SessionAnswer, &SessionAnswer)> {
         let [trained, first, other] = &mut self.said;
         push(&mut self.trained, sample, trained);
         for (place, (session, evidence)) in self.others.iter_mut().zip(all).enumerate() {
@@ -174,7 +174,7 @@ impl<'c> Beside<'c> {
 fn compare_chain(
     plan: &Plan,
     compiled: &[Compiled],
-    (all, single): (&mut [Evidence], &mut SingleEvidence),
+    (all, single): (&mut [ProofEvidence], &mut SingleEvidence),
     tell: &mut dyn FnMut(u64),
 ) -> Result<(), ExportError> {
     let mut beside = Beside::new(plan.diagnoser, compiled)?;

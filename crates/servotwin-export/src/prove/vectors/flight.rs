@@ -6,7 +6,7 @@ use crate::prove::hybrid::{is_same, said};
 use crate::prove::library::Compiled;
 use crate::prove::samples::Sample;
 use crate::prove::twin::Inputs;
-use crate::prove::{Evidence, Subject};
+use crate::prove::{ProofEvidence, Subject};
 use servotwin::flight::runtime::Runtime;
 use servotwin_diagnosis::random::Random;
 
@@ -41,7 +41,7 @@ pub(super) fn run(
     sequence: &mut Sequence,
     subject: &Subject,
     compiled: &[Compiled],
-    evidence: &mut [Evidence],
+    evidence: &mut [ProofEvidence],
     note: &mut dyn FnMut(usize) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
     let Subject { study, diagnoser, twin } = subject;

@@ -13,10 +13,10 @@ mod table;
 
 pub use table::{FileCoverage, OpenCondition};
 
-use super::chain::{Said, compare_sample, obey, push};
+use super::chain::{SessionAnswer, compare_sample, obey, push};
 use super::library::{Build, Compiled};
 use super::samples::Sample;
-use super::{Evidence, MOST_DIFFERENCES, Plan};
+use super::{MOST_DIFFERENCES, Plan, ProofEvidence};
 use crate::error::ExportError;
 use crate::mcdc::{Decision, DecisionKind, Shown, Vector};
 use crate::precision::Precision;
@@ -101,7 +101,7 @@ pub struct Vectors {
     /// Conditions that are not shown.
     pub open: Vec<OpenCondition>,
     /// Differences between the recording build and the trained diagnosis; none if it records the proven code.
-    pub differences: Vec<super::Difference>,
+    pub differences: Vec<super::RowDifference>,
     #[serde(skip)]
     all: Vec<Decision>,
     #[serde(skip)]
@@ -166,7 +166,7 @@ impl Vectors {
     ) -> Result<Self, ExportError> {
         let mut recorder = recording.recorder()?;
         recorder.forget();
-        let mut evidence = [Evidence::until(MOST_DIFFERENCES)];
+        let mut evidence = [ProofEvidence::until(MOST_DIFFERENCES)];
         let mut found: BTreeMap<usize, Vec<(Vector, Spot)>> = BTreeMap::new();
         for (place, sequence) in chosen.iter_mut().enumerate() {
             let compiled = std::slice::from_ref(&recording.compiled);
@@ -178,7 +178,7 @@ impl Vectors {
             };
             sequence.run(plan, compiled, &mut evidence, &mut note)?;
         }
-        let [Evidence { differences, .. }] = evidence;
+        let [ProofEvidence { differences, .. }] = evidence;
         let rows = rows(&recording.decisions, &found, &recorder, plan.diagnoser);
         let count = |keep: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| keep(row)).count();
         Ok(Vectors {
@@ -209,7 +209,7 @@ impl Vectors {
         &self,
         plan: &Plan,
         compiled: &[Compiled],
-        evidence: &mut [Evidence],
+        evidence: &mut [ProofEvidence],
     ) -> Result<(), ExportError> {
         for sequence in &self.chosen {
             sequence.clone().run(plan, compiled, evidence, &mut |_| Ok(()))?;
@@ -243,7 +243,7 @@ impl Sequence {
         &mut self,
         plan: &Plan,
         compiled: &[Compiled],
-        evidence: &mut [Evidence],
+        evidence: &mut [ProofEvidence],
         note: &mut dyn FnMut(usize) -> Result<(), ExportError>,
     ) -> Result<(), ExportError> {
         match (self.entry, plan.subject()) {
@@ -257,12 +257,12 @@ impl Sequence {
         &mut self,
         diagnoser: &Arc<Diagnoser>,
         compiled: &[Compiled],
-        evidence: &mut [Evidence],
+        evidence: &mut [ProofEvidence],
         note: &mut dyn FnMut(usize) -> Result<(), ExportError>,
     ) -> Result<(), ExportError> {
         let mut session = Session::new(diagnoser.clone())?;
         let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
-        let mut said = <[Said; 2]>::default();
+        let mut said = <[SessionAnswer; 2]>::default();
         self.outcomes.clear();
         for (number, Step { command, sample }) in self.steps.iter().enumerate() {
             if let Some((command, place)) = *command {
@@ -290,7 +290,7 @@ fn follow(
 ) -> Result<(), ExportError> {
     let mut script = Script::new(diagnoser, seed);
     let mut session = recording.compiled.session()?;
-    let (mut like, mut said) = (Said::default(), Said::default());
+    let (mut like, mut said) = (SessionAnswer::default(), SessionAnswer::default());
     let mut accused = None;
     for number in 0..samples {
         let step = script.next(accused);

@@ -22,7 +22,7 @@ use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
 use std::path::Path;
 
-use super::{Column, ContentError, Format, ColumnKind, Origin, Table, TableError, Values};
+use super::{Column, ColumnKind, ContentError, Format, Origin, Table, TableError, Values};
 use crate::files::{FileError, write_atomically};
 use dialect::Dialect;
 use encoding::Encoding;

@@ -5,7 +5,7 @@ use ::parquet::data_type::{ByteArray, DataType, FixedLenByteArray, Int96};
 use ::parquet::errors::ParquetError;
 use half::f16;
 
-use super::super::{ContentError, ColumnKind, Values};
+use super::super::{ColumnKind, ContentError, Values};
 use super::limits::{Budget, text_bytes};
 use super::meaning::Meaning;
 
@@ -17,7 +17,7 @@ const JULIAN_1970: i64 = 2_440_588;
 
 /// The origin of a table's column.
 #[derive(Debug, Clone)]
-pub(super) struct Source {
+pub(super) struct ColumnSource {
     /// The name in the table.
     pub name: String,
     /// Index of the column in the file.
@@ -33,7 +33,7 @@ pub(super) struct Source {
 /// Reads the next rows of a column; `first_row` counts from 0 in the whole file.
 pub(super) fn values_of(
     reader: &mut ColumnReader,
-    source: &Source,
+    source: &ColumnSource,
     rows: usize,
     first_row: usize,
     budget: Budget,
@@ -64,7 +64,7 @@ pub(super) fn values_of(
 /// If the memory exceeds the budget, or the rows cannot be decoded.
 pub(super) fn bytes_of_texts(
     reader: &mut ColumnReader,
-    source: &Source,
+    source: &ColumnSource,
     rows: usize,
     before: u64,
     budget: Budget,
@@ -84,7 +84,7 @@ pub(super) fn bytes_of_texts(
 /// Several rows of a column.
 #[derive(Clone, Copy)]
 struct Part<'s> {
-    source: &'s Source,
+    source: &'s ColumnSource,
     rows: usize,
     first_row: usize,
     budget: Budget,
@@ -98,7 +98,9 @@ impl Part<'_> {
             (ColumnKind::Unsigned, _) => {
                 Values::Unsigned(converted(self.complete(reader)?, i32::cast_unsigned))
             }
-            (ColumnKind::Integer, _) => Values::Integer(converted(self.complete(reader)?, i64::from)),
+            (ColumnKind::Integer, _) => {
+                Values::Integer(converted(self.complete(reader)?, i64::from))
+            }
             (_, Meaning::Unsigned) => {
                 self.real(reader, |value| Ok(f64::from(value.cast_unsigned())))?
             }

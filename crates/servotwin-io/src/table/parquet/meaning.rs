@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ::parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
 use ::parquet::schema::types::{BasicTypeInfo, Type};
 
-use super::super::{ContentError, ColumnKind};
+use super::super::{ColumnKind, ContentError};
 
 /// The meaning of a column's values, in addition to their stored type.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +97,9 @@ pub(super) fn kind_of(
     };
     let kind = match (physical, meaning) {
         (Physical::BOOLEAN, Meaning::Stored) => ColumnKind::Flag,
-        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => ColumnKind::Integer,
+        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => {
+            ColumnKind::Integer
+        }
         (Physical::INT32, Meaning::Unsigned) => ColumnKind::Unsigned,
         (Physical::INT64, Meaning::Unsigned) => ColumnKind::Integer,
         (Physical::INT32 | Physical::INT64, meaning) if meaning.is_time() => ColumnKind::Float,

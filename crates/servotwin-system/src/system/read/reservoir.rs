@@ -2,7 +2,7 @@
 
 use super::{Reader, get, names, unknown_word};
 use crate::document::{Entry, entries};
-use crate::system::mistake::Mistake;
+use crate::system::mistake::SystemMistake;
 use crate::system::reservoir::{self, Reservoir};
 use crate::system::scope::{Part, Scope};
 use servotwin_model::network::PortOf;
@@ -41,7 +41,7 @@ impl Reader {
         scope: &Scope,
         reservoir: &Entry,
         (place, key): (&str, &'static str),
-        find: impl Fn(&Self, &str) -> Result<T, Mistake>,
+        find: impl Fn(&Self, &str) -> Result<T, SystemMistake>,
     ) -> Option<T> {
         let all = reservoir.table().map(entries).unwrap_or_default();
         let Some(entry) = get(&all, key) else {
@@ -58,12 +58,12 @@ impl Reader {
     }
 
     /// A source that no other reservoir feeds, with the input that gives its pressure.
-    fn source(&self, scope: &Scope, word: &str) -> Result<(usize, usize), Mistake> {
+    fn source(&self, scope: &Scope, word: &str) -> Result<(usize, usize), SystemMistake> {
         let is_free = |source: usize| self.reservoirs.iter().all(|taken| taken.supply != source);
         let free: Vec<_> =
             driven_sources(scope).into_iter().filter(|(_, (source, _))| is_free(*source)).collect();
         let found = free.iter().find(|(id, _)| id == word);
-        found.map(|&(_, source)| source).ok_or_else(|| Mistake::NoSupply {
+        found.map(|&(_, source)| source).ok_or_else(|| SystemMistake::NoSupply {
             word: word.into(),
             known: names(free.iter().map(|(id, _)| id.as_str())),
         })
@@ -84,7 +84,7 @@ fn driven_sources(scope: &Scope) -> Vec<(String, (usize, usize))> {
     parts.filter_map(source).collect()
 }
 
-fn tank(scope: &Scope, word: &str) -> Result<usize, Mistake> {
+fn tank(scope: &Scope, word: &str) -> Result<usize, SystemMistake> {
     let tanks = || scope.parts.iter().enumerate().filter(|(_, part)| part.spec().kind == "tank");
     let found = tanks().find(|(_, part)| part.id == word).map(|(component, _)| component);
     found

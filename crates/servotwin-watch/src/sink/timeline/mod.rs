@@ -8,11 +8,11 @@
 mod series;
 
 use super::{Sample, Scene, Sink, SinkError, Trace};
-use crate::counts::Counts;
+use crate::counts::WatchCounts;
 use crate::watchdog::Notice;
 use serde_json::{Value, json};
 use series::Series;
-use servotwin::observer::{Finding, State};
+use servotwin::observer::{DiagnosisState, Finding};
 use servotwin_io::files;
 use servotwin_io::moment;
 use servotwin_io::text::{escaped, spoken};
@@ -77,13 +77,13 @@ impl Timeline {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write(&self, path: &Path, counts: &Counts) -> Result<(), SinkError> {
+    pub fn write(&self, path: &Path, counts: &WatchCounts) -> Result<(), SinkError> {
         let html = self.html(counts);
         Ok(files::write_atomically(path, |out| out.write_all(html.as_bytes()))?)
     }
 
     /// The HTML text.
-    pub fn html(&self, counts: &Counts) -> String {
+    pub fn html(&self, counts: &WatchCounts) -> String {
         let title = escaped(&self.scene.title);
         let mut html = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -167,7 +167,7 @@ impl Timeline {
         }
     }
 
-    fn stream(&self, html: &mut String, counts: &Counts) {
+    fn stream(&self, html: &mut String, counts: &WatchCounts) {
         let _ = write!(
             html,
             "<h2>The stream</h2>\n<p>{} {}s became {} samples.</p>\n",
@@ -218,8 +218,9 @@ impl Timeline {
                 "state": finding.state_in_words(),
             })
         };
-        let met = |state: &State| self.changes.iter().any(|(_, _, found)| found.state == *state);
-        let legend = State::ALL.into_iter().filter(met);
+        let met =
+            |state: &DiagnosisState| self.changes.iter().any(|(_, _, found)| found.state == *state);
+        let legend = DiagnosisState::ALL.into_iter().filter(met);
         let labels = self.scene.sensors.iter().map(|trace| &*trace.label).collect();
         let features = self.scene.features.iter().map(|name| &**name).collect();
         let percent = |band: &f64| band.is_finite().then_some(100.0 * band);
@@ -308,14 +309,14 @@ impl Sink for Timeline {
 }
 
 /// The CSS class that gives a state its color.
-fn class_of(state: State) -> &'static str {
+fn class_of(state: DiagnosisState) -> &'static str {
     match state {
-        State::NoData => "nodata",
-        State::Healthy => "healthy",
-        State::Undecided => "undecided",
-        State::Detected => "detected",
-        State::Isolated => "isolated",
-        State::Unknown => "unknown",
-        State::EnvironmentInvalid => "environment",
+        DiagnosisState::NoData => "nodata",
+        DiagnosisState::Healthy => "healthy",
+        DiagnosisState::Undecided => "undecided",
+        DiagnosisState::Detected => "detected",
+        DiagnosisState::Isolated => "isolated",
+        DiagnosisState::Unknown => "unknown",
+        DiagnosisState::EnvironmentInvalid => "environment",
     }
 }

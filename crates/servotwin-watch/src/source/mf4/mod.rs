@@ -8,7 +8,7 @@
 mod blocks;
 mod values;
 
-use super::groups::{Group, Groups};
+use super::groups::{ColumnGroup, Groups};
 use super::{LogColumn, Source, SourceError, Wanted};
 use blocks::{Channel, ChannelGroup, Mdf};
 use servotwin::units;
@@ -103,7 +103,11 @@ fn named(file: &Mdf) -> Vec<(String, usize, usize)> {
 }
 
 /// Reads the times and the chosen channels of a group.
-fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result<Group, String> {
+fn read_group(
+    file: &mut Mdf,
+    index: usize,
+    chosen: &[(usize, usize)],
+) -> Result<ColumnGroup, String> {
     let group = file.groups[index].clone();
     let Some(master) = group.master else { return Err("a group has no time".into()) };
     let channels: Vec<&Channel> = std::iter::once(&group.channels[master])
@@ -131,5 +135,5 @@ fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result
     // A factor of one preserves the bits.
     let times_s: Vec<f64> = times.into_iter().map(|time| time * seconds).collect();
     let columns = chosen.iter().map(|&(place, _)| place).zip(columns).collect();
-    Ok(Group::new(Some(times_s), columns))
+    Ok(ColumnGroup::new(Some(times_s), columns))
 }

@@ -10,7 +10,7 @@ mod topics;
 pub use address::{Authority, Subscription};
 
 use super::frame::{self, Flaw};
-use super::{Read, LogRow, Source, SourceError, Wanted};
+use super::{LogRow, Read, Source, SourceError, Wanted};
 use client::{Mailbox, News};
 use std::collections::VecDeque;
 use std::sync::mpsc::RecvTimeoutError;

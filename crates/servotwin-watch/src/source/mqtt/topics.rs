@@ -5,7 +5,7 @@
 //! with every topic.
 
 use super::super::frame::{Flaw, Frames};
-use super::super::{MixedTopics, Read, LogRow, SourceError, Wanted};
+use super::super::{LogRow, MixedTopics, Read, SourceError, Wanted};
 use super::Subscription;
 use std::collections::BTreeMap;
 

@@ -25,7 +25,7 @@ const NO_FEATURE: &str =
 /// The source of a model's feature.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Input {
+pub enum FeatureSource {
     /// A column with numbers, or with booleans (true is 1, false is 0).
     Number {
         /// Name of the column.
@@ -45,21 +45,21 @@ pub enum Input {
     },
 }
 
-impl Input {
+impl FeatureSource {
     /// The column that it reads.
     pub fn column(&self) -> &str {
         match self {
-            Input::Number { column } | Input::Time { column } | Input::Category { column, .. } => {
-                column
-            }
+            FeatureSource::Number { column }
+            | FeatureSource::Time { column }
+            | FeatureSource::Category { column, .. } => column,
         }
     }
 
     /// The name of the feature.
     pub fn name(&self) -> String {
         match self {
-            Input::Number { column } | Input::Time { column } => column.clone(),
-            Input::Category { column, value } => format!("{column} = {value}"),
+            FeatureSource::Number { column } | FeatureSource::Time { column } => column.clone(),
+            FeatureSource::Category { column, value } => format!("{column} = {value}"),
         }
     }
 }
@@ -76,7 +76,7 @@ pub struct Unused {
 /// The result of [`choose`].
 #[derive(Debug, Default)]
 pub(super) struct Chosen {
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<FeatureSource>,
     pub unused: Vec<Unused>,
     pub warnings: Vec<String>,
 }
@@ -172,15 +172,15 @@ fn is_number(text: &str) -> bool {
 fn inputs_of(
     column: &Column,
     selection: &Selection,
-) -> Result<Result<Vec<Input>, usize>, EvaluationError> {
+) -> Result<Result<Vec<FeatureSource>, usize>, EvaluationError> {
     let name = || column.name.clone();
     let as_text = selection.categorical.contains(&column.name);
     match &column.values {
         Values::Text(texts) if !as_text && are_times(texts) => {
-            return Ok(Ok(vec![Input::Time { column: name() }]));
+            return Ok(Ok(vec![FeatureSource::Time { column: name() }]));
         }
         Values::Text(_) => {}
-        _ if !as_text => return Ok(Ok(vec![Input::Number { column: name() }])),
+        _ if !as_text => return Ok(Ok(vec![FeatureSource::Number { column: name() }])),
         _ => {}
     }
     let mut different: BTreeSet<String> = texts(column).into_iter().collect();
@@ -194,7 +194,7 @@ fn inputs_of(
         // With two texts, the second carries the same information as the first.
         different.pop_first();
     }
-    let input = |value| Input::Category { column: name(), value };
+    let input = |value| FeatureSource::Category { column: name(), value };
     Ok(Ok(different.into_iter().map(input).collect()))
 }
 
@@ -321,7 +321,10 @@ fn text_at(values: &Values, row: usize) -> String {
 
 /// Extracts the features from tables with the same columns, one below the other: column-major values, NaN where
 /// missing. A column is released after its last use, so that a large table is never in memory twice.
-pub(super) fn encode(tables: &mut [Table], inputs: &[Input]) -> Result<Vec<f64>, EvaluationError> {
+pub(super) fn encode(
+    tables: &mut [Table],
+    inputs: &[FeatureSource],
+) -> Result<Vec<f64>, EvaluationError> {
     let rows: usize = tables.iter().map(Table::row_count).sum();
     let mut values = Vec::with_capacity(inputs.len() * rows);
     for (place, input) in inputs.iter().enumerate() {
@@ -346,19 +349,19 @@ pub(super) fn encode(tables: &mut [Table], inputs: &[Input]) -> Result<Vec<f64>,
 fn encode_column(
     table: &Table,
     column: &Column,
-    input: &Input,
+    input: &FeatureSource,
     values: &mut Vec<f64>,
 ) -> Result<(), EvaluationError> {
     let first = values.len();
     match (input, &column.values) {
-        (Input::Category { value, .. }, Values::Text(texts)) => {
+        (FeatureSource::Category { value, .. }, Values::Text(texts)) => {
             values.extend(texts.iter().map(|text| f64::from(u8::from(text.trim() == value))));
         }
-        (Input::Category { value, .. }, _) => {
+        (FeatureSource::Category { value, .. }, _) => {
             let is_value = |text: String| f64::from(u8::from(text == *value));
             values.extend(texts(column).into_iter().map(is_value));
         }
-        (Input::Time { .. }, Values::Text(texts)) => {
+        (FeatureSource::Time { .. }, Values::Text(texts)) => {
             let time = |text: &String| moment::seconds(text).unwrap_or(f64::NAN);
             values.extend(texts.iter().map(time));
         }

@@ -1,6 +1,6 @@
 //! Holds out rows for testing. Rows of one group are never on both sides.
 
-use super::Prepared;
+use super::PreparedTable;
 use super::error::TableModelError;
 use crate::evaluation::EvaluationError;
 use servotwin_diagnosis::Error;
@@ -28,7 +28,7 @@ pub enum HoldOut {
 
 /// The side of a row in a fixed split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Side {
+pub(super) enum SplitSide {
     Train,
     Test,
     /// Neither side, e.g. rows reserved for validation.
@@ -45,7 +45,7 @@ pub(super) fn sides(
     texts: &[String],
     column: &str,
     test_value: Option<&str>,
-) -> Result<Vec<Side>, TableModelError> {
+) -> Result<Vec<SplitSide>, TableModelError> {
     let mut values: Vec<&String> = texts.iter().collect();
     values.sort();
     values.dedup();
@@ -69,14 +69,14 @@ pub(super) fn sides(
     }
     let only_train = has(train);
     let side = |text: &String| match text {
-        text if text.eq_ignore_ascii_case(test) => Side::Test,
-        text if !only_train || text.eq_ignore_ascii_case(train) => Side::Train,
-        _ => Side::Neither,
+        text if text.eq_ignore_ascii_case(test) => SplitSide::Test,
+        text if !only_train || text.eq_ignore_ascii_case(train) => SplitSide::Train,
+        _ => SplitSide::Neither,
     };
     Ok(texts.iter().map(side).collect())
 }
 
-impl Prepared {
+impl PreparedTable {
     /// Makes the splits.
     ///
     /// # Errors
@@ -113,7 +113,7 @@ impl Prepared {
             return Err(TableModelError::NothingLeft { side: "testing" }.into());
         };
         let of = |side| (0..sides.len()).filter(|&row| sides[row] == side).collect();
-        let split = Split { train: of(Side::Train), test: of(Side::Test) };
+        let split = Split { train: of(SplitSide::Train), test: of(SplitSide::Test) };
         if let Some(groups) = &self.groups {
             let mut trained = vec![false; groups.coded.names.len()];
             let group = |row: usize| groups.coded.codes[row] as usize;

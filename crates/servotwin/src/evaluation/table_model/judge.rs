@@ -1,6 +1,6 @@
 //! Evaluates a classifier on held-out rows: overall, by class, by group, and against the most frequent class.
 
-use super::{HoldOut, Prepared};
+use super::{HoldOut, PreparedTable};
 use crate::evaluation::EvaluationError;
 use crate::parallel::{self, Workers};
 use serde::Serialize;
@@ -17,7 +17,7 @@ const RESAMPLES: usize = 2000;
 const SEED: u64 = 1;
 
 /// A row, its class, and the predicted class.
-pub(super) type Said = (usize, u32, u32);
+pub(super) type PredictedRow = (usize, u32, u32);
 
 /// The result of answering with one class for every row.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -54,7 +54,7 @@ pub struct GroupResult {
 
 /// The result of a classifier on held-out rows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Judged {
+pub struct JudgedClassifier {
     /// The score over all held-out rows. With groups, the interval comes from resampling whole groups.
     pub score: Score,
     /// Whether the intervals come from a bootstrap over groups.
@@ -69,7 +69,7 @@ pub struct Judged {
     pub warnings: Vec<String>,
 }
 
-impl Prepared {
+impl PreparedTable {
     /// Trains and tests a classifier over held-out rows.
     ///
     /// # Errors
@@ -79,9 +79,9 @@ impl Prepared {
         settings: &classifiers::Settings,
         hold_out: HoldOut,
         workers: Workers,
-    ) -> Result<Judged, EvaluationError> {
+    ) -> Result<JudgedClassifier, EvaluationError> {
         let splits = self.splits(hold_out)?;
-        let one = |split: &Split| -> Result<Vec<Said>, EvaluationError> {
+        let one = |split: &Split| -> Result<Vec<PredictedRow>, EvaluationError> {
             let model = self.fit(settings, &split.train)?;
             Ok(self.predictions(&model, &split.test))
         };
@@ -94,22 +94,26 @@ impl Prepared {
     }
 
     /// The predictions of a model for the given rows.
-    pub(super) fn predictions(&self, model: &Model, rows: &[usize]) -> Vec<Said> {
+    pub(super) fn predictions(&self, model: &Model, rows: &[usize]) -> Vec<PredictedRow> {
         let said = predicted(model, &self.samples, rows);
         let truth = rows.iter().map(|&row| self.samples.labels()[row]);
         rows.iter().zip(truth).zip(said).map(|((&row, truth), said)| (row, truth, said)).collect()
     }
 
     /// Evaluates predictions, given by split.
-    pub(super) fn judged(&self, splits: &[Vec<Said>], baseline: Option<Baseline>) -> Judged {
-        let all: Vec<Said> = splits.concat();
+    pub(super) fn judged(
+        &self,
+        splits: &[Vec<PredictedRow>],
+        baseline: Option<Baseline>,
+    ) -> JudgedClassifier {
+        let all: Vec<PredictedRow> = splits.concat();
         let mut confusion = Confusion::new(self.samples.classes());
         all.iter().for_each(|&(_, truth, said)| confusion.count(truth, Some(said)));
         // Wilson's interval, or an interval over groups if there are any.
         let per_split = splits.iter().map(|split| Rate::of(split, is_right).share).collect();
         let names = self.samples.class_names().to_vec();
         let score = Score::new(names, self.rate(&all), &confusion, per_split);
-        Judged {
+        JudgedClassifier {
             classes: self.of_classes(&confusion, &all),
             groups: self.of_groups(&all),
             intervals_over_groups: self.groups.is_some(),
@@ -120,24 +124,24 @@ impl Prepared {
     }
 
     /// The share of right predictions, with its interval.
-    fn rate(&self, predictions: &[Said]) -> Rate {
+    fn rate(&self, predictions: &[PredictedRow]) -> Rate {
         let plain = Rate::of(predictions, is_right);
         let Some(groups) = self.groups.as_ref().filter(|_| !predictions.is_empty()) else {
             return plain;
         };
         let clusters: Vec<u32> =
             predictions.iter().map(|(row, ..)| groups.coded.codes[*row]).collect();
-        let right = |said: &Said| f64::from(u8::from(is_right(said)));
+        let right = |said: &PredictedRow| f64::from(u8::from(is_right(said)));
         let count: Vec<f64> = predictions.iter().map(right).collect();
         let ones = vec![1.0; count.len()];
         let (low, high) = cluster_bootstrap(&clusters, &count, &ones, RESAMPLES, SEED);
         Rate { low, high, ..plain }
     }
 
-    fn of_classes(&self, confusion: &Confusion, all: &[Said]) -> Vec<ClassResult> {
+    fn of_classes(&self, confusion: &Confusion, all: &[PredictedRow]) -> Vec<ClassResult> {
         let names = self.samples.class_names().iter().enumerate();
         let result = |(class, name): (usize, &String)| {
-            let of_class: Vec<Said> =
+            let of_class: Vec<PredictedRow> =
                 all.iter().filter(|(_, truth, _)| *truth as usize == class).copied().collect();
             let (recall, precision) = (self.rate(&of_class), confusion.precision(class));
             ClassResult { class: name.clone(), recall, precision }
@@ -145,7 +149,7 @@ impl Prepared {
         names.map(result).collect()
     }
 
-    fn of_groups(&self, all: &[Said]) -> Vec<GroupResult> {
+    fn of_groups(&self, all: &[PredictedRow]) -> Vec<GroupResult> {
         let Some(groups) = &self.groups else {
             return vec![];
         };
@@ -201,7 +205,7 @@ impl Prepared {
     }
 }
 
-fn is_right((_, truth, said): &Said) -> bool {
+fn is_right((_, truth, said): &PredictedRow) -> bool {
     truth == said
 }
 

@@ -1,7 +1,7 @@
 //! Classifiers for arbitrary feature tables: training, testing and prediction.
 //!
 //! A row is an example. One column holds the class; optional columns hold the group and the side of the split.
-//! [`prepare`] selects the features among the other columns and explains which ones it does not use. [`Prepared`]
+//! [`prepare`] selects the features among the other columns and explains which ones it does not use. [`PreparedTable`]
 //! trains and tests.
 
 mod columns;
@@ -12,13 +12,14 @@ mod labels;
 mod precision;
 mod predict;
 
-pub use columns::{Input, MOST_CATEGORIES, Unused};
+pub use columns::{FeatureSource, MOST_CATEGORIES, Unused};
 pub use error::TableModelError;
 pub use hold_out::HoldOut;
-pub use judge::{Baseline, ClassResult, GroupResult, Judged};
+pub use judge::{Baseline, ClassResult, GroupResult, JudgedClassifier};
 pub use labels::Coded;
 pub use predict::{
-    Explanation, Predicted, Step, evaluate_table, explain, judge_table, predict, question,
+    AnsweredQuestion, Explanation, Predicted, evaluate_table, explain, judge_table, predict,
+    question,
 };
 
 pub(crate) use columns::texts;
@@ -26,7 +27,7 @@ pub(crate) use columns::texts;
 use super::error::EvaluationError;
 use crate::table::{Origin, Table};
 use columns::{choose, encode};
-use hold_out::Side;
+use hold_out::SplitSide;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
@@ -93,7 +94,7 @@ pub struct TableModel {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub label_limits: Vec<f64>,
     /// The sources of its features, in the order of the model.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<FeatureSource>,
     /// The classes, in the order of the model.
     pub classes: Vec<String>,
     /// The training weight of each class; empty if all were equal.
@@ -157,7 +158,7 @@ impl TableModel {
 
     /// The names of the features.
     pub fn features(&self) -> Vec<String> {
-        self.inputs.iter().map(Input::name).collect()
+        self.inputs.iter().map(FeatureSource::name).collect()
     }
 }
 
@@ -172,12 +173,12 @@ pub struct Groups {
 
 /// A table prepared for training.
 #[derive(Debug)]
-pub struct Prepared {
+pub struct PreparedTable {
     samples: Samples,
-    inputs: Vec<Input>,
+    inputs: Vec<FeatureSource>,
     selection: Selection,
     groups: Option<Groups>,
-    sides: Option<Vec<Side>>,
+    sides: Option<Vec<SplitSide>>,
     /// The first row of each table, with its origin.
     origins: Vec<(usize, Origin)>,
     /// The unused columns, with reasons.
@@ -195,7 +196,7 @@ pub fn prepare(
     table: Table,
     test: Option<Table>,
     selection: &Selection,
-) -> Result<Prepared, EvaluationError> {
+) -> Result<PreparedTable, EvaluationError> {
     let first_rows = table.row_count();
     let mut tables = vec![table];
     tables.extend(test);
@@ -216,7 +217,7 @@ pub fn prepare(
         }
         (None, 1) => None,
         (None, _) => {
-            let side = |row| if row < first_rows { Side::Train } else { Side::Test };
+            let side = |row| if row < first_rows { SplitSide::Train } else { SplitSide::Test };
             Some((0..classes.codes.len()).map(side).collect())
         }
     };
@@ -228,9 +229,9 @@ pub fn prepare(
     let origins = starts.into_iter().zip(tables.iter().map(|t| t.origin().clone())).collect();
     let values = encode(&mut tables, &chosen.inputs)?;
     drop(tables);
-    let names = chosen.inputs.iter().map(Input::name).collect();
+    let names = chosen.inputs.iter().map(FeatureSource::name).collect();
     let samples = Samples::with_missing(names, classes.names, values, classes.codes)?;
-    Ok(Prepared {
+    Ok(PreparedTable {
         samples,
         inputs: chosen.inputs,
         selection: selection.clone(),
@@ -242,7 +243,7 @@ pub fn prepare(
     })
 }
 
-impl Prepared {
+impl PreparedTable {
     /// The features and classes of all rows.
     pub fn samples(&self) -> &Samples {
         &self.samples
@@ -254,7 +255,7 @@ impl Prepared {
     }
 
     /// The sources of the features.
-    pub fn inputs(&self) -> &[Input] {
+    pub fn inputs(&self) -> &[FeatureSource] {
         &self.inputs
     }
 
@@ -264,7 +265,7 @@ impl Prepared {
     /// Training fails.
     pub fn train(&self, settings: &classifiers::Settings) -> Result<TableModel, EvaluationError> {
         let rows: Vec<usize> = match &self.sides {
-            Some(sides) => (0..sides.len()).filter(|&row| sides[row] == Side::Train).collect(),
+            Some(sides) => (0..sides.len()).filter(|&row| sides[row] == SplitSide::Train).collect(),
             None => (0..self.samples.rows()).collect(),
         };
         Ok(TableModel {

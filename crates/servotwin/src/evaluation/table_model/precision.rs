@@ -1,6 +1,6 @@
 //! Warns about thresholds between values that 32-bit numbers cannot distinguish.
 
-use super::{Prepared, TableModel};
+use super::{PreparedTable, TableModel};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use std::collections::BTreeMap;
@@ -48,7 +48,7 @@ impl Undecided {
     }
 }
 
-impl Prepared {
+impl PreparedTable {
     /// Warnings about thresholds that lie closer to their neighbors than 32-bit precision: one for each column. The
     /// same rows from a file with 32-bit numbers may get other answers.
     pub fn hairline_warnings(&self, model: &TableModel) -> Vec<String> {

@@ -3,7 +3,10 @@
 use super::columns::encode;
 use super::error::TableModelError;
 use super::precision::Undecided;
-use super::{Coded, FORMAT, Groups, Input, Judged, Prepared, Selection, TableModel, labels, texts};
+use super::{
+    Coded, FORMAT, FeatureSource, Groups, JudgedClassifier, PreparedTable, Selection, TableModel,
+    labels, texts,
+};
 use crate::evaluation::EvaluationError;
 use crate::table::{Column, Table};
 use serde::Serialize;
@@ -20,7 +23,7 @@ pub fn evaluate_table(
     table: Table,
     model: &TableModel,
     group: Option<&str>,
-) -> Result<Judged, EvaluationError> {
+) -> Result<JudgedClassifier, EvaluationError> {
     judge_table(table, model, group).map(|(_, judged)| judged)
 }
 
@@ -32,7 +35,7 @@ pub fn judge_table(
     table: Table,
     model: &TableModel,
     group: Option<&str>,
-) -> Result<(Prepared, Judged), EvaluationError> {
+) -> Result<(PreparedTable, JudgedClassifier), EvaluationError> {
     debug_assert_eq!(model.format, FORMAT);
     let column = &model.label;
     let codes = match model.label_limits.is_empty() {
@@ -62,7 +65,7 @@ pub fn judge_table(
         let place = origin.place_in_file(row);
         return Err(missing(model, feature, place).into());
     }
-    let prepared = Prepared {
+    let prepared = PreparedTable {
         inputs: model.inputs.clone(),
         selection: Selection { label: column.clone(), ..Selection::default() },
         groups,
@@ -190,8 +193,10 @@ impl<'m> Doubts<'m> {
         let inputs = model.inputs.iter().enumerate();
         for (feature, input) in inputs.filter(|(_, input)| read.contains(input.column())) {
             match input {
-                Input::Category { column, .. } => texts.entry(column).or_default().push(feature),
-                Input::Number { .. } | Input::Time { .. } => numbers.push(feature),
+                FeatureSource::Category { column, .. } => {
+                    texts.entry(column).or_default().push(feature)
+                }
+                FeatureSource::Number { .. } | FeatureSource::Time { .. } => numbers.push(feature),
             }
         }
         // A column with two texts always has one of them, whatever the row contains.
@@ -314,13 +319,13 @@ fn way(model: &TableModel, tree: &Tree, values: &[f64], lacking: Option<usize>) 
         let end = steps.iter().position(|step| step.column == column && step.value.is_none());
         steps.truncate(end.map_or(steps.len(), |end| end + 1));
     }
-    let said: Vec<String> = steps.iter().map(Step::said).collect();
+    let said: Vec<String> = steps.iter().map(AnsweredQuestion::said).collect();
     (last.unwrap_or(0) as u32, said.join(" and "))
 }
 
 /// A question of a tree with the row's answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Step {
+pub struct AnsweredQuestion {
     /// The column in the question.
     pub column: String,
     /// The text that the column is compared with; `None` for a number.
@@ -333,7 +338,7 @@ pub struct Step {
     pub right: bool,
 }
 
-impl Step {
+impl AnsweredQuestion {
     /// Whether the question only tests whether a value is present.
     pub fn asks_for_any(&self) -> bool {
         is_any_value(self.threshold)
@@ -341,7 +346,7 @@ impl Step {
 
     /// The answer as a statement: `pressure_pa > 2.1e7`.
     pub fn said(&self) -> String {
-        let Step { column, is, value, threshold, right } = self;
+        let AnsweredQuestion { column, is, value, threshold, right } = self;
         let threshold = without_rounding(*threshold);
         match (is, value) {
             (Some(text), _) if *right => format!("{column} is '{text}'"),
@@ -360,26 +365,26 @@ fn is_any_value(threshold: f64) -> bool {
 }
 
 /// The question of an inner node; rows that go left answer yes.
-pub fn question(input: &Input, threshold: f64, missing_left: bool, shown: &str) -> String {
+pub fn question(input: &FeatureSource, threshold: f64, missing_left: bool, shown: &str) -> String {
     let missing = if missing_left { " or missing" } else { "" };
     match input {
-        Input::Category { column, value } => format!("{column} is not '{value}'"),
+        FeatureSource::Category { column, value } => format!("{column} is not '{value}'"),
         _ if is_any_value(threshold) => format!("{} is given", input.name()),
         _ => format!("{} ≤ {shown}{missing}", input.name()),
     }
 }
 
 /// The path of a row through a tree.
-fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
+fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<AnsweredQuestion> {
     let path: Vec<usize> = tree.decision_path(values).collect();
     let step = |pair: &[usize]| {
         let (feature, threshold) = tree.split(pair[0])?;
         let (_, right) = tree.children(pair[0])?;
         let is = match &model.inputs[feature] {
-            Input::Category { value, .. } => Some(value.clone()),
+            FeatureSource::Category { value, .. } => Some(value.clone()),
             _ => None,
         };
-        Some(Step {
+        Some(AnsweredQuestion {
             column: model.inputs[feature].column().into(),
             is,
             value: Some(values[feature]).filter(|value| !value.is_nan()),
@@ -406,7 +411,7 @@ pub struct Explanation {
     /// Whether the scores are probabilities.
     pub probabilities: bool,
     /// For a tree, the questions on the path.
-    pub steps: Vec<Step>,
+    pub steps: Vec<AnsweredQuestion>,
     /// For a tree, the number of training rows of each class in the leaf.
     pub leaf: Vec<(String, u32)>,
 }

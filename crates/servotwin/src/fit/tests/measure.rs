@@ -67,7 +67,7 @@ impl<'s> Rig<'s> {
         samples
     }
 
-    fn record(&self, measured: Vec<f64>) -> Record {
+    fn record(&self, measured: Vec<f64>) -> FitRecord {
         calibration_record(self.study, self.calibration, self.sensors.len(), measured)
     }
 

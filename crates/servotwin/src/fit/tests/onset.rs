@@ -5,14 +5,14 @@ use super::*;
 use crate::ensemble::Later;
 
 /// A record of a specimen in which a fault begins at `at_s`.
-fn begun(study: &Study, specimen: usize, fault: FaultAt, at_s: f64, duration_s: f64) -> Record {
+fn begun(study: &Study, specimen: usize, fault: FaultAt, at_s: f64, duration_s: f64) -> FitRecord {
     let later = vec![Later { time_s: at_s, faults: vec![fault], ..Later::default() }];
     let variant = Variant { later, ..Variant::default() };
     flown_as(study, COMMAND, (Some(specimen), specimen), variant, duration_s)
 }
 
 /// Fits a record of a study.
-fn first(study: &Study, record: Record) -> (Fit<'_>, FitResults) {
+fn first(study: &Study, record: FitRecord) -> (Fit<'_>, FitResults) {
     let problem = Fit::of_study(study, vec![record]);
     let fitted = problem.solve().unwrap();
     (problem, fitted)

@@ -173,12 +173,12 @@ fn fit(field: &mut ConditionalBand, sensor: usize, learning: &[Trace]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::signal::random::Random;
-    use servotwin_diagnosis::conditional_band::Source;
+    use crate::signal::random::NormalDeviates;
+    use servotwin_diagnosis::conditional_band::CovariateSource;
 
     /// Flights whose residual grows with the covariate and depends on the specimen.
     fn flights(count: usize, seed: u64) -> Vec<Trace> {
-        let mut random = Random::new(seed);
+        let mut random = NormalDeviates::new(seed);
         let mut flight = |_| {
             let specimen = 1.0 + 0.2 * random.normal().abs();
             let points: Vec<f64> = (0..300).map(|_| random.unit()).collect();
@@ -192,7 +192,7 @@ mod tests {
     fn axis() -> Vec<Covariate> {
         vec![Covariate {
             name: "size".into(),
-            source: Source::Input { input: 0 },
+            source: CovariateSource::Input { input: 0 },
             edges: vec![0.25, 0.5, 0.75],
             range: (0.0, 1.0),
         }]
@@ -235,7 +235,7 @@ mod tests {
         let root = |u: f64| u.powf(1.0 / 24.0);
         assert!((of_24.low_one_sided - root(0.05)).abs() < 1e-9, "{of_24:?}");
         assert!((of_24.low - root(0.025)).abs() < 1e-9 && (of_24.high - root(0.975)).abs() < 1e-9);
-        let (mut random, mut outside) = (Random::new(3), 0);
+        let (mut random, mut outside) = (NormalDeviates::new(3), 0);
         let of_59 = coverage(0.1, 59);
         for _ in 0..2000 {
             let mut scores: Vec<f64> = (0..59).map(|_| random.unit()).collect();

@@ -26,13 +26,15 @@ mod picture;
 pub use learn::{Coverage, Trace, coverage, learn};
 
 use super::campaign::{FlightCampaign, Observer};
-use super::plan::{self, Flight, Purpose};
+use super::plan::{self, PlannedFlight, Purpose};
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Sample, Source};
+use servotwin_diagnosis::conditional_band::{
+    ConditionalBand, Covariate, CovariateSample, CovariateSource,
+};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
@@ -65,25 +67,25 @@ pub enum BandError {
 }
 
 /// The covariates of a study's flights, with their names.
-fn covariates(study: &Study) -> Vec<(String, Source)> {
+fn covariates(study: &Study) -> Vec<(String, CovariateSource)> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let all = &study.system.network().inputs;
     let command = study.command_input as u32;
     let mut list = vec![
-        ("size of the command".into(), Source::Size { input: command }),
-        ("rate of the command".into(), Source::Rate { input: command }),
+        ("size of the command".into(), CovariateSource::Size { input: command }),
+        ("rate of the command".into(), CovariateSource::Rate { input: command }),
     ];
     if let Some(spool) = sensors.iter().position(|sensor| sensor.quantity == Quantity::Spool) {
-        list.push(("way of the spool".into(), Source::Way { sensor: spool as u32 }));
+        list.push(("way of the spool".into(), CovariateSource::Way { sensor: spool as u32 }));
     }
     let others = (0..all.len()).filter(|&input| input != study.command_input);
-    list.extend(others.map(|k| (all[k].id.clone(), Source::Input { input: k as u32 })));
+    list.extend(others.map(|k| (all[k].id.clone(), CovariateSource::Input { input: k as u32 })));
     list
 }
 
 /// Records the trace of a flight.
 struct Tracing<'c> {
-    covariates: &'c [(String, Source)],
+    covariates: &'c [(String, CovariateSource)],
     scales: &'c [f64],
     period_s: f64,
     last: Vec<Option<f64>>,
@@ -92,7 +94,7 @@ struct Tracing<'c> {
 
 impl Observer for Tracing<'_> {
     fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        let sample = Sample { inputs, twin, scales: self.scales, period_s: self.period_s };
+        let sample = CovariateSample { inputs, twin, scales: self.scales, period_s: self.period_s };
         let point = self.covariates.iter().zip(&mut self.last);
         self.trace.points.extend(point.map(|((_, source), last)| source.value(last, &sample)));
         let scaled = measured.iter().zip(twin).zip(self.scales);
@@ -192,7 +194,7 @@ pub fn measure(
 }
 
 /// The number of the first healthy flight of each environment.
-fn first_healthy(plan: &[Flight]) -> BTreeSet<usize> {
+fn first_healthy(plan: &[PlannedFlight]) -> BTreeSet<usize> {
     let mut first = BTreeMap::new();
     for flight in plan.iter().filter(|flight| flight.fault.is_none()) {
         first.entry(flight.environment).or_insert(flight.number);
@@ -202,7 +204,7 @@ fn first_healthy(plan: &[Flight]) -> BTreeSet<usize> {
 
 /// Draws a random half of the indices.
 fn drawn_half(count: usize, seed: u64) -> Vec<bool> {
-    let mut random = Random::new(seed);
+    let mut random = NormalDeviates::new(seed);
     let keys: Vec<f64> = (0..count).map(|_| random.unit()).collect();
     let before = |own: f64| keys.iter().filter(|key| **key < own).count();
     keys.iter().map(|&own| 2 * before(own) < count).collect()
@@ -248,7 +250,7 @@ impl BandMerit {
 /// The covariates that vary, with bins of equal sample counts in the learning flights, and their indices. Their ranges
 /// are those of learning and calibration flights together.
 fn binned(
-    all: &[(String, Source)],
+    all: &[(String, CovariateSource)],
     learning: &[Trace],
     calibration: &[Trace],
 ) -> (Vec<Covariate>, Vec<usize>) {
@@ -282,7 +284,7 @@ struct Flying<'f> {
     flights: &'f Flights,
     setting: Setting,
     workers: Workers<'f>,
-    covariates: &'f [(String, Source)],
+    covariates: &'f [(String, CovariateSource)],
 }
 
 impl Flying<'_> {
@@ -298,7 +300,7 @@ impl Flying<'_> {
         plan.retain(|flight| flight.fault.is_none() && flight.environment < count);
         let first = first_healthy(&plan);
         plan.retain(|flight| teaches[flight.environment] || first.contains(&flight.number));
-        let mut flown: Vec<(Flight, Trace)> = Vec::new();
+        let mut flown: Vec<(PlannedFlight, Trace)> = Vec::new();
         self.each(Purpose::Learn, plan, |flight, trace, began_on_the_move| {
             // Calibration flights are what judged ones are, so they may begin on the move.
             if !(teaches[flight.environment] && began_on_the_move) {
@@ -308,7 +310,7 @@ impl Flying<'_> {
         flown.sort_by_key(|(flight, _)| flight.number);
         let (learning, calibration): (Vec<_>, Vec<_>) =
             flown.into_iter().partition(|(flight, _)| teaches[flight.environment]);
-        let traces = |flown: Vec<(Flight, Trace)>| flown.into_iter().map(|(_, trace)| trace);
+        let traces = |flown: Vec<(PlannedFlight, Trace)>| flown.into_iter().map(|(_, trace)| trace);
         Ok((traces(learning).collect(), traces(calibration).collect()))
     }
 
@@ -317,8 +319,8 @@ impl Flying<'_> {
     fn each(
         &self,
         purpose: Purpose,
-        mut plan: Vec<Flight>,
-        mut done: impl FnMut(&Flight, Trace, bool) + Send,
+        mut plan: Vec<PlannedFlight>,
+        mut done: impl FnMut(&PlannedFlight, Trace, bool) + Send,
     ) -> Result<(), CampaignError> {
         let Flying { study, flights, setting, workers, covariates } = *self;
         let used = plan.iter().map(|flight| flight.environment + 1).max().unwrap_or(0);
@@ -330,7 +332,7 @@ impl Flying<'_> {
         let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
         let which: Vec<usize> = (0..flown.plan.len()).collect();
         let scales: Vec<f64> = study.scales();
-        let observer = |_: &Flight| Tracing {
+        let observer = |_: &PlannedFlight| Tracing {
             covariates,
             scales: &scales,
             period_s: study.sample_period_s,

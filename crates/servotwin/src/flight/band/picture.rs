@@ -3,7 +3,7 @@
 use super::BandMerit;
 use crate::figure::value_map::ValueMap;
 use crate::shown::Shown;
-use servotwin_diagnosis::conditional_band::Source;
+use servotwin_diagnosis::conditional_band::CovariateSource;
 use servotwin_io::text::{number, spoken};
 use servotwin_model::network::Network;
 
@@ -47,7 +47,7 @@ impl BandMerit {
 }
 
 /// A bin as text.
-fn in_words(source: Source, low: f64, high: f64, network: &Network) -> String {
+fn in_words(source: CovariateSource, low: f64, high: f64, network: &Network) -> String {
     let of = |input: u32, per: &str| {
         let shown = Shown::of_input(network, input as usize);
         let [low, high] = [low, high].map(|value| number(shown.value(value)));
@@ -55,12 +55,12 @@ fn in_words(source: Source, low: f64, high: f64, network: &Network) -> String {
         format!("{low} … {high} {unit}{per}").trim_end().to_owned()
     };
     match source {
-        Source::Size { input } | Source::Input { input } => of(input, ""),
-        Source::Rate { input } => of(input, "/s"),
+        CovariateSource::Size { input } | CovariateSource::Input { input } => of(input, ""),
+        CovariateSource::Rate { input } => of(input, "/s"),
         // The direction is −1, 0 or 1, and each bin has one of these values.
-        Source::Way { .. } if high < 0.0 => "back".into(),
-        Source::Way { .. } if low > 0.0 => "forth".into(),
-        Source::Way { .. } if low < 0.0 && high > 0.0 => "at rest".into(),
-        Source::Way { .. } => format!("{} … {}", number(low), number(high)),
+        CovariateSource::Way { .. } if high < 0.0 => "back".into(),
+        CovariateSource::Way { .. } if low > 0.0 => "forth".into(),
+        CovariateSource::Way { .. } if low < 0.0 && high > 0.0 => "at rest".into(),
+        CovariateSource::Way { .. } => format!("{} … {}", number(low), number(high)),
     }
 }

@@ -12,14 +12,14 @@ pub use list::{ALL, Foreign, Sensible, set_names};
 
 use super::campaign::{FlightCampaign, Observer};
 use super::judge::{Latency, latency};
-use super::plan::{Flight, Onset, Purpose};
+use super::plan::{Onset, PlannedFlight, Purpose};
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
 use crate::study::{Flights, Setting, Study};
 use effect::{Changes, Touched};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Session};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -151,7 +151,7 @@ impl Case {
 #[derive(Default)]
 struct Plan {
     cases: Vec<Case>,
-    flights: Vec<Flight>,
+    flights: Vec<PlannedFlight>,
     told: Vec<Environment>,
 }
 
@@ -185,7 +185,7 @@ impl Plan {
 
     fn add(&mut self, study: &Study, flights: &Flights, mut case: Case) {
         let [from, to] = flights.onset_s;
-        let mut flight = Flight {
+        let mut flight = PlannedFlight {
             number: FIRST + self.cases.len(),
             environment: case.base,
             fault: None,
@@ -245,13 +245,13 @@ impl FindingFlags {
         let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
         self.no_data |= lacks;
         match outcome.finding {
-            Finding::Healthy | Finding::Unjudged => return lacks,
-            Finding::Unknown => self.unknown = true,
-            Finding::EnvironmentInvalid { .. } => self.environment_invalid = true,
-            Finding::Detected => self.other = true,
-            Finding::Actuator { actuator: unit }
-            | Finding::Action { actuator: unit, .. }
-            | Finding::Detail { actuator: unit, .. } => {
+            IndexedFinding::Healthy | IndexedFinding::Unjudged => return lacks,
+            IndexedFinding::Unknown => self.unknown = true,
+            IndexedFinding::EnvironmentInvalid { .. } => self.environment_invalid = true,
+            IndexedFinding::Detected => self.other = true,
+            IndexedFinding::Actuator { actuator: unit }
+            | IndexedFinding::Action { actuator: unit, .. }
+            | IndexedFinding::Detail { actuator: unit, .. } => {
                 let is_right = is_concerned(unit as usize);
                 self.actuator |= is_right;
                 self.other |= !is_right;
@@ -296,7 +296,7 @@ impl Listening {
     fn new(
         session: &Session,
         is_off: &[bool],
-        flight: &Flight,
+        flight: &PlannedFlight,
         case: &Case,
         period_s: f64,
     ) -> Self {
@@ -367,7 +367,7 @@ pub fn judge(
     workers: Workers,
 ) -> Result<UnseenFaultMetrics, CampaignError> {
     let Plan { cases, flights: mut plan, told } = Plan::new(study, flights);
-    let case = |flight: &Flight| &cases[flight.number - FIRST];
+    let case = |flight: &PlannedFlight| &cases[flight.number - FIRST];
     // Numbers, and so specimens and noise, do not depend on the chosen sets.
     plan.retain(|flight| sets.contains(&ALL[case(flight).foreign].set));
     let lot = (Purpose::Judge, flights.seed);
@@ -404,7 +404,7 @@ pub fn judge(
 
 /// A judged flight with an unseen fault; `is_ok` is false if the simulation failed.
 struct Ended<'c> {
-    flight: Flight,
+    flight: PlannedFlight,
     case: &'c Case,
     heard: Listening,
     is_ok: bool,

@@ -17,7 +17,7 @@
 
 use super::SearchOutcome;
 use super::space::{Distribution, SearchPoint, SearchSpace};
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 
 /// Number of points of a generation.
 pub const GENERATION: usize = 16;
@@ -49,12 +49,12 @@ pub struct CrossEntropy<'s> {
     laws: Vec<Law>,
     /// The worst points so far, the worst first.
     elite: Vec<(SearchPoint, SearchOutcome)>,
-    random: Random,
+    random: NormalDeviates,
 }
 
 impl<'s> CrossEntropy<'s> {
     /// A search that begins with the distributions of the study.
-    pub fn new(space: &'s SearchSpace, random: Random) -> Self {
+    pub fn new(space: &'s SearchSpace, random: NormalDeviates) -> Self {
         let laws = vec![Law::OfStudy; space.dimensions.len()];
         CrossEntropy { space, laws, elite: vec![], random }
     }

@@ -15,7 +15,7 @@ use super::{SearchObjective, SearchOutcome};
 use crate::flight::campaign::Observer;
 use crate::flight::evidence::EvidencePeak;
 use crate::flight::judge::{RaisedLog, Visibility};
-use crate::flight::plan::Flight;
+use crate::flight::plan::PlannedFlight;
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Raised, Session};
 use servotwin_model::math::ln;
@@ -34,7 +34,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    pub fn new(objective: SearchObjective, study: &Study, flight: &Flight) -> Self {
+    pub fn new(objective: SearchObjective, study: &Study, flight: &PlannedFlight) -> Self {
         Target {
             objective,
             faulty: flight.fault.map(|fault| study.units[study.faults[fault].unit].clone()),

@@ -12,7 +12,7 @@ pub mod margin;
 pub mod space;
 
 use super::campaign::{ChosenSpecimens, FlightCampaign};
-use super::plan::{Flight, Onset, Purpose};
+use super::plan::{Onset, PlannedFlight, Purpose};
 use super::tracking::TrackedQuantities;
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
@@ -159,7 +159,7 @@ impl PointFlyer<'_> {
         let chosen: Vec<_> = points.iter().map(|point| space.chosen(self.seed, point)).collect();
         let environments = self.study.chosen_environments(&chosen).map_err(Box::new)?;
         let environments = environments.ok_or(SearchError::NoFlights)?;
-        let plan: Vec<Flight> =
+        let plan: Vec<PlannedFlight> =
             points.iter().enumerate().map(|(place, point)| flight(space, place, point)).collect();
         let quantities = TrackedQuantities::of(self.study);
         let specimens = ChosenSpecimens {
@@ -176,7 +176,7 @@ impl PointFlyer<'_> {
             specimens,
             self.workers,
         )?;
-        let target = |flight: &Flight| Target::new(space.objective, self.study, flight);
+        let target = |flight: &PlannedFlight| Target::new(space.objective, self.study, flight);
         let mut outcomes = vec![SearchOutcome::failed(); points.len()];
         flown.fly(
             &flown.which,
@@ -195,9 +195,9 @@ impl PointFlyer<'_> {
 }
 
 /// The flight of a point, in the environment of its own place.
-fn flight(space: &SearchSpace, place: usize, point: &SearchPoint) -> Flight {
+fn flight(space: &SearchSpace, place: usize, point: &SearchPoint) -> PlannedFlight {
     let fault = space.fault(point);
-    Flight {
+    PlannedFlight {
         number: FIRST_NUMBER + point.number,
         environment: place,
         fault,

@@ -1,7 +1,7 @@
 //! The space of a search: everything that varies between flights, as a list of numbers.
 
 use super::{SearchError, SearchObjective};
-use crate::signal::random::Random;
+use crate::signal::random::NormalDeviates;
 use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Setting, Study};
 
 /// Numbers of a point are rounded to this many steps per unit, so that a line of text holds them exactly.
@@ -29,7 +29,7 @@ impl Distribution {
     }
 
     /// Draws a value.
-    pub fn draw(self, random: &mut Random) -> f64 {
+    pub fn draw(self, random: &mut NormalDeviates) -> f64 {
         match self {
             Distribution::Choice(count) => {
                 ((random.unit() * count as f64) as usize).min(count - 1) as f64
@@ -163,7 +163,7 @@ impl SearchSpace {
     }
 
     /// A point from the distributions of the study.
-    pub fn draw(&self, number: usize, random: &mut Random) -> SearchPoint {
+    pub fn draw(&self, number: usize, random: &mut NormalDeviates) -> SearchPoint {
         let draw = |dimension: &Dimension| {
             let distribution = dimension.distribution;
             distribution.rounded(distribution.draw(random))
