@@ -1,7 +1,7 @@
 //! Static figures for reports: an SVG writer and the chart kinds drawn with it.
 //!
 //! Every kind is a struct of plain data with a `draw` method that returns a [`Figure`]. The bytes depend on the data
-//! only. Series differ by color: in a report by their [`Meaning`], elsewhere by a palette for color-blind readers. They
+//! only. Series differ by color: in a report by their [`SemanticColor`], elsewhere by a palette for color-blind readers. They
 //! also differ by dash or marker, so that a figure can be printed in gray. Non-finite numbers are omitted: a line has a
 //! gap there.
 //!

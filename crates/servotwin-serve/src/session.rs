@@ -46,7 +46,7 @@ pub enum SessionError {
 /// A flight as its viewers saw it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SavedSession {
-    /// What the flight is, as [`Source::about`] describes it.
+    /// What the flight is, as [`LiveSource::about`] describes it.
     pub about: Value,
     /// Frames, events and states in the order in which they were sent.
     pub messages: Vec<Message>,

@@ -6,7 +6,7 @@
 //!
 //! A [`source::Source`] returns the numbers of a file or a stream. A [`map::Map`] turns them into inputs and sensor
 //! values, and a [`sequencer::Sequencer`] puts these onto the fixed period. An [`Observer`] receives one period after
-//! the other, and [`sink::Sink`]s show or store its findings. Irregularities of the stream are in [`counts::Counts`].
+//! the other, and [`sink::Sink`]s show or store its findings. Irregularities of the stream are in [`counts::WatchCounts`].
 //! `docs/watch.md` describes the formats and rules.
 
 mod bits;

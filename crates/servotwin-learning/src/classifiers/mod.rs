@@ -32,7 +32,7 @@ pub trait Fit {
     ///
     /// # Errors
     /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless the classifier [learns from missing
-    /// values](Kind::learns_from_missing), and errors of the classifier.
+    /// values](ClassifierKind::learns_from_missing), and errors of the classifier.
     fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
 }
 

@@ -22,7 +22,7 @@ pub struct FaultClass {
 
 /// The runs of a scenario, with a band for every candidate.
 pub struct SensorRuns {
-    /// All rows; [`servotwin::evaluation::data_set::Row::largest`] has one value for each candidate.
+    /// All rows; [`servotwin::evaluation::data_set::DataRow::largest`] has one value for each candidate.
     pub data: DataSet,
     /// Half width of every candidate's band, in parts of scale.
     pub bands: Vec<f64>,

@@ -124,7 +124,7 @@ impl<'p, 's> Fleet<'p, 's> {
         self.curvature.inverse()
     }
 
-    /// Fits specimens to their sensor values, which are ordered by sample as in a [`Record`]. A specimen whose twin
+    /// Fits specimens to their sensor values, which are ordered by sample as in a [`FitRecord`]. A specimen whose twin
     /// cannot be simulated has an error.
     ///
     /// # Errors

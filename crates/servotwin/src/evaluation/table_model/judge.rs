@@ -73,7 +73,7 @@ impl PreparedTable {
     /// Trains and tests a classifier over held-out rows.
     ///
     /// # Errors
-    /// See [`Prepared::splits`]; or training fails.
+    /// See [`PreparedTable::splits`]; or training fails.
     pub fn validate(
         &self,
         settings: &classifiers::Settings,
