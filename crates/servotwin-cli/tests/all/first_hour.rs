@@ -328,12 +328,12 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
         (
             &["features", &nan, "--study", &traces, "--out", &windows],
             3,
-            &format!("error: {nan} is not as {traces} says: there is no column 'pressure'"),
+            &format!("error: {nan} does not follow {traces}: there is no column 'pressure'"),
         ),
         (
             &["features", &nan, "--study", &healthy, "--healthy", &other, "--out", &windows],
             3,
-            &format!("error: {other} is not as {healthy} says: there is no column 'a'"),
+            &format!("error: {other} does not follow {healthy}: there is no column 'a'"),
         ),
         (&["history", "/nowhere"], 3, "error: /nowhere: no such folder"),
         (&["history", &empty], 3, "the folder has no logs"),
