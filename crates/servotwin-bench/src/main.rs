@@ -16,7 +16,7 @@ mod diffsol_bdf;
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Settings, Statistics};
+use servotwin_model::solver::{SolverSettings, Statistics};
 use servotwin_system::compiled::Compiled;
 use servotwin_system::ensemble::{Ensemble, Sink, Variant};
 use servotwin_system::study::{FaultCase, Study};
@@ -95,7 +95,7 @@ impl Sink for Flat {
     }
 }
 
-fn ours(task: &Task, settings: Settings) -> (Work, Statistics) {
+fn ours(task: &Task, settings: SolverSettings) -> (Work, Statistics) {
     let mut ensemble = Ensemble::new(task.program);
     ensemble.compiled = Some(task.compiled);
     ensemble.settings = settings;
@@ -180,8 +180,8 @@ struct Judged {
 }
 
 fn judge(task: &Task) -> Judged {
-    let (exact, _) = ours(task, Settings::reference());
-    let (work, statistics) = ours(task, Settings::campaign());
+    let (exact, _) = ours(task, SolverSettings::reference());
+    let (work, statistics) = ours(task, SolverSettings::campaign());
     let errors = task.errors(&work.runs, &exact.runs);
     Judged { exact: exact.runs, errors, seconds: work.seconds, statistics }
 }
@@ -237,7 +237,7 @@ fn peer(
     wanted: f64,
     solve: impl Fn(&Task, f64) -> Work,
 ) {
-    let our_seconds = || ours(task, Settings::campaign()).0.seconds;
+    let our_seconds = || ours(task, SolverSettings::campaign()).0.seconds;
     let mut before = our_seconds();
     for tolerance in [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 5e-8, 2e-8, 1e-8] {
         let work = solve(task, tolerance);
@@ -272,7 +272,7 @@ fn report(
     (seconds, errors, total): (f64, Vec<f64>, Statistics),
 ) {
     let count = faults.len() as f64;
-    println!("campaign {:?}", Settings::campaign());
+    println!("campaign {:?}", SolverSettings::campaign());
     println!("  {seconds:.2} s, {:.2} ms per simulated second", 1e3 * seconds / count / duration_s);
     println!("  {total:?}");
     let mut order: Vec<usize> = (0..errors.len()).collect();
