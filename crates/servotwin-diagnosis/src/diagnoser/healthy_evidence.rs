@@ -25,6 +25,11 @@ impl ShutdownMargin {
     pub fn of_both(nats: f64) -> Self {
         ShutdownMargin { uncorrected_nats: nats, baseline_corrected_nats: nats }
     }
+
+    /// The larger of the two, nats.
+    pub fn larger_nats(self) -> f64 {
+        self.uncorrected_nats.max(self.baseline_corrected_nats)
+    }
 }
 
 /// A margin as files have it: once it was one number for both kinds of residuals.
@@ -84,5 +89,22 @@ impl HealthyEvidence {
         numbers.into_iter().try_for_each(|(name, value)| {
             require((0.0..=1e6).contains(&value), name, value, "0 to 1e6")
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_with_one_margin_has_it_for_both_kinds_of_residuals() {
+        let old = r#"{ "learned": 24, "held_out": 300, "failed": 0, "shutdowns_before": 2, "added_nats": 2.0,
+            "largest": 0.4 }"#;
+        let read: HealthyEvidence = serde_json::from_str(old).unwrap();
+        assert_eq!((read.added, read.scatter), (ShutdownMargin::of_both(2.0), 1.0));
+        let added = ShutdownMargin { uncorrected_nats: 0.0, baseline_corrected_nats: 1.0 };
+        let new = HealthyEvidence { added, scatter: 1.5, ..read };
+        let text = serde_json::to_string(&new).unwrap();
+        assert_eq!(serde_json::from_str::<HealthyEvidence>(&text).unwrap(), new);
     }
 }

@@ -10,7 +10,7 @@ use super::evidence::EvidencePeak;
 use super::judge::{EnvironmentMetrics, RaisedLog};
 use super::other_plant::{OTHER_PLANT, OtherPlants};
 use super::plan::{Onset, PlannedFlight, Purpose};
-use crate::campaign::CampaignError;
+use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
 use crate::study::{Setting, Study};

@@ -35,7 +35,7 @@ pub enum JobError {
         "{setting}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
          limit in {} held-out healthy flights (at most {allowed} is safe); training had {} environments: add {missing} with \
          'further' in [flights].learn",
-        .evidence.added.uncorrected_nats.max(.evidence.added.baseline_corrected_nats), .evidence.largest, .evidence.held_out, .evidence.learned
+        .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
     )]
     UnsafeInHealth {
         /// The scenario.

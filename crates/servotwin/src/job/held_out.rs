@@ -53,7 +53,7 @@ pub fn with_margin(
 }
 
 /// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
-/// allowance is reached. `is_corrected` tells for each length of windows whether residuals are baseline-corrected.
+/// allowance is reached. `is_corrected` states for each length of windows whether residuals are baseline-corrected.
 fn smallest_margin(
     (learned, is_corrected): (usize, &[bool]),
     (allowed, most_nats): (f64, f64),
@@ -112,14 +112,8 @@ fn fly(
         let first = batch * BATCH;
         let place = (environments, first..first + environments.len());
         let of_seed = (HELD_OUT_SEED, duration_s);
-        let (flown, fallen) = healthy::fly(
-            study,
-            place,
-            of_seed,
-            (setting, Differences::Scattered(SCATTER)),
-            &session,
-            workers,
-        )?;
+        let plants = (setting, Differences::Scattered(SCATTER));
+        let (flown, fallen) = healthy::fly(study, place, of_seed, plants, &session, workers)?;
         finished.extend(flown);
         failed += fallen;
     }
