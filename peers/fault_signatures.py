@@ -6,9 +6,10 @@
 
 PROGRAM is target/release/servotwin unless another one is given. A table belongs to a mark such as
 
-    <!-- measured aileron_dual actuator_1.servo_valve.jam actuator_1.servo_valve.damping_loss -->
+    <!-- measured aileron_dual -->
 
-which names a system and its faults; `bench` is peers/fault_bench.toml. The script simulates every fault and the
+which names its system; `bench` is peers/fault_bench.toml. The first cells of its rows name the faults, so a new row
+needs no more than `| `FAULT` |`. The script simulates every fault and the
 healthy system with the same inputs, and subtracts the readings of the sensors. The table lists the sensors whose
 difference has an rms of more than 3 % of the sensor's scale, with this rms in percent. If no sensor exceeds 3 %,
 it gives the largest one in parentheses. With --check the script compares the page instead of writing it, and ends
@@ -27,9 +28,10 @@ import tempfile
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
 PAGE = REPOSITORY / "docs" / "faults.md"
 THRESHOLD_PERCENT = 3.0
-MARK = re.compile(r"(<!-- measured (\S+) (.+?) -->\n).*?(<!-- end -->)", re.S)
+MARK = re.compile(r"(<!-- measured (\S+) -->\n)(.*?)(<!-- end -->)", re.S)
+ROW = re.compile(r"^\| `(\S+)`", re.M)
 
-LISTED_SENSORS = 4
+LISTED_SENSORS = 3
 
 AILERON = ["--command", "noise:rms=5deg,bandwidth=1Hz,seed=7"]
 # The inputs of the moving run of each system. The run at rest takes the defaults of all inputs.
@@ -122,14 +124,14 @@ def table(bench, system, faults):
     """The rows of a mark's faults."""
     moving = MOVING[system]
     columns = [
-        ("moving, 0.1", 0.1, moving),
         ("moving, 0.5", 0.5, moving),
         ("moving, 1", 1, moving),
         ("at rest, 0.5", 0.5, []),
     ]
     if any(".mode_valve." in fault for fault in faults):
-        columns.append(("switched off at 5 s, 0.5", 0.5, [*moving, *SWITCHED_OFF]))
-    lines = [f"| fault | parameter | {' | '.join(head for head, _, _ in columns)} |", "| --- " * (len(columns) + 2) + "|"]
+        columns.append(("switched off, 0.5", 0.5, [*moving, *SWITCHED_OFF]))
+    heads = " | ".join(head for head, _, _ in columns)
+    lines = [f"| fault of {system} | parameter | {heads} |", "|---" * (len(columns) + 2) + "|"]
     for fault in faults:
         cells = [bench.signature(system, fault, intensity, inputs) for _, intensity, inputs in columns]
         lines.append(f"| `{fault}` | `{bench.law(system, fault)}` | {' | '.join(cells)} |")
@@ -143,8 +145,8 @@ def main():
     found = PAGE.read_text()
 
     def filled(match):
-        begin, system, faults, end = match.groups()
-        return f"{begin}\n{table(bench, system, faults.split())}{end}"
+        begin, system, rows, end = match.groups()
+        return f"{begin}\n{table(bench, system, ROW.findall(rows))}{end}"
 
     wanted = MARK.sub(filled, found)
     if "--check" in sys.argv[1:]:
