@@ -1,7 +1,8 @@
 //! The documents of the repository: their links lead to files and headings that exist, the index lists every decision
-//! and lab note, and the page of faults describes every fault of the catalog.
+//! and lab note, the page of faults describes every fault of the catalog, and the page of features every feature.
 
 use super::book::{anchor, links};
+use super::json;
 use servotwin::catalogue;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -155,5 +156,57 @@ fn every_fault_of_the_catalog_has_a_section_with_its_law_and_four_answers() {
         for part in parts {
             assert_eq!(section.matches(&format!("**{part}** ")).count(), 1, "{title}: {part}");
         }
+    }
+}
+
+/// The words of a feature's name that stand for a sensor, its role or its actuator.
+const PLACEHOLDERS: [&str; 4] = ["SENSOR", "OTHER", "QUANTITY", "NUMBER"];
+
+/// Whether a name has the parts of a pattern between its placeholders.
+fn fits(pattern: &str, name: &str) -> bool {
+    let pattern = PLACEHOLDERS.iter().fold(pattern.to_owned(), |all, word| all.replace(word, "*"));
+    let Some((begin, others)) = pattern.split_once('*') else { return pattern == name };
+    let Some(mut rest) = name.strip_prefix(begin) else { return false };
+    for part in others.split('*') {
+        let Some(place) = rest.rfind(part) else { return false };
+        rest = &rest[place + part.len()..];
+    }
+    rest.is_empty()
+}
+
+#[test]
+fn a_pattern_fits_the_names_that_it_stands_for() {
+    assert!(fits("rms_SENSOR_over_OTHER", "rms_p_A1_over_x_v1"));
+    assert!(fits("mean_gap", "mean_gap") && !fits("mean_gap", "mean_gap_2"));
+    assert!(!fits("crest_SENSOR", "gain_p_A1"));
+}
+
+#[test]
+fn every_listed_feature_fits_one_pattern_of_its_family_and_every_pattern_a_feature() {
+    let page = read(&Path::new(REPOSITORY).join("docs/features.md"));
+    let mut rows = vec![];
+    for section in page.split("\n## ").skip(1) {
+        let family = section.lines().next().unwrap_or_default();
+        for line in section.lines().filter(|line| line.starts_with("| `")) {
+            let cells: Vec<&str> = line.split(" | ").collect();
+            rows.push((family, cells[0].trim_matches(['|', ' ', '`']), cells[1]));
+        }
+    }
+    let listed = json(&["--json", "features", "--list"]);
+    let listed = listed.as_array().expect("a list");
+    assert!(listed.len() > 100, "{}", listed.len());
+    let mut used = vec![0; rows.len()];
+    for feature in listed {
+        let text = |key: &str| feature[key].as_str().expect("a text");
+        let (family, name, unit) = (text("family"), text("name"), text("unit"));
+        assert!(!text("meaning").is_empty(), "{name}");
+        let is_of = |row: &(&str, &str, &str)| row.0 == family && fits(row.1, name);
+        let found: Vec<usize> = (0..rows.len()).filter(|&row| is_of(&rows[row])).collect();
+        assert_eq!(found.len(), 1, "docs/features.md: patterns of {name} in {family}");
+        assert_eq!(rows[found[0]].2, unit, "docs/features.md: the unit of {name}");
+        used[found[0]] += 1;
+    }
+    for (row, used) in rows.iter().zip(used) {
+        assert!(used > 0, "docs/features.md: no feature fits {row:?}");
     }
 }

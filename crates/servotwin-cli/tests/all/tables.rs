@@ -76,17 +76,6 @@ fn every_command_of_the_document_works() {
     assert!(!page.contains("held out"), "a model is judged by every row");
 }
 
-#[test]
-fn the_list_of_features_is_the_document() {
-    let list = stdout(&servotwin(&["features", "--list"]));
-    let document = std::fs::read_to_string(format!("{DOCS}/features.md")).unwrap();
-    assert_eq!(list, document, "servotwin features --list > docs/features.md");
-    let entries = json(&["--json", "features", "--list"]);
-    let entries = entries.as_array().unwrap();
-    assert!(entries.len() > 100, "{}", entries.len());
-    assert!(entries.iter().all(|e| !e["meaning"].as_str().unwrap().is_empty()));
-}
-
 fn write(folder: &Folder, name: &str, text: &str) -> String {
     let path = folder.file(name);
     std::fs::write(&path, text).unwrap();
