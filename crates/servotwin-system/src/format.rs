@@ -440,26 +440,39 @@ pub fn object(keys: &[Key]) -> Json {
     })
 }
 
-/// All keys as a Markdown table; keys of inner tables have dots.
+/// All keys as a Markdown table; keys of inner tables have dots. A table whose keys were listed before refers to them.
 pub fn markdown(keys: &[Key]) -> String {
-    let mut text = String::from("| key | value | meaning |\n| --- | --- | --- |\n");
-    rows(keys, "", &mut text);
+    let mut text = String::from("| key | value | meaning |\n|---|---|---|\n");
+    rows(keys, "", &mut vec![], &mut text);
     text
 }
 
-fn rows(keys: &[Key], before: &str, text: &mut String) {
+fn rows(keys: &[Key], before: &str, listed: &mut Vec<(&'static [Key], String)>, text: &mut String) {
     for key in keys {
         let name = format!("{before}{}", key.name);
         let must = if key.obligatory { ", required" } else { "" };
-        *text += &format!("| `{name}` | {}{must} | {} |\n", key.value.words(), key.summary);
         let (inner, dots) = match &key.value {
-            Value::Table(keys) => (Some(*keys), "."),
-            Value::List(_, Value::Table(keys)) => (Some(*keys), "[]."),
-            Value::Names(_, Value::Table(keys)) => (Some(*keys), ".NAME."),
+            Value::Table(keys) => (Some(*keys), ""),
+            Value::List(_, Value::Table(keys)) => (Some(*keys), "[]"),
+            Value::Names(_, Value::Table(keys)) => (Some(*keys), ".NAME"),
             _ => (None, ""),
         };
-        if let Some(inner) = inner {
-            rows(inner, &format!("{name}{dots}"), text);
+        let first = inner.and_then(|inner| listed.iter().find(|(keys, _)| are_alike(keys, inner)));
+        let reference = first.map_or(String::new(), |(_, name)| format!("; keys as in `{name}`"));
+        let words = key.value.words();
+        *text += &format!("| `{name}` | {words}{must} | {}{reference} |\n", key.summary);
+        if let Some(inner) = inner
+            && reference.is_empty()
+        {
+            let name = format!("{name}{dots}");
+            listed.push((inner, name.clone()));
+            rows(inner, &format!("{name}."), listed, text);
         }
     }
+}
+
+/// Whether two tables have the same keys.
+fn are_alike(one: &[Key], other: &[Key]) -> bool {
+    let line = |key: &Key| (key.name, key.summary, key.obligatory);
+    one.iter().map(line).eq(other.iter().map(line))
 }

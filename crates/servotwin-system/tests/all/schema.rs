@@ -239,4 +239,6 @@ fn every_key_of_a_study_has_its_row() {
     for key in ["`training.draws[].count`", "`sensors.NAME.quantity`", "`flights.learn.repeats`"] {
         assert!(table.contains(key), "{key}:\n{table}");
     }
+    let other = "number of flights for the evaluation; keys as in `flights.learn` |\n";
+    assert!(table.contains(other) && !table.contains("`flights.judge.repeats`"), "{table}");
 }
