@@ -9,11 +9,10 @@ PROGRAM is target/release/servotwin unless another one is given. A table belongs
     <!-- measured aileron_dual -->
 
 which names its system; `bench` is peers/fault_bench.toml. The first cells of its rows name the faults, so a new row
-needs no more than `| `FAULT` |`. The script simulates every fault and the
-healthy system with the same inputs, and subtracts the readings of the sensors. The table lists the sensors whose
-difference has an rms of more than 3 % of the sensor's scale, with this rms in percent. If no sensor exceeds 3 %,
-it gives the largest one in parentheses. With --check the script compares the page instead of writing it, and ends
-with exit code 1 if the page differs.
+needs no more than its first cell. The script simulates every fault and the healthy system with the same inputs, and
+subtracts the readings of the sensors. The table lists the sensors whose difference has an rms of more than 3 % of the
+sensor's scale, with this rms in percent. If no sensor exceeds 3 %, it gives the largest one in parentheses. With
+--check the script compares the page instead of writing it, and ends with exit code 1 if the page differs.
 """
 
 import csv
@@ -54,7 +53,6 @@ class Bench:
         self.folder = tempfile.TemporaryDirectory()
         self.described = {}
         self.healthy = {}
-        self.laws = {}
 
     def run(self, *arguments):
         """What the program prints."""
@@ -72,15 +70,6 @@ class Bench:
     def scales(self, system):
         """The sensors of a system: id, label and scale."""
         return [(s["id"], s["label"], s["scale"]) for s in self.describe(system)["sensors"]]
-
-    def law(self, system, fault):
-        """The value of the fault's parameter at intensity i, as the catalog gives it."""
-        component, name = fault.rsplit(".", 1)
-        kind = next(c["kind"] for c in self.describe(system)["components"] if c["id"] == component)
-        if kind not in self.laws:
-            declared = json.loads(self.run("components", kind, "--json"))["faults"]
-            self.laws[kind] = {one["name"]: one["law"] for one in declared}
-        return self.laws[kind][name]
 
     def simulate(self, system, inputs):
         """The readings of one run by the ids of the sensors."""
@@ -131,10 +120,10 @@ def table(bench, system, faults):
     if any(".mode_valve." in fault for fault in faults):
         columns.append(("switched off, 0.5", 0.5, [*moving, *SWITCHED_OFF]))
     heads = " | ".join(head for head, _, _ in columns)
-    lines = [f"| fault of {system} | parameter | {heads} |", "|---" * (len(columns) + 2) + "|"]
+    lines = [f"| fault of {system} | {heads} |", "|---" * (len(columns) + 1) + "|"]
     for fault in faults:
         cells = [bench.signature(system, fault, intensity, inputs) for _, intensity, inputs in columns]
-        lines.append(f"| `{fault}` | `{bench.law(system, fault)}` | {' | '.join(cells)} |")
+        lines.append(f"| `{fault}` | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
