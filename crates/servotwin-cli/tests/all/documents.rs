@@ -1,5 +1,6 @@
-//! The documents of the repository: their links lead to files and headings that exist, the index lists every decision
-//! and lab note, the page of faults describes every fault of the catalog, and the page of features every feature.
+//! The documents of the repository: their links lead to files and headings that exist, the index lists every decision,
+//! decisions are few and short, the page of faults describes every fault of the catalog, and the page of features every
+//! feature.
 
 use super::book::{anchor, links};
 use super::json;
@@ -9,8 +10,10 @@ use std::path::{Path, PathBuf};
 
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const FAULTS: &str = "Faults: ";
-/// A longer index is no index any more.
-const MAX_INDEX_LINES: usize = 120;
+/// The largest number of decision records.
+const MAX_DECISIONS: usize = 40;
+/// The largest number of words in a decision record, title included.
+const MAX_DECISION_WORDS: usize = 150;
 
 fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
@@ -62,7 +65,7 @@ fn every_relative_link_of_the_documents_leads_to_a_file_and_a_heading() {
         Path::new(REPOSITORY).join("ARCHITECTURE.md"),
         Path::new(REPOSITORY).join("CONTRIBUTING.md"),
     ];
-    for folder in ["docs", "docs/decisions", "docs/lab"] {
+    for folder in ["docs", "docs/decisions"] {
         documents.extend(markdown_files(folder));
     }
     let mut checked = 0;
@@ -91,24 +94,23 @@ fn a_link_to_a_missing_file_or_heading_is_found() {
 }
 
 #[test]
-fn the_indexes_list_every_decision_and_lab_note_once() {
-    for folder in ["docs/decisions", "docs/lab"] {
-        let index = read(&Path::new(REPOSITORY).join(folder).join("README.md"));
-        let listed = links(&index);
-        for path in markdown_files(folder) {
-            let name = path.file_name().expect("a name").to_string_lossy();
-            if name == "README.md" {
-                continue;
-            }
-            let count = listed.iter().filter(|one| **one == name).count();
-            assert_eq!(count, 1, "the index of {folder} must list {name} once");
-        }
+fn the_index_lists_every_decision_once_and_decisions_are_few_and_short() {
+    let index = read(&Path::new(REPOSITORY).join("DESIGN.md"));
+    let records = markdown_files("docs/decisions");
+    assert!(records.len() <= MAX_DECISIONS, "{} decision records", records.len());
+    let listed = index.matches("](docs/decisions/").count();
+    assert_eq!(listed, records.len(), "DESIGN.md must list each decision record and no other");
+    for path in &records {
+        let name = path.file_name().expect("a name").to_string_lossy();
+        let record = read(path);
+        let title = record.lines().next().unwrap_or_default().trim_start_matches("# ");
+        let line = format!("- [{}](docs/decisions/{name})\n", title.replacen(':', "", 1));
+        assert_eq!(index.matches(&line).count(), 1, "DESIGN.md must have the line {line}");
+        let number = title.split(':').next().unwrap_or_default();
+        assert!(name.starts_with(&format!("{number}-")), "{name} has the title {title}");
+        let words = record.split_whitespace().count();
+        assert!(words <= MAX_DECISION_WORDS, "{name} has {words} words");
     }
-    let lines = read(&Path::new(REPOSITORY).join("DESIGN.md")).lines().count();
-    assert!(
-        lines <= MAX_INDEX_LINES,
-        "DESIGN.md names what shapes the whole and has {lines} lines"
-    );
 }
 
 /// The words in backticks of a text.

@@ -146,98 +146,98 @@ const fn tuned(seed: u32) -> Origin {
 // Name, kind, usual value, range and unit; origin, source and meaning.
 tuning! {
     false_alarms_per_h: f64 = 1e-3 in 1e-12..=3600.0, "1/h",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "False alarms of an action in a fault-free hour, for an error of cost 1: a target, from which the limits against \
          health follow.";
     wrong_isolation: f64 = 1e-3 in 1e-12..=1.0, "",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "Probability that a fault raises the wrong action, for an error of cost 1: a target, from which the limits between \
          actions follow.";
     allowance_nats: f64 = 0.2 in 0.0..=1e6, "nats",
-        tuned(9), "lab/2026-11-committee-size.md",
+        tuned(9), "decisions/018-evidence.md",
         "Subtracted from the evidence of every window for any hypothesis against any other.";
     health_allowance_nats: f64 = 3.0 or 0.5 in 0.0..=1e6, "nats",
-        tuned(7), "lab/2026-11-evidence-allowance.md",
+        tuned(7), "decisions/018-evidence.md",
         "Subtracted besides against health, as much as a healthy specimen may permanently look like a fault; 0.5 beside \
          perfect specimens.";
     off_allowance_nats: f64 = 2.0 or 0.0 in 0.0..=1e6, "nats",
-        tuned(9), "lab/2026-11-committee-size.md",
+        tuned(9), "decisions/018-evidence.md",
         "Subtracted besides against health for an action that switches off; 0 beside perfect specimens.";
     other_allowance_nats: f64 = 1.5 in 0.0..=1e6, "nats",
-        tuned(9), "lab/2026-11-committee-size.md",
+        tuned(9), "decisions/018-evidence.md",
         "Subtracted besides against another actuator for an action that switches off: nearly uncertain windows are no \
          knowledge, however many.";
     overlap_exponent: f64 = 0.0 in 0.0..=1e6, "",
-        tuned(7), "lab/2026-11-evidence-allowance.md",
+        tuned(7), "decisions/018-evidence.md",
         "Exponent of a window's new share: with 0 every window counts in full, with 1 every sample once.";
     clip_nats: f64 = 8.0 in 1e-3..=100.0, "nats",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "The largest evidence of one window, odds of 3,000 to 1: no single window decides.";
     in_band_nats: f64 = 4.0 in 0.0..=1e6, "nats",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "Evidence for health of a window with every residual in its band: about the odds at which the bands of healthy \
          records hold, 98.5 %.";
     least_limit_nats: f64 = 1.0 in 0.0..=1e6, "nats",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "Lower end of every limit, whatever the costs: odds of 2.7 to 1.";
     evidence_cap: f64 = 1.5 in 1.0..=1e6, "",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "Cap of gathered evidence in parts of its limit: it bounds the time that evidence needs to fall again.";
     #[serde(rename = "most_alike")]
     max_common_mode: f64 = 0.9 in 0.5..=1.0, "",
-        Physical, "decisions/075-unknown.md",
+        Physical, "decisions/016-unknown-is-not-isolated.md",
         "The share of a deviation that two actuators have in common above which it is unknown: a fault of one actuator \
          gives one half, a wrong command 1.";
     pending_share: f64 = 0.5 in 1e-3..=0.999, "",
-        Statistical, "decisions/071-matrix-cusum.md",
+        Statistical, "decisions/018-evidence.md",
         "The part of a limit above which an alarm is pending, and below which a raised one recovers: the root of the odds.";
     recover_s: f64 = 5.0 in 0.0..=1e6, "s",
-        Physical, "decisions/076-shutdown-rules.md",
+        Physical, "decisions/019-last-actuator.md",
         "Time without evidence before a raised alarm that is not latched ends: longer than the pauses of an intermittent \
          fault of 1 s.";
     least_detail_confidence: f64 = 0.5 in 0.0..=1.0, "",
-        Statistical, "decisions/066-committee.md",
+        Statistical, "decisions/015-trees-and-committee-agree.md",
         "Least probability of a named detail: likelier than all others together.";
     settle_s: f64 = 1.0 in 0.0..=1e6, "s",
-        Physical, "decisions/077-missing-sensors.md",
+        Physical, "decisions/017-missing-sensors.md",
         "Time without judgement after the twin had wrong inputs or changed its mode: its transients last that long.";
     no_data_after_s: f64 = 0.1 in 0.0..=1e6, "s",
-        Physical, "decisions/077-missing-sensors.md",
+        Physical, "decisions/017-missing-sensors.md",
         "Time without usable values after which a sensor counts as lost: a few lost messages on a bus are shorter.";
     most_lost: f64 = 0.5 in 0.0..=1.0, "",
-        Statistical, "decisions/077-missing-sensors.md",
+        Statistical, "decisions/017-missing-sensors.md",
         "The share of an actuator's sensors, or of all, beyond which lost sensors end the diagnosis: the majority.";
     fault_needed_nats: f64 = 3.0 in 0.0..=1e6, "nats",
-        Statistical, "decisions/137-doubtful-boundary.md",
+        Statistical, "decisions/020-doubtful-boundary.md",
         "Evidence for a fault that a shutdown needs while a wrong boundary reading explains everything: odds of 20 to 1.";
     boundary_memory_s: f64 = 10.0 in 1e-3..=1e6, "s",
-        Statistical, "decisions/137-doubtful-boundary.md",
+        Statistical, "decisions/020-doubtful-boundary.md",
         "How long this evidence is remembered: ten seconds of motion tell a wrong reading from a leak.";
     healthy_slope_memory_s: f64 = 60.0 in 1e-3..=1e6, "s",
-        Statistical, "decisions/137-doubtful-boundary.md",
+        Statistical, "decisions/020-doubtful-boundary.md",
         "How long the slope of a healthy line is remembered: a minute of motion shows it, and a filter clogs more slowly.";
     line_slope_deviation: f64 = 0.15 in 1e-6..=1e6, "",
-        Physical, "decisions/137-doubtful-boundary.md",
+        Physical, "decisions/020-doubtful-boundary.md",
         "The standard deviation of a healthy line's slope that is not known yet: the resistance of lines and filters \
          differs from the twin's by up to a quarter.";
     largest_boundary_error: f64 = 0.05 in 0.0..=1e6, "of scale",
-        Physical, "decisions/137-doubtful-boundary.md",
+        Physical, "decisions/020-doubtful-boundary.md",
         "The largest error of a boundary reading that a shutdown waits for: line transducers err by up to 4 % of their \
          full scale.";
     baseline_settle_s: f64 = 4.0 in 1e-3..=1e6, "s",
-        Physical, "decisions/074-baseline-correction.md",
+        Physical, "decisions/012-windows-of-panes.md",
         "Time of the first mean of a specimen's residuals: it ends before the earliest fault of the training flights.";
     baseline_memory_s: f64 = 60.0 in 1e-3..=1e6, "s",
-        Physical, "decisions/074-baseline-correction.md",
+        Physical, "decisions/012-windows-of-panes.md",
         "Memory of this mean afterwards: long beside the isolation of a fault, short beside changes of temperature.";
     panes: u32 = 5 in 1..=1000, "",
-        Statistical, "decisions/070-windows-of-panes.md",
+        Statistical, "decisions/012-windows-of-panes.md",
         "Panes of a window: so often a window is judged while it passes.";
     input_margin: f64 = 0.25 in 0.0..=1e6, "",
-        Physical, "decisions/069-learning-from-flights.md",
+        Physical, "decisions/024-hard-negatives.md",
         "How far an input may leave the range of the training flights, in parts of the range, before it counts as wrong.";
     known_share: f64 = 0.999 in 1e-3..=0.999_999, "",
-        Statistical, "decisions/075-unknown.md",
+        Statistical, "decisions/016-unknown-is-not-isolated.md",
         "The share of known windows that count as known; the others look like nothing in training.";
 }
 
@@ -323,7 +323,7 @@ impl Tuning {
 impl Costs {
     /// The different costs as constants. The largest of each kind stands for it.
     fn constants(&self) -> Vec<Constant> {
-        const SOURCE: &str = "decisions/138-constants-in-one-place.md";
+        const SOURCE: &str = "decisions/018-evidence.md";
         let most = |costs: &[f64]| costs.iter().copied().fold(0.0, f64::max);
         let [healthy, faulty @ ..] = &self.same_actuator[..] else { return Vec::new() };
         let of = |name, value: f64, usual: [f64; 2], origin, meaning| Constant {
@@ -384,7 +384,7 @@ impl Allowances {
             unit: "nats",
             origin: Origin::Tuned { seed: 9 },
             meaning,
-            source: "lab/2026-11-committee-size.md",
+            source: "decisions/018-evidence.md",
         };
         let usual = BASELINE_CORRECTED;
         alloc::vec![
