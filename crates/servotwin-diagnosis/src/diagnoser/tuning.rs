@@ -192,7 +192,7 @@ tuning! {
         Statistical, "decisions/018-evidence.md",
         "The part of a limit above which an alarm is pending, and below which a raised one recovers: the root of the odds.";
     recover_s: f64 = 5.0 in 0.0..=1e6, "s",
-        Physical, "decisions/019-last-actuator.md",
+        Physical, "decisions/019-the-last-one-stays-on.md",
         "Time without evidence before a raised alarm that is not latched ends: longer than the pauses of an intermittent \
          fault of 1 s.";
     least_detail_confidence: f64 = 0.5 in 0.0..=1.0, "",
