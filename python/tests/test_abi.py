@@ -34,12 +34,12 @@ def interpreters():
             yield path
 
 
+@pytest.mark.slow
 def test_every_python_here_loads_the_module_and_steps_to_the_same_bits():
     path = _servotwin.__file__
     assert ".abi3." in path
     found = [sys.executable, *interpreters()]
-    if len(found) == 1:
-        pytest.skip("there is no other Python")
+    assert len(found) > 1, "there is no other Python: apt-get install python3"
     said = {
         python: subprocess.run([python, "-I", "-c", LOAD, path], capture_output=True, text=True)
         for python in found

@@ -12,12 +12,11 @@ from tiny import STUDY, contents, many_shards, with_fitted
 
 import servotwin
 
-pytest.importorskip("distributed")
-pytest.importorskip("fsspec")
-
 from distributed import Client
 
 from servotwin import _servotwin, distributed
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -232,9 +231,8 @@ def test_an_evaluation_and_flights_have_the_bytes_of_one_machine(judged, tmp_pat
 
 
 def test_an_s3_server_holds_the_same_bytes(study, whole, judged):
-    pytest.importorskip("s3fs")
-    server = pytest.importorskip("moto.server")
     import fsspec
+    from moto import server
 
     port = free_port()
     running = server.ThreadedMotoServer(ip_address="127.0.0.1", port=port, verbose=False)

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 DRIVER = Path(__file__).parent / "eva_driver.c"
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 DIAGNOSIS = "session boundary decision judge windows models math random".split()
@@ -53,9 +55,12 @@ OPEN = {
 }
 
 
+# Packages of Debian whose name is not that of their program.
+PACKAGES = {"frama-c": "frama-c-base"}
+
+
 def tool(name):
-    if shutil.which(name) is None:
-        pytest.skip(f"there is no {name}")
+    assert shutil.which(name), f"there is no {name}: apt-get install {PACKAGES.get(name, name)}"
     return name
 
 

@@ -7,18 +7,17 @@ import shutil
 import subprocess
 import zipfile
 
+import fmpy
 import numpy as np
 import pytest
 from flown import flight
+from fmpy import read_model_description, simulate_fmu
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
 
 import servotwin
-
-fmpy = pytest.importorskip("fmpy")
-from fmpy import read_model_description, simulate_fmu  # noqa: E402
-from fmpy.fmi1 import FMICallException  # noqa: E402
-from fmpy.fmi2 import FMU2Model, FMU2Slave  # noqa: E402
-from fmpy.fmi3 import FMU3Slave  # noqa: E402
-from fmpy.validation import validate_fmu  # noqa: E402
 
 FAULT = "actuator_1.leakage_a.leakage"
 STEP_S = 0.01
@@ -98,8 +97,6 @@ def hybrid(request, tmp_path_factory, learned):
 
 @pytest.fixture(scope="module", params=[2, 3])
 def fmu(request, tmp_path_factory):
-    if not os.environ.get("SERVOTWIN_BINARY"):
-        pytest.skip("SERVOTWIN_BINARY names no command line")
     return Fmu(request.param, tmp_path_factory.mktemp("fmu"))
 
 
@@ -295,10 +292,9 @@ def test_a_hybrid_twin_says_what_the_diagnosis_says(hybrid, learned):
     assert_near(np.array(rows)[:, expected], nominal)
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("compiler", ["gcc", pytest.param("clang", marks=pytest.mark.slow)])
 def test_the_sources_compile_without_a_warning(compiler, fmu, hybrid):
-    if shutil.which(compiler) is None:
-        pytest.skip(f"there is no {compiler}")
+    assert shutil.which(compiler), f"there is no {compiler}: apt-get install {compiler}"
     for folder in (fmu.folder, hybrid.folder):
         sources = glob.glob(os.path.join(folder, "sources", "*.c"))
         subprocess.run([compiler, *STRICT, *sources], check=True)

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
-nbformat = pytest.importorskip("nbformat")
-client = pytest.importorskip("nbclient")
-pytest.importorskip("ipykernel")
-
 FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_a_notebook_runs(path):
+    import nbformat
+    from nbclient import NotebookClient
+
     book = nbformat.read(path, as_version=4)
-    client.NotebookClient(book, timeout=300, kernel_name="python3").execute()
+    NotebookClient(book, timeout=300, kernel_name="python3").execute()
     assert all(cell.get("execution_count") for cell in book.cells if cell.cell_type == "code")
 
 

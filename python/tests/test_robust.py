@@ -106,7 +106,8 @@ def test_a_forked_process_works_on(system):
 
 
 def test_everything_that_dask_sends_can_be_pickled():
-    distributed = pytest.importorskip("servotwin.distributed")
+    from servotwin import distributed
+
     study = servotwin.Study.parse(with_fitted())
     sent = []
 

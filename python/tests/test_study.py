@@ -1,13 +1,13 @@
 """The stages of a study, beside the command line where that is there."""
 
 import json
-import os
 import pickle
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import binary
 from tiny import STUDY, contents
 
 import servotwin
@@ -140,15 +140,12 @@ def test_stages_run_again_give_the_same_bytes(folder, study, tmp_path):
 
 
 def test_the_command_line_gives_the_same_bytes(folder, study, tmp_path):
-    binary = os.environ.get("SERVOTWIN_BINARY")
-    if not binary:
-        pytest.skip("SERVOTWIN_BINARY names no command line")
     (tmp_path / "tiny.toml").write_text(STUDY)
     out = tmp_path / "out"
     for arguments in (["campaign", tmp_path / "tiny.toml", "--out", out], ["train", out]):
-        subprocess.run([binary, *map(str, arguments)], check=True, capture_output=True)
+        subprocess.run([binary(), *map(str, arguments)], check=True, capture_output=True)
     for arguments in (["evaluate", out], ["report", out]):
-        subprocess.run([binary, *map(str, arguments)], check=True, capture_output=True)
+        subprocess.run([binary(), *map(str, arguments)], check=True, capture_output=True)
     assert contents(out) == contents(folder)
 
 
@@ -210,7 +207,6 @@ def test_reports_show_themselves(folder):
 
 
 def test_a_bar_of_tqdm_shows_progress(study, tmp_path, capsys):
-    pytest.importorskip("tqdm")
     servotwin.campaign(study, tmp_path, settings=["ideal"])
     assert "simulating ideal" in capsys.readouterr().err
     assert np.isfinite(len(servotwin.data_set(tmp_path, "ideal")))

@@ -36,7 +36,8 @@ def test_columns_are_shown_without_a_copy_and_cannot_be_written():
 
 
 def test_pyarrow_reads_types_units_and_values_without_a_copy():
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
+
     table = mixed()
     arrow = pa.table(table)
     arrow.validate(full=True)
@@ -57,15 +58,15 @@ def test_pyarrow_reads_types_units_and_values_without_a_copy():
 
 
 def test_pandas_polars_and_duckdb_take_a_table():
+    import duckdb
+    import pandas
+    import polars
+
     table = mixed()
-    pandas = pytest.importorskip("pandas")
     frame = table.to_pandas()
     assert list(frame.columns) == table.columns and list(frame["whole"]) == [1, -2, 3]
     assert isinstance(frame, pandas.DataFrame)
-    polars = pytest.importorskip("polars")
     assert polars.DataFrame(table)["text"].to_list() == ["ä", "", 'c,"d"']
-    duckdb = pytest.importorskip("duckdb")
-    pytest.importorskip("pyarrow")
     connection = duckdb.connect()
     connection.register("mine", table.to_arrow())
     assert connection.execute("select sum(whole) from mine").fetchall() == [(2,)]
@@ -74,7 +75,8 @@ def test_pandas_polars_and_duckdb_take_a_table():
 
 @pytest.mark.parametrize("rows", [0, 1, 7, 8, 9, 1000])
 def test_any_number_of_rows(rows):
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
+
     flags = np.arange(rows) % 3 == 0
     texts = [str(k) for k in range(rows)]
     table = servotwin.Table({"flag": flags, "number": np.arange(rows) * 0.5})
@@ -128,7 +130,8 @@ def test_columns_that_do_not_fit_are_refused():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_memory_stays_flat_over_many_calls(system):
-    pa = pytest.importorskip("pyarrow")
+    import pyarrow as pa
+
 
     def resident():
         with open("/proc/self/statm") as file:

@@ -4,8 +4,6 @@ import os
 import subprocess
 import sys
 
-import pytest
-
 PROGRAM = """
 import numpy as np
 import servotwin
@@ -19,7 +17,6 @@ names: list[str] = [mistake.message for mistake in servotwin.System.check("a.tom
 
 
 def mypy(*arguments):
-    pytest.importorskip("mypy")
     command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", os.devnull, *arguments]
     return subprocess.run(command, capture_output=True, text=True)
 
@@ -40,7 +37,6 @@ def test_a_program_is_clean_and_slips_are_found(tmp_path):
 
 
 def test_stubs_and_module_agree():
-    pytest.importorskip("mypy")
     command = [sys.executable, "-m", "mypy.stubtest", "servotwin._servotwin", "--ignore-disjoint-bases"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr

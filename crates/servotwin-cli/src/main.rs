@@ -63,6 +63,9 @@ pub(crate) struct Global {
         hide_default_value = true
     )]
     compile: Compile,
+    /// Check the options and the paths, then end. The tests of the book use it for commands that take minutes.
+    #[arg(long, global = true, hide = true)]
+    dry_run: bool,
 }
 
 /// When equations are compiled.
@@ -209,8 +212,10 @@ fn main() -> ExitCode {
     cli.global.compile.set(cli.global.quiet);
     let paths = cli.command.paths();
     paths.remove_leftovers();
-    let allowed = paths.check();
-    let outcome = allowed.and_then(|()| cli.command.run(cli.global)).and_then(|text| print(&text));
+    let outcome = paths.check().and_then(|()| match cli.global.dry_run {
+        true => Ok(()),
+        false => cli.command.run(cli.global).and_then(|text| print(&text)),
+    });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -1,4 +1,4 @@
-//! The book: every command of it is run, in the order of its page and in a folder of the page's own; what a block
+//! The book: every command of it is understood, and every short one is run, in the order of its page and in a folder of the page's own; what a block
 //! `text said` shows is what the command before it has said; its files are those that are shipped; its tables are what the
 //! program declares.
 //!
@@ -74,48 +74,151 @@ fn run_line(folder: &Folder, line: &str) -> String {
     said
 }
 
-/// What a command cannot be without: of one that takes minutes it is asked whether it is understood.
+/// Parses a command and checks the paths that it names, without running it.
 pub(super) fn is_understood(folder: &Folder, line: &str) {
+    let line = line.split(" > ").next().unwrap_or_default();
     let words: Vec<&str> = line.split_whitespace().collect();
     if words[0] != "servotwin" {
         return;
     }
-    let output = run(folder, &[&words[1..], &["--help"]].concat());
+    let output = run(folder, &[&["--dry-run"], &words[1..]].concat());
     assert!(output.status.success(), "{line}: {}", stderr(&output));
 }
 
-#[test]
-fn every_command_of_the_book_works() {
-    let mut run = 0;
-    for name in pages() {
-        // The commands of this page are run by a test of their own.
-        if name == "tables.md" {
-            continue;
-        }
-        let folder = Folder::new(&format!("book-{}", name.trim_end_matches(".md")));
-        let mut said = String::new();
-        for (kind, text) in blocks(&page(&name)) {
-            match kind.split_once(' ').unwrap_or((&kind, "")) {
-                ("sh", "long") => {
-                    commands(&text).iter().for_each(|line| is_understood(&folder, line))
-                }
-                ("sh", _) => {
-                    for line in commands(&text) {
-                        said = run_line(&folder, &line);
-                        run += 1;
-                    }
-                }
-                ("text", "said") => {
-                    assert!(said.contains(&text), "{name} shows:\n{text}\nand said is:\n{said}");
-                }
-                ("toml" | "csv", file) if !file.is_empty() => {
-                    std::fs::write(folder.file(file), text).unwrap();
-                }
-                _ => {}
+/// Writes the files that a page shows, and returns its commands in their order with whether they take minutes.
+fn commands_of(folder: &Folder, page: &str) -> Vec<(String, bool)> {
+    let mut found = vec![];
+    for (kind, text) in blocks(page) {
+        match kind.split_once(' ').unwrap_or((&kind, "")) {
+            ("sh", length) => {
+                found.extend(commands(&text).into_iter().map(|line| (line, length == "long")));
             }
+            ("toml" | "csv", file) if !file.is_empty() => {
+                std::fs::write(folder.file(file), text).unwrap();
+            }
+            _ => {}
         }
     }
-    assert!(run > 25, "{run} commands");
+    found
+}
+
+/// The endings of files that commands read and write.
+const ENDINGS: [&str; 6] = [".csv", ".toml", ".json", ".parquet", ".jsonl", ".mcap"];
+
+/// The files that a command takes as they are, which it must find.
+fn named_inputs(line: &str) -> Vec<&str> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let is_file =
+        |word: &str| ENDINGS.iter().any(|ending| word.ends_with(ending)) && !word.contains('=');
+    let is_written = |before: &str| {
+        [">", "--out", "--plot", "--html", "--make-map", "--template", "--save", "--update"]
+            .contains(&before)
+    };
+    let pairs = words.windows(2).filter(|pair| is_file(pair[1]) && !is_written(pair[0]));
+    pairs.map(|pair| pair[1]).collect()
+}
+
+/// Whether a file is there, is one of the page's, or comes from a command before: as an output, or in its folder.
+fn is_known(folder: &Folder, before: &[String], file: &str) -> bool {
+    let words = || before.iter().flat_map(|line| line.split_whitespace());
+    let of_a_folder = file.split_once('/').map(|(folder, _)| folder);
+    Path::new(&folder.file(file)).exists()
+        || words().any(|word| word == file || Some(word) == of_a_folder)
+        || of_a_folder == Some("out")
+}
+
+#[test]
+fn every_command_of_the_book_is_understood_and_finds_its_files() {
+    let mut understood = 0;
+    for name in pages() {
+        let folder = Folder::new(&format!("read-{}", name.trim_end_matches(".md")));
+        let mut before: Vec<String> = vec![];
+        for (line, _) in commands_of(&folder, &page(&name)) {
+            is_understood(&folder, &line);
+            for file in named_inputs(&line) {
+                assert!(is_known(&folder, &before, file), "{name}: {line}: nothing writes {file}");
+            }
+            before.push(line);
+            understood += 1;
+        }
+    }
+    assert!(understood > 60, "{understood} commands");
+}
+
+#[test]
+fn a_command_without_what_it_needs_is_not_understood() {
+    let folder = Folder::new("read-wrong");
+    for line in [
+        "prove",
+        "simulate --record",
+        "simulate --step 1ms --tolerance 1e-3",
+        "watch a.csv --html a.csv",
+    ] {
+        let output =
+            run(&folder, &[&["--dry-run"], &line.split(' ').collect::<Vec<_>>()[..]].concat());
+        assert!(!output.status.success(), "{line}");
+    }
+    assert!(!is_known(&folder, &["servotwin fly --out a".into()], "b/c.json"));
+    assert!(is_known(&folder, &["servotwin fly --out b".into()], "b/c.json"));
+}
+
+/// Runs the short commands of a page; what a block `text said` shows is what the command before it printed.
+fn every_short_command_works(name: &str) {
+    let folder = Folder::new(&format!("book-{}", name.trim_end_matches(".md")));
+    let mut said = String::new();
+    for (kind, text) in blocks(&page(name)) {
+        match kind.split_once(' ').unwrap_or((&kind, "")) {
+            ("sh", length) if length != "long" => {
+                commands(&text).iter().for_each(|line| said = run_line(&folder, line));
+            }
+            ("text", "said") => {
+                assert!(said.contains(&text), "{name} shows:\n{text}\nand said is:\n{said}");
+            }
+            ("toml" | "csv", file) if !file.is_empty() => {
+                std::fs::write(folder.file(file), text).unwrap();
+            }
+            _ => {}
+        }
+    }
+}
+
+/// One test for each page with commands that are run, so that pages run side by side.
+macro_rules! run_pages {
+    ($($test:ident: $page:literal),* $(,)?) => {
+        $(#[test]
+        #[ignore = "slow: ./check --all"]
+        fn $test() {
+            every_short_command_works($page);
+        })*
+
+        const RUN: &[&str] = &[$($page),*];
+    };
+}
+
+run_pages! {
+    the_commands_of_first_run_work: "first-run.md",
+    the_commands_of_own_system_work: "own-system.md",
+    the_commands_of_own_study_work: "own-study.md",
+    the_commands_of_own_data_work: "own-data.md",
+    the_commands_of_tables_work: "tables.md",
+    the_commands_of_fit_work: "fit.md",
+    the_commands_of_watch_work: "watch.md",
+    the_commands_of_safety_work: "safety.md",
+    the_commands_of_idea_work: "idea.md",
+    the_commands_of_sensors_work: "sensors.md",
+    the_commands_of_study_format_work: "study-format.md",
+    the_commands_of_signals_work: "signals.md",
+    the_commands_of_faults_work: "faults.md",
+    the_commands_of_features_work: "features.md",
+}
+
+#[test]
+fn every_page_with_short_commands_is_run() {
+    let has_short = |name: &String| {
+        let folder = Folder::new(&format!("short-{}", name.trim_end_matches(".md")));
+        commands_of(&folder, &page(name)).iter().any(|(_, is_long)| !is_long)
+    };
+    assert_eq!(pages().into_iter().filter(has_short).collect::<Vec<_>>(), RUN);
 }
 
 /// The template that a page shows beside a shipped system.

@@ -1,5 +1,5 @@
 //! The documents of the repository: their links lead to files and headings that exist, the index lists every decision,
-//! decisions are few and short, the page of faults describes every fault of the catalog, and the page of features every
+//! the page of faults describes every fault of the catalog, and the page of features every
 //! feature.
 
 use super::book::{anchor, links};
@@ -10,10 +10,6 @@ use std::path::{Path, PathBuf};
 
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const FAULTS: &str = "Faults: ";
-/// The largest number of decision records.
-const MAX_DECISIONS: usize = 40;
-/// The largest number of words in a decision record, title included.
-const MAX_DECISION_WORDS: usize = 150;
 
 fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
@@ -94,10 +90,9 @@ fn a_link_to_a_missing_file_or_heading_is_found() {
 }
 
 #[test]
-fn the_index_lists_every_decision_once_and_decisions_are_few_and_short() {
+fn the_index_lists_every_decision_once() {
     let index = read(&Path::new(REPOSITORY).join("DESIGN.md"));
     let records = markdown_files("docs/decisions");
-    assert!(records.len() <= MAX_DECISIONS, "{} decision records", records.len());
     let listed = index.matches("](docs/decisions/").count();
     assert_eq!(listed, records.len(), "DESIGN.md must list each decision record and no other");
     for path in &records {
@@ -108,8 +103,6 @@ fn the_index_lists_every_decision_once_and_decisions_are_few_and_short() {
         assert_eq!(index.matches(&line).count(), 1, "DESIGN.md must have the line {line}");
         let number = title.split(':').next().unwrap_or_default();
         assert!(name.starts_with(&format!("{number}-")), "{name} has the title {title}");
-        let words = record.split_whitespace().count();
-        assert!(words <= MAX_DECISION_WORDS, "{name} has {words} words");
     }
 }
 

@@ -62,6 +62,7 @@ fn a_state_at_rest_has_no_digits_of_noise() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_template_is_checked_simulated_and_studied() {
     let folder = Folder::new("init");
     let place = folder.0.display().to_string();
@@ -405,6 +406,7 @@ fn wait_for_handler(id: u32) {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_study_that_is_stopped_early_says_so() {
     let folder = Folder::new("stopped");
     for (signal, after_ms) in [("-INT", 60), ("-INT", 250), ("-TERM", 400), ("-INT", 700)] {

@@ -276,6 +276,7 @@ fn what_cannot_be_flown_is_told_in_one_line() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let folder = Folder::new("band");
     let (few, many) = (folder.file("few.toml"), folder.file("many.toml"));

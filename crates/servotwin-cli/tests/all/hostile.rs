@@ -1,8 +1,10 @@
 //! Text of somebody else's files never reaches the terminal as something that it acts on: whatever a file calls its
 //! columns, classes, titles, topics and keys.
 
+use crate::house::sources;
 use crate::{Folder, servotwin, stderr, stdout};
 use std::fs;
+use std::path::Path;
 
 /// Red, a window title, text from right to left, a control sequence of C1, delete and a carriage return.
 const EVIL: &str = "d\u{1b}[31mRED\u{1b}]0;pwn\u{7}\u{202e}gnp.exe\u{2066}\u{9b}2J\u{7f}\rz";
@@ -138,12 +140,9 @@ fn keys_and_topics_of_hostile_logs_are_printed_escaped() {
 /// A second writer would let hostile text through.
 #[test]
 fn every_command_writes_through_the_place_that_escapes() {
-    let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/src");
-    let files = ["", "/commands"].map(|folder| fs::read_dir(format!("{sources}{folder}")).unwrap());
-    for file in files.into_iter().flatten().map(|file| file.unwrap().path()) {
-        if file.extension().is_none() || file.ends_with("out.rs") {
-            continue;
-        }
+    let files = sources(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src")));
+    assert!(files.len() > 30, "{} files", files.len());
+    for file in files.into_iter().filter(|file| !file.ends_with("out.rs")) {
         let text = fs::read_to_string(&file).unwrap();
         for past in ["io::stdout", "io::stderr", "println!(", " print!(", "eprint"] {
             assert!(!text.contains(past), "{}: {past} (see out.rs)", file.display());

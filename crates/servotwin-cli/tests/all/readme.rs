@@ -1,11 +1,10 @@
-//! The README: short, its commands are understood, and its numbers stand in the measured results.
+//! The README: its commands are understood, and its numbers stand in the measured results.
 
 use super::Folder;
 use super::book::{blocks, commands, is_understood};
 use servotwin::prelude::*;
 
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-const MAX_WORDS: usize = 900;
 
 fn read(file: &str) -> String {
     std::fs::read_to_string(format!("{REPOSITORY}/{file}"))
@@ -25,12 +24,6 @@ fn percentages(text: &str) -> Vec<&str> {
     };
     let parts: Vec<&str> = text.split(" %").collect();
     parts[..parts.len() - 1].iter().map(|part| &part[number(part)..]).collect()
-}
-
-#[test]
-fn the_readme_is_short() {
-    let words = read("README.md").split_whitespace().count();
-    assert!(words <= MAX_WORDS, "README.md has {words} words");
 }
 
 #[test]

@@ -160,6 +160,7 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_study_is_quick_first_and_a_full_one_is_never_lost_to_it() {
     let folder = Folder::new("quick");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
@@ -295,6 +296,7 @@ fn explains(out: &str) {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
     let folder = Folder::new("killed");
     let study = write_study(&folder, CLASSES);
@@ -399,6 +401,7 @@ fn flip(path: &Path) -> Vec<u8> {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let folder = Folder::new("flipped");
     let (study, out) = (write_study(&folder, CLASSES), copy_of(whole(), &folder));

@@ -128,16 +128,19 @@ fn watched(folder: &Folder, study: &str, out: &str) {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn one_unit_goes_the_whole_way() {
     whole_way(1);
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn two_like_units_go_the_whole_way() {
     whole_way(2);
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn three_like_units_go_the_whole_way() {
     whole_way(3);
 }
@@ -211,6 +214,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
 
 /// Units whose sensors do not correspond are not seen from each other: every one is learned by itself.
 #[test]
+#[ignore = "slow: ./check --all"]
 fn three_units_with_unlike_sensors_are_learned_one_by_one() {
     let folder = Folder::new("lanes-unlike");
     let without =
