@@ -29,18 +29,10 @@ pub(super) struct Sample {
 
 /// What disturbs a sensor: its offset, and its slope over the twin's signal, in parts of scale.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Disturbance {
+struct Disturbance {
     offset: f64,
     slope: f64,
     noise: f64,
-}
-
-impl Disturbance {
-    /// None, or an offset, a slope and noise of random sizes.
-    pub fn draw(random: &mut Random) -> Self {
-        let mut part = || if random.unit() < 0.5 { 0.0 } else { draw_size(random) };
-        Disturbance { offset: part(), slope: part(), noise: part().abs() }
-    }
 }
 
 /// The size of a disturbance with its sign, in parts of scale.
@@ -74,7 +66,6 @@ pub(super) struct Samples<'d> {
     goals: Vec<f64>,
     disturbances: Vec<Disturbance>,
     left: usize,
-    broken_share: f64,
     broken: Option<(Broken, usize)>,
     sample: Sample,
 }
@@ -96,19 +87,8 @@ impl<'d> Samples<'d> {
             goals: vec![0.5; sensors],
             disturbances: vec![Disturbance::default(); sensors],
             left: 0,
-            broken_share: BROKEN_SHARE,
             broken: None,
         }
-    }
-
-    /// Samples without a disturbance, and without faults of the transmission.
-    pub fn steady(diagnoser: &'d Diagnoser, seed: u64) -> Self {
-        Samples { left: usize::MAX, broken_share: 0.0, ..Samples::new(diagnoser, seed) }
-    }
-
-    /// Disturbs each sensor in its own way from the next sample on.
-    pub fn disturb_with(&mut self, disturbances: &[Disturbance]) {
-        self.disturbances.copy_from_slice(disturbances);
     }
 
     /// The next sample.
@@ -178,7 +158,7 @@ impl<'d> Samples<'d> {
 
     /// Breaks a value for up to two seconds, now and then.
     fn break_something(&mut self) {
-        if self.broken.is_none() && self.random.unit() < self.broken_share {
+        if self.broken.is_none() && self.random.unit() < BROKEN_SHARE {
             let sensor = self.random.index(self.diagnoser.sensors.len());
             let input = self.random.index(self.center.len());
             let is_least = self.random.unit() < 0.5;
