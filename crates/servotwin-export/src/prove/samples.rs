@@ -1,7 +1,7 @@
 //! Random samples for the whole chain. They need not be flights: they must lead through all of the code.
 //!
 //! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading or
-//! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then a value is missing, wild or frozen.
+//! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then values are missing, wild or frozen.
 
 use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
 use servotwin_diagnosis::random::Random;
@@ -46,10 +46,14 @@ fn draw_size(random: &mut Random) -> f64 {
 #[derive(Clone, Copy)]
 enum Broken {
     MissingSensor(usize),
+    /// The sensors of an actuator; for `None` all sensors.
+    MissingSensors(Option<u32>),
     /// Just plausible, or not at all.
     WildSensor(usize, bool),
     MissingInput(usize),
-    WildInput(usize),
+    /// Far below its range, or above.
+    WildInput(usize, bool),
+    WildTwin(usize),
     FrozenInput(usize),
     /// At an end of its range, where it may contradict another one.
     ExtremeInput(usize, bool),
@@ -162,14 +166,17 @@ impl<'d> Samples<'d> {
             let sensor = self.random.index(self.diagnoser.sensors.len());
             let input = self.random.index(self.center.len());
             let is_least = self.random.unit() < 0.5;
-            let what = match self.random.index(8) {
+            let what = match self.random.index(10) {
                 0 => Broken::MissingSensor(sensor),
                 1..=3 => Broken::WildSensor(sensor, is_least),
+                8 if is_least => Broken::MissingSensors(None),
+                8 => Broken::MissingSensors(self.diagnoser.sensors[sensor].actuator),
                 _ if self.center.is_empty() => Broken::MissingSensor(sensor),
                 4 => Broken::MissingInput(input),
-                5 => Broken::WildInput(input),
+                5 => Broken::WildInput(input, is_least),
                 6 => Broken::FrozenInput(input),
-                _ => Broken::ExtremeInput(input, is_least),
+                7 => Broken::ExtremeInput(input, is_least),
+                _ => Broken::WildTwin(sensor),
             };
             self.broken = Some((what, 1 + self.random.index(200)));
         }
@@ -183,7 +190,16 @@ impl<'d> Samples<'d> {
                 self.sample.measured[sensor] = if is_plausible { edge } else { 1e300 };
             }
             Broken::MissingInput(input) => self.sample.inputs[input] = f64::NAN,
-            Broken::WildInput(input) => self.sample.inputs[input] = f64::INFINITY,
+            Broken::MissingSensors(of) => {
+                let places = self.diagnoser.sensors.iter().zip(&mut self.sample.measured);
+                let broken = places.filter(|(sensor, _)| of.is_none() || sensor.actuator == of);
+                broken.for_each(|(_, value)| *value = f64::NAN);
+            }
+            Broken::WildInput(input, is_least) => {
+                self.sample.inputs[input] =
+                    if is_least { f64::NEG_INFINITY } else { f64::INFINITY };
+            }
+            Broken::WildTwin(sensor) => self.sample.twin[sensor] = 1e300,
             Broken::FrozenInput(input) => self.sample.inputs[input] = self.center[input],
             Broken::ExtremeInput(input, is_least) => {
                 let known = &self.diagnoser.environment.inputs[input];
