@@ -51,7 +51,7 @@ enum Broken {
     /// Just plausible, or not at all.
     WildSensor(usize, bool),
     MissingInput(usize),
-    /// Far below its range, or above.
+    /// Infinite, negative or positive.
     WildInput(usize, bool),
     WildTwin(usize),
     FrozenInput(usize),
