@@ -1,10 +1,9 @@
 #!/bin/sh
 # An exported diagnosis on a simulated flight-class core: sh peers/flight_core/run.sh EXPORT [SECONDS]
 # Compiles the export for this machine, a Cortex-M4F (double in software) and a Cortex-M7 (double in hardware), runs the
-# same samples on all three, and compares everything they say: random samples, and those that take the most work, if
-# 'servotwin prove' has written them. An export in single precision has no twin; its objects must hold no operation in
-# double. Installs the compiler and the simulator (Debian; needs the
-# right to install packages).
+# same random samples on all three, and compares everything they say. An export in single precision has no twin; its
+# objects must hold no operation in double. Installs the compiler and the simulator (Debian; needs the right to install
+# packages).
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 export_folder=$(cd "$1" && pwd)
@@ -48,28 +47,19 @@ if [ -n "$single" ]; then
         status=1
     fi
 fi
-# Runs the samples of samples.bin everywhere.
-compare() {
-    ./host < samples.bin > host.txt
-    tail -1 host.txt
-    for core in "cortex-m4 mps2-an386" "cortex-m7 mps2-an500"; do
-        set -- $core
-        qemu-system-arm -M "$2" -nographic -icount shift=0 -semihosting-config enable=on,target=native -kernel "$1.elf" \
-            < /dev/null > "$1.txt" 2>&1
-        grep instructions "$1.txt" || cat "$1.txt"
-        if grep -v instructions "$1.txt" | cmp -s - host.txt; then
-            echo "$1: the same bits as on this machine in all samples"
-        else
-            echo "$1: OTHER BITS"
-            status=1
-        fi
-    done
-}
 python3 "$here/samples.py" "$export_folder" "$seconds" > samples.bin
-compare
-if [ -f "$export_folder/worst_path.csv" ]; then
-    echo "samples that take the most work:"
-    python3 "$here/samples.py" "$export_folder" "$export_folder/worst_path.csv" > samples.bin
-    compare
-fi
+./host < samples.bin > host.txt
+tail -1 host.txt
+for core in "cortex-m4 mps2-an386" "cortex-m7 mps2-an500"; do
+    set -- $core
+    qemu-system-arm -M "$2" -nographic -icount shift=0 -semihosting-config enable=on,target=native -kernel "$1.elf" \
+        < /dev/null > "$1.txt" 2>&1
+    grep instructions "$1.txt" || cat "$1.txt"
+    if grep -v instructions "$1.txt" | cmp -s - host.txt; then
+        echo "$1: the same bits as on this machine in all samples"
+    else
+        echo "$1: OTHER BITS"
+        status=1
+    fi
+done
 exit $status

@@ -1,8 +1,7 @@
 """Writes samples for an export: python3 samples.py EXPORT SECONDS > samples.bin
 
-Instead of a number of seconds, a CSV file with samples can be named, as 'servotwin prove' writes it. Otherwise the samples
-are random: offsets, wrong gains and noise of sensors change every few seconds, and now and then a value is missing. The numbers of
-sensors, scales and plausible inputs are read from the C text.
+The samples are random: offsets, wrong gains and noise of sensors change every few seconds, and now and then a value is
+missing. The numbers of sensors, scales and plausible inputs are read from the C text.
 """
 
 import random
@@ -41,10 +40,6 @@ def write(values):
 
 
 def main():
-    if sys.argv[2].endswith(".csv"):
-        for line in Path(sys.argv[2]).read_text().splitlines()[1:]:
-            write([float(value) for value in line.split(",")])
-        return
     text = (Path(sys.argv[1]) / "servotwin_tables.c").read_text()
     random.seed(1)
     sensors, inputs = entries(text, "servotwin_sensors"), entries(text, "servotwin_inputs")

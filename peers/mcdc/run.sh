@@ -1,34 +1,33 @@
 #!/bin/sh
-# MC/DC of an export by other tools: sh peers/mcdc/run.sh EXPORT
-# Replays mcdc.csv, which 'servotwin prove EXPORT --vectors 400' writes, compares every outcome, and compares the coverage with
-# the branches that gcov counts and with the MC/DC that clang and llvm-cov measure. Needs gcc and Python;
-# clang 18 or later is used if it is there: set CLANG, LLVM_PROFDATA and LLVM_COV (Debian: clang-19, llvm-19).
+# MC/DC of the exported C by the samples of its proof: sh peers/mcdc/run.sh [SERVOTWIN [DIAGNOSER]]
+# Exports a diagnoser (the shipped one), runs 'servotwin prove' with a clang that measures coverage, and prints lines,
+# branches and conditions (MC/DC) of each file, and every outcome that the proof does not show. HOURS and VARIANTS set the
+# scope of the proof. Installs clang 19 (Debian; needs the right to install packages).
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
-export_folder=$(cd "$1" && pwd)
-clang=${CLANG:-clang-19}
+servotwin=$(command -v "${1:-servotwin}") || { echo "there is no ${1:-servotwin}: name the program" >&2; exit 1; }
+servotwin=$(realpath "$servotwin")
+tools="clang-19 llvm-profdata-19 llvm-cov-19"
+have_tools() {
+    for tool in $tools; do command -v "$tool" > /dev/null || return 1; done
+}
+have_tools || {
+    apt-get update && apt-get install --yes --no-install-recommends clang-19 llvm-19 libclang-rt-19-dev
+} >&2 || true
+have_tools || { echo "MC/DC needs $tools, and apt-get cannot install them" >&2; exit 1; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-cd "$work"
-vectors="$export_folder/mcdc.csv"
-table="$export_folder/mcdc_decisions.csv"
-cp "$export_folder"/servotwin_*.[ch] "$here/replay.c" .
-flags="-std=c99 -D_POSIX_C_SOURCE=200809L -Wall -Wextra -Wconversion -Werror -ffp-contract=off"
-status=0
-# shellcheck disable=SC2086 # words are split on purpose, here and below
-gcc $flags -O2 -o replay ./*.c -lm
-./replay < "$vectors" || status=1
-gcc $flags -O0 --coverage -o counted ./*.c -lm
-./counted < "$vectors" > counted.txt || status=1
-gcov --branch-probabilities --json-format ./*.gcda > gcov.txt
-python3 "$here/compare.py" gcov "$table" ./*.gcov.json.gz || status=1
-if command -v "$clang" > found.txt; then
-    $clang $flags -O0 -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc -o measured ./*.c -lm
-    LLVM_PROFILE_FILE=measured.profraw ./measured < "$vectors" > measured.txt || status=1
-    ${LLVM_PROFDATA:-llvm-profdata-19} merge measured.profraw -o measured.profdata
-    ${LLVM_COV:-llvm-cov-19} export ./measured -instr-profile=measured.profdata > measured.json
-    python3 "$here/compare.py" llvm "$table" measured.json || status=1
+if [ $# -ge 2 ]; then
+    diagnoser=$2
 else
-    echo "no $clang: MC/DC is not compared"
+    diagnoser=$work/aileron.json
+    gzip -d -c "$here/../../crates/servotwin-serve/shipped/aileron.json.gz" > "$diagnoser"
 fi
-exit $status
+"$servotwin" --quiet export c --model "$diagnoser" --out "$work/export"
+LLVM_PROFILE_FILE="$work/proof.profraw" "$servotwin" prove "$work/export" \
+    --hours "${HOURS:-24}" --variants "${VARIANTS:-100}" --keep "$work/kept" \
+    --compiler "clang-19 -O1 -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc"
+llvm-profdata-19 merge "$work/proof.profraw" -o "$work/proof.profdata"
+llvm-cov-19 export "$work/kept/1/export.so" -instr-profile="$work/proof.profdata" \
+    -ignore-filename-regex='/prove[^/]*$' > "$work/coverage.json"
+python3 "$here/coverage.py" "$work/coverage.json"

@@ -4,7 +4,6 @@
 //! printed as constant tables, and the features as statements. So the code can be reviewed once.
 
 use crate::error::ExportError;
-use crate::notation::Notation;
 use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
@@ -99,9 +98,8 @@ pub(crate) fn files_of_precision(
     precision: Precision,
 ) -> Result<Vec<SourceFile>, ExportError> {
     tables::check(diagnoser)?;
-    let notation = Notation::c(precision);
-    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), notation);
-    let printed = tables::texts(diagnoser, notation)?.into_iter().chain([features]);
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), precision);
+    let printed = tables::texts(diagnoser, precision)?.into_iter().chain([features]);
     Ok(together(arithmetic(precision), PRINTED, printed))
 }
 
@@ -152,7 +150,7 @@ pub fn files_with_twin(
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
 pub fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
-    Ok(together(TWIN.iter().copied(), PRINTED_OF_TWIN, tables::twin::texts(twin, Notation::C)?))
+    Ok(together(TWIN.iter().copied(), PRINTED_OF_TWIN, tables::twin::texts(twin)?))
 }
 
 fn together(
@@ -162,12 +160,6 @@ fn together(
 ) -> Vec<SourceFile> {
     let printed = names.into_iter().zip(printed).map(|(name, text)| SourceFile { name, text });
     written(list).chain(printed).collect()
-}
-
-/// All hand-written files in double precision.
-#[cfg(test)]
-pub(crate) fn written_by_hand() -> impl Iterator<Item = SourceFile> {
-    written([ARITHMETIC, DIAGNOSIS, TWIN, HYBRID].concat())
 }
 
 /// The hand-written files of a list.

@@ -1,11 +1,7 @@
 //! What a proof showed, as data and as a page.
 
-use crate::language::Language;
 use crate::precision::Precision;
-use crate::prove::{
-    Decisions, FlightDecisions, Mutant, OpenCondition, ProofEvidence, SingleEvidence, Vectors,
-    WorstPath,
-};
+use crate::prove::{Decisions, FlightDecisions, Mutant, ProofEvidence, SingleEvidence};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
@@ -14,15 +10,6 @@ use std::path::PathBuf;
 
 /// The name of the file with what single precision decides differently.
 pub(crate) const DECISIONS: &str = "precision.csv";
-
-/// The name of the file with the sequence that takes the most work.
-pub(crate) const VECTOR: &str = "worst_path.csv";
-
-/// The name of the file with the sequences that show MC/DC.
-pub(crate) const MCDC: &str = "mcdc.csv";
-
-/// The name of the file with the decisions and their conditions.
-pub(crate) const MCDC_DECISIONS: &str = "mcdc_decisions.csv";
 
 /// What an export was made of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,10 +21,7 @@ pub struct Description {
     pub diagnoser: PathBuf,
     /// Its SHA-256.
     pub diagnoser_sha256: String,
-    /// The language of the files.
-    pub language: Language,
     /// The precision of its numbers.
-    #[serde(default)]
     pub precision: Precision,
     /// The twin, if it is part of the export.
     pub twin: Option<TwinDescription>,
@@ -74,12 +58,8 @@ pub struct Certificate {
     pub mutants: usize,
     /// Those that were not found.
     pub mutants_not_found: Vec<Mutant>,
-    /// The most work of one sample: the bound, and what a sequence reaches.
-    pub worst_path: WorstPath,
     /// What an export in single precision decides differently.
     pub single: Option<SingleEvidence>,
-    /// MC/DC of the hand-written code, if it was asked for.
-    pub vectors: Option<Vectors>,
 }
 
 impl Certificate {
@@ -89,16 +69,12 @@ impl Certificate {
         compiled_sha256: BTreeMap<String, String>,
         builds: Vec<ProofEvidence>,
         mutants: Vec<Mutant>,
-        worst_path: WorstPath,
-        (single, vectors): (Option<SingleEvidence>, Option<Vectors>),
+        single: Option<SingleEvidence>,
     ) -> Self {
         let count = mutants.len();
         let mutants_not_found: Vec<Mutant> =
             mutants.into_iter().filter(|mutant| !mutant.is_found).collect();
-        let holds = builds.iter().all(ProofEvidence::holds)
-            && mutants_not_found.is_empty()
-            && worst_path.holds()
-            && vectors.as_ref().is_none_or(Vectors::holds);
+        let holds = builds.iter().all(ProofEvidence::holds) && mutants_not_found.is_empty();
         Certificate {
             holds,
             export,
@@ -106,9 +82,7 @@ impl Certificate {
             builds,
             mutants: count,
             mutants_not_found,
-            worst_path,
             single,
-            vectors,
         }
     }
 
@@ -122,7 +96,7 @@ impl Certificate {
                  differently."
             }
             (false, _) => {
-                "A build decides differently than the trained diagnosis, a mistake was not found, or a bound does not hold."
+                "A build decides differently than the trained diagnosis, or a mistake was not found."
             }
         }
     }
@@ -138,8 +112,6 @@ impl Certificate {
         );
         self.write_builds(&mut page);
         self.single.iter().for_each(|single| write_single(&mut page, single));
-        self.write_worst_path(&mut page);
-        self.write_vectors(&mut page);
         if self.mutants > 0 {
             let (all, found) = (self.mutants, self.mutants - self.mutants_not_found.len());
             let _ = writeln!(page, "<p>{found} of {all} deliberate mistakes were found.</p>");
@@ -184,60 +156,6 @@ impl Certificate {
             let raised = raised.collect::<Vec<_>>().join(", ");
             let _ = writeln!(page, "<p>Actions raised by the samples: {}.</p>", escaped(&raised));
         }
-    }
-}
-
-impl Certificate {
-    fn write_worst_path(&self, page: &mut String) {
-        let WorstPath { bound, reached, samples, trials, .. } = &self.worst_path;
-        let _ = writeln!(
-            page,
-            "<h2>The most work of one sample</h2>\n<table>\n<tr><th>Diagnosis<th>Bound<th>Reached"
-        );
-        for (name, bound, reached) in [
-            ("tests of trees", bound.tests, reached.tests),
-            ("windows judged outside their bands", bound.windows, reached.windows),
-            ("rows of features", bound.rows, reached.rows),
-            ("panes merged", bound.panes, reached.panes),
-        ] {
-            let _ = writeln!(page, "<tr><td>{name}<td>{bound}<td>{reached}");
-        }
-        let _ = writeln!(
-            page,
-            "</table>\n<p>The bound follows from the deepest leaf of every tree and from the windows that may be complete at \
-             one sample. The last of the {samples} samples in {VECTOR} reaches the other numbers, the best of {trials} \
-             sequences that were tried.</p>"
-        );
-    }
-
-    fn write_vectors(&self, page: &mut String) {
-        let Some(vectors) = &self.vectors else { return };
-        let Vectors { decisions, conditions, shown, unique_cause, sequences, samples, .. } =
-            vectors;
-        let _ = writeln!(
-            page,
-            "<h2>MC/DC</h2>\n<p>The {samples} samples of {sequences} sequences in {MCDC} show the independent effect of \
-             {shown} of {conditions} conditions in {decisions} decisions of the hand-written code; for {unique_cause} of them \
-             no other condition differs, for the others it is masked. {MCDC_DECISIONS} names the samples for each condition.</p>\n\
-             <table>\n<tr><th>File<th>Decisions<th>Conditions<th>Shown<th>Cannot be shown<th>Not found"
-        );
-        for (file, of) in &vectors.files {
-            let _ = writeln!(
-                page,
-                "<tr><td>{file}<td>{}<td>{}<td>{}<td>{}<td>{}",
-                of.decisions, of.conditions, of.shown, of.with_reason, of.not_found
-            );
-        }
-        *page += "</table>\n<table>\n<tr><th>Place<th>Decision<th>Condition<th>Never decided as<th>Reason\n";
-        for OpenCondition { file, line, decision, condition, never, reason } in &vectors.open {
-            let (decision, condition) = (escaped(decision), escaped(condition));
-            let reason = reason.unwrap_or("not found");
-            let _ = writeln!(
-                page,
-                "<tr><td>{file}:{line}<td>{decision}<td>{condition}<td>{never}<td>{reason}"
-            );
-        }
-        *page += "</table>\n";
     }
 }
 

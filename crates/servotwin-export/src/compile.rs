@@ -1,14 +1,15 @@
-//! Compilers, and a temporary folder in which they work.
+//! Compilers, and a folder in which they work.
 
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
+use servotwin_io::files::create_folder;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
 /// Whether a compiler is installed.
-pub(crate) fn starts(compiler: &str) -> bool {
+fn starts(compiler: &str) -> bool {
     let run = Command::new(compiler).arg("--version").output();
     run.is_ok_and(|output| output.status.success())
 }
@@ -25,30 +26,40 @@ pub(crate) fn compiled<'f>(
     files.into_iter().map(|file| file.name).filter(|name| name.ends_with(".c"))
 }
 
-/// A temporary folder with source files.
-pub(crate) struct Workplace(TempDir);
+/// A folder with source files, which goes with this value unless it is to be kept.
+pub(crate) struct Workplace {
+    path: PathBuf,
+    _temporary: Option<TempDir>,
+}
 
 impl Workplace {
-    /// A folder with these files.
-    pub fn new<'f>(files: impl IntoIterator<Item = &'f SourceFile>) -> Result<Self, ExportError> {
-        let folder = tempfile::tempdir()
-            .map_err(|cause| ExportError::from_io(&std::env::temp_dir(), cause))?;
-        let workplace = Workplace(folder);
+    /// A folder with these files: `kept`, or a temporary one.
+    pub fn new<'f>(
+        files: impl IntoIterator<Item = &'f SourceFile>,
+        kept: Option<&Path>,
+    ) -> Result<Self, ExportError> {
+        let workplace = match kept {
+            Some(path) => Workplace { path: path.into(), _temporary: None },
+            None => {
+                let folder = tempfile::tempdir()
+                    .map_err(|cause| ExportError::from_io(&std::env::temp_dir(), cause))?;
+                Workplace { path: folder.path().into(), _temporary: Some(folder) }
+            }
+        };
+        create_folder(&workplace.path)?;
         files.into_iter().try_for_each(|file| workplace.write(file.name, &file.text))?;
         Ok(workplace)
     }
 
     /// The path of a file.
     pub fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
+        self.path.join(name)
     }
 
-    /// Writes a file, with its folder if it has one.
+    /// Writes a file.
     pub fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
         let path = self.path(name);
-        let written = path.parent().map_or(Ok(()), fs::create_dir_all);
-        let written = written.and_then(|()| fs::write(&path, text));
-        written.map_err(|cause| ExportError::from_io(&path, cause))
+        fs::write(&path, text).map_err(|cause| ExportError::from_io(&path, cause))
     }
 
     /// Reads a file.
@@ -65,7 +76,7 @@ impl Workplace {
         arguments: impl IntoIterator<Item = &'a str>,
     ) -> Result<(), ExportError> {
         let mut command = Command::new(compiler);
-        command.current_dir(self.0.path()).args(arguments);
+        command.current_dir(&self.path).args(arguments);
         let no_compiler = |cause| ExportError::NoCompiler { compiler: compiler.into(), cause };
         let output = command.output().map_err(no_compiler)?;
         if output.status.success() {

@@ -41,7 +41,7 @@ pub enum ExportError {
     #[error(transparent)]
     File(#[from] FileError),
     /// The folder holds something else than an export.
-    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export in the same language and precision", .0.display())]
+    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export in the same precision", .0.display())]
     FolderInUse(PathBuf),
     /// The folder holds no export.
     #[error("{}: there is no export here; 'servotwin export c --out {}' writes one", .0.display(), .0.display())]
@@ -73,9 +73,6 @@ pub enum ExportError {
     /// There is no C compiler to prove anything with.
     #[error("neither gcc nor clang starts: install one of them")]
     NoBuild,
-    /// There is no Rust compiler to prove anything with.
-    #[error("cargo does not start: install Rust to prove an export in Rust")]
-    NoRust,
     /// The compiler does not start.
     #[error("the compiler '{compiler}' does not start: {cause}")]
     NoCompiler {
@@ -92,19 +89,6 @@ pub enum ExportError {
         /// The first messages.
         messages: String,
     },
-    /// A C text whose decisions are not certain.
-    #[error("{file}, line {line}: the search for decisions does not understand '{what}'")]
-    NotUnderstood {
-        /// The file.
-        file: &'static str,
-        /// Number of the line, from 1.
-        line: usize,
-        /// What stands there.
-        what: String,
-    },
-    /// What a build recorded cannot be used.
-    #[error("the record of decisions is of no use: {0}")]
-    Recording(String),
     /// The compiled code cannot be loaded.
     #[error("the compiled export cannot be loaded: {0}")]
     Load(#[from] libloading::Error),

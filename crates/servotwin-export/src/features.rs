@@ -1,16 +1,14 @@
-//! The features of a window in any language: a trace of the same formulas that the diagnosis runs.
+//! The features of a window: a trace of the same formulas that the diagnosis runs.
 //!
 //! Logarithms stand between two groups of statements. The first group computes what they are taken of, the second
 //! computes the features from them.
 
-use crate::language::Language;
-use crate::notation::Notation;
 use crate::precision::Precision;
 use servotwin_diagnosis::features::{Sensors, features, values_into};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::number::Number;
 use servotwin_diagnosis::residual::Statistics;
-use servotwin_model::c_source::{write_rust_statements, write_single_statements, write_statements};
+use servotwin_model::c_source::{write_single_statements, write_statements};
 use servotwin_model::scalar::Scalar;
 use servotwin_model::symbol::{Graph, Symbol};
 use std::cell::RefCell;
@@ -137,7 +135,7 @@ impl<'t, 'g> Statistics for Variables<'t, 'g> {
 }
 
 /// The source that computes the named features in their order.
-pub(crate) fn text(sensors: &Sensors, names: &Names, notation: Notation) -> String {
+pub(crate) fn text(sensors: &Sensors, names: &Names, precision: Precision) -> String {
     let (graph, trace) = (Graph::new(), Trace::default());
     let window = Variables { trace: &trace, graph: &graph, sensors: sensors.0.len() };
     let (known, mut values) = (features(sensors), Vec::new());
@@ -152,25 +150,11 @@ pub(crate) fn text(sensors: &Sensors, names: &Names, notation: Notation) -> Stri
     let logarithms = trace.logarithms.borrow();
     let arguments = logarithms.iter().enumerate().map(|(i, &symbol)| (symbol, "argument", i));
     let arguments: Vec<_> = arguments.collect();
-    match notation.language {
-        Language::C => c_functions(notation.precision, &graph, &arguments, &features),
-        Language::Rust => rust_functions(&graph, &arguments, &features),
-    }
-}
-
-type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
-
-fn c_functions(
-    precision: Precision,
-    graph: &Graph,
-    arguments: &Stored,
-    features: &Stored,
-) -> String {
     let write = match precision {
         Precision::F64 => write_statements,
         Precision::F32 => write_single_statements,
     };
-    let (write_arguments, write_row) = (write(graph, arguments), write(graph, features));
+    let (write_arguments, write_row) = (write(&graph, &arguments), write(&graph, &features));
     let count = arguments.len().max(1);
     let head = "const servotwin_real *samples, const servotwin_real *mean, const servotwin_real *moments, const servotwin_real *largest,\n    \
                 const servotwin_real *stands_in";
@@ -208,42 +192,6 @@ void servotwin_features(const servotwin_window *window, const servotwin_real *st
         logarithm[i] = servotwin_log10(logarithm[i]);
     }}
     write_row(samples, window->mean, window->moments, window->largest, stands_in, logarithm, row);
-}}
-"
-    )
-}
-
-fn rust_functions(graph: &Graph, arguments: &Stored, features: &Stored) -> String {
-    let (write_arguments, write_row) =
-        (write_rust_statements(graph, arguments), write_rust_statements(graph, features));
-    let count = arguments.len();
-    format!(
-        "//! The features that trees read of a window, written by servotwin; do not edit.
-
-use crate::sizes::FEATURES;
-use crate::windows::{{Values, Window}};
-
-/// The features of a window. `stands_in` is 1.0 for each sensor with a stand-in value, else 0.0.
-pub fn features(window: &Window, stands_in: &Values) -> [f64; FEATURES] {{
-    let logarithm = arguments(window, stands_in).map(libm::log10);
-    row(window, stands_in, &logarithm)
-}}
-
-/// What logarithms are taken of.
-fn arguments(window: &Window, stands_in: &Values) -> [f64; {count}] {{
-    let samples = [f64::from(window.samples)];
-    let Window {{ mean, moments, largest, .. }} = window;
-    let _ = (&samples, mean, moments, largest, stands_in);
-    let mut argument = [0.0; {count}];
-{write_arguments}    argument
-}}
-
-fn row(window: &Window, stands_in: &Values, logarithm: &[f64; {count}]) -> [f64; FEATURES] {{
-    let samples = [f64::from(window.samples)];
-    let Window {{ mean, moments, largest, .. }} = window;
-    let _ = (&samples, mean, moments, largest, stands_in, logarithm);
-    let mut row = [0.0; FEATURES];
-{write_row}    row
 }}
 "
     )

@@ -1,13 +1,9 @@
 //! An export on disk: its files, and `export.json`, which names what they were made of.
 
 use crate::c;
-use crate::certificate::{
-    Certificate, DECISIONS, Description, MCDC, MCDC_DECISIONS, TwinDescription, VECTOR,
-};
+use crate::certificate::{Certificate, DECISIONS, Description, TwinDescription};
 use crate::error::ExportError;
-use crate::language::Language;
 use crate::precision::Precision;
-use crate::rust;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use serde::Serialize;
@@ -51,14 +47,13 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. An earlier export in the same
-    /// language is replaced, and its certificate removed.
+    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. An earlier one is replaced, and
+    /// its certificate removed.
     ///
     /// # Errors
     /// [`ExportError::FolderInUse`], the errors of [`c::files_with_twin`], and files that cannot be written.
     pub fn write(
         &self,
-        language: Language,
         (diagnoser, file): (&Diagnoser, &Path),
         (twin, study): (&ExportedTwin, &Path),
     ) -> Result<Description, ExportError> {
@@ -67,14 +62,11 @@ impl ExportFolder {
             system: twin.program.identity(),
             has_fixed_step: twin.has_fixed_step(),
         };
-        let files = match language {
-            Language::C => c::files_with_twin(diagnoser, twin)?,
-            Language::Rust => rust::files_with_twin(diagnoser, twin)?,
-        };
-        self.write_files(&files, file, (language, Precision::F64), Some(twin_description))
+        let files = c::files_with_twin(diagnoser, twin)?;
+        self.write_files(&files, file, Precision::F64, Some(twin_description))
     }
 
-    /// Writes an export of the diagnoser in a file as C in single precision, without a twin. An earlier one is replaced, and
+    /// Writes an export of the diagnoser in a file in single precision, without a twin. An earlier one is replaced, and
     /// its certificate removed.
     ///
     /// # Errors
@@ -85,38 +77,34 @@ impl ExportFolder {
         file: &Path,
     ) -> Result<Description, ExportError> {
         let files = c::files_in(diagnoser, Precision::F32)?;
-        self.write_files(&files, file, (Language::C, Precision::F32), None)
+        self.write_files(&files, file, Precision::F32, None)
     }
 
     fn write_files(
         &self,
         files: &[SourceFile],
         diagnoser: &Path,
-        (language, precision): (Language, Precision),
+        precision: Precision,
         twin: Option<TwinDescription>,
     ) -> Result<Description, ExportError> {
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
-        let is_own = |description: Description| {
-            (description.language, description.precision) == (language, precision)
-        };
+        let is_own = |description: Description| description.precision == precision;
         let is_earlier = self.description().map_or(self.file(DESCRIPTION).exists(), is_own);
         if holds_files && !is_earlier {
             return Err(ExportError::FolderInUse(self.path.clone()));
         }
         // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE, VECTOR, DECISIONS, MCDC, MCDC_DECISIONS] {
+        for name in [CERTIFICATE, PAGE, DECISIONS] {
             let _ = std::fs::remove_file(self.file(name));
         }
+        create_folder(&self.path)?;
         for SourceFile { name, text } in files {
-            let path = self.file(name);
-            path.parent().map_or(Ok(()), create_folder)?;
-            write_atomically(path, |out| out.write_all(text.as_bytes()))?;
+            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
         }
         let description = Description {
             version: env!("CARGO_PKG_VERSION").into(),
             diagnoser: std::path::absolute(diagnoser).unwrap_or_else(|_| diagnoser.into()),
             diagnoser_sha256: sha256(diagnoser)?,
-            language,
             precision,
             twin,
             sources_sha256: sources(diagnoser)?,
@@ -167,32 +155,20 @@ impl ExportFolder {
             return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
         }
         let read = |name| Ok(SourceFile { name, text: read_text(self.file(name))? });
-        match exported.language {
-            Language::C => c::names(exported.precision).map(read).collect(),
-            Language::Rust => rust::names().map(read).collect(),
-        }
+        c::names(exported.precision).map(read).collect()
     }
 
-    /// Writes a certificate as data and as a page, its sequences of samples, and what single precision decides
-    /// differently; returns their paths.
+    /// Writes a certificate as data and as a page, and what single precision decides differently; returns their paths.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write_certificate(
         &self,
         certificate: &Certificate,
-        diagnoser: &Diagnoser,
     ) -> Result<Vec<PathBuf>, ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        let mut texts =
-            vec![(PAGE, certificate.page()), (VECTOR, certificate.worst_path.csv(diagnoser))];
+        let mut texts = vec![(PAGE, certificate.page())];
         texts.extend(certificate.single.iter().map(|single| (DECISIONS, single.csv())));
-        if let Some(vectors) = &certificate.vectors {
-            texts.extend([
-                (MCDC, vectors.csv(diagnoser)),
-                (MCDC_DECISIONS, vectors.decisions_csv()),
-            ]);
-        }
         let mut written = vec![self.file(CERTIFICATE)];
         for (name, text) in texts {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;

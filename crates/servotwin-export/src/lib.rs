@@ -1,7 +1,6 @@
 //! A trained diagnosis and its twin for a flight control computer, and a system for other simulation tools.
 //!
 //! - [`c`]: the diagnoser and its twin as C99 without allocation or recursion
-//! - [`rust`]: the diagnoser and its twin as a crate without the standard library
 //! - [`certificate`]: what a proof showed, as data and as a page
 //! - [`fmu`]: the system with its faults for other simulation tools
 //! - [`folder`]: an export on disk, with what it was made of
@@ -17,18 +16,14 @@ mod error;
 mod features;
 pub mod fmu;
 pub mod folder;
-mod language;
-mod mcdc;
 mod notation;
 mod precision;
 pub mod prove;
-pub mod rust;
 mod source_file;
 mod tables;
 mod twin;
 
 pub use error::ExportError;
-pub use language::Language;
 pub use precision::Precision;
 pub use source_file::SourceFile;
 pub use twin::ExportedTwin;

@@ -3,10 +3,10 @@
 use servotwin_io::manifest::sha256_of_text;
 use std::collections::BTreeMap;
 
-/// A file of an export, in C or Rust.
+/// A file of an export.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SourceFile {
-    /// Its name, with its folder if it has one.
+    /// Its name.
     pub name: &'static str,
     /// Its text.
     pub text: String,

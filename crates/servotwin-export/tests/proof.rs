@@ -10,31 +10,23 @@ mod toy;
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
 use servotwin_export::prove::{
-    Build, Mistakes, Mutant, Plan, ProofEvidence, SingleEvidence, Vectors, WorstPath, mutants,
-    prove, prove_single,
+    Build, Mistakes, Mutant, Plan, ProofEvidence, SingleEvidence, mutants, prove, prove_single,
 };
-use servotwin_export::rust;
 use servotwin_export::{ExportedTwin, Precision, SourceFile};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, SolverSettings};
-use std::slice;
 use std::sync::Arc;
 
 /// Five minutes of samples.
 const SAMPLES: u64 = 30_000;
 
-/// Proves the exports in C and in Rust.
+/// Proves the export in every build.
 fn assert_proven(diagnoser: &Arc<Diagnoser>) {
     let builds = Build::available();
-    assert!(builds.iter().any(|build| build.compiler == "gcc"), "the tests need gcc");
-    assert_builds_proven(diagnoser, &c::files(diagnoser).unwrap(), &builds);
-    assert_builds_proven(diagnoser, &rust::files(diagnoser).unwrap(), &Build::rust());
-}
-
-fn assert_builds_proven(diagnoser: &Arc<Diagnoser>, files: &[SourceFile], builds: &[Build]) {
-    let plan = Plan { samples: SAMPLES, ..Plan::new(diagnoser, files) };
-    let proven = prove(&plan, builds, &mut |_, _| ()).unwrap();
-    assert!(proven.len() >= 3, "{builds:?}");
+    let files = c::files(diagnoser).unwrap();
+    let plan = Plan { samples: SAMPLES, ..Plan::new(diagnoser, &files) };
+    let proven = prove(&plan, &builds, &mut |_, _| ()).unwrap();
+    assert!(proven.len() >= 3, "the tests need gcc: {builds:?}");
     for evidence in proven {
         assert!(evidence.holds(), "{evidence:#?}");
         assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
@@ -54,30 +46,6 @@ fn with_mistake(whole: &[SourceFile], (name, old, new): (&str, &str, &str)) -> V
     assert!(text.contains(old), "{name} has no {old}");
     *text = text.replacen(old, new, 1);
     files
-}
-
-/// cargo without optimization.
-fn unoptimized() -> Build {
-    Build { level: "opt-level=0", ..Build::rust().remove(0) }
-}
-
-#[test]
-fn mistakes_in_the_rust_text_are_found() {
-    let diagnoser = &demanding();
-    let whole = rust::files(diagnoser).unwrap();
-    for (name, old, new) in [
-        ("src/models.rs", "value <= self.thresholds", "value < self.thresholds"),
-        ("src/windows.rs", "(count - 1.0) / count", "count / (count - 1.0)"),
-        ("src/boundary.rs", "1.0 / now.information + variance", "1.0 / now.information - variance"),
-        ("src/decision.rs", "self.change / length", "self.change * length"),
-        ("src/judge.rs", "own - common + mean_difference", "own + common + mean_difference"),
-        ("src/session.rs", "(sum - 6.0)", "(sum - 6.5)"),
-    ] {
-        let files = &with_mistake(&whole, (name, old, new));
-        let plan = Plan { samples: SAMPLES, ..Plan::new(diagnoser, files) };
-        let evidence = &prove(&plan, &[unoptimized()], &mut |_, _| ()).unwrap()[0];
-        assert!(!evidence.holds(), "{name}: {old} -> {new}");
-    }
 }
 
 /// A diagnoser that uses everything: windows beyond a baseline, a boundary, scales, and a temperature.
@@ -139,8 +107,7 @@ fn what_single_precision_decides_otherwise_is_listed() {
     let input = &mut Arc::get_mut(&mut diagnoser).unwrap().environment.inputs[0];
     input.frozen_after_s = Some(0.03);
     let files = &c::files_in(&diagnoser, Precision::F32).unwrap();
-    let build = Build { compiler: "gcc".into(), level: "-O2" };
-    let (all, single) = single_evidence(&diagnoser, files, &[build]);
+    let (all, single) = single_evidence(&diagnoser, files, &[Build::new("gcc -O2")]);
     assert!(all.iter().all(ProofEvidence::holds), "{all:#?}");
     let (counts, csv) = (&single.chain, single.csv());
     assert!(counts.differing_samples > 0 && counts.differing_runs > 0, "{counts:#?}");
@@ -161,7 +128,7 @@ fn a_mistake_in_single_precision_is_found() {
     // The step of a single is two in the last digit.
     let last = u32::from_str_radix(&digits[digits.len() - 1..], 16).unwrap() ^ 2;
     let other = format!("{}{last:x}p{exponent}", &digits[..digits.len() - 1]);
-    let builds = [Build { compiler: "gcc".into(), level: "-O0" }];
+    let builds = [Build::new("gcc -O0")];
     for (change, found) in [
         (("servotwin_tables.c", threshold, other.as_str()), "leaf"),
         (("servotwin_decision.c", "statistic + weighted", "statistic - weighted"), "whole chain"),
@@ -174,26 +141,6 @@ fn a_mistake_in_single_precision_is_found() {
         };
         assert!(differences.iter().any(is_found), "{change:?}: {differences:#?}");
     }
-}
-
-#[test]
-fn a_sequence_comes_near_the_bound_of_work_and_no_sample_exceeds_it() {
-    let diagnoser = demanding();
-    let worst_path = &WorstPath::find(&diagnoser, 40).unwrap();
-    let WorstPath { bound, reached, samples, .. } = worst_path;
-    assert!(worst_path.holds(), "{worst_path:?}");
-    // The windows of both streams never end at the same sample.
-    assert_eq!([bound.windows, reached.windows], [1, 1], "{reached:?} of {bound:?}");
-    assert!(reached.tests * 10 >= bound.tests * 9, "{reached:?} of {bound:?}");
-    assert_eq!(worst_path.csv(&diagnoser).lines().count() as u64, 1 + samples);
-    let files = &c::files(&diagnoser).unwrap();
-    let plan = Plan { worst_path: Some(worst_path), ..Plan::new(&diagnoser, files) };
-    let build = Build { compiler: "gcc".into(), level: "-O2" };
-    let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
-    assert!(evidence.holds() && evidence.worst_path_samples == *samples, "{evidence:?}");
-    let mut too_low = worst_path.clone();
-    too_low.bound.tests = reached.tests - 1;
-    assert!(!too_low.holds());
 }
 
 /// An actuator whose controller has a clock, with inputs that are held, straight and curved.
@@ -219,53 +166,12 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
     let reference = SolverSettings { method: Method::Rodas5P, ..SolverSettings::campaign() };
     for settings in [SolverSettings::campaign(), SolverSettings::real_time(), reference] {
         let twin = twin(&program, settings);
-        for (files, build) in [
-            (c::files_with_twin(&diagnoser, &twin), Build { compiler: "gcc".into(), level: "-O2" }),
-            (rust::files_with_twin(&diagnoser, &twin), Build::rust().remove(1)),
-        ] {
-            let evidence = &evidence_of_twin(&diagnoser, &twin, &files.unwrap(), &build, 4);
-            assert!(evidence.holds() && evidence.variants == 4, "{evidence:#?}");
-            assert!(evidence.twin_samples > 10_000 && evidence.points == 2000, "{evidence:#?}");
-        }
-    }
-}
-
-/// The evidence of a build that has a twin.
-fn evidence_of_twin(
-    diagnoser: &Arc<Diagnoser>,
-    twin: &ExportedTwin,
-    files: &[SourceFile],
-    build: &Build,
-    variants: u64,
-) -> ProofEvidence {
-    let plan = Plan { twin: Some(twin), samples: 10, variants, ..Plan::new(diagnoser, files) };
-    prove(&plan, slice::from_ref(build), &mut |_, _| ()).unwrap().remove(0)
-}
-
-#[test]
-fn mistakes_in_a_rust_twin_are_found() {
-    let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let twin = &twin(&program, SolverSettings::campaign());
-    let whole = rust::files_with_twin(&diagnoser, twin).unwrap();
-    for (name, old, new) in [
-        ("src/twin.rs", "at_least > most { most }", "at_least > most { at_least }"),
-        ("src/twin.rs", "left_s * 0.999", "left_s * 0.99"),
-        ("src/twin.rs", "wanted_s * 2.0 > left_s", "wanted_s * 1.5 > left_s"),
-        ("src/twin.rs", "self.next_tick[clock] += 1", "self.next_tick[clock] += 2"),
-        ("src/twin.rs", "self.states[state] + change", "self.states[state] - change"),
-        ("src/course.rs", "t * (2.0 * bend", "t * (3.0 * bend"),
-        ("src/course.rs", "last / square", "last * square"),
-        ("src/equations.rs", " * ", " / "),
-        (
-            "src/equations.rs",
-            "let product = logarithm * exponent",
-            "let product = logarithm + exponent",
-        ),
-        ("src/twin_tables.rs", "is_fixed: false", "is_fixed: true"),
-    ] {
-        let files = &with_mistake(&whole, (name, old, new));
-        let evidence = evidence_of_twin(&diagnoser, twin, files, &unoptimized(), 12);
-        assert!(!evidence.holds(), "{name}: {old} -> {new}");
+        let files = c::files_with_twin(&diagnoser, &twin).unwrap();
+        let plan =
+            Plan { twin: Some(&twin), samples: 10, variants: 4, ..Plan::new(&diagnoser, &files) };
+        let evidence = &prove(&plan, &[Build::new("gcc -O2")], &mut |_, _| ()).unwrap()[0];
+        assert!(evidence.holds() && evidence.variants == 4, "{evidence:#?}");
+        assert!(evidence.twin_samples > 10_000 && evidence.points == 2000, "{evidence:#?}");
     }
 }
 
@@ -287,7 +193,7 @@ fn mistakes_in_a_twin_are_found() {
 }
 
 fn survivors(plan: &Plan, mistakes: Mistakes) -> Vec<Mutant> {
-    let build = Build { compiler: "gcc".into(), level: "-O0" };
+    let build = Build::new("gcc -O0");
     let mut mutants = mutants(plan, &build, mistakes, &mut |_| ()).unwrap();
     assert_eq!(mutants.len(), mistakes.count);
     mutants.retain(|mutant| !mutant.is_found);
@@ -315,48 +221,4 @@ fn a_proof_finds_every_mistake_of_a_hundred() {
 #[test]
 fn and_of_another_hundred() {
     assert_finds_mistakes(2);
-}
-
-#[test]
-fn a_small_set_of_samples_shows_mcdc_of_the_hand_written_code() {
-    let diagnoser = demanding();
-    let files = &c::files(&diagnoser).unwrap();
-    let build = Build { compiler: "gcc".into(), level: "-O2" };
-    let plan = Plan::new(&diagnoser, files);
-    let vectors = &Vectors::find(&plan, &build, 40, &mut |_| ()).unwrap();
-    assert!(vectors.holds(), "{:?}", vectors.differences);
-    let Vectors { conditions, shown, samples, open, .. } = vectors;
-    let open_without_reason = open.iter().filter(|condition| condition.reason.is_none()).count();
-    assert_eq!(shown + open.len(), *conditions);
-    assert!(shown * 10 >= conditions * 8 && open_without_reason * 10 <= *conditions, "{open:#?}");
-    assert_eq!(vectors.csv(&diagnoser).lines().count() as u64, 1 + samples);
-    assert_eq!(vectors.decisions_csv().lines().count(), 1 + conditions);
-    // All builds give the outcomes of the file, and another text does not.
-    let plan = Plan { vectors: Some(vectors), ..plan };
-    let evidence = &prove(&plan, slice::from_ref(&build), &mut |_, _| ()).unwrap()[0];
-    assert!(evidence.holds() && evidence.vector_samples == *samples, "{evidence:?}");
-    let mistake = ("servotwin_session.c", "return blind;", "return !blind;");
-    let plan = Plan { files: &with_mistake(files, mistake), ..plan };
-    let evidence = &prove(&plan, &[build], &mut |_, _| ()).unwrap()[0];
-    assert!(!evidence.holds(), "{evidence:?}");
-}
-
-#[test]
-fn vectors_refuse_an_export_as_rust() {
-    let diagnoser = demanding();
-    let files = &rust::files(&diagnoser).unwrap();
-    let found = Vectors::find(&Plan::new(&diagnoser, files), &unoptimized(), 1, &mut |_| ());
-    assert!(found.is_err());
-}
-
-#[test]
-fn a_proof_of_a_rust_export_finds_every_mistake_of_a_few() {
-    let diagnoser = demanding();
-    let files = &rust::files(&diagnoser).unwrap();
-    let mistakes = Mistakes { count: 18, seed: 1, only: None };
-    let mut all =
-        mutants(&Plan::new(&diagnoser, files), &unoptimized(), mistakes, &mut |_| ()).unwrap();
-    assert_eq!(all.len(), mistakes.count);
-    all.retain(|mutant| !mutant.is_found);
-    assert_eq!(all, []);
 }

@@ -14,7 +14,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::{ExportError, ExportedTwin, Language, Precision};
+use servotwin_export::{ExportError, ExportedTwin, Precision};
 use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,6 @@ pub struct Options {
 #[derive(clap::Subcommand)]
 enum Target {
     C(COptions),
-    Rust(RustOptions),
     Fmu(FmuOptions),
 }
 
@@ -76,8 +75,17 @@ enum Fmi {
 /// 'servotwin prove' lists what it decides differently.
 #[derive(clap::Args)]
 struct COptions {
-    #[command(flatten)]
-    subject: SubjectOptions,
+    /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// The study, whose system is the twin: a file, a built-in study, or a folder with results [default: that of the
+    /// folder of the diagnoser, or paper].
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// Simulate the twin in steps of 1 ms, each with the same work, instead of steps under error control, with which the
+    /// diagnosis was trained.
+    #[arg(long)]
+    fixed_step: bool,
     /// The precision of the numbers.
     #[arg(long, value_name = "PRECISION", default_value = "f64")]
     precision: PrecisionOption,
@@ -95,46 +103,13 @@ enum PrecisionOption {
     F32,
 }
 
-/// Write them as a Rust crate without the standard library.
-///
-/// The crate takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
-/// allocates nothing, has no unsafe code, and needs only the crate libm. 'servotwin prove' compiles it and proves that it
-/// decides as it was trained.
-#[derive(clap::Args)]
-struct RustOptions {
-    #[command(flatten)]
-    subject: SubjectOptions,
-    /// The folder of the crate: a new or empty one, or that of an earlier export as Rust.
-    #[arg(long, value_name = "FOLDER", default_value = "export-rust")]
-    out: PathBuf,
-}
-
-/// The diagnosis and the twin that are exported.
-#[derive(clap::Args)]
-struct SubjectOptions {
-    /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
-    /// The study, whose system is the twin: a file, a built-in study, or a folder with results [default: that of the
-    /// folder of the diagnoser, or paper].
-    #[arg(long, value_name = "STUDY")]
-    study: Option<PathBuf>,
-    /// Simulate the twin in steps of 1 ms, each with the same work, instead of steps under error control, with which the
-    /// diagnosis was trained.
-    #[arg(long)]
-    fixed_step: bool,
-}
-
 impl Options {
     /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
-        let diagnoser = |model: &Option<PathBuf>| {
-            let file = model.clone().unwrap_or_else(usual_diagnoser);
-            Paths::default().read("the diagnoser", [file])
-        };
         match &self.target {
-            Target::C(COptions { subject, .. }) | Target::Rust(RustOptions { subject, .. }) => {
-                diagnoser(&subject.model)
+            Target::C(options) => {
+                let file = options.model.clone().unwrap_or_else(usual_diagnoser);
+                Paths::default().read("the diagnoser", [file])
             }
             Target::Fmu(options) => Paths::default()
                 .read("the diagnoser", options.model.clone())
@@ -147,14 +122,9 @@ impl Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
         Target::C(options) => match options.precision {
-            PrecisionOption::F64 => {
-                write_sources(Language::C, &options.subject, &options.out, global)
-            }
-            PrecisionOption::F32 => write_single(&options.subject, &options.out, global),
+            PrecisionOption::F64 => write_double(options, global),
+            PrecisionOption::F32 => write_single(options, global),
         },
-        Target::Rust(options) => {
-            write_sources(Language::Rust, &options.subject, &options.out, global)
-        }
         Target::Fmu(options) => run_fmu(options, global),
     }
 }
@@ -183,34 +153,29 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// Writes source files in a language to a folder.
-fn write_sources(
-    language: Language,
-    subject: &SubjectOptions,
-    out: &Path,
-    global: Global,
-) -> Result<String, Failure> {
-    let file = subject.model.clone().unwrap_or_else(usual_diagnoser);
+/// Writes a diagnosis and its twin in double precision to a folder.
+fn write_double(options: &COptions, global: Global) -> Result<String, Failure> {
+    let file = options.model.clone().unwrap_or_else(usual_diagnoser);
     let diagnoser = model_file::read_diagnoser(&file)?;
-    let place = subject.study.clone().unwrap_or_else(|| study_beside(&file));
+    let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;
-    let twin = twin_of(&study, &diagnoser, subject.fixed_step).map_err(unfit(&file))?;
-    let folder = ExportFolder::new(out);
-    let written = folder.write(language, (&diagnoser, &file), (&twin, &place))?;
-    Ok(text_of(&written, out, global))
+    let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
+    let folder = ExportFolder::new(&options.out);
+    let written = folder.write((&diagnoser, &file), (&twin, &place))?;
+    Ok(text_of(&written, &options.out, global))
 }
 
 /// Writes a diagnosis in single precision to a folder.
-fn write_single(subject: &SubjectOptions, out: &Path, global: Global) -> Result<String, Failure> {
-    if subject.fixed_step || subject.study.is_some() {
+fn write_single(options: &COptions, global: Global) -> Result<String, Failure> {
+    if options.fixed_step || options.study.is_some() {
         let why =
             "an export in single precision has no twin: leave '--study' and '--fixed-step' out";
         return Err(ExportError::Unsupported(why).into());
     }
-    let file = subject.model.clone().unwrap_or_else(usual_diagnoser);
+    let file = options.model.clone().unwrap_or_else(usual_diagnoser);
     let diagnoser = model_file::read_diagnoser(&file)?;
-    let written = ExportFolder::new(out).write_single(&diagnoser, &file)?;
-    Ok(text_of(&written, out, global))
+    let written = ExportFolder::new(&options.out).write_single(&diagnoser, &file)?;
+    Ok(text_of(&written, &options.out, global))
 }
 
 /// What was written to a folder, for standard output.

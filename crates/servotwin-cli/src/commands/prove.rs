@@ -10,27 +10,21 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{
-    Build, Mistakes, Plan, Vectors, Work, WorstPath, mutants, prove, prove_single,
-};
-use servotwin_export::{ExportError, Language, Precision, SourceFile};
+use servotwin_export::prove::{Build, Mistakes, Plan, mutants, prove, prove_single};
+use servotwin_export::{ExportError, Precision, SourceFile};
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// The number of sequences of samples that are tried for the most work.
-const TRIALS: u64 = 300;
 
 /// The number of flights beside an export in single precision.
 const FLIGHTS: u64 = 100;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
-/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3; cargo for an export as Rust) is
-/// compared bit by bit with the diagnoser: every leaf of every tree, both sides of every threshold, missing values at every
-/// test, and random samples through the whole chain with lost sensors, wrong inputs and commands of the flight control
-/// computer. The twin is compared with that of the toolkit over variants with random faults. The certificate is written
-/// beside the files, as proof.json and proof.html. It also bounds the work of one sample; worst_path.csv has samples that
-/// come near the bound.
+/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
+/// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
+/// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The twin is compared
+/// with that of the toolkit over variants with random faults. The certificate is written beside the files, as proof.json
+/// and proof.html.
 ///
 /// An export in single precision rounds differently than in training. Its trees must decide as they were trained for every
 /// row of single precision, its builds must give the same bits, and its hand-written text must give the bits of training
@@ -58,11 +52,12 @@ pub struct Options {
     /// Also make this many mistakes in the exported text, one at a time, and prove that each is found.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     mutants: usize,
-    /// Also search this many sequences for samples that show modified condition/decision coverage (MC/DC) of the
-    /// hand-written code of an export as C, such as 400: mcdc.csv has commands, samples and outcomes, and
-    /// mcdc_decisions.csv names the samples for each condition.
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
-    vectors: u64,
+    /// Compile with this command and its flags, such as 'gcc-13 -O1', instead of gcc and clang at three levels.
+    #[arg(long, value_name = "COMMAND")]
+    compiler: Option<String>,
+    /// Keep the sources, objects and library of each build, in FOLDER/1, FOLDER/2 …
+    #[arg(long, value_name = "FOLDER")]
+    keep: Option<PathBuf>,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -77,17 +72,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
     let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
     let files = folder.files(&description, &file)?;
-    let builds = match description.language {
-        Language::C => Build::available(),
-        Language::Rust => Build::rust(),
+    let builds = match &options.compiler {
+        Some(command) => vec![Build::new(command)],
+        None => Build::available(),
     };
-    let first = builds.first().ok_or(match description.language {
-        Language::C => ExportError::NoBuild,
-        Language::Rust => ExportError::NoRust,
-    })?;
-    if options.vectors > 0 {
-        Vectors::check(first, description.precision)?;
-    }
+    let first = builds.first().ok_or(ExportError::NoBuild)?;
     let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
     mistakes.check(description.precision)?;
     let flights = flights(options, description.precision)?;
@@ -107,24 +96,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     });
     let twin = twin.transpose()?;
     let stages = Stages::new(global);
-    stages.show("looking for the most work", 0.0);
-    let worst_path = WorstPath::find(&diagnoser, TRIALS)?;
-    let mut plan = Plan {
+    let plan = Plan {
         twin: twin.as_ref(),
         study: study.as_ref().map(|(study, _)| study),
         precision: description.precision,
         samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
         variants: options.variants,
-        worst_path: Some(&worst_path),
+        kept: options.keep.as_deref(),
         ..Plan::new(&diagnoser, &files)
     };
-    let vectors = (options.vectors > 0).then(|| {
-        Vectors::find(&plan, first, options.vectors, &mut |done| {
-            stages.show("looking for MC/DC", done as f64 / options.vectors as f64);
-        })
-    });
-    let vectors = vectors.transpose()?;
-    plan.vectors = vectors.as_ref();
     let tell = &mut |what: &str, share| stages.show(what, share);
     let (evidence, single) = match description.precision {
         Precision::F64 => (prove(&plan, &builds, tell)?, None),
@@ -138,9 +118,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })?;
     stages.end();
     let hashes = SourceFile::hashes(&files);
-    let certificate =
-        Certificate::new(description, hashes, evidence, mutants, worst_path, (single, vectors));
-    let written = folder.write_certificate(&certificate, &diagnoser)?;
+    let certificate = Certificate::new(description, hashes, evidence, mutants, single);
+    let written = folder.write_certificate(&certificate)?;
     report(options, &certificate, &written, global)
 }
 
@@ -202,8 +181,6 @@ fn text_of(certificate: &Certificate) -> String {
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
-    text += &worst_path_text(&certificate.worst_path);
-    text += &certificate.vectors.as_ref().map(vectors_text).unwrap_or_default();
     for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         text += &format!("  {verdict}  {}\n", build.command);
@@ -230,28 +207,4 @@ fn decisions_text(certificate: &Certificate) -> String {
     };
     let flights = single.flights.iter().map(|flights| lines("flights", flights.rows()));
     lines("random samples", single.chain.rows()) + &flights.collect::<String>()
-}
-
-fn vectors_text(vectors: &Vectors) -> String {
-    let Vectors { decisions, conditions, shown, sequences, samples, open, .. } = vectors;
-    let known = open.iter().filter(|condition| condition.reason.is_some()).count();
-    format!(
-        "MC/DC: {shown} of {conditions} conditions in {decisions} decisions are shown by {samples} samples in {sequences} \
-         sequences; {known} cannot be shown, {} were not found\n",
-        open.len() - known
-    )
-}
-
-fn worst_path_text(worst_path: &WorstPath) -> String {
-    let WorstPath { bound, reached, samples, trials, .. } = worst_path;
-    let text = |Work { tests, windows, rows, panes }: &Work| {
-        format!(
-            "{tests} tests of trees, {windows} windows judged, {rows} rows of features, {panes} panes merged"
-        )
-    };
-    format!(
-        "most work of one sample: at most {}\n  reached after {samples} samples (best of {trials} sequences): {}\n",
-        text(bound),
-        text(reached)
-    )
 }

@@ -119,7 +119,7 @@ fn sources(
 /// The binary for 64-bit Linux. It may use nothing but the C library, and shows only the functions of the interface.
 fn binary(sources: &[SourceFile]) -> Result<Vec<u8>, ExportError> {
     let compiler = compilers().next().ok_or(ExportError::NoBuild)?;
-    let workplace = Workplace::new(sources)?;
+    let workplace = Workplace::new(sources, None)?;
     let flags = [
         "-std=c99",
         "-O2",

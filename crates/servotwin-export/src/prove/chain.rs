@@ -63,7 +63,7 @@ pub(super) fn compare(
 }
 
 /// Gives one sample with its number to all sessions; returns whether all say the same.
-pub(super) fn compare_sample(
+fn compare_sample(
     session: &mut Session,
     others: &mut [RunningSession],
     (number, sample): (u64, &Sample),
@@ -181,7 +181,7 @@ fn place(index: Option<u32>) -> i64 {
 }
 
 /// The integers of an outcome, in the order of `write_outcome` in the C text.
-pub(super) fn integers(outcome: &Outcome) -> [i64; 18] {
+fn integers(outcome: &Outcome) -> [i64; 18] {
     let none = -1;
     let kind = number_of_finding(&outcome.finding);
     let (actuator, action, detail, input, why) = match outcome.finding {
@@ -278,7 +278,7 @@ fn newest_length(session: &Session) -> Option<usize> {
 }
 
 /// Whether the last sample completed a full window of this length that lies outside its bands.
-pub(super) fn is_judged(session: &Session, length: usize) -> bool {
+fn is_judged(session: &Session, length: usize) -> bool {
     let bands = &session.diagnoser().lengths[length].panel.bands;
     let window = session.window(length);
     let is_outside =

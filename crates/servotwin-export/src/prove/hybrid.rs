@@ -60,13 +60,13 @@ pub(super) fn compare(
 }
 
 /// What is compared of an outcome.
-pub(super) fn said(outcome: &Outcome) -> ([i64; 3], f64) {
+fn said(outcome: &Outcome) -> ([i64; 3], f64) {
     let (finding, alarm) = (number_of_finding(&outcome.finding), number_of_alarm(outcome.alarm));
     ([finding, alarm, outcome.since_sample as i64], outcome.confidence)
 }
 
 /// Whether a hybrid twin of a build has the same outcome and expects the same values for a sample.
-pub(super) fn is_same(
+fn is_same(
     own: Option<([i64; 3], f64)>,
     expected: &[f64],
     other: &mut RunningHybrid,

@@ -2,13 +2,14 @@
 
 use super::chain::SessionAnswer;
 use super::samples::Sample;
-use crate::compile::{Workplace, compiled, compilers, starts};
+use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
 use libloading::{Library, Symbol};
 use servotwin_model::program::Program;
 use servotwin_model::solver::Knot;
 use std::fmt;
+use std::path::Path;
 use std::process::Command;
 
 /// Flags of every build. Warnings are errors: the text must be clean in all compilers.
@@ -33,78 +34,36 @@ const PROVE_TWIN: [(&str, &str); 2] = [
     ("prove_hybrid.c", include_str!("../../runtime/prove_hybrid.c")),
 ];
 
-/// The compiler of a Rust export.
-const CARGO: &str = "cargo";
-
-/// The entry points of a Rust export, in a crate of their own.
-const PROVE_RUST: &str = include_str!("../../runtime/rust/prove.rs");
-
-/// Those of a twin.
-const PROVE_RUST_TWIN: [(&str, &str); 2] = [
-    ("src/prove_twin.rs", include_str!("../../runtime/rust/prove_twin.rs")),
-    ("src/prove_hybrid.rs", include_str!("../../runtime/rust/prove_hybrid.rs")),
-];
-
-/// The modules with them.
-const PROVE_RUST_TWIN_MODULES: &str = "\nmod prove_hybrid;\nmod prove_twin;\n";
-
-/// The manifest of that crate, which lies above the export.
-const PROVE_MANIFEST: &str = "[package]
-name = \"prove\"
-edition = \"2024\"
-
-[lib]
-crate-type = [\"cdylib\"]
-
-[dependencies]
-servotwin_flight.path = \"export\"
-
-[workspace]
-";
-
-/// How the text is compiled.
+/// A compiler with its flags.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Build {
-    /// The compiler's command.
-    pub compiler: String,
-    /// Its level of optimization, `-O0` or `opt-level=0` …
-    pub level: &'static str,
+    compiler: String,
+    flags: Vec<String>,
 }
 
 impl Build {
+    /// A command with flags, such as `gcc -O2`.
+    pub fn new(command: &str) -> Self {
+        let mut words = command.split_whitespace().map(String::from);
+        Build { compiler: words.next().unwrap_or_default(), flags: words.collect() }
+    }
+
     /// gcc and clang, as far as they are installed, at three levels of optimization each.
     pub fn available() -> Vec<Build> {
         let levels = ["-O0", "-O2", "-O3"];
         compilers()
-            .flat_map(|compiler| levels.map(|level| Build { compiler: compiler.into(), level }))
+            .flat_map(|compiler| levels.map(|level| Build::new(&format!("{compiler} {level}"))))
             .collect()
     }
 
-    /// cargo, if it is installed, at three levels of optimization; the lowest also checks sums of integers.
-    pub fn rust() -> Vec<Build> {
-        let levels = ["opt-level=0", "opt-level=2", "opt-level=3"];
-        let builds = levels.map(|level| Build { compiler: CARGO.into(), level });
-        if starts(CARGO) { builds.into() } else { Vec::new() }
+    /// All flags: those of every proof first.
+    fn flags(&self) -> impl Iterator<Item = &str> {
+        FLAGS.iter().copied().chain(self.flags.iter().map(String::as_str))
     }
 
-    /// Whether it compiles an export in Rust.
-    pub(super) fn is_rust(&self) -> bool {
-        self.compiler == CARGO
-    }
-
-    /// The arguments of cargo.
-    fn rust_arguments(&self) -> [String; 5] {
-        let profile = if self.level == "opt-level=0" { "dev" } else { "release" };
-        let level = format!("profile.{profile}.{}", self.level);
-        ["build", "--profile", profile, "--config", &level].map(String::from)
-    }
-
-    /// The command with its flags.
+    /// The command with all flags.
     pub fn command(&self) -> String {
-        match self.is_rust() {
-            true => format!("{CARGO} {}", self.rust_arguments().join(" ")),
-            false => format!("{} {} {}", self.compiler, FLAGS.join(" "), self.level),
-        }
+        [self.compiler.as_str()].into_iter().chain(self.flags()).collect::<Vec<_>>().join(" ")
     }
 
     /// The first line of the compiler's version.
@@ -154,8 +113,8 @@ impl LibraryPlace {
     }
 }
 
-/// The entry points of a C export.
-pub(super) fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
+/// The entry points of an export.
+fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
     let mut entries = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
     if files.iter().any(|file| file.name == "servotwin_twin.c") {
         entries.extend(PROVE_TWIN.map(|(name, text)| SourceFile { name, text: text.into() }));
@@ -163,7 +122,7 @@ pub(super) fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
     entries
 }
 
-/// The object files of an export.
+/// The object files of an export, some of which can be compiled again from another text.
 pub(super) struct Objects<'b> {
     workplace: Workplace,
     build: &'b Build,
@@ -171,20 +130,16 @@ pub(super) struct Objects<'b> {
 }
 
 impl<'b> Objects<'b> {
-    /// Compiles all files into a temporary folder.
-    pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
-        Self::with_entries(files, entries(files), build)
-    }
-
-    /// The same with other entry points.
-    pub fn with_entries(
+    /// Compiles all files into the folder `kept`, or into a temporary one.
+    pub fn new(
         files: &[SourceFile],
-        entries: Vec<SourceFile>,
         build: &'b Build,
+        kept: Option<&Path>,
     ) -> Result<Self, ExportError> {
+        let entries = entries(files);
         let sources = files.iter().chain(&entries);
         let names = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
-        let objects = Objects { workplace: Workplace::new(sources)?, build, names };
+        let objects = Objects { workplace: Workplace::new(sources, kept)?, build, names };
         objects.names.iter().try_for_each(|name| objects.compile(name))?;
         Ok(objects)
     }
@@ -198,108 +153,19 @@ impl<'b> Objects<'b> {
     /// Links and loads the objects. Every library needs a name of its own, because a loaded one is found again by name.
     pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
         let objects = self.names.iter().map(|name| format!("{name}.o"));
-        let (fixed, name) = (["-shared", "-o", library], objects.collect::<Vec<_>>());
-        self.run(fixed.into_iter().chain(name.iter().map(String::as_str)).chain(["-lm"]))?;
+        let (fixed, names) = (["-shared", "-o", library], objects.collect::<Vec<_>>());
+        self.run(fixed.into_iter().chain(names.iter().map(String::as_str)).chain(["-lm"]))?;
         // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
         Ok(Compiled { library: unsafe { Library::new(self.workplace.path(library)) }? })
     }
 
     fn compile(&self, name: &str) -> Result<(), ExportError> {
-        let object = format!("{name}.o");
-        let flags =
-            FLAGS.iter().copied().chain([self.build.level, "-fPIC", "-c", "-o", &object, name]);
-        self.run(flags)
+        self.run(["-fPIC", "-c", "-o", &format!("{name}.o"), name])
     }
 
-    fn run<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Result<(), ExportError> {
+    fn run<'a>(&'a self, arguments: impl IntoIterator<Item = &'a str>) -> Result<(), ExportError> {
+        let arguments = self.build.flags().chain(arguments);
         self.workplace.run(&self.build.compiler, &self.build.command(), arguments)
-    }
-}
-
-/// The crate of an export in Rust, below one with its entry points.
-pub(super) struct Crate<'b> {
-    workplace: Workplace,
-    build: &'b Build,
-}
-
-impl<'b> Crate<'b> {
-    fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
-        let mut root = PROVE_RUST.to_owned();
-        let mut proving = vec![SourceFile { name: "Cargo.toml", text: PROVE_MANIFEST.into() }];
-        if files.iter().any(|file| file.name == "src/twin.rs") {
-            root += PROVE_RUST_TWIN_MODULES;
-            let twin = PROVE_RUST_TWIN.map(|(name, text)| SourceFile { name, text: text.into() });
-            proving.extend(twin);
-        }
-        proving.push(SourceFile { name: "src/lib.rs", text: root });
-        let own = Crate { workplace: Workplace::new(&proving)?, build };
-        files.iter().try_for_each(|SourceFile { name, text }| own.write(name, text))?;
-        own.compile()?;
-        Ok(own)
-    }
-
-    fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        self.workplace.write(&format!("export/{name}"), text)
-    }
-
-    fn compile(&self) -> Result<(), ExportError> {
-        let arguments = self.build.rust_arguments();
-        let fixed =
-            ["--quiet", "--target-dir", "target", "--config", "build.rustflags=['-Dwarnings']"];
-        let all = arguments.iter().map(String::as_str).chain(fixed);
-        self.workplace.run(CARGO, &self.build.command(), all)
-    }
-
-    fn load(&self, library: &str) -> Result<Compiled, ExportError> {
-        let folder = if self.build.level == "opt-level=0" { "debug" } else { "release" };
-        let built = self.workplace.path(&format!("target/{folder}/libprove.so"));
-        let own = self.workplace.path(library);
-        std::fs::copy(&built, &own).map_err(|cause| ExportError::from_io(&built, cause))?;
-        // SAFETY: as in `Objects::load`.
-        Ok(Compiled { library: unsafe { Library::new(own) }? })
-    }
-}
-
-/// An export that is compiled again and again with other texts.
-pub(super) enum Workshop<'b> {
-    C(Objects<'b>),
-    Rust(Crate<'b>),
-}
-
-impl<'b> Workshop<'b> {
-    /// Compiles all files into a temporary folder.
-    pub fn new(files: &[SourceFile], build: &'b Build) -> Result<Self, ExportError> {
-        Ok(match build.is_rust() {
-            true => Workshop::Rust(Crate::new(files, build)?),
-            false => Workshop::C(Objects::new(files, build)?),
-        })
-    }
-
-    /// Compiles another text for one of the files.
-    pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        match self {
-            Workshop::C(objects) => objects.replace(name, text),
-            Workshop::Rust(own) => {
-                own.write(name, text)?;
-                own.compile()
-            }
-        }
-    }
-
-    /// Puts the text of a file back, to be compiled with the next one.
-    pub fn restore(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        match self {
-            Workshop::C(objects) => objects.replace(name, text),
-            Workshop::Rust(own) => own.write(name, text),
-        }
-    }
-
-    /// Loads the library, which needs a name of its own.
-    pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
-        match self {
-            Workshop::C(objects) => objects.load(library),
-            Workshop::Rust(own) => own.load(library),
-        }
     }
 }
 
@@ -309,15 +175,13 @@ pub(super) struct Compiled {
 }
 
 impl Compiled {
-    /// Compiles the files and loads them.
-    pub fn new(files: &[SourceFile], build: &Build) -> Result<Self, ExportError> {
-        Workshop::new(files, build)?.load("export.so")
-    }
-
-    /// A function of the library, whose type the caller knows.
-    pub fn symbol<T>(&self, name: &[u8]) -> Result<Symbol<'_, T>, ExportError> {
-        // SAFETY: the caller names a function of the C text with its type.
-        Ok(unsafe { self.library.get(name) }?)
+    /// Compiles the files, into the folder `kept` or a temporary one, and loads them.
+    pub fn new(
+        files: &[SourceFile],
+        build: &Build,
+        kept: Option<&Path>,
+    ) -> Result<Self, ExportError> {
+        Objects::new(files, build, kept)?.load("export.so")
     }
 
     /// Memory for a struct of the C text, in whole words, so that any member is aligned.

@@ -10,14 +10,10 @@ mod rows;
 mod samples;
 mod single;
 mod twin;
-mod vectors;
-mod worst_path;
 
 pub use library::Build;
 pub use mutants::{Mistakes, Mutant, mutants};
 pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
-pub use vectors::{FileCoverage, OpenCondition, Vectors};
-pub use worst_path::{Work, WorstPath};
 
 use crate::error::ExportError;
 use crate::precision::Precision;
@@ -28,6 +24,7 @@ use serde::Serialize;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 /// The number of differences after which nothing more is compared.
@@ -92,10 +89,6 @@ pub struct ProofEvidence {
     pub twin_samples: u64,
     /// Samples through twin and diagnosis together.
     pub hybrid_samples: u64,
-    /// Samples of the sequence that takes the most work.
-    pub worst_path_samples: u64,
-    /// Samples of the vectors for MC/DC.
-    pub vector_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The number of differences after which nothing more is compared.
@@ -171,10 +164,8 @@ pub struct Plan<'p> {
     pub samples: u64,
     /// Variants of the twin, each of 90 s.
     pub variants: u64,
-    /// The sequence of samples that takes the most work.
-    pub worst_path: Option<&'p WorstPath>,
-    /// Sequences of samples that show MC/DC.
-    pub vectors: Option<&'p Vectors>,
+    /// The folder that keeps what is compiled, in a folder for each build: `1`, `2` …
+    pub kept: Option<&'p Path>,
 }
 
 impl<'p> Plan<'p> {
@@ -188,8 +179,7 @@ impl<'p> Plan<'p> {
             precision: Precision::F64,
             samples: 0,
             variants: 0,
-            worst_path: None,
-            vectors: None,
+            kept: None,
         }
     }
 }
@@ -215,12 +205,6 @@ pub fn prove(
     if let Some(subject) = plan.subject() {
         hybrid::compare(&subject, &compiled, HYBRID_SAMPLES, &mut all)?;
     }
-    if let Some(worst_path) = plan.worst_path {
-        worst_path.compare(plan.diagnoser, &compiled, &mut all)?;
-    }
-    if let Some(vectors) = plan.vectors {
-        vectors.compare(plan, &compiled, &mut all)?;
-    }
     let tell =
         &mut |done| tell("comparing the whole chain", done as f64 / plan.samples.max(1) as f64);
     chain::compare(plan.diagnoser, &compiled, plan.samples, &mut all, tell)?;
@@ -236,7 +220,10 @@ fn compile(
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<(Vec<Compiled>, Vec<ProofEvidence>), ExportError> {
     tell("compiling", 0.0);
-    let compiled = builds.iter().map(|build| Compiled::new(plan.files, build));
+    let compiled = builds.iter().enumerate().map(|(number, build)| {
+        let kept = plan.kept.map(|folder| folder.join((number + 1).to_string()));
+        Compiled::new(plan.files, build, kept.as_deref())
+    });
     let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
     let mut all = Vec::new();
     for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {

@@ -37,7 +37,7 @@ pub(super) fn compare(
 }
 
 /// The trees of a stage.
-pub(super) fn trees(model: &Model) -> Vec<&Branches> {
+fn trees(model: &Model) -> Vec<&Branches> {
     match model {
         Model::Cart(tree) => vec![tree.branches()],
         Model::BoostedTrees(model) => model.trees.iter().map(|tree| &tree.branches).collect(),

@@ -3,9 +3,7 @@
 //! A mistake is the last digit of a number, a wrong power of two (a wrong unit), swapped branches, another feature or
 //! class in the tables, or another arithmetic operator in the code.
 
-mod rust;
-
-use super::library::{Build, Workshop};
+use super::library::{Build, Objects};
 use super::{HYBRID_SAMPLES, Plan, ProofEvidence, chain, compare_parts, hybrid, points, twin};
 use crate::error::ExportError;
 use crate::precision::Precision;
@@ -85,11 +83,8 @@ pub fn mutants(
     if mistakes.count == 0 {
         return Ok(Vec::new());
     }
-    let workshop = Workshop::new(files, build)?;
-    let kinds = match build.is_rust() {
-        true => rust::sites(files, mistakes.only),
-        false => sites(files, mistakes.only),
-    };
+    let objects = Objects::new(files, build, None)?;
+    let kinds = sites(files, mistakes.only);
     let mut random = Random::new(mistakes.seed);
     let mut all = Vec::new();
     for number in 0..mistakes.count {
@@ -97,12 +92,12 @@ pub fn mutants(
         let Site { file, start, old, new } = &kind[random.index(kind.len())];
         let SourceFile { name, text } = &files[*file];
         let changed = [&text[..*start], new, &text[start + old.len()..]].concat();
-        let is_found = match workshop.replace(name, &changed) {
-            Ok(()) => is_found(plan, &workshop, number)?,
+        let is_found = match objects.replace(name, &changed) {
+            Ok(()) => is_found(plan, &objects, number)?,
             Err(ExportError::Refused { .. }) => true,
             Err(other) => return Err(other),
         };
-        workshop.restore(name, text)?;
+        objects.replace(name, text)?;
         let line = 1 + text[..*start].matches('\n').count();
         all.push(Mutant { file: name, line, change: format!("{old} -> {new}"), is_found });
         tell(number as u64 + 1);
@@ -110,8 +105,8 @@ pub fn mutants(
     Ok(all)
 }
 
-fn is_found(plan: &Plan, workshop: &Workshop, number: usize) -> Result<bool, ExportError> {
-    let compiled = workshop.load(&format!("mutant_{number}.so"))?;
+fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, ExportError> {
+    let compiled = objects.load(&format!("mutant_{number}.so"))?;
     let mut evidence = ProofEvidence::until(1);
     compare_parts(plan.diagnoser, (&compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
     let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
@@ -150,25 +145,12 @@ fn sites(files: &[SourceFile], only: Option<&str>) -> Vec<Vec<Site>> {
     kinds
 }
 
-/// How a language spells an array: what follows the name, and what stands before and after its items.
-struct Spelling {
-    follows: &'static str,
-    opens: &'static str,
-    closes: char,
-}
-
-const C: Spelling = Spelling { follows: "[", opens: "{", closes: '}' };
-
 /// The items of all arrays whose name ends thus, with their places.
-fn items<'t>(
-    text: &'t str,
-    ending: &'t str,
-    Spelling { follows, opens, closes }: Spelling,
-) -> impl Iterator<Item = (usize, &'t str)> + 't {
+fn items<'t>(text: &'t str, ending: &'t str) -> impl Iterator<Item = (usize, &'t str)> + 't {
     let starts = text.match_indices(ending).filter_map(move |(at, _)| {
-        let opened = at + text[at..].find(opens)? + opens.len();
-        let is_array = text[at + ending.len()..].starts_with(follows);
-        let closed = opened + text[opened..].find(closes)?;
+        let opened = at + text[at..].find('{')? + 1;
+        let is_array = text[at + ending.len()..].starts_with('[');
+        let closed = opened + text[opened..].find('}')?;
         is_array.then_some((opened, closed))
     });
     starts
@@ -186,21 +168,19 @@ fn items<'t>(
 /// Numbers, branches, features and classes of the tables.
 fn sites_of_tables(file: usize, text: &str) -> Vec<Vec<Site>> {
     let changed = |ending: &str, change: &dyn Fn(&str) -> Option<String>| {
-        changed_items(file, items(text, ending, C), change)
+        changed_items(file, items(text, ending), change)
     };
-    let digit = |item: &str| last_digit(item);
-    let unit = |item: &str| power_of_two(item);
     let next =
         |item: &str| Some(format!("{}", item.trim_end_matches('U').parse::<u32>().ok()? + 1));
     vec![
-        changed("_thresholds", &digit),
-        changed("_values", &digit),
-        changed("_probabilities", &digit),
-        changed("_thresholds", &unit),
-        changed("_values", &unit),
+        changed("_thresholds", &last_digit),
+        changed("_values", &last_digit),
+        changed("_probabilities", &last_digit),
+        changed("_thresholds", &power_of_two),
+        changed("_values", &power_of_two),
         changed("_features", &next),
-        swapped_branches(file, items(text, "_left", C), items(text, "_right", C)),
-        first_words(file, text, ("servotwin_sensors[", ";", "{ "), &unit),
+        swapped_branches(file, items(text, "_left"), items(text, "_right")),
+        first_words(file, text, ("servotwin_sensors[", ";", "{ "), &power_of_two),
         changed("_decisions", &other_decision),
     ]
 }
@@ -270,8 +250,8 @@ fn power_of_two(literal: &str) -> Option<String> {
     (digits.len() > 4).then(|| format!("{digits}p{:+}", exponent + 1))
 }
 
-/// Arithmetic operators of statements that compute a number. Guards (`least`) are left out: only numbers that do not occur
-/// would show a mistake in them.
+/// The first arithmetic operator of each kind in each statement that computes a number. Guards (`least`) are left out: only
+/// numbers that do not occur would show a mistake in them.
 fn sites_of_code(file: usize, text: &str) -> Vec<Site> {
     let is_statement = |line: &str| {
         ["double", "servotwin_real"].into_iter().any(|number| {
@@ -280,11 +260,6 @@ fn sites_of_code(file: usize, text: &str) -> Vec<Site> {
                 && !line.contains(&format!("{number} least"))
         })
     };
-    operators(file, text, &is_statement)
-}
-
-/// The first arithmetic operator of each kind in each statement.
-fn operators(file: usize, text: &str, is_statement: &dyn Fn(&str) -> bool) -> Vec<Site> {
     let mut sites = Vec::new();
     let mut begin = 0;
     for line in text.split_inclusive('\n') {

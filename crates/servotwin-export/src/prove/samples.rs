@@ -1,7 +1,7 @@
 //! Random samples for the whole chain. They need not be flights: they must lead through all of the code.
 //!
 //! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading or
-//! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then a value is missing, wild or frozen.
+//! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then values are missing, wild or frozen.
 
 use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
 use servotwin_diagnosis::random::Random;
@@ -29,18 +29,10 @@ pub(super) struct Sample {
 
 /// What disturbs a sensor: its offset, and its slope over the twin's signal, in parts of scale.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Disturbance {
+struct Disturbance {
     offset: f64,
     slope: f64,
     noise: f64,
-}
-
-impl Disturbance {
-    /// None, or an offset, a slope and noise of random sizes.
-    pub fn draw(random: &mut Random) -> Self {
-        let mut part = || if random.unit() < 0.5 { 0.0 } else { draw_size(random) };
-        Disturbance { offset: part(), slope: part(), noise: part().abs() }
-    }
 }
 
 /// The size of a disturbance with its sign, in parts of scale.
@@ -54,10 +46,14 @@ fn draw_size(random: &mut Random) -> f64 {
 #[derive(Clone, Copy)]
 enum Broken {
     MissingSensor(usize),
+    /// The sensors of an actuator; for `None` all sensors.
+    MissingSensors(Option<u32>),
     /// Just plausible, or not at all.
     WildSensor(usize, bool),
     MissingInput(usize),
-    WildInput(usize),
+    /// Infinite, negative or positive.
+    WildInput(usize, bool),
+    WildTwin(usize),
     FrozenInput(usize),
     /// At an end of its range, where it may contradict another one.
     ExtremeInput(usize, bool),
@@ -74,7 +70,6 @@ pub(super) struct Samples<'d> {
     goals: Vec<f64>,
     disturbances: Vec<Disturbance>,
     left: usize,
-    broken_share: f64,
     broken: Option<(Broken, usize)>,
     sample: Sample,
 }
@@ -96,19 +91,8 @@ impl<'d> Samples<'d> {
             goals: vec![0.5; sensors],
             disturbances: vec![Disturbance::default(); sensors],
             left: 0,
-            broken_share: BROKEN_SHARE,
             broken: None,
         }
-    }
-
-    /// Samples without a disturbance, and without faults of the transmission.
-    pub fn steady(diagnoser: &'d Diagnoser, seed: u64) -> Self {
-        Samples { left: usize::MAX, broken_share: 0.0, ..Samples::new(diagnoser, seed) }
-    }
-
-    /// Disturbs each sensor in its own way from the next sample on.
-    pub fn disturb_with(&mut self, disturbances: &[Disturbance]) {
-        self.disturbances.copy_from_slice(disturbances);
     }
 
     /// The next sample.
@@ -178,18 +162,21 @@ impl<'d> Samples<'d> {
 
     /// Breaks a value for up to two seconds, now and then.
     fn break_something(&mut self) {
-        if self.broken.is_none() && self.random.unit() < self.broken_share {
+        if self.broken.is_none() && self.random.unit() < BROKEN_SHARE {
             let sensor = self.random.index(self.diagnoser.sensors.len());
             let input = self.random.index(self.center.len());
             let is_least = self.random.unit() < 0.5;
-            let what = match self.random.index(8) {
+            let what = match self.random.index(10) {
                 0 => Broken::MissingSensor(sensor),
                 1..=3 => Broken::WildSensor(sensor, is_least),
+                8 if is_least => Broken::MissingSensors(None),
+                8 => Broken::MissingSensors(self.diagnoser.sensors[sensor].actuator),
                 _ if self.center.is_empty() => Broken::MissingSensor(sensor),
                 4 => Broken::MissingInput(input),
-                5 => Broken::WildInput(input),
+                5 => Broken::WildInput(input, is_least),
                 6 => Broken::FrozenInput(input),
-                _ => Broken::ExtremeInput(input, is_least),
+                7 => Broken::ExtremeInput(input, is_least),
+                _ => Broken::WildTwin(sensor),
             };
             self.broken = Some((what, 1 + self.random.index(200)));
         }
@@ -203,7 +190,16 @@ impl<'d> Samples<'d> {
                 self.sample.measured[sensor] = if is_plausible { edge } else { 1e300 };
             }
             Broken::MissingInput(input) => self.sample.inputs[input] = f64::NAN,
-            Broken::WildInput(input) => self.sample.inputs[input] = f64::INFINITY,
+            Broken::MissingSensors(of) => {
+                let places = self.diagnoser.sensors.iter().zip(&mut self.sample.measured);
+                let broken = places.filter(|(sensor, _)| of.is_none() || sensor.actuator == of);
+                broken.for_each(|(_, value)| *value = f64::NAN);
+            }
+            Broken::WildInput(input, is_least) => {
+                self.sample.inputs[input] =
+                    if is_least { f64::NEG_INFINITY } else { f64::INFINITY };
+            }
+            Broken::WildTwin(sensor) => self.sample.twin[sensor] = 1e300,
             Broken::FrozenInput(input) => self.sample.inputs[input] = self.center[input],
             Broken::ExtremeInput(input, is_least) => {
                 let known = &self.diagnoser.environment.inputs[input];

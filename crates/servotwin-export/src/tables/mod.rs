@@ -1,4 +1,4 @@
-//! The tables of a diagnoser and of its twin, in any language: the sizes of arrays, and everything that was trained.
+//! The tables of a diagnoser and of its twin: the sizes of arrays, and everything that was trained.
 
 mod hierarchy;
 mod length;
@@ -7,26 +7,15 @@ mod system;
 pub(crate) mod twin;
 
 use crate::error::ExportError;
-use crate::language::Language;
-use crate::notation::Notation;
+use crate::notation::{sizes_text, write_list};
+use crate::precision::Precision;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length, common_mode};
 
-/// Most classes of a stage, and most hypotheses: `SERVOTWIN_MOST_CLASSES` and `MOST_CLASSES` of the hand-written code.
+/// Most classes of a stage, and most hypotheses: `SERVOTWIN_MOST_CLASSES` of the hand-written code.
 const MOST_CLASSES: usize = 32;
 
-/// The head of each file with trained numbers, and of the tables.
-fn heads(notation: Notation) -> [&'static str; 2] {
-    match notation.language {
-        Language::C => [
-            "/* Trained by servotwin; do not edit. */\n",
-            "/* Trained by servotwin; do not edit. */\n#include \"servotwin_tables.h\"\n",
-        ],
-        Language::Rust => [
-            "//! Sizes, written by servotwin; do not edit.\n",
-            "//! Trained by servotwin; do not edit.\n\nuse crate::models::*;\nuse crate::trained::*;\n",
-        ],
-    }
-}
+/// The head of each file with trained numbers.
+const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
 
 /// Checks that a diagnoser can be exported.
 ///
@@ -47,15 +36,17 @@ pub(crate) fn check(diagnoser: &Diagnoser) -> Result<(), ExportError> {
 }
 
 /// The texts of both files: sizes and tables.
-pub(crate) fn texts(diagnoser: &Diagnoser, notation: Notation) -> Result<[String; 2], ExportError> {
-    let [head_of_sizes, head] = heads(notation);
-    let mut text = String::from(head);
+pub(crate) fn texts(
+    diagnoser: &Diagnoser,
+    precision: Precision,
+) -> Result<[String; 2], ExportError> {
+    let mut text = [HEAD, "#include \"servotwin_tables.h\"\n"].concat();
     let lengths = 0..diagnoser.lengths.len();
-    let lengths = lengths.map(|place| length::write(&mut text, notation, place, diagnoser));
+    let lengths = lengths.map(|place| length::write(&mut text, precision, place, diagnoser));
     let lengths = lengths.collect::<Result<Vec<_>, _>>()?;
-    notation.write_list(&mut text, "Length", "lengths", &lengths, "");
-    system::write(&mut text, notation, diagnoser);
-    Ok([notation.sizes(head_of_sizes, "SERVOTWIN", &sizes(diagnoser)), text])
+    write_list(&mut text, "servotwin_length", "lengths", &lengths, "");
+    system::write(&mut text, precision, diagnoser);
+    Ok([sizes_text(HEAD, "SERVOTWIN", &sizes(diagnoser)), text])
 }
 
 /// Most views that any length needs.

@@ -2,8 +2,8 @@
 
 use super::MOST_CLASSES;
 use crate::error::ExportError;
-use crate::language::Language;
-use crate::notation::{COUNT, Notation};
+use crate::notation::{record, write_array, write_numbers, write_private};
+use crate::precision::Precision;
 use servotwin_diagnosis::calibration;
 use servotwin_diagnosis::classifiers::{Classifier, Model, boosted_trees, cart};
 use servotwin_diagnosis::hierarchy::{Question, Stage};
@@ -15,7 +15,7 @@ const MOST_NODES: usize = i16::MAX as usize;
 /// Most features: the highest bit of a node's feature is the side of missing values.
 const MOST_FEATURES: usize = 1 << 15;
 
-/// `SERVOTWIN_MISSING_LEFT` and `MISSING_LEFT` of the hand-written code.
+/// `SERVOTWIN_MISSING_LEFT` of the hand-written code.
 const MISSING_LEFT: u32 = 1 << 15;
 
 /// Score of a class without training rows, far below all others: its share is 0.
@@ -76,26 +76,25 @@ impl Nodes {
     }
 
     /// Writes the arrays, and returns the struct of them.
-    fn write(&self, text: &mut String, notation: Notation, prefix: &str) -> String {
+    fn write(&self, text: &mut String, precision: Precision, prefix: &str) -> String {
         let name = |what: &str| format!("{prefix}_{what}");
-        notation.write_array(text, "i16", &name("roots"), &self.roots);
-        let features = self.features.iter().map(|feature| notation.unsigned(feature));
-        notation.write_array(text, "u16", &name("features"), features);
-        let thresholds = self.thresholds.iter().map(|&threshold| notation.threshold(threshold));
-        notation.write_array(text, "f64", &name("thresholds"), thresholds);
-        notation.write_array(text, "i16", &name("left"), &self.left);
-        notation.write_array(text, "i16", &name("right"), &self.right);
-        let counts = [(COUNT, self.roots.len().to_string()), ("depth", self.depth.to_string())];
-        let arrays = ["roots", "features", "thresholds", "left", "right"];
-        let arrays = arrays.map(|what| (what, notation.array(&name(what))));
-        notation.record("Branches", &[&counts[..], &arrays[..]].concat())
+        write_array(text, "int16_t", &name("roots"), &self.roots);
+        let features = self.features.iter().map(|feature| format!("{feature}U"));
+        write_array(text, "uint16_t", &name("features"), features);
+        let thresholds = self.thresholds.iter().map(|&threshold| precision.threshold(threshold));
+        write_array(text, precision.c_type(), &name("thresholds"), thresholds);
+        write_array(text, "int16_t", &name("left"), &self.left);
+        write_array(text, "int16_t", &name("right"), &self.right);
+        let counts = [self.roots.len(), self.depth].map(|count| count.to_string());
+        let arrays = ["roots", "features", "thresholds", "left", "right"].map(name);
+        record(&[&counts[..], &arrays[..]].concat())
     }
 }
 
 /// Writes the arrays of a stage, and returns its entry in the array of stages.
 pub(super) fn write(
     text: &mut String,
-    notation: Notation,
+    precision: Precision,
     prefix: &str,
     stage: &Stage,
 ) -> Result<String, ExportError> {
@@ -113,41 +112,23 @@ pub(super) fn write(
         }
     };
     check(stage, &nodes)?;
-    let branches = nodes.write(text, notation, prefix);
+    let branches = nodes.write(text, precision, prefix);
     let names = format!("{prefix}_names");
-    notation.write_array(text, "u8", &names, &stage.classes);
-    let mut fields = vec![("branches", branches)];
+    write_array(text, "uint8_t", &names, &stage.classes);
+    let (mut cart, mut boosted) = (String::from("0"), String::from("0"));
     match &stage.model {
         Model::Cart(tree) => {
-            write_cart(text, notation, prefix, tree, &nodes, stage.temperature);
-            fields.extend(rule(notation, prefix, "cart"));
+            cart = write_cart(text, precision, prefix, tree, &nodes, stage.temperature);
         }
         Model::BoostedTrees(model) => {
-            write_boosted(text, notation, prefix, model, &nodes, stage.temperature);
-            fields.extend(rule(notation, prefix, "boosted"));
+            boosted = write_boosted(text, precision, prefix, model, &nodes, stage.temperature);
         }
         _ => {}
     }
-    let own = stage.place.question != Question::Actuator && stage.place.actuator.is_none();
-    fields.extend([
-        (COUNT, stage.classes.len().to_string()),
-        ("names", notation.array(&names)),
-        ("reads_own_view", notation.truth(own)),
-    ]);
-    Ok(notation.record("Stage", &fields))
-}
-
-/// The fields that hold the rule of a stage: in C one pointer for each kind, in Rust a variant.
-fn rule(notation: Notation, prefix: &str, kind: &str) -> Vec<(&'static str, String)> {
-    let own = notation.pointer(&format!("{prefix}_{kind}"));
-    let is_cart = kind == "cart";
-    match notation.language {
-        Language::C if is_cart => vec![("cart", own), ("boosted", "0".into())],
-        Language::C => vec![("cart", "0".into()), ("boosted", own)],
-        Language::Rust => {
-            vec![("rule", format!("Rule::{}({own})", if is_cart { "Cart" } else { "Boosted" }))]
-        }
-    }
+    let classes = stage.classes.len().to_string();
+    let reads_own = stage.place.question != Question::Actuator && stage.place.actuator.is_none();
+    let reads_own_view = u8::from(reads_own).to_string();
+    Ok(record(&[branches, cart, boosted, classes, names, reads_own_view]))
 }
 
 fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
@@ -161,15 +142,16 @@ fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
     fits("features", largest as usize + 1, MOST_FEATURES)
 }
 
-/// A leaf of a single tree always gives the same answer, so its calibrated probability is a number of the table.
+/// Writes the rule of a single tree; returns its address. A leaf always gives the same answer, so its calibrated
+/// probability is a number of the table.
 fn write_cart(
     text: &mut String,
-    notation: Notation,
+    precision: Precision,
     prefix: &str,
     tree: &cart::Model,
     nodes: &Nodes,
     temperature: f64,
-) {
+) -> String {
     let probability = |node: usize| {
         let weights = tree.weights(node);
         let total: f64 = weights.iter().sum();
@@ -180,24 +162,22 @@ fn write_cart(
     let leaves = || nodes.leaves.iter().map(|(_, node)| *node);
     let [decisions, probabilities] =
         ["decisions", "probabilities"].map(|what| format!("{prefix}_{what}"));
-    notation.write_array(text, "u8", &decisions, leaves().map(|node| tree.decision(node)));
-    notation.write_numbers(text, &probabilities, leaves().map(probability));
-    let fields = [
-        ("decisions", notation.array(&decisions)),
-        ("probabilities", notation.array(&probabilities)),
-    ];
-    let record = notation.record("Cart", &fields);
-    notation.write_private(text, "Cart", &format!("{prefix}_cart"), &record);
+    write_array(text, "uint8_t", &decisions, leaves().map(|node| tree.decision(node)));
+    write_numbers(text, precision, &probabilities, leaves().map(probability));
+    let (name, record) = (format!("{prefix}_cart"), record(&[decisions, probabilities]));
+    write_private(text, "servotwin_cart", &name, &record);
+    format!("&{name}")
 }
 
+/// Writes the rule of boosted trees; returns its address.
 fn write_boosted(
     text: &mut String,
-    notation: Notation,
+    precision: Precision,
     prefix: &str,
     model: &boosted_trees::Model,
     nodes: &Nodes,
     temperature: f64,
-) {
+) -> String {
     let outputs = model.outputs();
     let mut start = vec![NO_SCORE; model.classes()];
     model.present.iter().for_each(|&class| start[class as usize] = 0.0);
@@ -207,16 +187,13 @@ fn write_boosted(
     });
     let [of_outputs, of_start, of_values] =
         ["output_classes", "start", "values"].map(|what| format!("{prefix}_{what}"));
-    notation.write_array(text, "u8", &of_outputs, outputs);
-    notation.write_numbers(text, &of_start, start);
-    notation.write_numbers(text, &of_values, values);
-    let fields = [
-        (COUNT, outputs.len().to_string()),
-        ("output_classes", notation.array(&of_outputs)),
-        ("start", notation.array(&of_start)),
-        ("values", notation.array(&of_values)),
-        ("inverse_temperature", notation.number(1.0 / temperature)),
-    ];
-    let record = notation.record("Boosted", &fields);
-    notation.write_private(text, "Boosted", &format!("{prefix}_boosted"), &record);
+    write_array(text, "uint8_t", &of_outputs, outputs);
+    write_numbers(text, precision, &of_start, start);
+    write_numbers(text, precision, &of_values, values);
+    let inverse_temperature = precision.number(1.0 / temperature);
+    let count = outputs.len().to_string();
+    let record = record(&[count, of_outputs, of_start, of_values, inverse_temperature]);
+    let name = format!("{prefix}_boosted");
+    write_private(text, "servotwin_boosted", &name, &record);
+    format!("&{name}")
 }

@@ -17,7 +17,7 @@
 //!
 //! The array of parameters lists the components one after the other, with faults applied ([`Program::parameters`]).
 
-use super::helpers::{Frame, Helper, print_helpers};
+use super::helpers::{Helper, print_helpers, unary_text};
 use super::printer::{Dialect, Printer, Stores, line, needed_expressions};
 use super::{described, parameter_symbols};
 use crate::program::{Observable, Program};
@@ -62,8 +62,8 @@ pub fn write_equations(
     let called: BTreeSet<Helper> = functions.iter().flat_map(|f| f.helpers()).collect();
     let mut c = String::new();
     heading(&mut c, program, prefix, &names, outputs);
-    let frame = Frame::C { kind: "static double", prefix };
-    print_helpers(&mut c, frame, called, || Equations { prefix, names: &names });
+    let head = format!("static double {prefix}");
+    print_helpers(&mut c, &head, called, || Equations { prefix, names: &names });
     for function in &functions {
         function.print(&mut c, prefix, &names);
     }
@@ -277,24 +277,12 @@ struct Equations<'a> {
 }
 
 impl Dialect for Equations<'_> {
-    const NUMBER: &'static str = "const double";
-    const TRUTH: &'static str = "const int";
-
     fn literal(&self, value: f64) -> String {
         literal(value)
     }
 
     fn unary(&mut self, operation: Unary, a: &str) -> String {
-        let prefix = self.prefix;
-        match operation {
-            Unary::Negative => format!("-{a}"),
-            Unary::SquareRoot => format!("sqrt({a})"),
-            Unary::Absolute => format!("fabs({a})"),
-            Unary::Round => format!("{prefix}_rounded({a})"),
-            Unary::Mantissa => format!("{prefix}_mantissa({a})"),
-            Unary::Exponent => format!("{prefix}_exponent({a})"),
-            Unary::Call(function) => format!("{prefix}_{}({a})", function.name()),
-        }
+        unary_text(self.prefix, operation, a)
     }
 
     fn call(&self, operation: Binary, a: &str, b: &str) -> String {

@@ -1,4 +1,4 @@
-//! Functions that the equations call and the libraries of C and Rust lack.
+//! Functions that the equations call and the C library lacks.
 
 use super::printer::{Body, Dialect, line};
 use crate::symbol::{Binary, Expression, Function, Unary};
@@ -30,49 +30,28 @@ impl Helper {
         }
     }
 
-    /// The text of a function that cannot be traced, in C and in Rust; see `lanes/single.rs`.
-    fn texts(self) -> Option<[&'static str; 2]> {
+    /// The text of a function that cannot be traced; see `lanes/single.rs`.
+    fn text(self) -> Option<&'static str> {
         match self {
-            Helper::Round => Some([ROUND, RUST_ROUND]),
-            Helper::Scaled => Some([SCALED, RUST_SCALED]),
-            Helper::Mantissa => Some([MANTISSA, RUST_MANTISSA]),
-            Helper::Exponent => Some([EXPONENT, RUST_EXPONENT]),
+            Helper::Round => Some(ROUND),
+            Helper::Scaled => Some(SCALED),
+            Helper::Mantissa => Some(MANTISSA),
+            Helper::Exponent => Some(EXPONENT),
             Helper::Function(_) => None,
         }
     }
 }
 
-/// The frame of a helper: what stands around its statements.
-#[derive(Clone, Copy)]
-pub(super) enum Frame<'a> {
-    /// C99, with what stands before the name, for example `static double` and `p`.
-    C { kind: &'a str, prefix: &'a str },
-    /// A function of a Rust module.
-    Rust,
-}
-
-impl Frame<'_> {
-    /// Prints a function that cannot be traced.
-    fn print_text(self, c: &mut String, [of_c, of_rust]: [&str; 2]) {
-        match self {
-            Frame::C { kind, prefix } => line(c, format_args!("{kind} {prefix}_{of_c}")),
-            Frame::Rust => line(c, format_args!("pub fn {of_rust}")),
-        }
-    }
-
-    /// Prints a traced function.
-    fn print<D: Dialect>(self, c: &mut String, (function, body): &(Function, Body), dialect: D) {
-        let name = function.name();
-        match self {
-            Frame::C { kind, prefix } => {
-                body.print(c, &format!("{kind} {prefix}_{name}(double x)"), dialect);
-            }
-            Frame::Rust => {
-                line(c, format_args!("pub fn {name}(x: f64) -> f64 {{"));
-                let value = body.statements(c, dialect);
-                line(c, format_args!("    {value}\n}}\n"));
-            }
-        }
+/// An operation with one operand. The names of helpers begin with `prefix`.
+pub(super) fn unary_text(prefix: &str, operation: Unary, a: &str) -> String {
+    match operation {
+        Unary::Negative => format!("-{a}"),
+        Unary::SquareRoot => format!("sqrt({a})"),
+        Unary::Absolute => format!("fabs({a})"),
+        Unary::Round => format!("{prefix}_rounded({a})"),
+        Unary::Mantissa => format!("{prefix}_mantissa({a})"),
+        Unary::Exponent => format!("{prefix}_exponent({a})"),
+        Unary::Call(function) => format!("{prefix}_{}({a})", function.name()),
     }
 }
 
@@ -118,34 +97,11 @@ const EXPONENT: &str = "exponent(double x)
 }
 ";
 
-const RUST_ROUND: &str = "rounded(x: f64) -> f64 {
-    (x + 6755399441055744.0) - 6755399441055744.0
-}
-";
-
-const RUST_SCALED: &str = "scaled(x: f64, exponent: f64) -> f64 {
-    let shifted = exponent + 6755399441055744.0;
-    let bits = (shifted.to_bits() << 52).wrapping_add(0x3ff0000000000000);
-    x * f64::from_bits(bits)
-}
-";
-
-const RUST_MANTISSA: &str = "mantissa(x: f64) -> f64 {
-    let bits = x.to_bits().wrapping_add(0x3ff0000000000000 - 0x3fe6a09e667f3bcd);
-    f64::from_bits((bits & 0x000fffffffffffff) + 0x3fe6a09e667f3bcd)
-}
-";
-
-const RUST_EXPONENT: &str = "exponent(x: f64) -> f64 {
-    let bits = x.to_bits().wrapping_add(0x3ff0000000000000 - 0x3fe6a09e667f3bcd);
-    f64::from_bits((bits >> 52) | 0x4330000000000000) - 4503599627371519.0
-}
-";
-
-/// Prints the called functions, and the functions that these call.
+/// Prints the called functions, and the functions that these call. `head` stands before their names, for example
+/// `static double p`.
 pub(super) fn print_helpers<D: Dialect>(
     c: &mut String,
-    frame: Frame,
+    head: &str,
     called: BTreeSet<Helper>,
     dialect: impl Fn() -> D,
 ) {
@@ -158,10 +114,10 @@ pub(super) fn print_helpers<D: Dialect>(
     let mut all = called;
     let called_inside = functions.iter().flat_map(|(_, body)| body.needed());
     all.extend(called_inside.filter_map(Helper::called_by));
-    for texts in all.iter().filter_map(|helper| helper.texts()) {
-        frame.print_text(c, texts);
+    for text in all.iter().filter_map(|helper| helper.text()) {
+        line(c, format_args!("{head}_{text}"));
     }
-    for function in &functions {
-        frame.print(c, function, dialect());
+    for (function, body) in &functions {
+        body.print(c, &format!("{head}_{}(double x)", function.name()), dialect());
     }
 }

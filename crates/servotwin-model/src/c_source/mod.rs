@@ -1,4 +1,4 @@
-//! A system as C or Rust: one printer with five dialects.
+//! A system as C: one printer with three dialects.
 //!
 //! Tracing the compiled program with [`Symbol`]s records its operations.
 //! `printer` turns such a trace into statements, and a dialect spells the single operation.
@@ -7,26 +7,20 @@
 //! |---|---|---|
 //! | [`write_equations`] | C99 for one number | simulators without Rust |
 //! | [`write_step`] | macros for the lanes of a register | the compiled step of the solver |
-//! | [`write_twin`], [`write_statements`] | C99 with hexadecimal literals | exported code that is proven |
-//! | [`write_single_statements`] | C99 in single precision | the same for a diagnosis |
-//! | [`write_rust_twin`], [`write_rust_statements`] | Rust | the same |
+//! | [`write_twin`], [`write_statements`], [`write_single_statements`] | C99 with hexadecimal literals | exported code that is proven |
 
 mod equations;
 mod functions;
 mod helpers;
 mod printer;
-mod scopes;
 mod statements;
 mod step;
 mod twin;
 
 pub use equations::{BadPrefix, write_equations};
-pub use statements::{
-    hexadecimal, hexadecimal_single, write_rust_statements, write_single_statements,
-    write_statements,
-};
+pub use statements::{hexadecimal, hexadecimal_single, write_single_statements, write_statements};
 pub use step::write_step;
-pub use twin::{write_rust_twin, write_tangent, write_twin};
+pub use twin::{write_tangent, write_twin};
 
 use crate::program::Program;
 use crate::symbol::{Graph, Symbol};

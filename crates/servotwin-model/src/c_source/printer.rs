@@ -1,6 +1,5 @@
-//! Prints traced expressions as C or Rust; a [`Dialect`] spells each operation.
+//! Prints traced expressions as C; a [`Dialect`] spells each operation.
 
-use super::scopes::Scopes;
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Unary};
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -14,14 +13,15 @@ const ARGUMENT: &str = "x";
 /// For each value, the array entries that receive it.
 pub(super) type Stores = BTreeMap<Operand, Vec<(&'static str, usize)>>;
 
-/// The spelling of operations in a language for one kind of number.
+/// The spelling of operations for one kind of number.
 pub(super) trait Dialect {
-    /// What stands before the name of a number.
-    const NUMBER: &'static str;
     /// What stands before the name of a truth value.
-    const TRUTH: &'static str;
-    /// The most statements in a scope. A compiler that opens a scope for each variable fails on deep ones.
-    const MOST_IN_SCOPE: usize = usize::MAX;
+    const TRUTH: &'static str = "const int";
+
+    /// What stands before the name of a number.
+    fn number(&self) -> &'static str {
+        "const double"
+    }
 
     fn entry(&self, array: &str, index: usize) -> String {
         format!("{array}[{index}]")
@@ -61,23 +61,16 @@ impl<D: Dialect> Printer<'_, D> {
         for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
             self.store(c, *value, stores);
         }
-        let scopes = Scopes::new(self.expressions, &needed, D::MOST_IN_SCOPE, |value| {
-            values.contains(&value) && !stores.contains_key(&value)
-        });
-        for scope in 0..scopes.count() {
-            scopes.head(scope).iter().for_each(|head| line(c, format_args!("    {head}")));
-            for &node in scopes.nodes(scope) {
-                self.statement(c, node);
-                self.store(c, Operand::Node(node as u32), stores);
-            }
-            scopes.tail(scope).iter().for_each(|tail| line(c, format_args!("    {tail}")));
+        for node in (0..self.expressions.len()).filter(|&node| needed[node]) {
+            self.statement(c, node);
+            self.store(c, Operand::Node(node as u32), stores);
         }
     }
 
     fn statement(&mut self, c: &mut String, node: usize) {
         let expression = self.expressions[node];
         if !is_argument(expression) && self.dialect.has_statement(node, expression) {
-            let kind = if expression.is_truth() { D::TRUTH } else { D::NUMBER };
+            let kind = if expression.is_truth() { D::TRUTH } else { self.dialect.number() };
             let value = self.value(expression);
             let comment = self.dialect.comment(expression);
             line(c, format_args!("    {kind} v{node} = {value};{comment}"));
@@ -156,18 +149,12 @@ impl Body {
         needed_expressions(&self.expressions, &[self.value])
     }
 
-    /// Prints the statements of the function; returns the text of its value.
-    pub fn statements<D: Dialect>(&self, c: &mut String, dialect: D) -> String {
+    /// Prints the function with the given head.
+    pub fn print(&self, c: &mut String, head: &str, dialect: impl Dialect) {
+        line(c, format_args!("{head}\n{{"));
         let mut printer = Printer { dialect, expressions: &self.expressions };
         printer.statements(c, &[self.value], &Stores::new());
-        printer.operand(self.value)
-    }
-
-    /// Prints the function in C with the given head.
-    pub fn print<D: Dialect>(&self, c: &mut String, head: &str, dialect: D) {
-        line(c, format_args!("{head}\n{{"));
-        let value = self.statements(c, dialect);
-        line(c, format_args!("    return {value};\n}}\n"));
+        line(c, format_args!("    return {};\n}}\n", printer.operand(self.value)));
     }
 }
 

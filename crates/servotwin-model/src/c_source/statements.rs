@@ -1,8 +1,9 @@
-//! Any traced expressions as plain statements of C99 or Rust, for code that is to be proven.
+//! Any traced expressions as plain statements of C99, for code that is to be proven.
 //!
-//! One operation per statement, so that no compiler may fuse two. C has numbers as hexadecimal literals, and its statements
-//! need `sqrt`, `fabs` and the functions of [`helpers`](super::helpers).
+//! One operation per statement, so that no compiler may fuse two. Numbers are hexadecimal literals. The statements call
+//! `sqrt`, `fabs` and the functions of [`helpers`](super::helpers).
 
+use super::helpers::unary_text;
 use super::printer::{Dialect, Printer, Stores};
 use crate::symbol::{Binary, Expression, Graph, Symbol, Unary};
 use alloc::format;
@@ -16,20 +17,15 @@ type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
 ///
 /// Transcendental functions of this crate are called by the names that [`write_twin`](super::write_twin) gives them.
 pub fn write_statements(graph: &Graph, stored: &Stored) -> String {
-    write(Statements, graph, stored)
+    write(Statements::DOUBLE, graph, stored)
 }
 
-/// The same in single precision: constants become the nearest singles, and the functions of C those for `float`.
+/// The same in single precision: constants become the nearest singles, and `sqrtf` and `fabsf` replace `sqrt` and `fabs`.
 pub fn write_single_statements(graph: &Graph, stored: &Stored) -> String {
-    write(SingleStatements, graph, stored)
+    write(Statements { is_single: true }, graph, stored)
 }
 
-/// The same in Rust, with `libm` for square roots.
-pub fn write_rust_statements(graph: &Graph, stored: &Stored) -> String {
-    write(RustStatements, graph, stored)
-}
-
-fn write(dialect: impl Dialect, graph: &Graph, stored: &Stored) -> String {
+fn write(dialect: Statements, graph: &Graph, stored: &Stored) -> String {
     let mut stores = Stores::new();
     for &(symbol, array, index) in stored {
         stores.entry(symbol.operand()).or_default().push((array, index));
@@ -42,7 +38,7 @@ fn write(dialect: impl Dialect, graph: &Graph, stored: &Stored) -> String {
 /// Prints the statements that compute the stored values.
 pub(super) fn print_statements(
     text: &mut String,
-    dialect: impl Dialect,
+    dialect: Statements,
     expressions: &[Expression],
     stores: &Stores,
 ) {
@@ -84,32 +80,35 @@ pub fn hexadecimal_single(number: f64) -> String {
     }
 }
 
-/// Plain C99 for one number of type `double`.
-pub(super) struct Statements;
-
 /// Before the names of functions that C's library lacks.
 pub(super) const PREFIX: &str = "servotwin_twin";
 
+/// Plain C99 for one number of type `double` or `float`.
+#[derive(Clone, Copy)]
+pub(super) struct Statements {
+    is_single: bool,
+}
+
+impl Statements {
+    /// Those of type `double`.
+    pub const DOUBLE: Self = Statements { is_single: false };
+}
+
 impl Dialect for Statements {
-    const NUMBER: &'static str = "const double";
-    const TRUTH: &'static str = "const int";
+    fn number(&self) -> &'static str {
+        if self.is_single { "const float" } else { "const double" }
+    }
 
     fn literal(&self, value: f64) -> String {
-        match value.is_sign_negative() {
-            true => format!("({})", hexadecimal(value)),
-            false => hexadecimal(value),
-        }
+        let literal = if self.is_single { hexadecimal_single(value) } else { hexadecimal(value) };
+        if value.is_sign_negative() { format!("({literal})") } else { literal }
     }
 
     fn unary(&mut self, operation: Unary, a: &str) -> String {
         match operation {
-            Unary::Negative => format!("-{a}"),
-            Unary::SquareRoot => format!("sqrt({a})"),
-            Unary::Absolute => format!("fabs({a})"),
-            Unary::Round => format!("{PREFIX}_rounded({a})"),
-            Unary::Mantissa => format!("{PREFIX}_mantissa({a})"),
-            Unary::Exponent => format!("{PREFIX}_exponent({a})"),
-            Unary::Call(function) => format!("{PREFIX}_{}({a})", function.name()),
+            Unary::SquareRoot if self.is_single => format!("sqrtf({a})"),
+            Unary::Absolute if self.is_single => format!("fabsf({a})"),
+            _ => unary_text(PREFIX, operation, a),
         }
     }
 
@@ -135,99 +134,6 @@ impl Dialect for Statements {
 
     fn held_entry(&self, node: usize) -> String {
         unreachable!("expression {node} has a statement")
-    }
-}
-
-/// Plain C99 for one number of type `float`.
-struct SingleStatements;
-
-impl Dialect for SingleStatements {
-    const NUMBER: &'static str = "const float";
-    const TRUTH: &'static str = Statements::TRUTH;
-
-    fn literal(&self, value: f64) -> String {
-        match value.is_sign_negative() {
-            true => format!("({})", hexadecimal_single(value)),
-            false => hexadecimal_single(value),
-        }
-    }
-
-    fn unary(&mut self, operation: Unary, a: &str) -> String {
-        match operation {
-            Unary::SquareRoot => format!("sqrtf({a})"),
-            Unary::Absolute => format!("fabsf({a})"),
-            _ => Statements.unary(operation, a),
-        }
-    }
-
-    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
-        Statements.call(operation, a, b)
-    }
-
-    fn less(&self, a: &str, b: &str) -> String {
-        Statements.less(a, b)
-    }
-
-    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
-        Statements.select(truth, yes, no)
-    }
-
-    fn has_statement(&self, node: usize, expression: Expression) -> bool {
-        Statements.has_statement(node, expression)
-    }
-
-    fn held_entry(&self, node: usize) -> String {
-        Statements.held_entry(node)
-    }
-}
-
-/// Rust for one number of type `f64`.
-pub(super) struct RustStatements;
-
-impl Dialect for RustStatements {
-    const NUMBER: &'static str = "let";
-    const TRUTH: &'static str = "let";
-    const MOST_IN_SCOPE: usize = 64;
-
-    fn literal(&self, value: f64) -> String {
-        assert!(value.is_finite(), "{value} has no literal");
-        format!("{value:?}")
-    }
-
-    fn unary(&mut self, operation: Unary, a: &str) -> String {
-        match operation {
-            Unary::Negative => format!("-{a}"),
-            Unary::SquareRoot => format!("libm::sqrt({a})"),
-            Unary::Absolute => format!("f64::abs({a})"),
-            Unary::Round => format!("rounded({a})"),
-            Unary::Mantissa => format!("mantissa({a})"),
-            Unary::Exponent => format!("exponent({a})"),
-            Unary::Call(function) => format!("{}({a})", function.name()),
-        }
-    }
-
-    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
-        match operation {
-            Binary::Smaller => format!("if {a} < {b} {{ {a} }} else {{ {b} }}"),
-            Binary::Larger => format!("if {b} < {a} {{ {a} }} else {{ {b} }}"),
-            _ => format!("scaled({a}, {b})"),
-        }
-    }
-
-    fn less(&self, a: &str, b: &str) -> String {
-        format!("{a} < {b}")
-    }
-
-    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
-        format!("if {truth} {{ {yes} }} else {{ {no} }}")
-    }
-
-    fn has_statement(&self, node: usize, expression: Expression) -> bool {
-        Statements.has_statement(node, expression)
-    }
-
-    fn held_entry(&self, node: usize) -> String {
-        Statements.held_entry(node)
     }
 }
 
@@ -275,14 +181,5 @@ mod tests {
         let single = write_single_statements(&graph, &[((x - y).sqrt() * larger, "into", 3)]);
         assert!(single.contains("const float v4 = (-0x1.000000p+1F) + v3;"), "{single}");
         assert!(single.contains(" = sqrtf(v4);") && !single.contains("double"), "{single}");
-        let rust = write_rust_statements(&graph, &[(larger, "into", 3)]);
-        let expected = "    let v2 = a[0] < a[1];
-    let v3 = a[0] * a[1];
-    let v4 = -2.0 + v3;
-    let v5 = libm::sqrt(v4);
-    let v6 = if v2 { a[1] } else { v5 };
-    into[3] = v6;
-";
-        assert_eq!(rust, expected);
     }
 }

@@ -1,7 +1,7 @@
-//! The equations and the linear algebra of a twin as plain C99 or Rust, for exported code that is to be proven.
+//! The equations and the linear algebra of a twin as plain C99, for exported code that is to be proven.
 //!
 //! The control of the steps is the same for every system, so it is written by hand (`servotwin-export`). This module
-//! prints what depends on the system, here with the names of C; in Rust they have no prefix:
+//! prints what depends on the system:
 //!
 //! | function | reads | fills |
 //! |---|---|---|
@@ -15,16 +15,11 @@
 //! | `servotwin_twin_sums` | stage | argument and right-hand side of the stage |
 //! | `servotwin_twin_tick` | clock | what a clock computes and holds |
 //! | `servotwin_twin_power` | x > 0, exponent | |
-//!
-//! The statements of both languages come from one printer; a [`TwinLanguage`] spells what stands around them.
-
-mod c;
-mod rust;
 
 use super::functions::{self, Traced};
-use super::helpers::{Frame, Helper, print_helpers};
-use super::printer::{Dialect, line};
-use super::statements::print_statements;
+use super::helpers::{Helper, print_helpers};
+use super::printer::line;
+use super::statements::{PREFIX, Statements, print_statements};
 use crate::program::Program;
 use crate::solver::Method;
 use crate::symbol::{Function, Graph};
@@ -32,30 +27,26 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
-use c::C;
-use rust::Rust;
 
-/// What stands around the statements of a twin's functions.
-trait TwinLanguage: Copy {
-    /// The dialect of the statements.
-    type Statements: Dialect;
+const HEADING: &str = "/* Written by servotwin; do not edit. One operation per statement, so that no compiler may fuse two. */
+#include \"servotwin_equations.h\"
 
-    fn statements(self) -> Self::Statements;
+#include <math.h>
+#include <string.h>
 
-    /// The beginning of the file. A clock passes on at most `most_held` values; without clocks there are none.
-    fn heading(self, most_held: Option<usize>) -> String;
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
 
-    fn frame(self) -> Frame<'static>;
+";
 
-    /// The function that takes a power.
-    fn power(self) -> &'static str;
-
-    /// Everything before the statements of a function, up to and including its brace.
-    fn begin(self, traced: &Traced) -> String;
-
-    /// Prints a function that calls one of several.
-    fn print_choice(self, c: &mut String, choice: &Choice);
+const POWER: &str = "double servotwin_twin_power(double x, double exponent)
+{
+    const double logarithm = servotwin_twin_log2(x);
+    const double product = logarithm * exponent;
+    return servotwin_twin_exp2(product);
 }
+";
 
 /// A function that calls one of several by their number.
 struct Choice {
@@ -80,20 +71,11 @@ struct Case {
 
 /// Returns the C source for a method; `None` for an explicit method.
 pub fn write_twin(program: &Program, method: Method) -> Option<String> {
-    write(C, program, method)
-}
-
-/// The same in Rust: a module beside `twin_sizes` with the lengths of the arrays.
-pub fn write_rust_twin(program: &Program, method: Method) -> Option<String> {
-    write(Rust, program, method)
-}
-
-fn write(language: impl TwinLanguage, program: &Program, method: Method) -> Option<String> {
     let tableau = method.tableau()?;
-    let mut c = language.heading(most_held(program));
+    let mut c = String::from(HEADING);
     let helpers = Function::ALL.into_iter().map(Helper::Function).collect();
-    print_helpers(&mut c, language.frame(), helpers, || language.statements());
-    line(&mut c, format_args!("{}", language.power()));
+    print_helpers(&mut c, &format!("double {PREFIX}"), helpers, || Statements::DOUBLE);
+    line(&mut c, format_args!("{POWER}"));
     for traced in [
         functions::faults,
         functions::block_constants,
@@ -105,37 +87,67 @@ fn write(language: impl TwinLanguage, program: &Program, method: Method) -> Opti
         functions::solve_first,
         functions::solve,
     ] {
-        print_function(&mut c, language, |graph| traced(graph, program));
+        print_function(&mut c, |graph| traced(graph, program));
     }
     for clock in 0..program.clocks().len() {
-        print_function(&mut c, language, |graph| functions::tick(graph, program, clock));
+        print_function(&mut c, |graph| functions::tick(graph, program, clock));
     }
     for stage in 1..tableau.stages() {
-        print_function(&mut c, language, |graph| functions::sums(graph, program, tableau, stage));
+        print_function(&mut c, |graph| functions::sums(graph, program, tableau, stage));
     }
-    language.print_choice(&mut c, &sums(tableau.stages()));
-    language.print_choice(&mut c, &ticks(program));
+    print_choice(&mut c, &sums(tableau.stages()));
+    print_choice(&mut c, &ticks(program));
     Some(c)
 }
 
 /// Returns the C source of the directional derivatives, with the derivatives of states and inputs in `seeds`:
 /// `servotwin_twin_tangent`. It needs the functions of [`write_twin`].
 pub fn write_tangent(program: &Program) -> String {
-    let mut c = C.heading(most_held(program));
-    print_function(&mut c, C, |graph| functions::tangent(graph, program));
+    let mut c = String::from(HEADING);
+    print_function(&mut c, |graph| functions::tangent(graph, program));
     c
 }
 
-fn print_function(
-    c: &mut String,
-    language: impl TwinLanguage,
-    trace: impl for<'g> FnOnce(&'g Graph) -> Traced<'g>,
-) {
+fn print_function(c: &mut String, trace: impl for<'g> FnOnce(&'g Graph) -> Traced<'g>) {
     let graph = Graph::new();
     let traced = trace(&graph);
-    line(c, format_args!("{}", language.begin(&traced)));
-    print_statements(c, language.statements(), &graph.expressions(), &traced.stores());
+    let linkage = if is_one_of_several(&traced) { "static " } else { "" };
+    let (name, arguments) = (&traced.name, arguments(traced.reads, traced.writes));
+    line(c, format_args!("{linkage}void {PREFIX}_{name}({arguments})\n{{"));
+    for array in traced.reads.iter().chain(traced.writes) {
+        line(c, format_args!("    (void){array};"));
+    }
+    print_statements(c, Statements::DOUBLE, &graph.expressions(), &traced.stores());
     line(c, format_args!("}}\n"));
+}
+
+/// The arguments of a function.
+fn arguments(reads: &[&str], writes: &[&str]) -> String {
+    let reads = reads.iter().map(|name| format!("const double *{name}"));
+    let writes = writes.iter().map(|name| format!("double *{name}"));
+    reads.chain(writes).collect::<Vec<_>>().join(", ")
+}
+
+/// Prints a function that calls one of several.
+fn print_choice(c: &mut String, choice: &Choice) {
+    let &Choice { name, number, reads, writes, own, .. } = choice;
+    let head = arguments(reads, writes);
+    line(c, format_args!("void {PREFIX}_{name}(int32_t {number}, {head})\n{{"));
+    let given = || reads.iter().chain(writes).copied();
+    let arrays = given().chain(own.map(|(name, _)| name)).collect::<Vec<_>>().join(", ");
+    if let Some((own, length)) = own {
+        line(c, format_args!("    double {own}[{length}];"));
+    } else if choice.cases.is_empty() {
+        given().for_each(|array| line(c, format_args!("    (void){array};")));
+    }
+    line(c, format_args!("    switch ({number}) {{"));
+    for Case { number, stores } in &choice.cases {
+        line(c, format_args!("    case {number}:"));
+        line(c, format_args!("        {PREFIX}_{name}_{number}({arrays});"));
+        stores.iter().for_each(|store| line(c, format_args!("        {store}")));
+        line(c, format_args!("        break;"));
+    }
+    line(c, format_args!("    default:\n        break;\n    }}\n}}\n"));
 }
 
 /// Whether a function is called by a [`Choice`] alone: its name ends with a number.

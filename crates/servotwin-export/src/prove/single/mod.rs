@@ -65,16 +65,6 @@ pub fn prove_single(
     let check = |evidence: &mut ProofEvidence| check_text(plan, &right, evidence);
     let (compiled, mut all) = compile(plan, builds, &check, tell)?;
     let mut single = SingleEvidence::default();
-    if let Some(worst_path) = plan.worst_path {
-        let mut beside = Beside::new(plan.diagnoser, &compiled)?;
-        for (number, sample) in worst_path.sequence.iter().enumerate() {
-            let name = || format!("sequence of the most work, sample {number}");
-            if beside.push(name, sample, &mut all).is_none() {
-                break;
-            }
-            all.iter_mut().for_each(|evidence| evidence.worst_path_samples += 1);
-        }
-    }
     let share = |done: u64, of: u64| done as f64 / of.max(1) as f64;
     let tell_chain = &mut |done| tell("comparing the whole chain", share(done, plan.samples));
     compare_chain(plan, &compiled, (&mut all, &mut single), tell_chain)?;
@@ -120,7 +110,7 @@ fn prove_text(
             *own = right;
         }
     }
-    let compiled = Compiled::new(&files, build)?;
+    let compiled = Compiled::new(&files, build, None)?;
     let mut evidence = ProofEvidence::of(build);
     evidence.command += " (the hand-written files in double precision)";
     compare_parts(plan.diagnoser, (&compiled, Precision::F64), RANDOM_ROWS, &mut evidence)?;
