@@ -4,7 +4,7 @@
 //!
 //! `UPDATE=1 cargo test -p servotwin-cli --test all book` writes these tables anew.
 
-use super::{Folder, stderr, stdout};
+use super::{Folder, json, servotwin, stderr, stdout};
 use servotwin::{catalogue, format, signal, study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::{
@@ -88,10 +88,6 @@ pub(super) fn is_understood(folder: &Folder, line: &str) {
 fn every_command_of_the_book_works() {
     let mut run = 0;
     for name in pages() {
-        // The commands of this page are run by a test of their own.
-        if name == "tables.md" {
-            continue;
-        }
         let folder = Folder::new(&format!("book-{}", name.trim_end_matches(".md")));
         let mut said = String::new();
         for (kind, text) in blocks(&page(&name)) {
@@ -116,6 +112,17 @@ fn every_command_of_the_book_works() {
         }
     }
     assert!(run > 25, "{run} commands");
+}
+
+#[test]
+fn the_list_of_features_is_the_document() {
+    let list = stdout(&servotwin(&["features", "--list"]));
+    let document = std::fs::read_to_string(format!("{DOCS}/features.md")).unwrap();
+    assert_eq!(list, document, "servotwin features --list > docs/features.md");
+    let entries = json(&["--json", "features", "--list"]);
+    let entries = entries.as_array().unwrap();
+    assert!(entries.len() > 100, "{}", entries.len());
+    assert!(entries.iter().all(|e| !e["meaning"].as_str().unwrap().is_empty()));
 }
 
 /// The template that a page shows beside a shipped system.

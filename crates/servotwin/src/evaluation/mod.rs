@@ -23,11 +23,10 @@ pub mod piece;
 pub mod protocol;
 pub mod robustness;
 pub mod run;
-pub mod table_model;
 pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
-pub use error::{EvaluationError, UnknownClass};
+pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 
 use crate::parallel::Workers;
