@@ -37,7 +37,6 @@ pub struct Description {
     /// The language of the files.
     pub language: Language,
     /// The precision of its numbers.
-    #[serde(default)]
     pub precision: Precision,
     /// The twin, if it is part of the export.
     pub twin: Option<TwinDescription>,
