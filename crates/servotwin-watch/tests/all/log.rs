@@ -516,7 +516,7 @@ fn with_checksum(body: &serde_json::Value) -> String {
     let body = body.to_string();
     let sum = Sha256::digest(body.as_bytes());
     let sum: String = sum.iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("{{\"format\":3,\"sha256\":\"{sum}\"}}\n{body}\n")
+    format!("{{\"format\":1,\"sha256\":\"{sum}\"}}\n{body}\n")
 }
 
 /// Whatever stands in a checkpoint: a watch goes on from it or says in one line why not. A period of zero and numbers
