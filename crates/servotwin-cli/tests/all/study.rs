@@ -399,7 +399,11 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     for (name, command, again) in [
         ("dataset-realistic-training.parquet", &["evaluate", &out][..], "features"),
         ("dataset-realistic.parquet", &["explain", "0", "--out", &out], "features"),
-        ("dataset-ideal.parquet", &["train", &out], "features"),
+        (
+            "dataset-ideal.parquet",
+            &["explain", "0", "--out", &out, "--subject", "ideal"],
+            "features",
+        ),
         ("panel-ideal.json", &["evaluate", &out], "train"),
         ("hierarchy-noise.json", &["report", &out], "train"),
         ("evaluation.json", &["report", &out], "evaluate"),
