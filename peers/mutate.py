@@ -189,10 +189,6 @@ class Bench:
         watch = ["watch", "log.csv", "--study", "study.toml", "--model", "out/diagnoser-realistic.json"]
         self.must(*watch, "--mcap", "log.mcap", "--checkpoint", "checkpoint.json")
         self.must("watch", "log.csv", "--study", "study.toml", "--make-map", "map.toml")
-        rng = random.Random(7)
-        table = [(rng.random(), rng.random(), k % 3) for k in range(90)]
-        self.write("table.csv", "a,b,label\n" + "".join(f"{a},{b},c{c}\n" for a, b, c in table))
-        self.must("train", "table.csv", "--label", "label", "--out", "model.json")
         # Where the manifest vouches for a file, a changed one is refused before it is read.
         (self.folder / "out/manifest.json").rename(self.folder / "manifest.json")
 
@@ -212,9 +208,7 @@ class Bench:
             "study of traces": ("traces.toml", [["features", "x.csv", "--study", "@", "--out", "f.csv"]]),
             "map": ("map.toml", [watch("log.csv", "--map", "@")]),
             **logs,
-            "table csv": ("table.csv", [["train", "@", "--label", "label", "--out", "m.json"],
-                                        ["report", "@", "--label", "label", "--out", "r.html"]]),
-            "model": ("model.json", [["predict", "@", "table.csv", "--out", "said.csv"]]),
+            "traces": ("x.csv", [["features", "@", "--study", "traces.toml", "--out", "f.csv"]]),
             "diagnoser": ("out/diagnoser-realistic.json", [["watch", "log.csv", *study, "--model", "@", "--html", "w.html"]]),
             "checkpoint": ("checkpoint.json", [watch("log.csv", "--checkpoint", "@", "--resume")]),
             "data set": ("out/dataset-ideal.parquet", stages("train", "evaluate")),

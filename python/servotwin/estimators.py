@@ -7,7 +7,6 @@ This module needs scikit-learn.
 from __future__ import annotations
 
 import json
-import warnings
 from typing import Any, Optional
 
 import numpy as np
@@ -242,10 +241,6 @@ class CartClassifier(_Classifier):
         return svg
 
 
-_DEPRECATED = "deprecated"
-"""The value of a parameter under its old name that nobody has given."""
-
-
 class CommitteeClassifier(_Classifier):
     """Gradient-boosted shallow trees, few enough to be inspected.
 
@@ -263,8 +258,6 @@ class CommitteeClassifier(_Classifier):
         The number of groups of values, 2 to 256, between which thresholds lie.
     random_state : int, RandomState or None
         The seed that draws the features of each tree; None draws another one in each fit.
-    trees, feature_share, seed : optional
-        Deprecated names of `n_estimators`, `max_features` and `random_state`.
 
     Attributes
     ----------
@@ -281,9 +274,6 @@ class CommitteeClassifier(_Classifier):
         max_features: float = 0.3,
         max_bins: int = 64,
         random_state: Any = 0,
-        trees: Any = _DEPRECATED,
-        feature_share: Any = _DEPRECATED,
-        seed: Any = _DEPRECATED,
     ) -> None:
         self.n_estimators = n_estimators
         self.max_depth = max_depth
@@ -291,28 +281,17 @@ class CommitteeClassifier(_Classifier):
         self.max_features = max_features
         self.max_bins = max_bins
         self.random_state = random_state
-        self.trees = trees
-        self.feature_share = feature_share
-        self.seed = seed
-
-    def _given(self, name: str, old: str) -> Any:
-        """The value of a parameter, which may have its old name."""
-        value = getattr(self, old)
-        if isinstance(value, str) and value == _DEPRECATED:
-            return getattr(self, name)
-        warnings.warn(f"'{old}' is deprecated, use '{name}'", DeprecationWarning, stacklevel=5)
-        return value
 
     def _settings(self) -> dict[str, Any]:
-        seed = self._given("random_state", "seed")
+        seed = self.random_state
         if not isinstance(seed, (int, np.integer)):
             seed = check_random_state(seed).randint(np.iinfo(np.int32).max)
         return {
             "kind": "boosted_trees",
-            "trees": self._given("n_estimators", "trees"),
+            "trees": self.n_estimators,
             "max_depth": self.max_depth,
             "learning_rate": self.learning_rate,
-            "feature_share": self._given("max_features", "feature_share"),
+            "feature_share": self.max_features,
             "max_bins": self.max_bins,
             "seed": int(seed),
         }

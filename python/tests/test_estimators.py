@@ -20,16 +20,6 @@ def test_scikit_learns_own_checks(estimator, check):
     check(estimator)
 
 
-def test_old_names_of_parameters_warn_and_give_the_same_model():
-    X, y = load_iris(return_X_y=True)
-    new = CommitteeClassifier(n_estimators=5, max_features=0.5, random_state=3).fit(X, y)
-    with pytest.warns(DeprecationWarning, match="'trees' is deprecated, use 'n_estimators'"):
-        old = CommitteeClassifier(trees=5, feature_share=0.5, seed=3).fit(X, y)
-    assert old.model_.to_json() == new.model_.to_json()
-    other = CommitteeClassifier(n_estimators=5, max_features=0.5, random_state=4).fit(X, y)
-    assert other.model_.to_json() != new.model_.to_json()
-
-
 def test_a_random_state_of_numpy_draws_the_seed():
     X, y = load_iris(return_X_y=True)
     drawn = [

@@ -4,7 +4,6 @@ use crate::hint;
 use crate::incomplete::Incomplete;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::table_model::TableModelError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::files::FileError;
@@ -174,8 +173,8 @@ pub enum Failure {
     /// A figure cannot be written.
     #[error("error: {0}")]
     Figure(#[from] FigureError),
-    /// A table is unsuitable for training or testing, or a model is unusable.
-    #[error("{}", hint::of_evaluation(.0))]
+    /// A data set or a model is unusable.
+    #[error("error: {0}")]
     Evaluation(EvaluationError),
     /// A stage of the main job stopped.
     #[error("{}", hint::of_job(.0))]
@@ -187,14 +186,9 @@ pub enum Failure {
         path: PathBuf,
         error: TraceError,
     },
-    /// A table contradicts a study file for traces, or a model.
-    #[error("error: {path} does not follow {rule}: {error}{}", hint::for_table(.error))]
-    NotAs {
-        path: PathBuf,
-        /// The study file or the model.
-        rule: PathBuf,
-        error: Box<EvaluationError>,
-    },
+    /// A table contradicts a study file for traces.
+    #[error("error: {path} does not follow {study}: {error}")]
+    NotAs { path: PathBuf, study: PathBuf, error: Box<EvaluationError> },
     /// The twin or the diagnosis could not run.
     #[error("error: {0}")]
     Runtime(RuntimeError),
@@ -457,10 +451,6 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
     match error {
         EvaluationError::File(error) => of_file(error),
         EvaluationError::Table(error) => of_table(error),
-        // An option requests something that the table does not have.
-        EvaluationError::TableModel(TableModelError::NoRow { .. })
-        | EvaluationError::TooFewGroups { .. }
-        | EvaluationError::Diagnosis(servotwin_diagnosis::Error::TooFewForFolds { .. }) => 2,
         _ => 3,
     }
 }

@@ -1,8 +1,6 @@
 //! Adds helpful options to errors of the library, which does not know the command line.
 
 use servotwin::campaign::CampaignError;
-use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::table_model::TableModelError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::job::JobError;
 use servotwin_watch::WatchError;
@@ -20,34 +18,11 @@ pub fn of_campaign(error: &CampaignError) -> String {
     format!("error: {error}{hint}")
 }
 
-/// The message of an error of training, testing or prediction.
-pub fn of_evaluation(error: &EvaluationError) -> String {
-    format!("error: {error}{}", for_table(error))
-}
-
-/// Options that help with an error in a user's table.
-pub fn for_table(error: &EvaluationError) -> &'static str {
-    match error {
-        EvaluationError::InTest(error) => for_table(error),
-        EvaluationError::TableModel(
-            TableModelError::NumericLabel { .. } | TableModelError::Limits { .. },
-        ) => " (--label-limits)",
-        EvaluationError::TableModel(TableModelError::Split { test_value: None, .. }) => {
-            " (--test-value names the value of the test rows)"
-        }
-        EvaluationError::TableModel(TableModelError::Empty { what: "class", .. }) => {
-            " (rows without one are for 'servotwin predict')"
-        }
-        _ => "",
-    }
-}
-
 /// The message of a stage's error. Mistakes of a study begin with their place instead of `error`.
 pub fn of_job(error: &JobError) -> String {
     match error {
         JobError::Study(error) => error.to_string(),
         JobError::Campaign(error) => of_campaign(error),
-        JobError::Evaluation(error) => of_evaluation(error),
         JobError::NoDataSet { folder } => {
             let folder = folder.display();
             format!("error: {error}; 'servotwin campaign --out {folder}' makes it")
@@ -63,7 +38,6 @@ pub fn of_job(error: &JobError) -> String {
 pub fn of_traces(path: &Path, error: &TraceError) -> String {
     let hint = match error {
         TraceError::NoHealthyRows { .. } => " with --healthy",
-        TraceError::Evaluation(error) | TraceError::Healthy(error) => for_table(error),
         _ => "",
     };
     format!("error: {}: {error}{hint}", path.display())

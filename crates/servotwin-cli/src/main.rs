@@ -25,8 +25,7 @@ use clap::{Parser, Subcommand};
 use commands::{
     band, cache, campaign, check, completions, components, describe, evaluate, explain, export,
     faults, faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge,
-    predict, prove, report, results, schema, sensors, serve, simulate, study, train, watch,
-    worst_case,
+    prove, report, results, schema, sensors, serve, simulate, study, train, watch, worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -110,7 +109,6 @@ enum Command {
     Features(features::Options),
     Train(train::Options),
     Evaluate(evaluate::Options),
-    Predict(predict::Options),
     Fit(fit::Options),
     History(history::Options),
     Band(band::Options),
@@ -145,14 +143,11 @@ impl Command {
         match self {
             Command::Simulate(options) => options.paths(),
             Command::Features(options) => options.paths(),
-            Command::Train(options) => options.paths(),
-            Command::Predict(options) => options.paths(),
             Command::Fit(options) => options.paths(),
             Command::History(options) => options.paths(),
             Command::Band(options) => options.paths(),
             Command::Watch(options) => options.paths(),
             Command::Serve(options) => options.paths(),
-            Command::Report(options) => options.paths(),
             Command::Fmea(options) => options.paths(),
             Command::Faulttree(options) => options.paths(),
             Command::FunctionRate(options) => options.paths(),
@@ -177,7 +172,6 @@ impl Command {
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),
             Command::Explain(options) => explain::run(options, global),
-            Command::Predict(options) => predict::run(options, global),
             Command::Fit(options) => fit::run(options, global),
             Command::History(options) => history::run(options, global),
             Command::Band(options) => band::run(options, global),

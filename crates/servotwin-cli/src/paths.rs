@@ -32,8 +32,6 @@ impl Format {
     pub const HTML: Format = Format::Only(&["html", "htm"]);
     /// A system or a map.
     pub const TOML: Format = Format::Only(&["toml"]);
-    /// A model file.
-    pub const JSON: Format = Format::Only(&["json"]);
     /// A recording for viewers of MCAP.
     pub const MCAP: Format = Format::Only(&["mcap"]);
     /// Events, one in each line.

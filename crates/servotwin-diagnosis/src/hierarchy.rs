@@ -33,7 +33,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 /// The format name at the start of a stored hierarchy.
-pub const FORMAT: &str = "servotwin hierarchy 2";
+pub const FORMAT: &str = "servotwin hierarchy 1";
 
 /// A's answer when there is no fault.
 pub const HEALTHY: &str = "healthy";
@@ -48,7 +48,6 @@ pub enum Question {
     /// The faulty actuator.
     Actuator,
     /// The action for that actuator.
-    #[serde(rename = "command")]
     Action,
     /// The fault class within that action.
     Detail,
@@ -63,7 +62,6 @@ pub struct StagePlace {
     /// The actuator that it serves; `None` for all.
     pub actuator: Option<u32>,
     /// The action whose details it separates; `None` for A and B.
-    #[serde(rename = "command")]
     pub action: Option<u32>,
 }
 
@@ -106,7 +104,6 @@ pub struct Names {
     /// Actuator names; at least one.
     pub actuators: Vec<String>,
     /// Action names, most urgent first.
-    #[serde(rename = "commands")]
     pub actions: Vec<String>,
     /// Detail names.
     pub details: Vec<String>,

@@ -75,10 +75,8 @@ pub struct Stored {
     /// The statistics of the base pane.
     pub base: Vec<f64>,
     /// Statistics of the newest full base pane, if a span has not taken it yet.
-    #[serde(default)]
     pub full: Vec<f64>,
     /// Index of the span that takes it next.
-    #[serde(default)]
     pub turn: usize,
     /// State of each span.
     pub spans: Vec<StoredSpan>,

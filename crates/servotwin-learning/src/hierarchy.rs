@@ -353,7 +353,6 @@ pub struct HierarchySettings {
     /// The classifier for the actuator.
     pub actuator: classifiers::Settings,
     /// The classifier for the action.
-    #[serde(rename = "command")]
     pub action: classifiers::Settings,
     /// The classifier for the detail.
     pub detail: classifiers::Settings,

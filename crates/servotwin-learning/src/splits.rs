@@ -4,10 +4,6 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
-
-use crate::classifiers::{Fit, Settings, predict};
-use crate::metrics::Confusion;
-use crate::samples::Samples;
 use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::random::Random;
 
@@ -31,11 +27,7 @@ impl Split {
 }
 
 /// Holds out a random share of the rows, rounded to the nearest row, with at least one row on each side.
-///
-/// # Errors
-/// [`Error::SettingOutOfRange`] unless `0 < held_out < 1`; [`Error::TooFewForFolds`] for fewer
-/// than two rows.
-pub fn hold_out(rows: usize, held_out: f64, seed: u64) -> Result<Split, Error> {
+fn hold_out(rows: usize, held_out: f64, seed: u64) -> Result<Split, Error> {
     require(held_out > 0.0 && held_out < 1.0, "held_out", held_out, "between 0 and 1")?;
     enough(2, rows)?;
     let count = (libm::round(rows as f64 * held_out) as usize).clamp(1, rows - 1);
@@ -46,10 +38,10 @@ pub fn hold_out(rows: usize, held_out: f64, seed: u64) -> Result<Split, Error> {
     Ok(Split::by(rows, |row| is_test[row]))
 }
 
-/// Several independent [`hold_out`] splits.
+/// Several independent splits that hold out a random share of the rows, with at least one row on each side.
 ///
 /// # Errors
-/// As [`hold_out`].
+/// [`Error::SettingOutOfRange`] unless `0 < held_out < 1`; [`Error::TooFewForFolds`] for fewer than two rows.
 pub fn repeated_hold_out(
     rows: usize,
     held_out: f64,
@@ -58,24 +50,6 @@ pub fn repeated_hold_out(
 ) -> Result<Vec<Split>, Error> {
     let mut seeds = Random::new(seed);
     (0..repeats).map(|_| hold_out(rows, held_out, seeds.next_u64())).collect()
-}
-
-/// Folds with nearly equal shares of every class: counts differ by at most one, for each class and for the whole fold.
-///
-/// # Errors
-/// [`Error::TooFewForFolds`] unless there are at least 2 folds and as many rows as folds.
-pub fn stratified_k_fold(labels: &[u32], folds: usize, seed: u64) -> Result<Vec<Split>, Error> {
-    enough_folds(folds, labels.len())?;
-    let mut order: Vec<usize> = (0..labels.len()).collect();
-    Random::new(seed).shuffle(&mut order);
-    order.sort_by_key(|&row| labels[row]);
-    let mut fold_of = vec![0; labels.len()];
-    // Deals the rows in turn, class after class, so that the rest of one class and the beginning of the next share a
-    // round.
-    for (place, &row) in order.iter().enumerate() {
-        fold_of[row] = place % folds;
-    }
-    Ok(splits(&fold_of, folds))
 }
 
 /// Folds in which all rows of a group (an operating case, a fault variant) stay together. The largest groups come
@@ -131,21 +105,4 @@ fn enough(folds: usize, available: usize) -> Result<(), Error> {
 fn enough_folds(folds: usize, available: usize) -> Result<(), Error> {
     require(folds >= 2, "folds", folds as f64, ">= 2")?;
     enough(folds, available)
-}
-
-/// Trains on each split and counts the predictions of its test rows, one table per split.
-///
-/// # Errors
-/// The errors of training, and [`Error::IndexOutOfRange`] for splits of other samples.
-pub fn cross_validate(
-    settings: &Settings,
-    samples: &Samples,
-    splits: &[Split],
-) -> Result<Vec<Confusion>, Error> {
-    let one = |split: &Split| {
-        let model = settings.fit(&samples.select_rows(&split.train)?)?;
-        let test = samples.select_rows(&split.test)?;
-        Confusion::of(samples.classes(), test.labels(), &predict(&model, &test)?)
-    };
-    splits.iter().map(one).collect()
 }

@@ -7,7 +7,7 @@ pub use crate::wiring::PortOf;
 
 use crate::component::Component;
 use crate::fluid::Fluid;
-use crate::hash::TextHash;
+use crate::hash::{Canonical, Fingerprint};
 use crate::spec::{PortKind, Unit};
 use crate::wiring::{Collected, Node, Role, Sum, Variable, Wiring};
 use alloc::string::String;
@@ -93,13 +93,23 @@ pub struct Network {
 impl Network {
     /// A number that differs between networks with other components, parameters, fluids, connections or inputs.
     pub fn identity(&self) -> u64 {
-        let mut hash = TextHash::default();
-        for Instance { id, component, parameters, fault_full, fluid } in &self.components {
-            let kind = component.spec().kind;
-            hash.add(format_args!("{id} {kind} {parameters:?} {fault_full:?} {fluid:?}\n"));
-        }
-        hash.add(format_args!("{:?} {:?}", self.connections, self.inputs));
-        hash.value()
+        let Network { components, connections, inputs } = self;
+        Fingerprint::default().add(components).add(connections).add(inputs).value()
+    }
+}
+
+impl Canonical for Instance {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let Instance { id, component, parameters, fault_full, fluid } = self;
+        fingerprint.add(id).add(component.spec().kind);
+        fingerprint.add(parameters).add(fault_full).add(fluid);
+    }
+}
+
+impl Canonical for ExternalInput {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let ExternalInput { id, unit, default, targets } = self;
+        fingerprint.add(id).add(unit.symbol()).add(default).add(targets);
     }
 }
 

@@ -19,6 +19,7 @@
 //! A solver need not stop at every break: [`Piecewise::smoothness`] reports whether
 //! the value jumps at a break, or only the slope, or neither.
 
+use crate::hash::{Canonical, Fingerprint};
 use crate::scalar::Scalar;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -32,6 +33,12 @@ pub type Cubic = [f64; 4];
 pub struct Piecewise {
     breaks_s: Vec<f64>,
     pieces: Vec<Cubic>,
+}
+
+impl Canonical for Piecewise {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        fingerprint.add(&self.breaks_s).add(&self.pieces);
+    }
 }
 
 /// Why pieces do not form a function of time.

@@ -12,6 +12,7 @@
 //! and adds it to the sum of `b`.
 
 use crate::equation::Equation;
+use crate::hash::{Canonical, Fingerprint};
 use crate::spec::Spec;
 use alloc::vec::Vec;
 
@@ -22,6 +23,12 @@ pub struct PortOf {
     pub component: usize,
     /// Index of the port in the component's declaration.
     pub port: usize,
+}
+
+impl Canonical for PortOf {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        fingerprint.add(&self.component).add(&self.port);
+    }
 }
 
 /// The equation of a block, as its index in the catalogue's list, which holds the equation itself.

@@ -17,7 +17,6 @@ pub mod schematic;
 mod sections;
 mod stages;
 pub mod table;
-pub mod table_model;
 pub mod vocabulary;
 pub mod words;
 mod write;

@@ -318,12 +318,10 @@ impl MeasuredFlights {
                 number(1000.0 * alarms_per_h_upper)
             );
         }
-        if let Some(all) = environments {
-            page += &format!(
-                "Alarms cluster by environment: there were any {}.\n",
-                by_environment(all)
-            );
-        }
+        page += &format!(
+            "Alarms cluster by environment: there were any {}.\n",
+            by_environment(environments)
+        );
         page += &rate_tables(&self.rates);
         if !self.actions.is_empty() {
             page += &action_table(&self.actions);
@@ -366,7 +364,8 @@ fn of_flights(
         let strong = merit.strong();
         let faults = format!("all faults of intensity {STRONG} and more that become visible");
         push(format!("{} right", words.action()), &faults, counted(strong.count, strong.of));
-        let alarmed = merit.healthy.flights.and_then(|[flown, alarmed]| counted(alarmed, flown));
+        let [flown, alarmed] = merit.healthy.flights;
+        let alarmed = counted(alarmed, flown);
         push(format!("{} with an alarm", words.run()), "healthy flights", alarmed);
     }
     let Some(foreign) = foreign.filter(|_| words.has_off()) else { return rates };

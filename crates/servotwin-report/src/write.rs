@@ -94,7 +94,6 @@ fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
 /// The constants of a stored diagnoser, without its models.
 #[derive(Deserialize)]
 struct OfDiagnoser {
-    #[serde(rename = "decision")]
     tuning: Tuning,
     lengths: Vec<OfLength>,
 }
@@ -102,7 +101,6 @@ struct OfDiagnoser {
 /// The allowances of one window length.
 #[derive(Deserialize)]
 struct OfLength {
-    #[serde(default, rename = "relative")]
     baseline_corrected: Option<Allowances>,
 }
 

@@ -109,7 +109,7 @@ fn band() -> BandMerit {
         outside: 3,
         faults: 400,
         detected: [380, 360],
-        independent: None,
+        independent: Default::default(),
     }
 }
 

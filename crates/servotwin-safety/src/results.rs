@@ -202,5 +202,5 @@ pub fn read_residual_columns(
     }
     let own = ["variant", "case", "fault", "grade", "failure"];
     let is_wanted = |name: &str| own.contains(&name) || name.starts_with("largest:");
-    Ok(Some(table::read_wanted(&path, &[], &is_wanted)?))
+    Ok(Some(table::read_wanted(&path, &is_wanted)?))
 }

@@ -135,7 +135,6 @@ pub struct WatchCounts {
     /// How many periods were passed on, including those without a sample.
     pub samples: u64,
     /// In how many of these periods the diagnosis judged the actuators.
-    #[serde(default)]
     pub judged: u64,
     /// How often each kind of [`Irregularity::ALL`] occurred.
     tallies: Vec<Tally>,

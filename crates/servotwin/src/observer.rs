@@ -148,7 +148,7 @@ pub struct Finding {
     /// Number of the actuator concerned, from 1.
     pub actuator: Option<u32>,
     /// The actuator's name in the study. It is empty for an only actuator without a name, and null in JSON.
-    #[serde(default, serialize_with = "named")]
+    #[serde(serialize_with = "named")]
     pub unit: Option<String>,
     /// The action to carry out; empty for none.
     pub command: String,
@@ -160,7 +160,6 @@ pub struct Finding {
     pub evidence: Vec<String>,
     /// Whether the operating point is, or recently was, outside the training range of the band, where its guarantee
     /// does not hold.
-    #[serde(default)]
     pub is_outside: bool,
 }
 

@@ -146,7 +146,7 @@ struct Measured {
 
 impl Measured {
     fn of(merit: &BandMerit, place: usize) -> Self {
-        let own = merit.independent.unwrap_or_default();
+        let own = merit.independent;
         Measured::counted(own.left[place], own.flights)
     }
 
@@ -190,7 +190,7 @@ fn people(merit: &BandMerit, study: &Study, duration_s: f64) -> String {
         format!("{share:.2} % ({:.1} … {:.1})", 100.0 * rate.low, 100.0 * rate.high)
     };
     let Coverage { beta, mean, low, high, .. } = coverage(merit);
-    let own = merit.independent.unwrap_or_default();
+    let own = merit.independent;
     let mut text = format!(
         "Target: on the mean over calibrations at most {} % of healthy flights of {duration_s} s leave the band.\n\
          This one is calibrated with {} flights, each of its own environment and specimen. Its coverage is {} % on the \

@@ -1,35 +1,25 @@
-//! `servotwin explain`: explains the trees' answer for one variant, or a classifier's answer for one
-//! row of a table.
+//! `servotwin explain`: explains the trees' answer for one variant.
 
-use super::{is_read, not_as_model, read_wanted};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Side, TextTable, json};
 use serde_json::json;
-use servotwin::evaluation::model_file;
-use servotwin::evaluation::table_model;
 use servotwin::job::{self, Folder, Subject};
 use servotwin::nearest::UnknownName;
 use servotwin_report::explain::{
     ExplainedAnswer, ExplainedVerdict, Explanation, explain, variants,
 };
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{number, of_unit, percent, spoken};
-use std::path::{Path, PathBuf};
+use servotwin_report::words::{of_unit, percent, spoken};
+use std::path::PathBuf;
 
-/// Explain the trees' answer for one variant, or a classifier's answer for one row of a table.
+/// Explain the trees' answer for one variant.
 ///
 /// Shows every question with its value and its threshold.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The number of the variant in the data set, counted from 0, or of the row in the table, counted from 1.
+    /// The number of the variant in the data set, counted from 0.
     variant: u32,
-    /// A table (.csv or .parquet) instead of the output folder of a campaign.
-    #[arg(long, requires = "model")]
-    table: Option<PathBuf>,
-    /// The model for the table, a file written by `servotwin train --out`.
-    #[arg(long, requires = "table")]
-    model: Option<PathBuf>,
     /// The output folder of a campaign that `servotwin train` has processed.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
@@ -41,9 +31,6 @@ pub struct Options {
 
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    if let (Some(table), Some(model)) = (&options.table, &options.model) {
-        return of_table(table, model, options.variant as usize, global);
-    }
     let folder = Folder::new(&options.out);
     let study = folder.read_study()?;
     let subjects = job::subjects(&folder, &study)?;
@@ -151,49 +138,4 @@ fn stage(answer: &ExplainedAnswer, words: &Vocabulary) -> String {
         text += &grid.text();
     }
     text
-}
-
-fn of_table(path: &Path, rule: &Path, row: usize, global: Global) -> Result<String, Failure> {
-    let model = model_file::read_table_model(rule)?;
-    let table = read_wanted(path, &[&model.label], &is_read(&model, &[]), global)?;
-    let explanation = table_model::explain(table, &model, row);
-    let explanation = explanation.map_err(|error| not_as_model(path, rule, error))?;
-    Ok(match global.json {
-        true => json(&json!(explanation)),
-        false => of_row(&explanation, &model.label),
-    })
-}
-
-fn of_row(explanation: &table_model::Explanation, label: &str) -> String {
-    let said = &explanation.said;
-    let verdict = match &explanation.truth {
-        Some(truth) if truth == said => " (right)".to_owned(),
-        Some(truth) => format!(" (WRONG, it is {truth})"),
-        None => String::new(),
-    };
-    let (row, place) = (explanation.row, &explanation.place);
-    let mut text = format!("row {row} ({place}): {label} is {said}{verdict}\n");
-    let name = if explanation.probabilities { "probability" } else { "score" };
-    let mut grid = TextTable::new(&[("class", Side::Left), (name, Side::Right)]);
-    for (class, score) in explanation.scores.iter().filter(|(_, score)| *score != 0.0) {
-        grid.push(vec![class.clone(), number(*score)]);
-    }
-    text += &format!("\n{}", grid.text());
-    if explanation.steps.is_empty() {
-        return text;
-    }
-    let mut grid =
-        TextTable::new(&[("question", Side::Left), ("value", Side::Right), ("answer", Side::Left)]);
-    for step in &explanation.steps {
-        let value = step.value.map_or_else(|| "missing".into(), number);
-        let question = match &step.is {
-            Some(text) => format!("{} is '{text}'?", step.column),
-            None if step.asks_for_any() => format!("{} is given?", step.column),
-            None => format!("{} > {}?", step.column, number(step.threshold)),
-        };
-        grid.push(vec![question, value, step.said()]);
-    }
-    let leaf: Vec<String> =
-        explanation.leaf.iter().map(|(class, rows)| format!("{class} {rows}")).collect();
-    text + &format!("\n{}\nrows of training in the leaf: {}\n", grid.text(), leaf.join(", "))
 }

@@ -1,7 +1,7 @@
 //! `servotwin features`: recomputes the features of a campaign, or computes those of windows of
 //! measured and nominal signals.
 
-use super::{not_as, read_table};
+use super::read_table;
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -11,6 +11,7 @@ use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::job::{Folder, JobError, data_card, manifest};
 use servotwin::study::{Setting, Study};
+use servotwin::table::TableError;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub struct Options {
     /// List every feature with its unit and meaning instead: for the paper's sensors, or for those of --study.
     #[arg(long, conflicts_with_all = ["input", "out", "csv", "healthy"])]
     list: bool,
-    /// The study file that assigns the columns of the traces (docs/tables.md).
+    /// The study file that assigns the columns of the traces (docs/own-data.md).
     #[arg(long)]
     study: Option<PathBuf>,
     /// Healthy traces, from which to learn the nominal values.
@@ -151,7 +152,11 @@ fn of_traces(
     global: Global,
 ) -> Result<String, Failure> {
     let parsed = read_traces_study(study)?;
-    let of = |path: &Path, error| not_as(path, study, error);
+    // An error about a non-finite number already names its place.
+    let of = |path: &Path, error| match error {
+        EvaluationError::Table(TableError::NotFinite { .. }) => error.into(),
+        error => Failure::NotAs { path: path.into(), study: study.clone(), error: Box::new(error) },
+    };
     let told = |error| match (error, &options.healthy) {
         (TraceError::Healthy(error), Some(path)) => of(path, error),
         (TraceError::Evaluation(error) | TraceError::Healthy(error), _) => of(traces, error),
@@ -159,10 +164,10 @@ fn of_traces(
         (error, _) => Failure::Trace { path: study.clone(), error },
     };
     let healthy = match &options.healthy {
-        Some(path) => Some(read_table(path, &[], global)?),
+        Some(path) => Some(read_table(path, global)?),
         None => None,
     };
-    let table = read_table(traces, &[], global)?;
+    let table = read_table(traces, global)?;
     let features = parsed.features(&table, healthy.as_ref()).map_err(told)?;
     table::write(out, &features)?;
     let (windows, columns) = (features.row_count(), features.columns().len());

@@ -429,25 +429,19 @@ fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
     }
     let _ = writeln!(
         out,
-        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour){}",
+        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour); a fault seemed visible {} times",
         healthy.alarms,
         healthy.shutdowns,
         healthy.hours,
         number(healthy.alarms_per_h_upper),
-        match healthy.visible_by_chance {
-            Some(count) => format!("; a fault seemed visible {count} times"),
-            None => String::new(),
-        }
+        healthy.visible_by_chance
     );
-    if let Some(all) = healthy.environments {
-        let _ = writeln!(out, "  false alarms {}", by_environment(all));
-    }
+    let _ = writeln!(out, "  false alarms {}", by_environment(healthy.environments));
     if let Some(evidence) = merit.healthy_evidence {
         let _ = writeln!(out, "  {}", margin_line(&evidence));
     }
-    if let Some([flown, alarmed]) = healthy.flights {
-        let _ = writeln!(out, "  {alarmed} of {flown} flights without a fault have an alarm");
-    }
+    let [flown, alarmed] = healthy.flights;
+    let _ = writeln!(out, "  {alarmed} of {flown} flights without a fault have an alarm");
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);
         let _ = writeln!(out, "  shutdowns of the wrong {unit}: {wrong}");

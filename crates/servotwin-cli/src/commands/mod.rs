@@ -26,7 +26,6 @@ pub mod init;
 mod log_folder;
 pub mod man;
 pub mod merge;
-pub mod predict;
 mod progress;
 pub mod prove;
 pub mod report;
@@ -45,10 +44,6 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::out;
 use servotwin::document::counted;
-use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::table_model::{
-    ClassWeights, HoldOut, PreparedTable, Selection, TableModel, Unused, prepare,
-};
 use servotwin::fit::FitError;
 use servotwin::job::{Folder, Hold, Kept};
 use servotwin::sanitize;
@@ -159,52 +154,6 @@ fn removed(global: Global, folder: &str, files: usize) {
     note(global, &format!("{folder}: {files} of before the study was changed removed"));
 }
 
-/// What a command makes of a table's columns and rows.
-#[derive(clap::Args)]
-#[command(next_help_heading = "Tables")]
-pub struct TableOptions {
-    /// The column with the class. This option and all that follow apply to tables only.
-    #[arg(long)]
-    label: Option<String>,
-    /// Limits that turn a measured label into classes: up to the first limit, up to the second, and above the last.
-    #[arg(long, value_name = "A,B,…", value_delimiter = ',', allow_hyphen_values = true)]
-    label_limits: Vec<f64>,
-    /// The column with the group. Rows of one group are held out together.
-    #[arg(long)]
-    group: Option<String>,
-    /// The columns to learn from, separated by commas [default: all other columns that carry information].
-    #[arg(long, value_delimiter = ',')]
-    features: Vec<String>,
-    /// Columns to ignore in training, separated by commas.
-    #[arg(long, value_delimiter = ',')]
-    ignore: Vec<String>,
-    /// Columns whose numbers are names, separated by commas. Each number becomes a feature.
-    #[arg(long, value_delimiter = ',')]
-    categorical: Vec<String>,
-    /// The weight of each class's rows in training: 'balanced', or CLASS=WEIGHT,…
-    #[arg(long, value_name = "WEIGHTS", value_parser = class_weights)]
-    class_weights: Option<ClassWeights>,
-    /// Number of folds.
-    #[arg(long, default_value_t = 5)]
-    folds: usize,
-    /// Seed of the folds, and of classifiers that draw random numbers.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Hold out this last part of each class instead of folds; with --group, its last groups. Use this for time series.
-    #[arg(long, value_name = "SHARE", conflicts_with_all = ["folds", "split_column", "test"])]
-    last: Option<f64>,
-    /// The column that assigns each row to training or test, instead of folds.
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["folds", "test"])]
-    split_column: Option<String>,
-    /// The value of --split-column that means test [default: test, testing, true or 1, if the other value is train,
-    /// training, false or 0].
-    #[arg(long, value_name = "VALUE", requires = "split_column")]
-    test_value: Option<String>,
-    /// A second table to test with, instead of folds. All rows of the first table are used for training.
-    #[arg(long, value_name = "FILE", conflicts_with = "folds")]
-    test: Option<PathBuf>,
-}
-
 /// The scenario of an option `--setting`.
 fn setting_of(name: &str) -> Result<Setting, Failure> {
     let found = Setting::ALL.into_iter().find(|setting| setting.name() == name);
@@ -221,147 +170,9 @@ fn threads(text: &str) -> Result<usize, String> {
     threads.map(NonZeroUsize::get).map_err(|_| "a number of threads is 1 or more".into())
 }
 
-/// Parses class weights from the command line.
-fn class_weights(text: &str) -> Result<ClassWeights, String> {
-    if text == "balanced" {
-        return Ok(ClassWeights::Balanced);
-    }
-    let pair = |part: &str| {
-        let (class, weight) = part.rsplit_once('=')?;
-        Some((class.trim().to_owned(), weight.trim().parse::<f64>().ok()?))
-    };
-    let pairs = text.split(',').map(pair).collect::<Option<Vec<_>>>();
-    pairs.map(ClassWeights::Given).ok_or_else(|| "'balanced' or CLASS=WEIGHT,… is needed".into())
-}
-
-impl TableOptions {
-    fn selection(&self, label: &str) -> Selection {
-        Selection {
-            label: label.into(),
-            label_limits: self.label_limits.clone(),
-            group: self.group.clone(),
-            split: self.split_column.clone(),
-            test_value: self.test_value.clone(),
-            features: self.features.clone(),
-            ignored: self.ignore.clone(),
-            categorical: self.categorical.clone(),
-            class_weights: self.class_weights.clone().unwrap_or_default(),
-        }
-    }
-
-    fn hold_out(&self) -> HoldOut {
-        match self.last {
-            Some(share) => HoldOut::Last { share },
-            None if self.split_column.is_some() || self.test.is_some() => HoldOut::Fixed,
-            None => HoldOut::Folds { folds: self.folds, seed: self.seed },
-        }
-    }
-
-    /// Whether any option for tables is given, other than `--group`, `--folds` and `--seed`.
-    fn is_given(&self) -> bool {
-        let lists = [&self.features, &self.ignore, &self.categorical];
-        let texts = [&self.label, &self.split_column, &self.test_value];
-        texts.iter().any(|text| text.is_some())
-            || lists.iter().any(|list| !list.is_empty())
-            || !self.label_limits.is_empty()
-            || self.class_weights.is_some()
-            || self.last.is_some()
-            || self.test.is_some()
-    }
-
-    /// Checks that the options can hold rows out.
-    fn check(&self) -> Result<(), Failure> {
-        let wrong = |option, given, range: &'static str| Failure::OutOfRange {
-            option,
-            given,
-            range: range.into(),
-        };
-        match self.hold_out() {
-            HoldOut::Folds { folds, .. } if folds < 2 => {
-                Err(wrong("--folds", folds.to_string(), "at least 2"))
-            }
-            HoldOut::Last { share } if !(share > 0.0 && share < 1.0) => {
-                Err(wrong("--last", share.to_string(), "above 0, below 1"))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Describes the class weights.
-    fn weights_in_words(&self) -> String {
-        match &self.class_weights {
-            None | Some(ClassWeights::Equal) => "every row the same".into(),
-            Some(ClassWeights::Balanced) => "balanced: every class the same".into(),
-            Some(ClassWeights::Given(given)) => {
-                let pairs = given.iter().map(|(class, weight)| format!("{class} {weight}"));
-                pairs.collect::<Vec<_>>().join(", ") + ", others 1"
-            }
-        }
-    }
-
-    /// Describes how rows are held out.
-    fn held_out(&self) -> String {
-        let together = match &self.group {
-            Some(group) => format!(", rows of one {group} together"),
-            None => String::new(),
-        };
-        let how = match (self.last, &self.split_column, &self.test) {
-            (Some(share), _, _) => {
-                let part = if self.group.is_some() { "groups" } else { "part" };
-                format!("the last {part} of each class ({share})")
-            }
-            (None, Some(column), _) => format!("as column {column} states"),
-            (None, None, Some(path)) => format!("the rows of {}", path.display()),
-            (None, None, None) if self.group.is_some() => {
-                format!("{} folds, seed {}", self.folds, self.seed)
-            }
-            (None, None, None) => {
-                let (folds, seed) = (self.folds, self.seed);
-                format!("{folds} folds with equal shares of the classes, seed {seed}")
-            }
-        };
-        how + &together
-    }
-
-    /// Reads the table and the optional test table, and prepares them; notes go to standard error.
-    fn prepare(&self, input: &Path, label: &str, global: Global) -> Result<PreparedTable, Failure> {
-        self.check()?;
-        let selection = self.selection(label);
-        let others = [&self.group, &self.split_column];
-        let mixed = others.into_iter().flatten().chain(&self.categorical);
-        let mixed: Vec<&str> = std::iter::once(label).chain(mixed.map(String::as_str)).collect();
-        // With named features, no other column is needed.
-        let named = &self.features;
-        let is_wanted = |name: &str| {
-            let is_other = || mixed.contains(&name) || self.ignore.iter().any(|i| i == name);
-            named.is_empty() || named.iter().any(|feature| feature == name) || is_other()
-        };
-        let table = read_wanted(input, &mixed, &is_wanted, global)?;
-        let test = match &self.test {
-            Some(path) => Some(read_wanted(path, &mixed, &is_wanted, global)?),
-            None => None,
-        };
-        let prepared = prepare(table, test, &selection)?;
-        for Unused { column, reason } in &prepared.unused {
-            note(global, &format!("column '{column}' is not used: it {reason}"));
-        }
-        Ok(prepared)
-    }
-}
-
 /// Reads a table, and notes an unusual dialect and left-out columns.
-fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Failure> {
-    read_wanted(path, mixed, &|_| true, global)
-}
-
-/// Like [`read_table`], for some columns. Other columns of a Parquet file are not decoded.
-fn read_wanted(
-    path: &Path,
-    mixed: &[&str],
-    is_wanted: &dyn Fn(&str) -> bool,
-    global: Global,
-) -> Result<Table, Failure> {
-    let table = table::read_wanted(path, mixed, is_wanted)?;
+fn read_table(path: &Path, global: Global) -> Result<Table, Failure> {
+    let table = table::read_usable(path)?;
     if let Some(dialect) = &table.origin().dialect {
         note(global, &format!("{}: read with {dialect}", path.display()));
     }
@@ -369,14 +180,6 @@ fn read_wanted(
         note(global, &format!("{}: a column is left out: {reason}", path.display()));
     }
     Ok(table)
-}
-
-/// Whether a model reads a column, or an option names it.
-fn is_read<'o>(model: &'o TableModel, named: &'o [&str]) -> impl Fn(&str) -> bool + 'o {
-    let read = model.columns_read();
-    // A table without any column would lose its number of rows.
-    let all = read.is_empty();
-    move |column| all || column == model.label || read.contains(column) || named.contains(&column)
 }
 
 /// The part of a log that a command reads.
@@ -430,27 +233,6 @@ fn read_log(
         note(global, &format!("{name}: {frames} {counted}s became {samples} samples: {met}"));
     }
     Ok(whole.table)
-}
-
-/// The failure for a table that contradicts a study file or a model. An error about a non-finite number already names
-/// its place.
-fn not_as(path: &Path, rule: &Path, error: EvaluationError) -> Failure {
-    match error {
-        EvaluationError::Table(table::TableError::NotFinite { .. }) => error.into(),
-        error => Failure::NotAs { path: path.into(), rule: rule.into(), error: Box::new(error) },
-    }
-}
-
-/// The failure for a table that lacks a column of a model or has it with another kind. Other errors are not the table's
-/// fault.
-fn not_as_model(path: &Path, model: &Path, error: EvaluationError) -> Failure {
-    use table::TableError::{UnknownColumn, WrongKind};
-    match error {
-        EvaluationError::Table(UnknownColumn { .. } | WrongKind { .. }) => {
-            not_as(path, model, error)
-        }
-        error => error.into(),
-    }
 }
 
 /// Writes a note to standard error, unless `--quiet` is set.

@@ -200,7 +200,6 @@ run_pages! {
     the_commands_of_own_system_work: "own-system.md",
     the_commands_of_own_study_work: "own-study.md",
     the_commands_of_own_data_work: "own-data.md",
-    the_commands_of_tables_work: "tables.md",
     the_commands_of_fit_work: "fit.md",
     the_commands_of_watch_work: "watch.md",
     the_commands_of_safety_work: "safety.md",

@@ -300,7 +300,6 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
     let (ragged, nan) = (folder.file("ragged.csv"), folder.file("nan.csv"));
     std::fs::write(&ragged, "a,b\n1,2\n3\n").unwrap();
     std::fs::write(&nan, "a,mode\n1,x\n2,y\n3,x\n4,y\n5,x\n6,y\n7,x\n8,y\n9,x\n1,y\n").unwrap();
-    let model = folder.file("model.json");
     let other = folder.file("other.csv");
     std::fs::write(&other, "b,mode\n1,x\n2,y\n").unwrap();
     let (traces, healthy) = (folder.file("traces.toml"), folder.file("healthy.toml"));
@@ -308,6 +307,8 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
     std::fs::write(&traces, format!("{study}\"pressure\"\nnominal = \"a\"\nscale = 1.0\n"))
         .unwrap();
     std::fs::write(&healthy, format!("{study}\"a\"\nnominal_from = []\n")).unwrap();
+    let usual = folder.file("usual.toml");
+    std::fs::write(&usual, "format = 1\nwindow_rows = 2\nresiduals = [\"a\"]\n").unwrap();
     let (empty, unusable) = (folder.file("empty"), folder.file("unusable"));
     for path in [&empty, &unusable] {
         std::fs::create_dir_all(path).unwrap();
@@ -315,17 +316,9 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
     std::fs::write(format!("{unusable}/a.csv"), "").unwrap();
     let (pdf, windows) = (folder.file("report.pdf"), folder.file("windows.csv"));
     let cases: &[(&[&str], i32, &str)] = &[
-        (&["train", &ragged, "--label", "b", "--out", &model], 3, "line 3"),
-        (&["report", &ragged, "--label", "b", "--out", "r.html"], 3, "line 3"),
-        (&["report", &nan, "--label", "mode", "--out", &pdf], 2, "must end in .html"),
-        (&["train", &nan, "--label", "mode", "--out", "/nowhere/m.json"], 1, "/nowhere"),
-        (&["train", &nan, "--label", "mode", "--folds", "1"], 2, "--folds 1 is out of range"),
-        (&["train", &nan, "--label", "mode", "--last", "1.5"], 2, "--last 1.5 is out of range"),
-        (
-            &["train", &nan, "--label", "mode", "--test", &other],
-            3,
-            "to test with: there is no column",
-        ),
+        (&["features", &ragged, "--study", &usual, "--out", &windows], 3, "line 3"),
+        (&["features", &nan, "--study", &usual, "--out", "/nowhere/w.csv"], 1, "/nowhere"),
+        (&["features", &nan, "--study", &usual, "--out", &pdf], 2, "report.pdf"),
         (
             &["features", &nan, "--study", &traces, "--out", &windows],
             3,

@@ -11,14 +11,12 @@ mod hostile;
 mod house;
 mod live;
 mod paths;
-mod public_tables;
 mod reading;
 mod readme;
 mod safety;
 #[cfg(feature = "serve")]
 mod serve;
 mod study;
-mod tables;
 mod units;
 mod watch;
 

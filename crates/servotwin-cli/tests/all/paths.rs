@@ -38,21 +38,17 @@ fn no_output_overwrites_an_input_or_another_output() {
         ("fit A/a.csv A/own.toml --out A/own.toml", "would overwrite SYSTEM A/own.toml"),
         ("fit A/a.csv --study A/study.toml --out A/own.toml", "the study's system A/own.toml"),
         ("history A --out A/a.csv", "--out A/a.csv would overwrite the log A/a.csv"),
-        ("train A/a.csv --label K --out A/a.csv", "would overwrite INPUT A/a.csv"),
-        ("predict A/m.json A/a.csv --out A/a.csv", "would overwrite TABLE A/a.csv"),
         (
             "simulate --command table:file=A/a.csv,column=command_rad --out A/a.csv",
             "--out A/a.csv would overwrite the table A/a.csv",
         ),
         ("simulate --input load=table:file=A/a.csv,column=b --out A/a.csv", "the table A/a.csv"),
-        ("report A/a.csv --label K --out A/a.csv", "--out A/a.csv would overwrite INPUT A/a.csv"),
         ("features A/a.csv --study A/study.toml --out A/a.csv", "overwrite INPUT A/a.csv"),
         ("describe A/own.toml --schematic A/own.toml", "would overwrite SYSTEM A/own.toml"),
         ("serve --replay A/b.html --html A/b.html", "--html A/b.html would overwrite the session"),
         ("serve --replay A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
-        ("train A/a.csv --label K --out A/x.csv", "--out must end in .json, not as A/x.csv does"),
         ("history A --plot A/x.pdf", "A/x.pdf: a figure is saved as .svg or .png"),
     ];
     let read = || {

@@ -430,8 +430,8 @@ fn weakened(name: &str) -> (Folder, String) {
     let path = Path::new(&out).join("diagnoser-noise.json");
     let text = fs::read_to_string(&path).unwrap();
     let mut diagnoser: serde_json::Value = serde_json::from_str(&text).unwrap();
-    diagnoser["decision"]["least_limit_nats"] = 40.0.into();
-    diagnoser["decision"]["evidence_cap"] = 3.0.into();
+    diagnoser["tuning"]["least_limit_nats"] = 40.0.into();
+    diagnoser["tuning"]["evidence_cap"] = 3.0.into();
     fs::write(&path, diagnoser.to_string()).unwrap();
     let path = Path::new(&out).join("manifest.json");
     let mut manifest: serde_json::Value =

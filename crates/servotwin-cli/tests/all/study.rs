@@ -353,18 +353,14 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     lacks(&["campaign", spring, "--out", &out, "--setting", "fitted"], fitted);
     assert!(!Path::new(&out).exists());
     fails(&["study", &study, "--out", "/proc/servotwin"], 1, "/proc/servotwin");
-    for stage in [&["train", &out][..], &["evaluate", &out], &["report", &out]] {
-        fails(stage, 2, "a table needs");
-    }
     std::fs::create_dir(&out).unwrap();
-    fails(&["report", &out, "--out", "x"], 2, "the report of a folder is report.html in it");
     for stage in ["train", "evaluate", "report", "features"] {
         fails(&[stage, &out], 3, "there is no data set here");
     }
 }
 
 #[test]
-fn broken_and_foreign_data_sets_are_named() {
+fn broken_data_sets_are_named() {
     let folder = Folder::new("broken");
     let out = copy_of(ideal(), &folder);
     fails(&["evaluate", &out], 3, "panel-ideal.json: no such file; 'servotwin train' writes it");
@@ -378,14 +374,6 @@ fn broken_and_foreign_data_sets_are_named() {
     std::fs::remove_file(&data_set).unwrap();
     std::fs::remove_file(Path::new(&out).join("dataset-ideal-training.parquet")).unwrap();
     fails(&["features", &out], 3, "there is no data set here; 'servotwin campaign");
-    let csv = folder.file("foreign.csv");
-    std::fs::write(&csv, "x,y,label\n1,2,a\n2,NaN,b\n3,1,a\n").unwrap();
-    // A missing value is a branch for a tree; a classifier that has none names the place.
-    let bayes = ["--label", "label", "--folds", "2", "--classifier", "naive_bayes"];
-    fails(&[&["train", &csv][..], &bayes].concat(), 3, "y");
-    std::fs::write(&csv, "x,y,label\n1,2,a\n2,2,a\n").unwrap();
-    fails(&["report", &csv, "--label", "label", "--out", &folder.file("r.html")], 3, "only 'a'");
-    assert!(!Path::new(&folder.file("r.html")).exists());
 }
 
 /// Flips a bit in the middle of a file, in text that of a digit; what the file was.
@@ -411,12 +399,14 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let watch =
         ["watch", "--quiet", &log, "--study", &study, "--model", diagnoser.to_str().unwrap()];
     let fly = ["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"];
-    let table = file("dataset-ideal.parquet");
-    let as_table = ["train", table.to_str().unwrap(), "--label", "kind"];
     for (name, command, again) in [
         ("dataset-realistic-training.parquet", &["evaluate", &out][..], "features"),
         ("dataset-realistic.parquet", &["explain", "0", "--out", &out], "features"),
-        ("dataset-ideal.parquet", &as_table, "features"),
+        (
+            "dataset-ideal.parquet",
+            &["explain", "0", "--out", &out, "--subject", "ideal"],
+            "features",
+        ),
         ("panel-ideal.json", &["evaluate", &out], "train"),
         ("hierarchy-noise.json", &["report", &out], "train"),
         ("evaluation.json", &["report", &out], "evaluate"),
@@ -529,25 +519,6 @@ fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
     let study = write_study(&folder, class);
     let output = run(&["study", &study, "--out", &folder.file("out")]);
     assert!(stdout(&output).contains("end to end right"), "{}", stdout(&output));
-}
-
-#[test]
-fn the_report_of_a_table_compares_all_classifiers() {
-    let folder = Folder::new("table");
-    let csv = folder.file("points.csv");
-    let rows = (0..60).map(|k| {
-        let (class, x) = (k % 3, f64::from(k % 3) + 0.01 * f64::from(k));
-        format!("{x},{},7,{}\n", f64::from(k * 7 % 11), ["low", "middle", "high"][class as usize])
-    });
-    std::fs::write(&csv, "x,noise,constant,label\n".to_owned() + &rows.collect::<String>())
-        .unwrap();
-    let out = folder.file("points.html");
-    run(&["report", &csv, "--label", "label", "--out", &out]);
-    let html = std::fs::read_to_string(&out).unwrap();
-    for kind in servotwin_diagnosis::classifiers::ALL {
-        assert!(html.contains(kind.title()), "{}", kind.title());
-    }
-    assert!(html.contains("x ≤ "));
 }
 
 #[test]

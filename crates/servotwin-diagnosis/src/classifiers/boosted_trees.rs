@@ -36,11 +36,6 @@ pub struct AddingTree {
 }
 
 impl Model {
-    /// The tests of all trees as (feature, threshold).
-    pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.trees.iter().flat_map(|tree| tree.branches.splits())
-    }
-
     /// The classes that the trees contribute to.
     pub fn outputs(&self) -> &[u32] {
         &self.present[self.present.len() - self.priors.len()..]
@@ -54,10 +49,6 @@ impl Classifier for Model {
 
     fn classes(&self) -> usize {
         self.classes
-    }
-
-    fn reads(&self, feature: usize) -> bool {
-        self.trees.iter().any(|tree| tree.branches.reads(feature))
     }
 
     /// The probabilities; 0 for a class without training rows.

@@ -16,10 +16,6 @@ impl Classifier for Tree {
         Tree::classes(self)
     }
 
-    fn reads(&self, feature: usize) -> bool {
-        self.branches().reads(feature)
-    }
-
     /// The class shares in the leaf. With a cost matrix the decided class may have a smaller share
     /// than another.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {

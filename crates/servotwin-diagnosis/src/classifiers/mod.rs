@@ -5,7 +5,6 @@
 //! the one there. The contract tests then cover it.
 
 use alloc::vec;
-use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
@@ -34,7 +33,7 @@ pub enum Scores {
 
 /// A trained model.
 ///
-/// Rows must be finite, or NaN for a missing value if the model [was trained with such rows](Model::knows_missing). Any
+/// Rows must be finite, or NaN for a missing value if the model was trained with such rows. Any
 /// other NaN never panics, but the prediction is then arbitrary.
 pub trait Classifier {
     /// Number of features in a row.
@@ -46,11 +45,6 @@ pub trait Classifier {
     /// What the scores mean.
     fn scores(&self) -> Scores {
         Scores::Shares
-    }
-
-    /// Whether any answer depends on a feature; trees may leave features out.
-    fn reads(&self, _feature: usize) -> bool {
-        true
     }
 
     /// Writes one score per class; the predicted class has the largest. Does not allocate.
@@ -152,16 +146,6 @@ classifiers! {
     boosted_trees BoostedTrees "Gradient-boosted trees",
 }
 
-impl ClassifierKind {
-    /// Whether it consists of trees that learn from rows without a value, and ignore rows of weight zero bit for bit.
-    pub fn learns_from_missing(self) -> bool {
-        matches!(
-            self,
-            ClassifierKind::Cart | ClassifierKind::RandomForest | ClassifierKind::Adaboost
-        )
-    }
-}
-
 impl Classifier for Model {
     fn features(&self) -> usize {
         self.inner().features()
@@ -173,10 +157,6 @@ impl Classifier for Model {
 
     fn scores(&self) -> Scores {
         self.inner().scores()
-    }
-
-    fn reads(&self, feature: usize) -> bool {
-        self.inner().reads(feature)
     }
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
@@ -193,28 +173,5 @@ impl Classifier for Model {
 
     fn check(&self) -> Result<(), Error> {
         self.inner().check()
-    }
-}
-
-impl Model {
-    /// Whether it was trained with rows without a value, and knows where they belong.
-    pub fn knows_missing(&self) -> bool {
-        match self {
-            Model::Cart(tree) => tree.branches().knows_missing(),
-            Model::RandomForest(forest) => forest.knows_missing(),
-            Model::Adaboost(boosted) => boosted.knows_missing(),
-            _ => false,
-        }
-    }
-
-    /// The tests of a model made of trees as (feature, threshold); none for the others.
-    pub fn splits(&self) -> Vec<(usize, f64)> {
-        match self {
-            Model::Cart(tree) => tree.branches().splits().collect(),
-            Model::RandomForest(forest) => forest.splits().collect(),
-            Model::Adaboost(boosted) => boosted.splits().collect(),
-            Model::BoostedTrees(boosted) => boosted.splits().collect(),
-            _ => vec![],
-        }
     }
 }

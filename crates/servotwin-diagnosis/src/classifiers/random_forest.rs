@@ -56,18 +56,6 @@ impl VotingTree {
     }
 }
 
-impl Model {
-    /// The tests of all trees as (feature, threshold).
-    pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.trees.iter().flat_map(|tree| tree.branches.splits())
-    }
-
-    /// Whether it was trained with rows without a value.
-    pub fn knows_missing(&self) -> bool {
-        self.trees.iter().any(|tree| tree.branches.knows_missing())
-    }
-}
-
 impl Classifier for Model {
     fn features(&self) -> usize {
         self.features
@@ -75,10 +63,6 @@ impl Classifier for Model {
 
     fn classes(&self) -> usize {
         self.classes
-    }
-
-    fn reads(&self, feature: usize) -> bool {
-        self.trees.iter().any(|tree| tree.branches.reads(feature))
     }
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {

@@ -92,7 +92,7 @@ impl Boundary {
 
 /// Sums over windows of a residual and the twin's signal.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 struct Sums {
     /// Number of samples, and of windows that share none.
     samples: f64,
@@ -155,7 +155,7 @@ impl Sums {
 
 /// The evidence of a running session against a wrong reading of one boundary value.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Doubt {
     /// Consecutive windows in which the sensor next to the boundary deviated.
     deviating: u32,

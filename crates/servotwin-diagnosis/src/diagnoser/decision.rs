@@ -100,7 +100,6 @@ pub struct Allowances {
     /// As [`Tuning::off_allowance_nats`].
     pub off_nats: f64,
     /// As [`Tuning::other_allowance_nats`].
-    #[serde(default)]
     pub other_nats: f64,
 }
 

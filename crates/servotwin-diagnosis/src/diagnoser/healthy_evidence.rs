@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// How much the allowance of a shutdown against health has grown, for each kind of residuals. Evidence of the two is
 /// gathered apart, and baseline-corrected residuals have the smaller allowance to begin with.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Stored")]
+#[serde(deny_unknown_fields)]
 pub struct ShutdownMargin {
     /// In windows of uncorrected residuals, nats.
     pub uncorrected_nats: f64,
@@ -32,30 +32,6 @@ impl ShutdownMargin {
     }
 }
 
-/// A margin as files have it: once it was one number for both kinds of residuals.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Stored {
-    Both(f64),
-    Each { uncorrected_nats: f64, baseline_corrected_nats: f64 },
-}
-
-impl From<Stored> for ShutdownMargin {
-    fn from(stored: Stored) -> Self {
-        match stored {
-            Stored::Both(nats) => ShutdownMargin::of_both(nats),
-            Stored::Each { uncorrected_nats, baseline_corrected_nats } => {
-                ShutdownMargin { uncorrected_nats, baseline_corrected_nats }
-            }
-        }
-    }
-}
-
-/// As declared: what flights without a stated scatter had.
-fn declared() -> f64 {
-    1.0
-}
-
 /// The evidence of held-out healthy flights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -67,12 +43,10 @@ pub struct HealthyEvidence {
     /// Number of those whose flight could not be finished; they say nothing.
     pub failed: u64,
     /// How many times as large as declared the tolerances and draws of their specimens were.
-    #[serde(default = "declared")]
     pub scatter: f64,
     /// Number of finished ones with a shutdown at the usual allowances.
     pub shutdowns_before: u64,
     /// What the allowances of a shutdown have grown by.
-    #[serde(alias = "added_nats")]
     pub added: ShutdownMargin,
     /// The largest evidence for a shutdown with these allowances, in parts of its limit.
     pub largest: f64,
@@ -89,22 +63,5 @@ impl HealthyEvidence {
         numbers.into_iter().try_for_each(|(name, value)| {
             require((0.0..=1e6).contains(&value), name, value, "0 to 1e6")
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_with_one_margin_has_it_for_both_kinds_of_residuals() {
-        let old = r#"{ "learned": 24, "held_out": 300, "failed": 0, "shutdowns_before": 2, "added_nats": 2.0,
-            "largest": 0.4 }"#;
-        let read: HealthyEvidence = serde_json::from_str(old).unwrap();
-        assert_eq!((read.added, read.scatter), (ShutdownMargin::of_both(2.0), 1.0));
-        let added = ShutdownMargin { uncorrected_nats: 0.0, baseline_corrected_nats: 1.0 };
-        let new = HealthyEvidence { added, scatter: 1.5, ..read };
-        let text = serde_json::to_string(&new).unwrap();
-        assert_eq!(serde_json::from_str::<HealthyEvidence>(&text).unwrap(), new);
     }
 }

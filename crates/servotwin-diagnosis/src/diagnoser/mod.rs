@@ -60,7 +60,6 @@ pub struct DiagnosedSensor {
     /// The measured quantity.
     pub quantity: Quantity,
     /// Index of its actuator; `None` for a sensor of the whole system.
-    #[serde(rename = "unit")]
     pub actuator: Option<u32>,
     /// The scale of its residual, in the sensor's SI unit.
     pub scale: f64,
@@ -84,7 +83,7 @@ pub struct Length {
     /// The ranges of the training data, by class.
     pub novelty: Novelty,
     /// The allowances of windows of baseline-corrected residuals; `None` for uncorrected residuals.
-    #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baseline_corrected: Option<decision::Allowances>,
 }
 
@@ -106,15 +105,14 @@ pub struct Diagnoser {
     /// The window lengths, all with the same actuators, actions and details; the first has uncorrected residuals.
     pub lengths: Vec<Length>,
     /// Settings of the baseline for lengths with baseline-corrected residuals.
-    #[serde(default, rename = "reference", skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baseline: Option<baseline::BaselineSettings>,
     /// A band that depends on the operating point, in place of the bands of lengths with uncorrected residuals.
-    #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conditional_band: Option<ConditionalBand>,
     /// All constants.
-    #[serde(rename = "decision")]
     pub tuning: Tuning,
-    /// The scatter of the specimens in training; `None` in a diagnoser from before this was stored.
+    /// The scatter of the specimens in training; `None` if training flights give too few.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Scatter>,
     /// The evidence of held-out healthy flights; `None` if none were flown.

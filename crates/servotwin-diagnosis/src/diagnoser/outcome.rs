@@ -19,26 +19,20 @@ pub enum IndexedFinding {
     /// There is a fault in an actuator, but the action is unclear.
     Actuator {
         /// Index of the actuator.
-        #[serde(rename = "unit")]
         actuator: u32,
     },
     /// The action for an actuator.
-    #[serde(rename = "command")]
     Action {
         /// Index of the actuator.
-        #[serde(rename = "unit")]
         actuator: u32,
         /// Index of the action.
-        #[serde(rename = "command")]
         action: u32,
     },
     /// The detail of a fault.
     Detail {
         /// Index of the actuator.
-        #[serde(rename = "unit")]
         actuator: u32,
         /// Index of the action.
-        #[serde(rename = "command")]
         action: u32,
         /// Index of the detail.
         detail: u32,
@@ -91,10 +85,8 @@ impl Alarm {
 #[serde(deny_unknown_fields)]
 pub struct Raised {
     /// Index of the actuator.
-    #[serde(rename = "unit")]
     pub actuator: u32,
     /// Index of the action.
-    #[serde(rename = "command")]
     pub action: u32,
     /// The detail, if trees and committee agree on it.
     pub detail: Option<u32>,
@@ -205,11 +197,9 @@ pub struct Outcome {
     pub excess: f64,
     /// Distance of the sample from the training range of the conditional band, in parts of the ranges; 0 inside, and
     /// without such a band.
-    #[serde(default)]
     pub outside: f64,
     /// Number of sensors that have been missing for so long that the diagnosis continues without them. Meanwhile only
     /// their own actuator can be named or newly raised.
-    #[serde(default)]
     pub lost: u32,
     /// Samples not judged so far, by reason.
     pub counts: UnjudgedCounts,

@@ -43,14 +43,11 @@ struct Memory {
     has_judged: bool,
     is_taken_out: Vec<bool>,
     /// Health of each sensor.
-    #[serde(default, rename = "presence")]
     sensor_health: Vec<SensorHealth>,
     /// Raw value of each covariate of the conditional band in the last usable sample.
-    #[serde(default)]
     asked: Vec<Option<f64>>,
     alarm: alarm::AlarmMemory,
     /// One for each boundary of the diagnoser.
-    #[serde(default)]
     doubts: Vec<Doubt>,
     /// Evidence of each window length.
     evidence: Vec<Evidence>,
@@ -67,7 +64,7 @@ pub struct StoredSession {
     memory: Memory,
     environment: environment::InputMemory,
     windows: sliding::Stored,
-    #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     baseline_corrected: Option<StoredBaselineCorrected>,
 }
 
@@ -426,9 +423,6 @@ impl Session {
         }
         self.streams.restore(windows, baseline_corrected.as_ref())?;
         self.memory = memory.clone();
-        // States from older versions have no doubts and no sensor health.
-        self.memory.doubts.resize(doubts_of(&self.diagnoser), Doubt::default());
-        self.memory.sensor_health.resize(self.scales.len(), SensorHealth::default());
         self.guard.memory = environment.clone();
         for (classifier, judged) in
             self.classifiers.iter_mut().zip(core::mem::take(&mut self.memory.judged))
@@ -441,14 +435,12 @@ impl Session {
     /// Whether a session can have written these stored numbers.
     fn is_possible(&self, memory: &Memory, places: &Places) -> bool {
         let settling = self.settling_samples();
-        let sensors = memory.sensor_health.len();
-        let of_before = sensors == 0;
         [memory.samples, memory.gap].iter().all(|count| *count <= LARGEST_COUNT)
             && memory.settling <= settling
-            && (of_before || sensors == self.scales.len())
+            && memory.sensor_health.len() == self.scales.len()
             && memory.sensor_health.iter().all(|sensor_health| sensor_health.fits(self.patience))
             && memory.asked.iter().flatten().all(|asked| asked.is_finite())
-            && memory.doubts.len() <= doubts_of(&self.diagnoser)
+            && memory.doubts.len() == doubts_of(&self.diagnoser)
             && memory.doubts.iter().all(Doubt::fits)
             && memory.outcome.fits(places, memory.samples)
     }

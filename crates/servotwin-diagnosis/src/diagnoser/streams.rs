@@ -45,7 +45,6 @@ pub(super) struct Streams {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StoredBaselineCorrected {
-    #[serde(rename = "reference")]
     baseline: baseline::Stored,
     windows: sliding::Stored,
 }

@@ -73,17 +73,15 @@ impl Constant {
 
 macro_rules! tuning {
     ($(
-        $(#[$attribute:meta])*
         $name:ident: $kind:ty = $usual:literal $(or $other:literal)? in $least:literal..=$largest:literal,
             $unit:literal,
             $origin:expr, $source:literal, $($meaning:literal)+;
     )*) => {
         /// Every constant of a diagnosis. The module describes it.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        #[serde(default, deny_unknown_fields)]
+        #[serde(deny_unknown_fields)]
         pub struct Tuning {
             /// Names of the actions that switch an actuator off.
-            #[serde(rename = "off_commands")]
             pub off_actions: Vec<String>,
             /// Minimum number of actuators that stay on. Usually one of several, and none for a single actuator.
             pub least_on: u32,
@@ -91,7 +89,6 @@ macro_rules! tuning {
             pub costs: Costs,
             $(
                 #[doc = concat!($($meaning,)+)]
-                $(#[$attribute])*
                 pub $name: $kind,
             )*
         }
@@ -183,7 +180,6 @@ tuning! {
     evidence_cap: f64 = 1.5 in 1.0..=1e6, "",
         Statistical, "decisions/018-evidence.md",
         "Cap of gathered evidence in parts of its limit: it bounds the time that evidence needs to fall again.";
-    #[serde(rename = "most_alike")]
     max_common_mode: f64 = 0.9 in 0.5..=1.0, "",
         Physical, "decisions/016-unknown-is-not-isolated.md",
         "The share of a deviation that two actuators have in common above which it is unknown: a fault of one actuator \

@@ -24,7 +24,6 @@ use crate::residual::{Statistics, Window};
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
-use core::fmt;
 use serde::{Deserialize, Serialize};
 
 pub use parity::MAX_FOLLOWED;
@@ -64,10 +63,16 @@ impl Quantity {
         (Quantity::Surface, "surface"),
         (Quantity::Other, "other"),
     ];
+
+    /// Its name in a study file.
+    pub fn name(self) -> &'static str {
+        let own = Quantity::ALL.into_iter().find(|(quantity, _)| *quantity == self);
+        own.map_or("other", |(_, name)| name)
+    }
 }
 
 /// A sensor with the data that features need.
-#[derive(Clone, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     /// The name from which feature names are built, e.g. `p_A1`.
     pub name: String,
@@ -81,21 +86,6 @@ pub struct Sensor {
     pub is_noisy: bool,
     /// The sensors that it follows by a law: their indices, and its change for each, in parts of scale.
     pub follows: Vec<(usize, f64)>,
-}
-
-/// Fingerprints of stored campaigns contain this text, so it keeps the names of older fields.
-impl fmt::Debug for Sensor {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.debug_struct("Sensor")
-            .field("name", &self.name)
-            .field("quantity", &self.quantity)
-            .field("unit", &self.actuator)
-            .field("noise", &self.noise)
-            .field("is_noisy", &self.is_noisy)
-            .field("follows", &self.follows)
-            .field("stands_in", &false)
-            .finish()
-    }
 }
 
 /// The sensors of a system, in the order of the window.

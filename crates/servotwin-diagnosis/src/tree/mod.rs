@@ -94,12 +94,6 @@ impl Branches {
         self.missing_left.get(node).copied().unwrap_or(false)
     }
 
-    /// Whether any node tests a feature.
-    pub fn reads(&self, feature: usize) -> bool {
-        (0..self.len())
-            .any(|node| self.feature[node] != LEAF && self.feature[node] as usize == feature)
-    }
-
     /// The tests of all inner nodes as (feature, threshold).
     pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         (0..self.len()).filter_map(|node| self.split(node))

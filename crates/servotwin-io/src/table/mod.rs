@@ -70,30 +70,21 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 
 /// Reads a table of another program.
 ///
-/// The columns in `mixed` may hold text between numbers; their numbers then become texts. Classes and groups need that,
-/// because their names may be `1`, `2` and `2b`. Unsupported columns of a Parquet file, and those above the
-/// [limits](parquet::Limits) of decoding, are left out and listed in [`Origin::left_out`]. [`read`] rejects such a
-/// file.
-pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, TableError> {
-    let path = path.as_ref();
-    let table = match () {
-        () if has_extension(path, &[csv::FORMAT.extension]) => csv::read_mixed(path, mixed)?,
-        () if has_extension(path, &[parquet::FORMAT.extension]) => parquet::read_usable(path)?,
-        () => return read(path),
-    };
-    Ok(table.read_from(path))
+/// Unsupported columns of a Parquet file, and those above the [limits](parquet::Limits) of decoding, are left out and
+/// listed in [`Origin::left_out`]. [`read`] rejects such a file.
+pub fn read_usable(path: impl AsRef<Path>) -> Result<Table, TableError> {
+    read_wanted(path, &|_| true)
 }
 
-/// As [`read_mixed`], with the columns whose names `is_wanted` accepts. The others of a Parquet file are not decoded.
+/// As [`read_usable`], with the columns whose names `is_wanted` accepts. The others of a Parquet file are not decoded.
 pub fn read_wanted(
     path: impl AsRef<Path>,
-    mixed: &[&str],
     is_wanted: &dyn Fn(&str) -> bool,
 ) -> Result<Table, TableError> {
     let path = path.as_ref();
     match has_extension(path, &[parquet::FORMAT.extension]) {
         true => Ok(parquet::read_wanted(path, is_wanted)?.read_from(path)),
-        false => read_mixed(path, mixed),
+        false => read(path),
     }
 }
 
@@ -467,16 +458,6 @@ impl Table {
         Ok(self.columns.remove(place))
     }
 
-    /// Moves the values of a column out, for the last reader of a table: the column stays, without rows.
-    pub fn release(&mut self, name: &str) -> Result<Column, TableError> {
-        let Some(place) = self.place(name) else {
-            return Err(self.missing_column(name));
-        };
-        let column = &mut self.columns[place];
-        let values = std::mem::replace(&mut column.values, Values::Float(vec![]));
-        Ok(column.with_values(values))
-    }
-
     fn missing_column(&self, name: &str) -> TableError {
         match self.origin.left_out.iter().find(|(column, _)| column == name) {
             Some((column, reason)) => {
@@ -528,7 +509,7 @@ impl Table {
     }
 
     /// The error for a number that must be finite.
-    pub fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
+    fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
         TableError::NotFinite {
             column: name.to_owned(),
             place: self.origin.place_in_file(row),

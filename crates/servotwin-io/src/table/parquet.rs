@@ -99,18 +99,11 @@ pub fn read_columns(path: &Path, names: &[&str]) -> Result<Table, TableError> {
     ParquetReader::open_columns(path, names)?.into_table(Limits::from_environment())
 }
 
-/// Reads a Parquet file of another program: unsupported columns and those above the [`Limits`] are left out.
+/// Reads a Parquet file of another program: unsupported columns and those above the [`Limits`] are left out. Only the
+/// columns whose names `is_wanted` accepts are decoded.
 ///
 /// # Errors
 /// If the file cannot be read or no column remains.
-pub fn read_usable(path: &Path) -> Result<Table, TableError> {
-    read_wanted(path, &|_| true)
-}
-
-/// As [`read_usable`], but decodes only the columns whose names `is_wanted` accepts.
-///
-/// # Errors
-/// As [`read_usable`].
 pub fn read_wanted(path: &Path, is_wanted: &dyn Fn(&str) -> bool) -> Result<Table, TableError> {
     read_within(path, is_wanted, Limits::from_environment())
 }
@@ -118,7 +111,7 @@ pub fn read_wanted(path: &Path, is_wanted: &dyn Fn(&str) -> bool) -> Result<Tabl
 /// As [`read_wanted`], within the caller's limits.
 ///
 /// # Errors
-/// As [`read_usable`].
+/// As [`read_wanted`].
 pub fn read_within(
     path: &Path,
     is_wanted: &dyn Fn(&str) -> bool,

@@ -206,9 +206,9 @@ fn what_contradicts_the_beginning_of_a_column_is_understood_where_it_can_be() {
     let folder = Folder::new("mixed");
     fs::write(folder.file("a.csv"), "run,x\n1,0.5\n2b,0.7\n\n3,0.9\n").unwrap();
     assert!(table::read(folder.file("a.csv")).is_err());
-    let mixed = table::read_mixed(folder.file("a.csv"), &["run"]).unwrap();
-    assert_eq!(mixed.text("run").unwrap(), ["1", "2b", "3"]);
-    let places: Vec<String> = (0..3).map(|row| mixed.origin().place(row)).collect();
+    fs::write(folder.file("a.csv"), "run,x\n1,0.5\n2,0.7\n\n3,0.9\n").unwrap();
+    let read = table::read(folder.file("a.csv")).unwrap();
+    let places: Vec<String> = (0..3).map(|row| read.origin().place(row)).collect();
     assert_eq!(places, ["line 2", "line 3", "line 5"]);
 }
 
@@ -454,12 +454,12 @@ fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
 
 #[test]
 fn a_column_that_has_no_place_is_left_out_and_refused_only_where_it_is_used() {
-    let table = table::read_mixed(foreign("decimal.parquet"), &[]).unwrap();
+    let table = table::read_usable(foreign("decimal.parquet")).unwrap();
     assert_eq!(table.names().collect::<Vec<_>>(), ["a"]);
     let message = table.column("price").unwrap_err().to_string();
     assert!(message.contains("column 'price' has the type Decimal"), "{message}");
     assert_eq!(table.origin().left_out()[0].0, "price");
-    let message = table::read_mixed(foreign("polars_brotli.parquet"), &[]).unwrap_err().to_string();
+    let message = table::read_usable(foreign("polars_brotli.parquet")).unwrap_err().to_string();
     assert!(message.contains("compressed with BROTLI"), "nothing is left: {message}");
 }
 
@@ -540,7 +540,7 @@ fn a_missing_column_is_answered_with_those_there_are() {
     let near = told("ofset");
     assert!(near.contains("did you mean 'offset'? The table has time_s"), "{near}");
     let wanted = |name: &str| name == "a";
-    let table = table::read_wanted(foreign("decimal.parquet"), &[], &wanted).unwrap();
+    let table = table::read_wanted(foreign("decimal.parquet"), &wanted).unwrap();
     let message = table.column("price_eur").unwrap_err().to_string();
     assert!(message.contains("a, price"), "also those that were not read: {message}");
 }

@@ -53,18 +53,8 @@ impl Score {
         let right = |split: &Vec<Prediction>| Rate::of(split, Prediction::is_right).share;
         let per_split = splits.iter().map(right).collect();
         let trials: Vec<Trial> = all.map(Prediction::trial).collect();
-        Score::new(classes, Rate::clustered(&trials), &confusion, per_split)
-    }
-
-    /// The score of a confusion table with a given accuracy.
-    pub fn new(
-        classes: Vec<String>,
-        accuracy: Rate,
-        confusion: &Confusion,
-        per_split: Vec<Option<f64>>,
-    ) -> Self {
         Score {
-            accuracy,
+            accuracy: Rate::clustered(&trials),
             balanced_accuracy: confusion.balanced_accuracy(),
             classes,
             confusion: confusion.counts().to_vec(),

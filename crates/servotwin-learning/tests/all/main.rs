@@ -3,6 +3,7 @@
 mod boosted_trees;
 mod calibration;
 mod classifiers_contract;
+mod measured;
 mod missing;
 mod samples;
 mod splits;

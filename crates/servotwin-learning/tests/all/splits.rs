@@ -1,9 +1,6 @@
 //! Splits are complete, disjoint, seeded, and keep what they promise.
 
 use proptest::prelude::*;
-use servotwin_diagnosis::classifiers::ClassifierKind;
-use servotwin_learning::classifiers::Settings;
-use servotwin_learning::metrics::*;
 use servotwin_learning::splits::*;
 
 fn check_partition(splits: &[Split], rows: usize) {
@@ -20,18 +17,6 @@ fn check_partition(splits: &[Split], rows: usize) {
 
 proptest! {
     #[test]
-    fn stratified_folds(labels in prop::collection::vec(0u32..4, 6..60), folds in 2usize..6, seed: u64) {
-        let splits = stratified_k_fold(&labels, folds, seed).unwrap();
-        check_partition(&splits, labels.len());
-        for class in 0..4 {
-            let count = |split: &Split| split.test.iter().filter(|&&r| labels[r] == class).count();
-            let counts: Vec<usize> = splits.iter().map(count).collect();
-            prop_assert!(counts.iter().max().unwrap() - counts.iter().min().unwrap() <= 1);
-        }
-        prop_assert_eq!(splits, stratified_k_fold(&labels, folds, seed).unwrap());
-    }
-
-    #[test]
     fn grouped_folds(groups in prop::collection::vec(0u32..9, 40..80), folds in 2usize..4, seed: u64) {
         let splits = grouped_k_fold(&groups, folds, seed).unwrap();
         check_partition(&splits, groups.len());
@@ -43,7 +28,7 @@ proptest! {
 
     #[test]
     fn held_out(rows in 2usize..100, share in 0.01f64..0.99, seed: u64) {
-        let split = hold_out(rows, share, seed).unwrap();
+        let split = &repeated_hold_out(rows, share, 1, seed).unwrap()[0];
         let expected = ((rows as f64 * share).round() as usize).clamp(1, rows - 1);
         prop_assert_eq!(split.test.len(), expected);
         prop_assert_eq!(split.train.len() + split.test.len(), rows);
@@ -71,20 +56,9 @@ fn repeats_differ_but_come_again() {
 
 #[test]
 fn too_little_to_split_is_an_error() {
-    assert!(hold_out(1, 0.5, 0).is_err());
-    assert!(hold_out(10, 1.0, 0).is_err());
-    assert!(stratified_k_fold(&[0, 1], 3, 0).is_err());
-    assert!(stratified_k_fold(&[0, 1], 1, 0).is_err());
+    assert!(repeated_hold_out(1, 0.5, 1, 0).is_err());
+    assert!(repeated_hold_out(10, 1.0, 1, 0).is_err());
+    assert!(grouped_k_fold(&[0, 1], 1, 0).is_err());
     assert!(grouped_k_fold(&[0, 0, 0, 1], 3, 0).is_err());
     assert!(leave_one_group_out(&[2, 2]).is_err());
-}
-
-#[test]
-fn cross_validation_counts_every_row_once() {
-    let samples = crate::tables::clouds(60, 1);
-    let splits = stratified_k_fold(samples.labels(), 5, 0).unwrap();
-    let tables =
-        cross_validate(&Settings::default_of(ClassifierKind::Cart), &samples, &splits).unwrap();
-    assert_eq!(tables.iter().map(Confusion::total).sum::<u64>(), 60);
-    assert!(tables.iter().all(|table| table.accuracy() == Some(1.0)));
 }

@@ -2,6 +2,7 @@
 
 use servotwin_diagnosis::random::Random;
 use servotwin_learning::Samples;
+use servotwin_learning::splits::Split;
 
 /// Records of a golden file after its `#` header, with the names of the columns.
 pub fn golden(file: &str) -> (Vec<String>, Vec<Vec<String>>) {
@@ -26,6 +27,15 @@ pub fn golden_table(name: &str) -> (Samples, Vec<usize>) {
     let classes = labels.iter().max().unwrap() + 1;
     let class_names = (0..classes).map(|class| class.to_string()).collect();
     (Samples::from_rows(names, class_names, &values, labels).unwrap(), folds)
+}
+
+/// The splits that test each of the first folds once.
+pub fn splits_by_fold(folds: &[usize], tested: usize) -> Vec<Split> {
+    let split = |fold| {
+        let (test, train) = (0..folds.len()).partition(|&row| folds[row] == fold);
+        Split { train, test }
+    };
+    (0..tested).map(split).collect()
 }
 
 /// Samples from rows, with numbered features and classes.

@@ -2,13 +2,14 @@
 //!
 //! The golden files are written by peers/sklearn_classifiers.py.
 
-use crate::tables::{golden, golden_table};
+use crate::tables::{golden, golden_table, splits_by_fold};
 use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
 use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use servotwin_learning::calibration::Forecasts;
-use servotwin_learning::classifiers::{Fit, Settings, cart};
-use servotwin_learning::splits::{Split, cross_validate};
+use servotwin_learning::classifiers::{Fit, Settings, cart, predict};
+use servotwin_learning::metrics::Confusion;
+use servotwin_learning::splits::Split;
 use servotwin_learning::tree::{Criterion, pruning_path};
 
 /// Largest difference of mean accuracies.
@@ -25,22 +26,19 @@ fn settings(kind: ClassifierKind) -> Settings {
     settings
 }
 
-fn splits(folds: &[usize]) -> Vec<Split> {
-    let split = |fold| {
-        let (test, train) = (0..folds.len()).partition(|&row| folds[row] == fold);
-        Split { train, test }
-    };
-    (0..5).map(split).collect()
-}
-
 fn mean_accuracy(kind: ClassifierKind, samples: &Samples, splits: &[Split]) -> f64 {
-    let tables = cross_validate(&settings(kind), samples, splits).unwrap();
-    tables.iter().map(|table| table.accuracy().unwrap()).sum::<f64>() / splits.len() as f64
+    let accuracy = |split: &Split| {
+        let model = settings(kind).fit(&samples.select_rows(&split.train).unwrap()).unwrap();
+        let test = samples.select_rows(&split.test).unwrap();
+        let said = predict(&model, &test).unwrap();
+        Confusion::of(samples.classes(), test.labels(), &said).unwrap().accuracy().unwrap()
+    };
+    splits.iter().map(accuracy).sum::<f64>() / splits.len() as f64
 }
 
 fn compare_accuracies(table: &str) {
     let (samples, folds) = golden_table(table);
-    let splits = splits(&folds);
+    let splits = splits_by_fold(&folds, 5);
     let (_, records) = golden("sklearn_accuracy.csv");
     let mut worse = vec![];
     for &kind in ALL {
@@ -78,7 +76,8 @@ fn val_sklearn_log_loss_of_boosted_trees() {
     for record in golden("sklearn_log_loss.csv").1 {
         let (samples, folds) = golden_table(&record[0]);
         let theirs: f64 = record[2].parse().unwrap();
-        let ours = mean_log_loss(ClassifierKind::BoostedTrees, &samples, &splits(&folds));
+        let ours =
+            mean_log_loss(ClassifierKind::BoostedTrees, &samples, &splits_by_fold(&folds, 5));
         println!("{:15} sklearn {theirs:.4} ours {ours:.4}", &record[0]);
         assert!(ours < 1.1 * theirs, "{}: sklearn {theirs:.4}, ours {ours:.4}", record[0]);
     }

@@ -44,6 +44,7 @@ pub mod own;
 mod phosphate_ester;
 pub mod table;
 
+use crate::hash::{Canonical, Fingerprint};
 use crate::math::power;
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Parameter, Unit, declare::parameter};
@@ -83,6 +84,14 @@ pub struct Fluid {
     pub polytropic_exponent: f64,
     /// Stiffness of the walls as a bulk modulus, Pa.
     pub wall_modulus_pa: f64,
+}
+
+impl Canonical for Fluid {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let Fluid { kind, own, table, air_fraction, polytropic_exponent, wall_modulus_pa } = self;
+        fingerprint.add(kind.name()).add(own).add(table);
+        fingerprint.add(air_fraction).add(polytropic_exponent).add(wall_modulus_pa);
+    }
 }
 
 impl Default for Fluid {

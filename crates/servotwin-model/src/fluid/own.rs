@@ -9,6 +9,7 @@
 //! (L2) is Walther's law (ASTM D341); the defaults are those of HLP 46.
 
 use super::{walther_m2_s, walther_through};
+use crate::hash::{Canonical, Fingerprint};
 use crate::scalar::{Scalar, lit};
 
 /// The word for `kind` in a system file.
@@ -40,6 +41,20 @@ pub struct OwnLiquid {
     pub bulk_modulus_change: f64,
     /// Growth of the bulk modulus with pressure, Pa/Pa.
     pub bulk_modulus_slope: f64,
+}
+
+impl Canonical for OwnLiquid {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        fingerprint.add(&[
+            self.density_kg_m3,
+            self.expansion,
+            self.viscosity_40_m2_s,
+            self.viscosity_100_m2_s,
+            self.bulk_modulus_pa,
+            self.bulk_modulus_change,
+            self.bulk_modulus_slope,
+        ]);
+    }
 }
 
 impl Default for OwnLiquid {

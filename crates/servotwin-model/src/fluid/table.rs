@@ -13,6 +13,7 @@
 //! run changes. Outside the points the properties are unknown.
 
 use super::{walther_m2_s, walther_through};
+use crate::hash::{Canonical, Fingerprint};
 use crate::scalar::Scalar;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -41,6 +42,19 @@ pub struct Point {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     points: Vec<Point>,
+}
+
+impl Canonical for Table {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        fingerprint.add(&self.points);
+    }
+}
+
+impl Canonical for Point {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let Point { temperature_k, density_kg_m3, viscosity_m2_s, bulk_modulus_pa } = *self;
+        fingerprint.add(&[temperature_k, density_kg_m3, viscosity_m2_s, bulk_modulus_pa]);
+    }
 }
 
 /// HLP 46 at −10, 40 and 100 °C.

@@ -70,6 +70,7 @@ pub use step_memory::StepMemory;
 pub use trim::{settle, settle_counted};
 pub use twin::{Between, Knot, Snapshot, Twin};
 
+use crate::hash::{Canonical, Fingerprint};
 use core::fmt;
 use tableau::Tableau;
 
@@ -150,6 +151,19 @@ pub struct SolverSettings {
     /// Whether steps end on every sample. If `false`, the method's dense output interpolates
     /// samples, for long steps between frequent samples.
     pub land_on_samples: bool,
+}
+
+impl Canonical for SolverSettings {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let SolverSettings { method, control, land_on_samples } = self;
+        fingerprint.add(method.name()).add(land_on_samples);
+        match *control {
+            Control::Fixed { step_s } => fingerprint.add("fixed").add(&step_s),
+            Control::Adaptive { tolerance, max_step_s, attempt_rate_limit_per_s } => {
+                fingerprint.add("adaptive").add(&[tolerance, max_step_s, attempt_rate_limit_per_s])
+            }
+        };
+    }
 }
 
 impl SolverSettings {

@@ -305,13 +305,11 @@ impl SettingLimits<'_> {
             "false alarms per hour".into(),
             self.marked(chosen(limit), "false_alarms_per_h"),
             format!(
-                "{} in {:.1} h\nat most {} per hour (95 %){}",
+                "{} in {:.1} h\nat most {} per hour (95 %)\n{}",
                 healthy.alarms,
                 healthy.hours,
                 number(healthy.alarms_per_h_upper),
-                healthy
-                    .environments
-                    .map_or(String::new(), |all| format!("\n{}", by_environment(all)))
+                by_environment(healthy.environments)
             ),
             match healthy {
                 h if h.alarms_per_h_upper <= limit => MET,
@@ -325,7 +323,7 @@ impl SettingLimits<'_> {
     fn alarmed_flights(&mut self) {
         let merit = self.merit;
         let strong = merit.strong();
-        let Some([flown, alarmed]) = merit.healthy.flights else { return };
+        let [flown, alarmed] = merit.healthy.flights;
         if ![OTHER_PLANT, OTHER_PLANT_FITTED].contains(&merit.setting.as_str()) {
             return;
         }
@@ -706,12 +704,9 @@ fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
         healthy.hours,
         number(healthy.alarms_per_h_upper)
     )];
-    if let Some(all) = healthy.environments {
-        parts.push(by_environment(all));
-    }
-    if let Some([flown, alarmed]) = healthy.flights {
-        parts.push(format!("{alarmed} of {flown} healthy {run}s have an alarm"));
-    }
+    parts.push(by_environment(healthy.environments));
+    let [flown, alarmed] = healthy.flights;
+    parts.push(format!("{alarmed} of {flown} healthy {run}s have an alarm"));
     if words.has_off() {
         let shutdowns = healthy.shutdowns;
         parts.push(format!("a healthy {unit} is {off} {shutdowns} times with nothing wrong"));

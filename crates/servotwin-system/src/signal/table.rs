@@ -86,7 +86,7 @@ impl SignalKind for Recorded {
         });
         let (factor, offset) = factors?;
         let is_wanted = |name: &str| name == column || name == given.word("time");
-        let table = table::read_wanted(file, &[], &is_wanted);
+        let table = table::read_wanted(file, &is_wanted);
         let table = table.map_err(|e| SignalError::Table(Box::new(e)))?;
         let numbers = |name| table.finite_f64(name).map_err(|e| SignalError::Table(Box::new(e)));
         let (times_s, values) = (numbers(given.word("time"))?, numbers(column)?);

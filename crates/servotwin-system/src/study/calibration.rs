@@ -20,6 +20,7 @@ use super::{Realism, Role};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::Signal;
+use servotwin_model::hash::{Canonical, Fingerprint};
 use servotwin_model::signal::Piecewise;
 
 section! {
@@ -78,9 +79,11 @@ impl Calibration {
         let first = case * self.in_each_case;
         (first + realism.dealt(variant, self.in_each_case)) % self.specimens(role)
     }
+}
 
-    /// A text that is the same for equal calibrations, for fingerprints of stored results.
-    pub fn canonical(&self) -> String {
-        format!("{self:?}")
+impl Canonical for Calibration {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let Calibration { inputs, duration_s, judge, learn, in_each_case } = self;
+        fingerprint.add(inputs).add(duration_s).add(judge).add(learn).add(in_each_case);
     }
 }

@@ -8,6 +8,7 @@ use super::reader::{Noted, Reader};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::random::NormalDeviates;
+use servotwin_model::hash::{Canonical, Fingerprint};
 
 section! {
     pub(super) struct Text {
@@ -309,10 +310,19 @@ impl Realism {
         let draw = NormalDeviates::new(mix(self.seed, variant, DEALING)).unit();
         ((draw * count as f64) as usize).min(count - 1)
     }
+}
 
-    /// A text that is the same for equal settings, for fingerprints of stored results.
-    pub fn canonical(&self) -> String {
-        format!("{self:?}")
+impl Canonical for Realism {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let Realism { seed, healthy, tolerances } = self;
+        fingerprint.add(seed).add(healthy).add(tolerances);
+    }
+}
+
+impl Canonical for Tolerance {
+    fn add_to(&self, fingerprint: &mut Fingerprint) {
+        let Tolerance { parameters, sigma, absolute } = self;
+        fingerprint.add(parameters).add(sigma).add(absolute);
     }
 }
 

@@ -492,8 +492,8 @@ fn a_checkpoint_of_something_else_is_refused() {
         assert!(error.contains("cannot be used") && error.contains(what), "{place}: {error}");
     }
     for (text, what) in [
-        ("{\"format\": 1}", "format 1, this version reads 3"),
-        ("{\"format\": 3}\n{}\n", "its checksum is wrong"),
+        ("{\"format\": 2, \"sha256\": \"\"}", "format 2, this version reads 1"),
+        ("{\"format\": 1, \"sha256\": \"\"}\n{}\n", "its checksum is wrong"),
         ("", "no checkpoint that can be used"),
         ("[]", "no checkpoint that can be used"),
     ] {
@@ -516,7 +516,7 @@ fn with_checksum(body: &serde_json::Value) -> String {
     let body = body.to_string();
     let sum = Sha256::digest(body.as_bytes());
     let sum: String = sum.iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("{{\"format\":3,\"sha256\":\"{sum}\"}}\n{body}\n")
+    format!("{{\"format\":1,\"sha256\":\"{sum}\"}}\n{body}\n")
 }
 
 /// Whatever stands in a checkpoint: a watch goes on from it or says in one line why not. A period of zero and numbers

@@ -11,7 +11,7 @@ use crate::experiment::{
 use crate::fit::{Fit, Unknown};
 use crate::study::{Lot, Role};
 use crate::table::{self, Column, Table, Values};
-use servotwin_model::hash::TextHash;
+use servotwin_model::hash::Fingerprint;
 use std::path::{Path, PathBuf};
 
 /// The path of the file with the specimens of a pool: true values, fitted values and standard errors.
@@ -110,13 +110,11 @@ impl Campaign<'_> {
     /// Fingerprint of everything that determines a pool.
     fn calibration_mark(&self) -> String {
         let study = self.study;
-        let mut mark = TextHash::default();
-        mark.add(format_args!(
-            "calibration 1 {:?} {:?} {} ",
-            self.role, self.solver, study.sample_period_s
-        ));
-        mark.add(format_args!("{}", self.model_text()));
-        mark.add(format_args!("{:?} {:?}", study.realism, study.calibration));
+        let mut mark = Fingerprint::default();
+        mark.add("calibration 1").add(self.role.suffix()).add(&self.solver);
+        mark.add(&study.sample_period_s);
+        self.add_model(&mut mark);
+        mark.add(&study.realism).add(&study.calibration);
         mark.to_string()
     }
 

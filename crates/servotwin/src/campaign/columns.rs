@@ -4,7 +4,7 @@
 //! ratio. Columns of text and of truth values have none.
 
 use crate::study::Study;
-use crate::table::{Column, Table, Values};
+use crate::table::{Column, Values};
 use servotwin_diagnosis::features::{Feature, Sensor, Sensors, values};
 use servotwin_diagnosis::residual::Window;
 
@@ -88,11 +88,6 @@ pub fn is_feature_column(name: &str) -> bool {
 /// the fault.
 pub fn feature_columns_of<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
     names.into_iter().filter(|name| is_feature_column(name)).collect()
-}
-
-/// Whether a table is the data set of a campaign or of flights: it has features, and columns that describe the fault.
-pub fn is_data_set(table: &Table) -> bool {
-    table.has("fault") && table.has("kind") && table.names().any(is_feature_column)
 }
 
 /// The features of a window in every view ([`servotwin_diagnosis::hierarchy`]); `orders` are the sensor orders of all

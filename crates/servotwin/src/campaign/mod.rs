@@ -49,7 +49,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use watch::Views;
 
 /// The format of shards; shards of another format are simulated again.
-const SHARD_FORMAT: &str = "windows 3";
+const SHARD_FORMAT: &str = "windows 1";
 
 /// Shards in one round of a campaign: enough that lanes rarely wait for the last ones, and few enough to limit memory.
 pub const ROUND_SHARDS: usize = 200;

@@ -7,8 +7,9 @@ use super::images::Images;
 use super::shard::SHARD;
 use super::{Campaign, CampaignError, Planned, SHARD_FORMAT};
 use crate::study::Setting;
+use servotwin_diagnosis::features::Sensor;
 use servotwin_model::c_source;
-use servotwin_model::hash::TextHash;
+use servotwin_model::hash::Fingerprint;
 
 /// The most shards of a bundle, unless its first shard alone serves more.
 const LARGEST_BUNDLE: usize = 8;
@@ -50,19 +51,23 @@ impl Campaign<'_> {
     }
 
     fn prepared_with(&self, plan: Vec<Planned>, images: Images) -> PreparedCampaign {
-        let model = self.model_text();
-        let of = |&setting: &Setting| self.fingerprint(setting, &plan, &images, &model);
+        let mut model = Fingerprint::default();
+        self.add_model(&mut model);
+        let of = |&setting: &Setting| self.fingerprint(setting, &plan, &images, model);
         let fingerprints = self.settings.iter().map(of).collect();
         let counts = self.settings.iter().map(|&setting| variant_count(setting, &plan)).collect();
         PreparedCampaign { plan, images, fingerprints, counts }
     }
 
-    /// The text of the equations with their parameters, and of the sensors.
-    pub(super) fn model_text(&self) -> String {
+    /// Adds the equations with their parameters, and the sensors.
+    pub(super) fn add_model(&self, mark: &mut Fingerprint) {
         let study = self.study;
         let equations = c_source::write_equations(&study.system.program, "model", &[]);
-        let equations = equations.expect("a prefix that is a name");
-        format!("{equations}{}{:?} {:?} ", study.system.text, study.measured, study.sensors)
+        mark.add(&equations.expect("a prefix that is a name"));
+        mark.add(&study.system.text).add(&study.measured);
+        for Sensor { name, quantity, actuator, noise, is_noisy, follows } in &study.sensors.0 {
+            mark.add(name).add(quantity.name()).add(actuator).add(noise).add(is_noisy).add(follows);
+        }
     }
 
     /// The fingerprint of everything that determines a shard: equations with parameters, inputs, variants, sensors and
@@ -72,32 +77,21 @@ impl Campaign<'_> {
         setting: Setting,
         plan: &[Planned],
         images: &Images,
-        model: &str,
+        model: Fingerprint,
     ) -> String {
         let study = self.study;
-        let mut mark = TextHash::default();
-        mark.add(format_args!(
-            "{SHARD_FORMAT} {} {setting:?} {:?} {:?} {} {} {} {model}",
-            images.has_mirrored(),
-            self.role,
-            self.solver,
-            study.duration_s,
-            self.duration_s(),
-            study.sample_period_s
-        ));
-        if let Some(realism) = study.realism.as_ref().filter(|_| setting.has_noise()) {
-            mark.add(format_args!("{}", realism.canonical()));
-        }
-        if let Some(calibration) = study.calibration.as_ref().filter(|_| setting == Setting::Fitted)
-        {
-            mark.add(format_args!("{}", calibration.canonical()));
-        }
+        let mut mark = model;
+        mark.add(SHARD_FORMAT).add(&images.has_mirrored());
+        mark.add(setting.name()).add(self.role.suffix()).add(&self.solver);
+        mark.add(&[study.duration_s, self.duration_s(), study.sample_period_s]);
+        mark.add(&study.realism.as_ref().filter(|_| setting.has_noise()));
+        mark.add(&study.calibration.as_ref().filter(|_| setting == Setting::Fitted));
         for planned in &plan[..variant_count(setting, plan)] {
             let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
-            mark.add(format_args!("{} {fault} {} ", planned.case, planned.intensity));
+            mark.add(&planned.case).add(fault).add(&planned.intensity);
         }
         for case in self.cases() {
-            mark.add(format_args!("{:?} ", case.inputs));
+            mark.add(&case.inputs);
         }
         mark.to_string()
     }

@@ -38,33 +38,22 @@ struct Job<'a> {
     split: &'a Split,
 }
 
-/// Every classifier with a study's default settings; the tree has the paper's depth.
-pub fn default_classifiers() -> Vec<classifiers::Settings> {
-    let settings = |kind: &ClassifierKind| match classifiers::Settings::default_of(*kind) {
-        classifiers::Settings::Cart(cart) => {
-            classifiers::Settings::Cart(classifiers::cart::Settings {
-                max_depth: Some(DEPTH),
-                ..cart
-            })
-        }
-        other => other,
-    };
-    ALL.iter().map(settings).collect()
-}
-
 /// Epochs of the perceptron if it is trained many times: as in scikit-learn's run in `golden/`, a quarter of the
 /// default.
 const EPOCHS: usize = 50;
 
-/// The same classifiers, with fewer epochs for the perceptron.
+/// Every classifier with a study's default settings; the tree has the paper's depth, and the perceptron fewer epochs.
 pub fn quick_classifiers() -> Vec<classifiers::Settings> {
-    let mut list = default_classifiers();
-    for settings in &mut list {
-        if let classifiers::Settings::Mlp(mlp) = settings {
-            mlp.max_epochs = EPOCHS;
+    let settings = |kind: &ClassifierKind| {
+        let mut settings = classifiers::Settings::default_of(*kind);
+        match &mut settings {
+            classifiers::Settings::Cart(cart) => cart.max_depth = Some(DEPTH),
+            classifiers::Settings::Mlp(mlp) => mlp.max_epochs = EPOCHS,
+            _ => {}
         }
-    }
-    list
+        settings
+    };
+    ALL.iter().map(settings).collect()
 }
 
 /// Compares classifiers; symmetric copies and pooling follow the hierarchy's settings.

@@ -23,11 +23,10 @@ pub mod piece;
 pub mod protocol;
 pub mod robustness;
 pub mod run;
-pub mod table_model;
 pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
-pub use error::{EvaluationError, UnknownClass};
+pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 
 use crate::parallel::Workers;
@@ -79,12 +78,7 @@ pub struct EvaluationSettings {
     /// Whether to run the ablation.
     pub ablation: bool,
     /// Whether to compute the learning curve: trees trained on fewer commands.
-    #[serde(default = "yes")]
     pub learning_curve: bool,
-}
-
-fn yes() -> bool {
-    true
 }
 
 impl Default for EvaluationSettings {
@@ -198,12 +192,10 @@ pub struct Evaluation {
     /// The seed paper's trees: its features, without symmetric copies and pooling.
     pub baseline: Vec<ProtocolResult>,
     /// The seed paper's test of these trees, repeated.
-    #[serde(default)]
     pub random_thirds: Vec<RandomThirds>,
     /// The trade-off between abstention and errors.
     pub abstention: Option<Abstention>,
     /// What is decided if a fault may stay not isolated, where kinds are left out and under new commands.
-    #[serde(default)]
     pub isolation: Vec<Isolation>,
     /// Calibration of the committee's confidence.
     pub reliability: Option<Reliability>,

@@ -6,7 +6,6 @@
 //! written so that reading restores the same bits.
 
 use super::error::EvaluationError;
-use super::table_model::TableModel;
 use crate::{files, manifest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -80,17 +79,4 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
         .check()
         .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
     Ok(hierarchy)
-}
-
-/// Reads a table model and checks it.
-///
-/// # Errors
-/// As [`read`]; [`EvaluationError::CorruptModel`].
-pub fn read_table_model(path: impl AsRef<Path>) -> Result<TableModel, EvaluationError> {
-    let path = path.as_ref();
-    let model: TableModel = read(path)?;
-    model
-        .check()
-        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
-    Ok(model)
 }

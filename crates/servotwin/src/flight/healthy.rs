@@ -78,8 +78,7 @@ pub struct HealthyFlight {
     pub evidence: f64,
     /// The largest evidence for a shutdown, in parts of its limit.
     pub shutdown_evidence: f64,
-    /// The same for each length of windows; empty in files from before this was stored.
-    #[serde(default)]
+    /// The same for each length of windows.
     pub shutdown_evidence_by_length: Vec<f64>,
 }
 

@@ -105,15 +105,12 @@ pub struct HealthyMetrics {
     pub alarms_per_h: f64,
     /// The upper limit of that rate with 95 % confidence (one-sided, Poisson).
     pub alarms_per_h_upper: f64,
-    /// How often windows left their bands as if a fault were visible; `None` in results from before this was counted.
-    #[serde(default)]
-    pub visible_by_chance: Option<u64>,
-    /// Number of flights without a fault, and of those with an alarm; `None` in results from before these were counted.
-    #[serde(default)]
-    pub flights: Option<[u64; 2]>,
-    /// The same alarms by environment; `None` in results from before these were counted.
-    #[serde(default)]
-    pub environments: Option<EnvironmentMetrics>,
+    /// How often windows left their bands as if a fault were visible.
+    pub visible_by_chance: u64,
+    /// Number of flights without a fault, and of those with an alarm.
+    pub flights: [u64; 2],
+    /// The same alarms by environment.
+    pub environments: EnvironmentMetrics,
 }
 
 /// False alarms counted by environment. Alarms cluster: what raises one raises others in the same environment. So hours
@@ -211,13 +208,10 @@ pub struct FlightMetrics {
     /// Number of flights that could not be simulated to the end; they are excluded.
     pub failed: u64,
     /// The same for the training flights.
-    #[serde(default)]
     pub failed_to_learn: u64,
     /// Training flights that began without a steady state; they are excluded from training.
-    #[serde(default)]
     pub on_the_move_to_learn: Vec<MovingFlight>,
     /// The evidence of held-out healthy flights after training; `None` if none were flown.
-    #[serde(default)]
     pub healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
@@ -229,8 +223,7 @@ pub struct FlightMetrics {
     pub in_time_since_visible: Rate,
     /// By command: first all intensities, then the strong ones.
     pub classes: Vec<ClassMetrics>,
-    /// By kind of fault: first all intensities, then the strong ones; empty in results from before this was counted.
-    #[serde(default)]
+    /// By kind of fault: first all intensities, then the strong ones.
     pub kinds: Vec<KindLatency>,
     /// By kind of onset: strong shutdown faults.
     pub onsets: Vec<(String, ClassMetrics)>,
@@ -789,9 +782,9 @@ impl Judged<'_> {
             shutdowns,
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
-            visible_by_chance: Some(self.ended.iter().map(|ended| ended.by_chance).sum()),
-            flights: Some(flights),
-            environments: Some(EnvironmentMetrics::new(alarmed.into_values())),
+            visible_by_chance: self.ended.iter().map(|ended| ended.by_chance).sum(),
+            flights,
+            environments: EnvironmentMetrics::new(alarmed.into_values()),
         }
     }
 

@@ -67,7 +67,6 @@ pub struct TrainingWindows {
     /// Number of flights that failed; they are not used.
     pub failed: usize,
     /// Flights that began without a steady state; they are not used either.
-    #[serde(default)]
     pub on_the_move: Vec<MovingFlight>,
 }
 

@@ -47,11 +47,8 @@ struct Stored {
     is_off: Vec<bool>,
     /// The last finding; `None` if there was none.
     finding: Option<Finding>,
-    #[serde(default)]
     outside_for: u64,
-    #[serde(default)]
     scatter: ScatterTest,
-    #[serde(default)]
     panes: u32,
 }
 
@@ -59,7 +56,6 @@ struct Stored {
 struct StoredTwin {
     sample: u64,
     wanted_s: f64,
-    #[serde(default)]
     effort: f64,
     states: Vec<f64>,
     held: Vec<f64>,

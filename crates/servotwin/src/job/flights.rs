@@ -46,10 +46,8 @@ pub struct FlightResults {
     pub foreign: Vec<UnseenFaultMetrics>,
     /// Figures of merit of the diagnoser for specimens with tolerances, in plants that differ from their twin in
     /// structure; `None` without such plants.
-    #[serde(default)]
     pub other_plant: Option<FlightMetrics>,
     /// The same beside twins that are fitted to these plants; `None` if that was not judged.
-    #[serde(default)]
     pub other_plant_fitted: Option<FittedPlants>,
 }
 
@@ -96,22 +94,19 @@ impl FlightResults {
         self.is_full && settings(study).into_iter().all(has)
     }
 
-    /// Adds settings that only `other` has. They must come from flights of the same sizes and from the current rule of
-    /// visibility.
+    /// Adds settings that only `other` has. They must come from flights of the same sizes.
     fn join(&mut self, other: FlightResults) {
         let sizes = |of: &Self| (of.is_full, of.learn, of.judge, of.limits, of.windows_s.clone());
         if sizes(self) != sizes(&other) {
             return;
         }
         for (merit, foreign) in other.merits.into_iter().zip(other.foreign) {
-            let is_of_now = merit.healthy.visible_by_chance.is_some();
-            if is_of_now && self.merits.iter().all(|own| own.setting != merit.setting) {
+            if self.merits.iter().all(|own| own.setting != merit.setting) {
                 self.merits.push(merit);
                 self.foreign.push(foreign);
             }
         }
-        let is_of_now = |merit: &FlightMetrics| merit.healthy.flights.is_some();
-        self.other_plant = self.other_plant.take().or(other.other_plant.filter(is_of_now));
+        self.other_plant = self.other_plant.take().or(other.other_plant);
         let own = self.other_plant_fitted.take();
         self.other_plant_fitted = own.or(other.other_plant_fitted);
         let place = |name: &str| SETTINGS.iter().position(|setting| setting.name() == name);

@@ -32,7 +32,6 @@ pub struct Manifest {
     /// A description of the solver's settings.
     pub solver: String,
     /// [`Network::identity`](servotwin_model::network::Network::identity) of the equations, which compiled steps carry.
-    #[serde(default)]
     pub equations: String,
     /// The data sets in the folder.
     pub data_sets: Vec<DataSetEntry>,
@@ -58,7 +57,6 @@ pub struct DataSetEntry {
     /// Counts and solver effort, by kind of fault.
     pub efforts: Vec<KindEffort>,
     /// Variants that began without a steady state.
-    #[serde(default)]
     pub on_the_move: Vec<MovingVariant>,
     /// Variants that were not simulated to the end.
     pub failed: Vec<FailedVariant>,
@@ -80,7 +78,6 @@ pub struct KindEffort {
     /// Variants that began in motion, because no steady state was found.
     pub began_on_the_move: usize,
     /// Those of them with a measured limit cycle.
-    #[serde(default)]
     pub limit_cycles: usize,
 }
 

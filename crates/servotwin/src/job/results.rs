@@ -7,7 +7,7 @@ use crate::study::Study;
 use serde::{Deserialize, Serialize};
 
 /// Identifies the file format of a stored evaluation.
-pub const FORMAT: &str = "servotwin evaluation 2";
+pub const FORMAT: &str = "servotwin evaluation 1";
 
 /// The evaluation of all subjects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

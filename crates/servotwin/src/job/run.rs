@@ -281,7 +281,7 @@ impl StudyResults {
         &self.folder
     }
 
-    /// The data card of the folder's data sets; `None` in a folder of an earlier version.
+    /// The data card of the folder's data sets; `None` without data sets.
     ///
     /// # Errors
     /// It cannot be read, or contradicts the manifest.

@@ -1,7 +1,7 @@
 //! What every data set promises to those who read it with other programs: units, descriptions, a split, and a card.
 
 use crate::folder::Folder;
-use servotwin::campaign::columns::{DIMENSIONLESS, is_feature_column};
+use servotwin::campaign::columns::{DIMENSIONLESS, feature_columns_of, is_feature_column};
 use servotwin::campaign::{Campaign, FOLDS, calibration_file};
 use servotwin::job::{Folder as Results, data_card};
 use servotwin::study::{Role, Setting, Study};
@@ -176,4 +176,13 @@ fn a_folder_without_data_sets_gets_no_card() {
     let folder = Folder::new("no-card");
     data_card::write(&Results::new(&folder.0), &study("")).unwrap();
     assert!(!std::path::Path::new(&folder.file("data-card.md")).exists());
+}
+
+#[test]
+fn no_column_that_holds_the_label_is_a_feature() {
+    let others = ["variant", "fault", "kind", "grade", "i:actuator_1.leakage", "largest:p_a_1"];
+    let malformed = ["f", "f:", "g:x", "mx:y", "feature"];
+    assert!(feature_columns_of([&others[..], &malformed].concat()).is_empty());
+    let features = ["f:mean_p_a_1", "m:mean_p_a_1", "m3:mean_p_a_1"];
+    assert_eq!(feature_columns_of(features), features);
 }

@@ -277,7 +277,7 @@ fn the_model_is_the_same_after_reading() {
     let path = folder.join("hierarchy.json");
     model_file::write(&path, &hierarchy).unwrap();
     assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy);
-    let broken = std::fs::read_to_string(&path).unwrap().replace("hierarchy 2", "hierarchy 9");
+    let broken = std::fs::read_to_string(&path).unwrap().replace("hierarchy 1", "hierarchy 9");
     std::fs::write(&path, broken).unwrap();
     assert!(matches!(model_file::read_hierarchy(&path), Err(EvaluationError::CorruptModel { .. })));
     std::fs::write(&path, "{").unwrap();

@@ -16,4 +16,4 @@ mod places;
 mod reservoir;
 mod runtime;
 mod sealed;
-mod table_model;
+mod traces;

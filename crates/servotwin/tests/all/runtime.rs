@@ -285,7 +285,7 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
         ("/session/memory/samples", json!(u64::MAX)),
         ("/session/memory/settling", json!(1_u64 << 40)),
         ("/session/memory/outcome/length", json!(99)),
-        ("/session/memory/outcome/finding", json!({ "actuator": { "unit": 99 } })),
+        ("/session/memory/outcome/finding", json!({ "actuator": { "actuator": 99 } })),
         ("/session/windows/spans/0/ended", json!(u64::MAX)),
         ("/session/windows/spans/0/open/0", json!(-3)),
         ("/outside_for", json!(u64::MAX)),

@@ -34,14 +34,9 @@ pub const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write }
 
 /// Reads a CSV file.
 pub fn read(path: &Path) -> Result<Table, TableError> {
-    read_mixed(path, &[])
-}
-
-/// Reads a CSV file; the columns in `mixed` may have text between numbers.
-pub fn read_mixed(path: &Path, mixed: &[&str]) -> Result<Table, TableError> {
     let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
     let open = || encoding::open(path).map_err(unreadable);
-    read_again(open, mixed, unreadable, &|problem| TableError::Content {
+    read_again(open, unreadable, &|problem| TableError::Content {
         path: path.to_path_buf(),
         problem,
     })
@@ -89,7 +84,7 @@ fn write_quoted(out: &mut dyn Write, text: &str) -> io::Result<()> {
 pub fn parse(text: &str) -> Result<Table, ContentError> {
     let open = || Ok((text.as_bytes(), Encoding::Utf8));
     // Reading from memory cannot fail.
-    read_again(open, &[], |_| ContentError::Empty, &|problem| problem)
+    read_again(open, |_| ContentError::Empty, &|problem| problem)
 }
 
 /// Knowledge from previous attempts to read.
@@ -125,7 +120,6 @@ impl From<io::Error> for Stop {
 
 fn read_again<R: BufRead, E>(
     open: impl Fn() -> Result<(R, Encoding), E>,
-    mixed: &[&str],
     unreadable: impl Fn(io::Error) -> E,
     wrong: &dyn Fn(ContentError) -> E,
 ) -> Result<Table, E> {
@@ -133,7 +127,7 @@ fn read_again<R: BufRead, E>(
     // Every attempt except the last adds knowledge, so there are few.
     loop {
         let (reader, encoding) = open()?;
-        match attempt(reader, encoding, mixed, known) {
+        match attempt(reader, encoding, known) {
             Ok(table) => return Ok(table),
             Err(Stop::Content(problem)) => return Err(wrong(problem)),
             Err(Stop::Io(cause)) => return Err(unreadable(cause)),
@@ -142,12 +136,7 @@ fn read_again<R: BufRead, E>(
     }
 }
 
-fn attempt(
-    mut reader: impl BufRead,
-    encoding: Encoding,
-    mixed: &[&str],
-    mut known: Known,
-) -> Result<Table, Stop> {
+fn attempt(mut reader: impl BufRead, encoding: Encoding, mut known: Known) -> Result<Table, Stop> {
     let encoding = if known.latin { Encoding::Latin1 } else { encoding };
     let dialect = Dialect::of(reader.fill_buf()?);
     let mut records = Records::new(reader, dialect.separator);
@@ -185,7 +174,7 @@ fn attempt(
                     let name = names[place].as_deref().unwrap_or_default();
                     // True, false and a missing value together are text.
                     let no_flag = expected == ColumnKind::Flag && growing::is_missing(cell);
-                    if quoted || no_flag || mixed.contains(&name) {
+                    if quoted || no_flag {
                         known.text.insert(place);
                         return Err(Stop::Again(known));
                     }

@@ -1,6 +1,6 @@
 //! Computes features from a user's traces: measured and nominal signals as columns of a table.
 //!
-//! A small study file in TOML assigns the columns (`docs/tables.md` has worked examples):
+//! A small study file in TOML assigns the columns (`docs/own-data.md` has worked examples):
 //! ```toml
 //! format = 1
 //! families = ["moments", "deviation"]  # all if not given
@@ -27,9 +27,8 @@ mod nominal;
 pub use nominal::Nominal;
 
 use super::error::EvaluationError;
-use super::table_model::texts;
 use crate::nearest::nearest;
-use crate::table::{Column, Table, TableError};
+use crate::table::{Column, Table, TableError, Values};
 use serde::Deserialize;
 use servotwin_diagnosis::features::{ALL, Family, Quantity, Sensor, Sensors, find};
 use servotwin_diagnosis::residual::Window;
@@ -74,6 +73,23 @@ struct SensorText {
     quantity: String,
     #[serde(default = "first")]
     unit: usize,
+}
+
+/// The values of a column as text; a missing number is empty.
+fn texts(column: &Column) -> Vec<String> {
+    let values = &column.values;
+    (0..values.len()).map(|row| text_at(values, row)).collect()
+}
+
+fn text_at(values: &Values, row: usize) -> String {
+    match values {
+        Values::Float(values) if values[row].is_nan() => String::new(),
+        Values::Float(values) => values[row].to_string(),
+        Values::Integer(values) => values[row].to_string(),
+        Values::Unsigned(values) => values[row].to_string(),
+        Values::Flag(values) => values[row].to_string(),
+        Values::Text(values) => values[row].trim().to_owned(),
+    }
 }
 
 fn other() -> String {

@@ -126,9 +126,8 @@ pub struct BandMerit {
     pub faults: usize,
     /// How many of these leave the conditional band, and the constant band.
     pub detected: [usize; 2],
-    /// The first healthy flight of each judged environment; `None` in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub independent: Option<IndependentFlights>,
+    /// The first healthy flight of each judged environment.
+    pub independent: IndependentFlights,
 }
 
 /// Healthy judged flights with an environment and a specimen of their own, which are exchangeable with the calibration
@@ -182,7 +181,7 @@ pub fn measure(
         outside: 0,
         faults: 0,
         detected: [0; 2],
-        independent: Some(IndependentFlights::default()),
+        independent: IndependentFlights::default(),
     };
     let plan = plan::flights(study, flights, Purpose::Judge);
     let first = first_healthy(&plan);
@@ -239,7 +238,8 @@ impl BandMerit {
         let mut points = trace.points.chunks_exact(self.field.covariates.len().max(1));
         let is_outside = points.any(|point| self.field.outside(point) > 0.0);
         self.outside += usize::from(is_outside);
-        if let Some(own) = self.independent.as_mut().filter(|_| is_independent) {
+        if is_independent {
+            let own = &mut self.independent;
             own.flights += 1;
             own.left.iter_mut().zip(left).for_each(|(count, left)| *count += usize::from(left));
             own.outside += usize::from(is_outside);

@@ -86,9 +86,7 @@ pub struct UnseenFaultOutcome {
     /// Number of shutdowns of a healthy actuator whose boundary sensors are right.
     pub shutdowns_healthy: u64,
     /// Flights in which a healthy actuator was shut down because a boundary sensor (a supply or return pressure that
-    /// its twin reads) was wrong. `None` if no such sensor was wrong, and in results from before this was counted;
-    /// those count these flights in `shutdowns_at_fault`.
-    #[serde(default)]
+    /// its twin reads) was wrong. `None` if no such sensor was wrong.
     pub shutdowns_behind_wrong_sensor: Option<u64>,
     /// From the onset to the first output of any kind.
     pub first_word: Option<Latency>,
@@ -104,8 +102,7 @@ pub struct UnseenFaultMetrics {
     pub setting: String,
     /// One for each fault that applies to the study's system.
     pub outcomes: Vec<UnseenFaultOutcome>,
-    /// One for each challenge set with a flight; empty in results from before these were counted.
-    #[serde(default)]
+    /// One for each challenge set with a flight.
     pub sets: Vec<ChallengeSetMetrics>,
 }
 
