@@ -1,5 +1,7 @@
 //! The one integration test binary of this crate: one module per room.
 
+#![expect(clippy::too_many_lines, reason = "a test may list many cases")]
+
 mod aileron;
 mod cavitation;
 mod compiled;

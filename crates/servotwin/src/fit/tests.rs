@@ -137,6 +137,7 @@ fn fault(study: &Study, id: &str, intensity: f64) -> FaultAt {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn true_parameters_lie_inside_of_their_intervals() {
     let (inside, all, refused) = coverage(&spring(), 0..20, 12.0);
     assert_eq!((all, refused), (40, 0));
@@ -408,6 +409,7 @@ fn leaking(study: &Study, flights: usize, duration_s: f64) -> Vec<history::Log> 
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_leak_that_grows_is_tracked_and_its_end_foretold() {
     let study = spring();
     let mut problem = Fit::of_study(&study, vec![]);
@@ -695,6 +697,7 @@ mod records {
     }
 
     #[test]
+    #[ignore = "slow: ./check --all"]
     fn clocks_that_do_not_agree_are_told() {
         let study = spring();
         let record = record(&study, Some(1), vec![], 40.0);
