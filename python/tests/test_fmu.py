@@ -117,6 +117,7 @@ def assert_near(found, right):
     assert (worst < 1e-4).all(), worst
 
 
+@pytest.mark.slow
 def test_there_is_no_finding_and_no_need_of_another_library(fmu):
     assert validate_fmu(fmu.path) == []
     folders = os.path.join(fmu.folder, "binaries", "linux64" if fmu.version == 2 else "x86_64-linux")
@@ -231,6 +232,7 @@ def test_directional_derivatives_are_the_slopes_of_the_derivatives(fmu):
             assert state in known[derivatives[derivative].name], (state.name, derivative)
 
 
+@pytest.mark.slow
 def test_two_thousand_instances_leave_no_memory_and_no_handle(fmu):
     def held():
         with open("/proc/self/statm") as file:

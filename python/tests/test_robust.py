@@ -20,6 +20,7 @@ def resident_bytes():
     return int(pages) * 4096
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 @pytest.mark.parametrize("kind", ["step", "step by name", "column", "arrow", "save", "mistake"])
 def test_a_hundred_thousand_calls_leave_memory_flat(system, kind):

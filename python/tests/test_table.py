@@ -128,6 +128,7 @@ def test_columns_that_do_not_fit_are_refused():
         servotwin.Table({"a": [object()]})
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_memory_stays_flat_over_many_calls(system):
     import pyarrow as pa

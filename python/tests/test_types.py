@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import numpy as np
 import servotwin
@@ -21,11 +23,13 @@ def mypy(*arguments):
     return subprocess.run(command, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_the_package_is_clean():
     done = mypy("-p", "servotwin")
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.slow
 def test_a_program_is_clean_and_slips_are_found(tmp_path):
     file = tmp_path / "program.py"
     file.write_text(PROGRAM)
