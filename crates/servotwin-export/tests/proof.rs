@@ -102,6 +102,7 @@ fn in_single_precision_every_tree_decides_as_trained_and_all_builds_agree() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn what_single_precision_decides_otherwise_is_listed() {
     // The inputs move by a millionth of their range, of which singles resolve a few steps: some repeat themselves.
     let mut diagnoser = demanding();
