@@ -64,97 +64,49 @@ pub enum Failure {
         "error: no component has '{word}'; {}",
         meant(.nearest.as_deref(), "'servotwin components' lists all")
     )]
-    NoComponent {
-        word: String,
-        /// The nearest kind.
-        nearest: Option<String>,
-    },
+    NoComponent { word: String, nearest: Option<String> },
     /// A word that no command has.
     #[error(
         "error: there is no command '{word}'; {}",
         meant(nearest(.word, .known.iter().map(String::as_str)), &format!("there are: {}", .known.join(", ")))
     )]
-    NoCommand {
-        word: String,
-        /// All commands.
-        known: Vec<String>,
-    },
+    NoCommand { word: String, known: Vec<String> },
     /// An output file exists already and would be overwritten.
     #[error("error: {} is there already and stays as it is", .0.display())]
     Exists(PathBuf),
     /// An output file is also an input of the command.
     #[error("error: {written} would overwrite {read}, which is read: name another file")]
-    Overwritten {
-        written: Named,
-        /// The input that would be lost.
-        read: Named,
-    },
+    Overwritten { written: Named, read: Named },
     /// Two outputs are the same file.
     #[error("error: {written} and {again} are the same file: name two")]
-    Twice {
-        /// The first output.
-        written: Named,
-        /// The second output.
-        again: Named,
-    },
+    Twice { written: Named, again: Named },
     /// An output has the extension of another kind of file.
     #[error("error: {option} must end in .{ending}, not as {} does", .path.display())]
-    Ending {
-        option: &'static str,
-        path: PathBuf,
-        /// The required extension, without the dot.
-        ending: &'static str,
-    },
+    Ending { option: &'static str, path: PathBuf, ending: &'static str },
     /// A simulation cannot start.
     #[error(
         "error: {}{error}",
         .option.as_ref().map_or_else(String::new, |name| format!("{name}: "))
     )]
-    Simulation {
-        /// The option that caused the error, if any.
-        option: Option<String>,
-        error: Box<SimulationError>,
-    },
+    Simulation { option: Option<String>, error: Box<SimulationError> },
     /// An option that requires `name=value`.
     #[error("error: {option} needs NAME=VALUE, not '{given}'")]
-    NoEqualSign {
-        option: &'static str,
-        /// The text that the user gave.
-        given: String,
-    },
+    NoEqualSign { option: &'static str, given: String },
     /// An input or a fault that is given twice.
     #[error("error: {option}: '{name}' is given twice")]
-    Repeated {
-        option: &'static str,
-        /// The name of the input or fault.
-        name: String,
-    },
+    Repeated { option: &'static str, name: String },
     /// An option's number that cannot be parsed.
     #[error("error: {option}: {error}")]
-    Number {
-        /// The name of the option.
-        option: &'static str,
-        error: QuantityError,
-    },
+    Number { option: &'static str, error: QuantityError },
     /// An option's number outside its range.
     #[error("error: {option} {given} is out of range: {range}")]
-    OutOfRange {
-        option: &'static str,
-        /// The text that the user gave.
-        given: String,
-        /// The allowed range as text.
-        range: Cow<'static, str>,
-    },
+    OutOfRange { option: &'static str, given: String, range: Cow<'static, str> },
     /// A wrong combination of options.
     #[error("error: {0}")]
     Options(&'static str),
     /// A signal that cannot be built.
     #[error("error: {option}: {error}")]
-    Signal {
-        /// The option, with the input that it drives.
-        option: String,
-        error: SignalError,
-    },
+    Signal { option: String, error: SignalError },
     /// The solver could not finish.
     #[error("error: {0}")]
     Run(Stopped),
@@ -181,11 +133,7 @@ pub enum Failure {
     Job(JobError),
     /// A study file for traces has mistakes, or the traces contradict it.
     #[error("{}", hint::of_traces(.path, .error))]
-    Trace {
-        /// The study file.
-        path: PathBuf,
-        error: TraceError,
-    },
+    Trace { path: PathBuf, error: TraceError },
     /// A table contradicts a study file for traces.
     #[error("error: {path} does not follow {study}: {error}")]
     NotAs { path: PathBuf, study: PathBuf, error: Box<EvaluationError> },
@@ -194,65 +142,32 @@ pub enum Failure {
     Runtime(RuntimeError),
     /// The diagnoser in a file belongs to another system.
     #[error("error: {}: {error}", .path.display())]
-    Diagnoser {
-        path: PathBuf,
-        /// The mismatch with the system, or an error of the twin.
-        error: RuntimeError,
-    },
+    Diagnoser { path: PathBuf, error: RuntimeError },
     /// A folder has no usable log.
     #[error("error: {}: {reason}", .folder.display())]
-    NoLogs {
-        folder: PathBuf,
-        /// What the folder has instead.
-        reason: String,
-    },
+    NoLogs { folder: PathBuf, reason: String },
     /// A log without samples to watch.
     #[error("error: {log}: {reason}")]
-    NoSample {
-        log: String,
-        /// What the log has instead.
-        reason: String,
-    },
+    NoSample { log: String, reason: String },
     /// A system that does not belong to the default study.
     #[error(
         "error: tolerances and faults are a study's, and without --study those of '{study}' are taken, to which the \
          system '{system}' does not belong: give --study {}",
         .own.as_deref().unwrap_or("FILE")
     )]
-    OtherSystem {
-        system: String,
-        /// The default study.
-        study: String,
-        /// The study of this system, if known.
-        own: Option<String>,
-    },
+    OtherSystem { system: String, study: String, own: Option<String> },
     /// A log in which no sample was judged.
     #[error("error: {log}: {reason}")]
-    Unjudged {
-        /// The counts, for standard output.
-        output: String,
-        log: String,
-        reason: String,
-    },
+    Unjudged { output: String, log: String, reason: String },
     /// An export cannot be written or proven.
     #[error("error: {0}")]
     Export(#[from] ExportError),
     /// An export decides otherwise than its diagnoser.
     #[error("error: the export in {} decides otherwise than its diagnoser", .folder.display())]
-    NotProven {
-        /// The folder of the export.
-        folder: PathBuf,
-        /// The evidence, for standard output.
-        output: String,
-    },
+    NotProven { folder: PathBuf, output: String },
     /// A live watch continued after some files could not be written.
     #[error("error: not complete: {}", .files.join("; "))]
-    SinksLost {
-        /// The counts, for standard output.
-        output: String,
-        /// The files, each with the reason.
-        files: Vec<String>,
-    },
+    SinksLost { output: String, files: Vec<String> },
     /// The map of a log has mistakes.
     #[error("{0}")]
     Map(#[from] MapError),
@@ -276,20 +191,10 @@ pub enum Failure {
     File(#[from] FileError),
     /// A record has findings that no tolerance explains, so the twin is not updated.
     #[error("{}", first_findings(.findings))]
-    NoUpdate {
-        /// The results, for standard output.
-        output: String,
-        /// The findings as sentences.
-        findings: Vec<String>,
-    },
+    NoUpdate { output: String, findings: Vec<String> },
     /// Wear reaches its threshold.
     #[error("alarm: {}", .alarms.join("; "))]
-    Alarm {
-        /// The results, for standard output.
-        output: String,
-        /// The alarms as sentences.
-        alarms: Vec<String>,
-    },
+    Alarm { output: String, alarms: Vec<String> },
     /// Parts of a campaign are missing in a merge.
     #[error("error: {0}")]
     PartsMissing(Box<Incomplete>),

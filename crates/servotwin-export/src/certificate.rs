@@ -1,7 +1,7 @@
 //! What a proof showed, as data and as a page.
 
 use crate::precision::Precision;
-use crate::prove::{Decisions, FlightDecisions, Mutant, ProofEvidence, SingleEvidence};
+use crate::prove::{Decisions, FlightDecisions, ProofEvidence, SingleEvidence};
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
@@ -46,7 +46,7 @@ pub struct TwinDescription {
 /// The result of a proof.
 #[derive(Debug, Clone, Serialize)]
 pub struct Certificate {
-    /// Whether every build decides as the diagnoser, and every mistake was found.
+    /// Whether every build decides as the diagnoser.
     pub holds: bool,
     /// What was exported.
     pub export: Description,
@@ -54,10 +54,6 @@ pub struct Certificate {
     pub compiled_sha256: BTreeMap<String, String>,
     /// What each build was compared on.
     pub builds: Vec<ProofEvidence>,
-    /// The number of mistakes that were made in the text.
-    pub mutants: usize,
-    /// Those that were not found.
-    pub mutants_not_found: Vec<Mutant>,
     /// What an export in single precision decides differently.
     pub single: Option<SingleEvidence>,
 }
@@ -68,22 +64,10 @@ impl Certificate {
         export: Description,
         compiled_sha256: BTreeMap<String, String>,
         builds: Vec<ProofEvidence>,
-        mutants: Vec<Mutant>,
         single: Option<SingleEvidence>,
     ) -> Self {
-        let count = mutants.len();
-        let mutants_not_found: Vec<Mutant> =
-            mutants.into_iter().filter(|mutant| !mutant.is_found).collect();
-        let holds = builds.iter().all(ProofEvidence::holds) && mutants_not_found.is_empty();
-        Certificate {
-            holds,
-            export,
-            compiled_sha256,
-            builds,
-            mutants: count,
-            mutants_not_found,
-            single,
-        }
+        let holds = builds.iter().all(ProofEvidence::holds);
+        Certificate { holds, export, compiled_sha256, builds, single }
     }
 
     /// The verdict in one sentence.
@@ -95,9 +79,7 @@ impl Certificate {
                  the hand-written text gives the bits of training in double precision. Below is what rounding decides \
                  differently."
             }
-            (false, _) => {
-                "A build decides differently than the trained diagnosis, or a mistake was not found."
-            }
+            (false, _) => "A build decides differently than the trained diagnosis.",
         }
     }
 
@@ -112,10 +94,6 @@ impl Certificate {
         );
         self.write_builds(&mut page);
         self.single.iter().for_each(|single| write_single(&mut page, single));
-        if self.mutants > 0 {
-            let (all, found) = (self.mutants, self.mutants - self.mutants_not_found.len());
-            let _ = writeln!(page, "<p>{found} of {all} deliberate mistakes were found.</p>");
-        }
         let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
         let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
         let _ = writeln!(page, "<p>Exported by servotwin {}.</p>", escaped(version));

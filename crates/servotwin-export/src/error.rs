@@ -7,27 +7,14 @@ use std::path::{Path, PathBuf};
 /// A diagnoser that cannot be exported, or an export that cannot be proven.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum ExportError {
     /// A stage has a classifier without a counterpart in an export.
     #[error("stage {stage} is '{kind}'; the export knows decision trees (CART) and boosted trees")]
-    Classifier {
-        /// The stage's id.
-        stage: String,
-        /// The classifier's title.
-        kind: &'static str,
-    },
+    Classifier { stage: String, kind: &'static str },
     /// A stage is too large for the integers of its tables.
     #[error("stage {stage} has {count} {what}; the export takes at most {most}")]
-    TooMany {
-        /// The stage's id.
-        stage: String,
-        /// What there is too much of.
-        what: &'static str,
-        /// How many.
-        count: usize,
-        /// How many there may be.
-        most: usize,
-    },
+    TooMany { stage: String, what: &'static str, count: usize, most: usize },
     /// Part of the diagnosis has no counterpart in an export yet.
     #[error("{0}")]
     Unsupported(&'static str),
@@ -52,43 +39,23 @@ pub enum ExportError {
         diagnoser.display(),
         folder.display()
     )]
-    OtherDiagnoser {
-        /// The diagnoser.
-        diagnoser: PathBuf,
-        /// The export.
-        folder: PathBuf,
-    },
+    OtherDiagnoser { diagnoser: PathBuf, folder: PathBuf },
     /// The system is not the one that was exported.
     #[error(
         "the study {} has another system than the one that was exported to {}: export it again, or name the other with --study",
         study.display(),
         folder.display()
     )]
-    OtherSystem {
-        /// The study.
-        study: PathBuf,
-        /// The export.
-        folder: PathBuf,
-    },
+    OtherSystem { study: PathBuf, folder: PathBuf },
     /// There is no C compiler to prove anything with.
     #[error("neither gcc nor clang starts: install one of them")]
     NoBuild,
     /// The compiler does not start.
     #[error("the compiler '{compiler}' does not start: {cause}")]
-    NoCompiler {
-        /// Its command.
-        compiler: String,
-        /// The reason.
-        cause: std::io::Error,
-    },
+    NoCompiler { compiler: String, cause: std::io::Error },
     /// The compiler refuses the text.
     #[error("the compiler '{compiler}' refuses the exported text:\n{messages}")]
-    Refused {
-        /// Its command with flags.
-        compiler: String,
-        /// The first messages.
-        messages: String,
-    },
+    Refused { compiler: String, messages: String },
     /// The compiled code cannot be loaded.
     #[error("the compiled export cannot be loaded: {0}")]
     Load(#[from] libloading::Error),

@@ -1,5 +1,6 @@
 //! The export of a small trained diagnoser, compiled and compared.
 
+mod mistakes;
 #[path = "../../servotwin-model/tests/all/rig.rs"]
 #[allow(dead_code)]
 mod rig;
@@ -9,9 +10,7 @@ mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
-use servotwin_export::prove::{
-    Build, Mistakes, Mutant, Plan, ProofEvidence, SingleEvidence, mutants, prove, prove_single,
-};
+use servotwin_export::prove::{Build, Plan, ProofEvidence, SingleEvidence, prove, prove_single};
 use servotwin_export::{ExportedTwin, Precision, SourceFile};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, SolverSettings};
@@ -66,6 +65,7 @@ fn demanding() -> Arc<Diagnoser> {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn so_does_one_that_uses_everything() {
     assert_proven(&demanding());
 }
@@ -82,6 +82,7 @@ fn single_evidence(
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn in_single_precision_every_tree_decides_as_trained_and_all_builds_agree() {
     let diagnoser = &demanding();
     let files = &c::files_in(diagnoser, Precision::F32).unwrap();
@@ -101,6 +102,7 @@ fn in_single_precision_every_tree_decides_as_trained_and_all_builds_agree() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn what_single_precision_decides_otherwise_is_listed() {
     // The inputs move by a millionth of their range, of which singles resolve a few steps: some repeat themselves.
     let mut diagnoser = demanding();
@@ -118,6 +120,7 @@ fn what_single_precision_decides_otherwise_is_listed() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_mistake_in_single_precision_is_found() {
     let diagnoser = &demanding();
     let whole = c::files_in(diagnoser, Precision::F32).unwrap();
@@ -161,6 +164,7 @@ fn twin(program: &Program, settings: SolverSettings) -> ExportedTwin<'_> {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
     let reference = SolverSettings { method: Method::Rodas5P, ..SolverSettings::campaign() };
@@ -176,49 +180,44 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn mistakes_in_a_twin_are_found() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
     let twin = twin(&program, SolverSettings::campaign());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
-    let plan = Plan { twin: Some(&twin), ..Plan::new(diagnoser, files) };
-    assert_all_found(&plan, Mistakes { count: 30, seed: 3, only: Some("servotwin_equations.c") });
+    let plan = Plan { twin: Some(&twin), variants: 2, ..Plan::new(diagnoser, files) };
+    assert_eq!(mistakes::not_found(&plan, (30, 3), Some("servotwin_equations.c")), []);
     // This system always finds a steady state, so nothing is known of what is done otherwise.
     let control = &files.iter().find(|file| file.name == "servotwin_twin.c").unwrap().text;
     let line_of = |text| control[..control.find(text).unwrap()].matches('\n').count();
     let otherwise = line_of("static void begin_following(")..line_of("static void look_for_rest(");
-    let mistakes = Mistakes { count: 60, seed: 3, only: Some("servotwin_twin.c") };
-    let survivors = survivors(&plan, mistakes);
-    assert!(survivors.iter().all(|mutant| otherwise.contains(&mutant.line)), "{survivors:#?}");
-}
-
-fn survivors(plan: &Plan, mistakes: Mistakes) -> Vec<Mutant> {
-    let build = Build::new("gcc -O0");
-    let mut mutants = mutants(plan, &build, mistakes, &mut |_| ()).unwrap();
-    assert_eq!(mutants.len(), mistakes.count);
-    mutants.retain(|mutant| !mutant.is_found);
-    mutants
-}
-
-fn assert_all_found(plan: &Plan, mistakes: Mistakes) {
-    assert_eq!(survivors(plan, mistakes), []);
+    let missed = mistakes::not_found(&plan, (60, 3), Some("servotwin_twin.c"));
+    assert!(missed.iter().all(|mistake| otherwise.contains(&mistake.line)), "{missed:#?}");
 }
 
 /// Makes mistakes of a seed, all of which a proof must find.
-fn assert_finds_mistakes(seed: u64) {
+fn assert_finds_mistakes(count: usize, seed: u64) {
     let diagnoser = demanding();
     let files = c::files(&diagnoser).unwrap();
-    let plan = Plan::new(&diagnoser, &files);
-    assert_all_found(&plan, Mistakes { count: 110, seed, only: None });
+    let plan = Plan { samples: 20_000, ..Plan::new(&diagnoser, &files) };
+    assert_eq!(mistakes::not_found(&plan, (count, seed), None), []);
+}
+
+#[test]
+fn a_proof_finds_mistakes() {
+    assert_finds_mistakes(3, 3);
 }
 
 // Two tests, because tests run side by side.
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_proof_finds_every_mistake_of_a_hundred() {
-    assert_finds_mistakes(1);
+    assert_finds_mistakes(110, 1);
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn and_of_another_hundred() {
-    assert_finds_mistakes(2);
+    assert_finds_mistakes(110, 2);
 }

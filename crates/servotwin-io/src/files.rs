@@ -14,86 +14,44 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Errors of reading or writing a file, with its path.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum FileError {
     /// The file does not exist.
     #[error("{path}: no such file")]
-    Missing {
-        /// The requested file.
-        path: PathBuf,
-    },
+    Missing { path: PathBuf },
     /// The file does not exist, and there is no built-in of that name.
     #[error(
         "{path}: no such file, and nothing is built in by that name{}",
         built_in(*.nearest, .known)
     )]
-    NotBuiltIn {
-        /// The requested name.
-        path: PathBuf,
-        /// The nearest built-in name.
-        nearest: Option<&'static str>,
-        /// All built-in names.
-        known: Vec<&'static str>,
-    },
+    NotBuiltIn { path: PathBuf, nearest: Option<&'static str>, known: Vec<&'static str> },
     /// The folder that should hold the file does not exist.
     #[error("{path}: the folder {} does not exist", folder_of(.path).display())]
-    MissingFolder {
-        /// The file to be written.
-        path: PathBuf,
-    },
+    MissingFolder { path: PathBuf },
     /// The path names a folder where a file is needed.
     #[error("{path}: this is a folder, a file is needed")]
-    IsFolder {
-        /// The folder.
-        path: PathBuf,
-    },
+    IsFolder { path: PathBuf },
     /// A part of the path that should be a folder is a file.
     #[error("{path}: a part of this path is a file where a folder is needed")]
-    NotFolder {
-        /// The requested path.
-        path: PathBuf,
-    },
+    NotFolder { path: PathBuf },
     /// The file or its folder may not be read or written by this user.
     #[error("{path}: permission denied")]
-    Denied {
-        /// The requested path.
-        path: PathBuf,
-    },
+    Denied { path: PathBuf },
     /// The file, its folder or the file system is read-only.
     #[error("{path}: read-only, it cannot be written")]
-    ReadOnly {
-        /// The file to be written.
-        path: PathBuf,
-    },
+    ReadOnly { path: PathBuf },
     /// The disk or the user's quota is full.
     #[error("{path}: the disk is full")]
-    DiskFull {
-        /// The file to be written.
-        path: PathBuf,
-    },
+    DiskFull { path: PathBuf },
     /// The content is no UTF-8 text.
     #[error("{path}: line {line} is not UTF-8 text")]
-    NotText {
-        /// The file read.
-        path: PathBuf,
-        /// The first line, from 1, with an invalid byte.
-        line: usize,
-    },
+    NotText { path: PathBuf, line: usize },
     /// The content changed since it was written: by damage or by hand.
     #[error("{path}: damaged, or changed since: {remedy}")]
-    Altered {
-        /// The changed file.
-        path: PathBuf,
-        /// The evidence and the remedy.
-        remedy: String,
-    },
+    Altered { path: PathBuf, remedy: String },
     /// Any other failure reported by the operating system.
     #[error("{path}: {source}")]
-    System {
-        /// The affected file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: io::Error,
-    },
+    System { path: PathBuf, source: io::Error },
 }
 
 impl FileError {

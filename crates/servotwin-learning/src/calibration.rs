@@ -5,8 +5,6 @@
 //!
 //! - **log loss** `−ln p(label)`: the loss that boosting minimizes. A confident wrong forecast costs most (Good,
 //!   "Rational Decisions", 1952).
-//! - **Brier score** `Σ (p(class) − [is label])²` over classes, 0 to 2 (Brier, "Verification of Forecasts Expressed in
-//!   Terms of Probability", Monthly Weather Review 78, 1950).
 //! - **reliability**: the share of right answers among rows with similar probability. Its mean distance from the
 //!   probability is the *expected calibration error* (Murphy and Winkler, "Reliability of Subjective Probability
 //!   Forecasts", Applied Statistics 26, 1977; Guo, Pleiss, Sun, Weinberger, "On Calibration of Modern Neural Networks",
@@ -107,14 +105,6 @@ impl<'a> Forecasts<'a> {
     /// Mean log loss, in nats.
     pub fn log_loss(&self) -> f64 {
         self.mean(|shares, label| -libm::log(shares[label].max(MIN_PROBABILITY)))
-    }
-
-    /// Mean Brier score.
-    pub fn brier_score(&self) -> f64 {
-        self.mean(|shares, label| {
-            let distance = |(class, share): (usize, &f64)| share - f64::from(class == label);
-            shares.iter().enumerate().map(distance).map(|distance| distance * distance).sum()
-        })
     }
 
     /// Groups the rows into bins of equal width by the probability of their answer, in ascending order. Omits bins

@@ -14,8 +14,6 @@ pub struct Example {
     pub fault: String,
     /// The fault class, e.g. `external_leakage`.
     pub detail: String,
-    /// The index of its actuator, from 0.
-    pub unit: usize,
     /// The name of the operating case.
     pub case: String,
     /// Samples of the twin, one vector for each measured sensor.
@@ -46,7 +44,6 @@ pub fn simulate(study: &Study) -> Result<Vec<Example>, CampaignError> {
         examples.push(Example {
             fault: faults[0].id.clone(),
             detail: study.classes[faults[0].class].detail.clone(),
-            unit: faults[0].unit,
             case: study.cases[case].name.clone(),
             twin: twin.clone(),
             runs: faults.iter().filter_map(run).collect(),

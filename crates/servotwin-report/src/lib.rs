@@ -25,6 +25,7 @@ use examples::Example;
 use excerpt::Excerpt;
 use looks::Looks;
 use page::{ContentsEntry, Page};
+use sections::*;
 use servotwin::campaign::Comparison;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -68,13 +69,13 @@ pub struct Material<'a> {
 }
 
 /// One section of the report.
-pub trait Section: Sync {
+pub struct Section {
     /// The anchor of the section in the HTML file.
-    fn id(&self) -> &'static str;
+    pub id: &'static str,
     /// The heading of the section.
-    fn title(&self) -> &'static str;
+    pub title: &'static str,
     /// Writes the section, or nothing if the study has no content for it.
-    fn write(&self, material: &Material, page: &mut Page);
+    pub write: fn(&Material, &mut Page),
 }
 
 /// Sections that answer the same question. On screen the reader picks one of them; on paper they follow one another.
@@ -86,7 +87,7 @@ pub struct Chapter {
     /// Whether the chapter is evidence for other chapters and stands in the appendix.
     pub is_appendix: bool,
     /// The sections of the chapter. The first is shown in front.
-    pub sections: &'static [&'static dyn Section],
+    pub sections: &'static [Section],
 }
 
 /// The chapters of the report in their order. A new section is one file and one line here.
@@ -95,72 +96,113 @@ pub static CHAPTERS: &[Chapter] = &[
         id: "findings",
         title: "Findings",
         is_appendix: false,
-        sections: &[&sections::summary::Summary],
+        sections: &[Section { id: "summary", title: "Summary", write: summary::write }],
     },
     Chapter {
         id: "setup",
         title: "System, faults and commands",
         is_appendix: false,
         sections: &[
-            &sections::faults::Faults,
-            &sections::system::System,
-            &sections::commands::Commands,
+            Section { id: "faults", title: "Faults", write: faults::write },
+            Section { id: "system", title: "The system", write: system::write },
+            Section { id: "commands", title: "Commands", write: commands::write },
         ],
     },
     Chapter {
         id: "visible",
         title: "Which faults are detected",
         is_appendix: false,
-        sections: &[&sections::detectability::Detectability],
+        sections: &[Section {
+            id: "detectability",
+            title: "Detectability",
+            write: detectability::write,
+        }],
     },
     Chapter {
         id: "errors",
         title: "What errors do",
         is_appendix: false,
-        sections: &[&sections::safety::Safety, &sections::ambiguity::Ambiguity],
+        sections: &[
+            Section { id: "safety", title: "Safety", write: safety::write },
+            Section {
+                id: "ambiguity",
+                title: "Faults taken for each other",
+                write: ambiguity::write,
+            },
+        ],
     },
     Chapter {
         id: "work",
         title: "Faults that begin at work",
         is_appendix: false,
-        sections: &[&sections::flights::Flights, &sections::foreign::Foreign],
+        sections: &[
+            Section { id: "flights", title: "The diagnosis at work", write: flights::write },
+            Section { id: "foreign", title: "Faults never trained on", write: foreign::write },
+        ],
     },
     Chapter {
         id: "limits",
         title: "Bands and the twin behind them",
         is_appendix: true,
-        sections: &[&sections::bands::Bands, &sections::twin::Twin],
+        sections: &[
+            Section { id: "bands", title: "Bands", write: bands::write },
+            Section { id: "twin", title: "The twin and its confidence", write: twin::write },
+        ],
     },
     Chapter {
         id: "decisions",
         title: "How the trees decide",
         is_appendix: true,
         sections: &[
-            &sections::macrostructure::Macrostructure,
-            &sections::actuator_tree::ActuatorTree,
-            &sections::leaves::Leaves,
+            Section {
+                id: "macrostructure",
+                title: "How the trees hang together",
+                write: macrostructure::write,
+            },
+            Section { id: "trees", title: "The trees", write: actuator_tree::write },
+            Section { id: "leaves", title: "The worst leaves", write: leaves::write },
         ],
     },
     Chapter {
         id: "examples",
         title: "Examples",
         is_appendix: true,
-        sections: &[&sections::residuals::Residuals],
+        sections: &[Section {
+            id: "residuals",
+            title: "Residuals of examples",
+            write: residuals::write,
+        }],
     },
     Chapter {
         id: "rates",
         title: "Rates by scenario and protocol",
         is_appendix: true,
         sections: &[
-            &sections::protocols::Protocols,
-            &sections::committee::Committee,
-            &sections::settings::Settings,
-            &sections::robustness::Robustness,
-            &sections::uncertainty::Uncertainty,
-            &sections::confusion::Confusion,
-            &sections::classifiers::Classifiers,
-            &sections::ablation::Ablation,
-            &sections::commands_curve::CommandsCurve,
+            Section {
+                id: "protocols",
+                title: "The trees under every protocol",
+                write: protocols::write,
+            },
+            Section { id: "committee", title: "The committee", write: committee::write },
+            Section { id: "settings", title: "Settings", write: settings::write },
+            Section {
+                id: "robustness",
+                title: "Trained on one setting, tested on another",
+                write: robustness::write,
+            },
+            Section {
+                id: "uncertainty",
+                title: "Answers that hang on less than a sensor shows",
+                write: uncertainty::write,
+            },
+            Section { id: "confusion", title: "Confusion matrices", write: confusion::write },
+            Section { id: "classifiers", title: "Classifiers compared", write: classifiers::write },
+            Section { id: "ablation", title: "What carries the result", write: ablation::write },
+            Section {
+                id: "learning",
+                title: "Commands to learn from",
+                write: commands_curve::write,
+            },
         ],
     },
     Chapter {
@@ -168,11 +210,15 @@ pub static CHAPTERS: &[Chapter] = &[
         title: "The data and how it was made",
         is_appendix: true,
         sections: &[
-            &sections::data_set::DataSet,
-            &sections::exclusions::Exclusions,
-            &sections::effort::Effort,
-            &sections::constants::Constants,
-            &sections::making::Making,
+            Section { id: "data", title: "The data set", write: data_set::write },
+            Section { id: "exclusions", title: "What was left out", write: exclusions::write },
+            Section { id: "effort", title: "How the simulations went", write: effort::write },
+            Section {
+                id: "constants",
+                title: "Constants of the diagnosis",
+                write: constants::write,
+            },
+            Section { id: "making", title: "How this was made", write: making::write },
         ],
     },
 ];
@@ -253,8 +299,8 @@ impl Chapter {
     fn write(&self, material: &Material, page: &mut Page) {
         let written = self.sections.iter().map(|section| {
             let mut inner = Page::default();
-            section.write(material, &mut inner);
-            (section.id(), section.title(), inner)
+            (section.write)(material, &mut inner);
+            (section.id, section.title, inner)
         });
         let written: Vec<_> = written.filter(|(.., inner)| !inner.is_empty()).collect();
         page.choices(self.id, written);

@@ -106,55 +106,29 @@ pub struct VariantSpec {
 
 /// Why a simulation cannot start or did not finish.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum SimulationError {
     /// The system has no such input, fault, parameter or quantity.
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
     /// An input, a fault or a parameter is given twice.
     #[error("'{name}' is given twice")]
-    Repeated {
-        /// Name of the input, fault or parameter.
-        name: String,
-    },
+    Repeated { name: String },
     /// A signal is invalid, or leaves the range of its input.
     #[error("{input}: {error}")]
-    Signal {
-        /// Name of the input.
-        input: String,
-        /// The error.
-        error: SignalError,
-    },
+    Signal { input: String, error: SignalError },
     /// The samples of an input do not define a curve.
     #[error("{input}: {error}")]
-    Samples {
-        /// Name of the input.
-        input: String,
-        /// The error.
-        error: CurveError,
-    },
-    /// A number lies outside its range.
+    Samples { input: String, error: CurveError },
+    /// A number lies outside its range; both are in SI, with their `unit`.
     #[error("{name} = {} is out of range: allowed are {allowed}", NumberWithUnit(*value, unit.symbol()))]
-    OutOfRange {
-        /// Name of the quantity.
-        name: String,
-        /// The value, SI.
-        value: f64,
-        /// The allowed range, SI.
-        range: (f64, f64),
-        /// The unit of `value` and `range`.
-        unit: Unit,
-        /// The allowed range as text, with the reason if there is one.
-        allowed: String,
-    },
+    OutOfRange { name: String, value: f64, range: (f64, f64), unit: Unit, allowed: String },
     /// The parameters contradict each other.
     #[error("{0}")]
     Impossible(String),
     /// The method needs a fixed step.
     #[error("the method {method} has no error control and needs a fixed step")]
-    NoErrorControl {
-        /// The method's name.
-        method: &'static str,
-    },
+    NoErrorControl { method: &'static str },
     /// More than [`MAX_VALUES`] values would be recorded.
     #[error(
         "more than 200 million values would be recorded: record fewer quantities, or sample less often"
@@ -162,12 +136,7 @@ pub enum SimulationError {
     TooManyValues,
     /// The solver could not finish a run.
     #[error("{}{stopped}", of_variant(*variant))]
-    Stopped {
-        /// Index of the run; `None` for a single run.
-        variant: Option<usize>,
-        /// Time, state and cause.
-        stopped: Stopped,
-    },
+    Stopped { variant: Option<usize>, stopped: Stopped },
     /// The caller canceled the simulation. There are no results.
     #[error("the simulation was canceled")]
     Canceled,
@@ -326,17 +295,6 @@ impl<'s> Simulation<'s> {
     /// See [`SimulationError`].
     pub fn run(&self) -> Result<SimulationResults<'s>, SimulationError> {
         self.prepare(None)?.run(&|_| {}, None)
-    }
-
-    /// Simulates several variants side by side. Each adds to the simulation's own variant.
-    ///
-    /// # Errors
-    /// See [`SimulationError`].
-    pub fn run_variants(
-        &self,
-        variants: &[VariantSpec],
-    ) -> Result<SimulationResults<'s>, SimulationError> {
-        self.prepare_variants(variants)?.run(&|_| {}, None)
     }
 
     /// Simulates once for each value of a parameter (SI) or of a fault's intensity.

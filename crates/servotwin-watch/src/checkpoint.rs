@@ -54,36 +54,23 @@ pub struct Checkpoint {
 
 /// Why a checkpoint cannot be written or used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum CheckpointError {
     /// The file cannot be read or written.
     #[error(transparent)]
     File(FileError),
     /// The file is not a checkpoint, or it is damaged.
     #[error("{path}: no checkpoint that can be used: {cause}")]
-    Content {
-        /// The path of the file.
-        path: PathBuf,
-        /// The problem, in words.
-        cause: String,
-    },
+    Content { path: PathBuf, cause: String },
     /// It was written with another map or period.
     #[error("the checkpoint was written with another {what}")]
-    Other {
-        /// Either "map" or "period".
-        what: &'static str,
-    },
+    Other { what: &'static str },
     /// A number has a value that no watch writes.
     #[error("the checkpoint cannot be used: {what} cannot be what a watch has written")]
-    Damaged {
-        /// Name of the offending number.
-        what: &'static str,
-    },
+    Damaged { what: &'static str },
     /// The log is shorter than it was.
     #[error("the log ends before row {needed}, where the checkpoint was written")]
-    ShortLog {
-        /// The line or row at which the watch resumes.
-        needed: u64,
-    },
+    ShortLog { needed: u64 },
     /// The observer rejects its stored state.
     #[error("the diagnosis cannot go on from the checkpoint: {0}")]
     Observer(String),

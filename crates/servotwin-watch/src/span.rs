@@ -22,39 +22,25 @@ pub struct LogSpan {
 
 /// Why a span cannot be read.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum CutError {
     /// A text is not a time.
     #[error(
         "{end} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) is \
          needed"
     )]
-    NoTime {
-        /// The end of the part: `from` or `to`.
-        end: &'static str,
-        /// The text as given.
-        given: String,
-    },
+    NoTime { end: &'static str, given: String },
     /// A date for a log without dates, or a time of day for a log of another kind.
     #[error(
         "{log} begins at {first}: its part needs a time of the same kind, or seconds behind the first sample"
     )]
-    OtherKind {
-        /// The name of the log.
-        log: String,
-        /// The time of its first sample, formatted.
-        first: String,
-    },
+    OtherKind { log: String, first: String },
     /// No sample lies in the span.
     #[error(
         "{log} has no sample in the part asked for: it reaches from {} to {}",
         .reach.0, .reach.1
     )]
-    Empty {
-        /// The name of the log.
-        log: String,
-        /// The times of its first and last sample, formatted.
-        reach: (String, String),
-    },
+    Empty { log: String, reach: (String, String) },
 }
 
 impl LogSpan {

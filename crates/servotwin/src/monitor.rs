@@ -18,7 +18,7 @@
 use crate::flight::runtime::RuntimeError;
 use crate::flight::watcher::Watcher;
 use crate::nearest::UnknownName;
-use crate::observer::{Finding, Observation, Observer};
+use crate::observer::{Finding, Observer};
 use crate::recording;
 use crate::study::Study;
 use crate::table::{Table, TableError};
@@ -86,18 +86,6 @@ impl<'s> Monitor<'s> {
         let finding = self.watcher.push(time_s, &self.inputs, &self.measured).finding;
         self.measured.fill(f64::NAN);
         finding
-    }
-
-    /// Takes a whole sample: all inputs and all sensors in the order of the system, SI; NaN is missing.
-    ///
-    /// # Panics
-    /// The lists have other lengths than the system.
-    pub fn push_all(&mut self, inputs: &[f64], measured: &[f64]) -> Observation<'_> {
-        assert_eq!(inputs.len(), self.inputs.len(), "one value per input of the system");
-        assert_eq!(measured.len(), self.measured.len(), "one value per sensor of the system");
-        let time_s = self.samples as f64 * self.period_s;
-        self.samples += 1;
-        self.watcher.push(time_s, inputs, measured)
     }
 
     /// Takes every row of a table as a sample, and returns each changed finding with its time, s. Columns have the

@@ -10,7 +10,7 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Mistakes, Plan, mutants, prove, prove_single};
+use servotwin_export::prove::{Build, Plan, prove, prove_single};
 use servotwin_export::{ExportError, Precision, SourceFile};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -49,9 +49,6 @@ pub struct Options {
     /// The number of flights beside an export in single precision [default: 100].
     #[arg(long, value_name = "NUMBER")]
     flights: Option<u64>,
-    /// Also make this many mistakes in the exported text, one at a time, and prove that each is found.
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
-    mutants: usize,
     /// Compile with this command and its flags, such as 'gcc-13 -O1', instead of gcc and clang at three levels.
     #[arg(long, value_name = "COMMAND")]
     compiler: Option<String>,
@@ -76,9 +73,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Some(command) => vec![Build::new(command)],
         None => Build::available(),
     };
-    let first = builds.first().ok_or(ExportError::NoBuild)?;
-    let mistakes = Mistakes { count: options.mutants, seed: 1, only: None };
-    mistakes.check(description.precision)?;
+    if builds.is_empty() {
+        return Err(ExportError::NoBuild.into());
+    }
     let flights = flights(options, description.precision)?;
     let exported = description.twin.as_ref();
     let place = match (exported, flights) {
@@ -113,12 +110,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             (evidence, Some(single))
         }
     };
-    let mutants = mutants(&plan, first, mistakes, &mut |done| {
-        stages.show("making mistakes", done as f64 / options.mutants.max(1) as f64);
-    })?;
     stages.end();
     let hashes = SourceFile::hashes(&files);
-    let certificate = Certificate::new(description, hashes, evidence, mutants, single);
+    let certificate = Certificate::new(description, hashes, evidence, single);
     let written = folder.write_certificate(&certificate)?;
     report(options, &certificate, &written, global)
 }
@@ -190,10 +184,6 @@ fn text_of(certificate: &Certificate) -> String {
         if build.leaves_not_reached > 0 {
             text += &format!("    leaves not reached: {}\n", build.leaves_not_reached);
         }
-    }
-    if certificate.mutants > 0 {
-        let found = certificate.mutants - certificate.mutants_not_found.len();
-        text += &format!("{found} of {} mistakes found\n", certificate.mutants);
     }
     text
 }

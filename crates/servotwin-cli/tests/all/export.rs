@@ -24,13 +24,14 @@ fn exported(name: &str) -> (Folder, String, String) {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn an_export_is_proven_until_a_digit_of_it_changes() {
     let (folder, _, out) = exported("export-proven");
     let kept = folder.file("kept");
-    let work = ["--hours", "0.02", "--mutants", "6", "--variants", "1", "--keep", &kept];
+    let work = ["--hours", "0.02", "--variants", "1", "--keep", &kept];
     let text = succeeds(&[&["prove", out.as_str()][..], &work].concat());
     assert!(text.contains("1 variants (0 without a steady state), 4500 samples"), "{text}");
-    assert!(text.contains("same bits  gcc") && text.contains("6 of 6 mistakes found"), "{text}");
+    assert!(text.contains("same bits  gcc"), "{text}");
     let kept_files = ["servotwin_session.c", "prove.c", "export.so"];
     assert!(kept_files.iter().all(|name| Path::new(&kept).join("1").join(name).exists()));
     let certificate = Path::new(&out).join("proof.json");
@@ -179,6 +180,7 @@ fn twin_and_diagnosis_say_in_c_what_the_runtime_says() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn an_export_in_single_precision_is_proven_and_lists_what_it_decides_otherwise() {
     let (folder, model, double) = exported("export-single");
     let out = folder.file("single");
@@ -198,8 +200,6 @@ fn an_export_in_single_precision_is_proven_and_lists_what_it_decides_otherwise()
     assert!(message.contains("has no twin"), "{message}");
     let message = fails(&["export", "c", "--precision", "f16", "--out", &out], 2);
     assert!(message.contains("possible values: f64, f32"), "{message}");
-    let message = fails(&["prove", &out, "--mutants", "1"], 3);
-    assert!(message.contains("in double precision alone"), "{message}");
     let message = fails(&["prove", &double, "--flights", "1"], 3);
     assert!(message.contains("leave '--flights' out"), "{message}");
     let other = folder.file("other.json");

@@ -122,53 +122,6 @@ fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
     entries
 }
 
-/// The object files of an export, some of which can be compiled again from another text.
-pub(super) struct Objects<'b> {
-    workplace: Workplace,
-    build: &'b Build,
-    names: Vec<&'static str>,
-}
-
-impl<'b> Objects<'b> {
-    /// Compiles all files into the folder `kept`, or into a temporary one.
-    pub fn new(
-        files: &[SourceFile],
-        build: &'b Build,
-        kept: Option<&Path>,
-    ) -> Result<Self, ExportError> {
-        let entries = entries(files);
-        let sources = files.iter().chain(&entries);
-        let names = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
-        let objects = Objects { workplace: Workplace::new(sources, kept)?, build, names };
-        objects.names.iter().try_for_each(|name| objects.compile(name))?;
-        Ok(objects)
-    }
-
-    /// Compiles another text for one of the files.
-    pub fn replace(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        self.workplace.write(name, text)?;
-        self.compile(name)
-    }
-
-    /// Links and loads the objects. Every library needs a name of its own, because a loaded one is found again by name.
-    pub fn load(&self, library: &str) -> Result<Compiled, ExportError> {
-        let objects = self.names.iter().map(|name| format!("{name}.o"));
-        let (fixed, names) = (["-shared", "-o", library], objects.collect::<Vec<_>>());
-        self.run(fixed.into_iter().chain(names.iter().map(String::as_str)).chain(["-lm"]))?;
-        // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
-        Ok(Compiled { library: unsafe { Library::new(self.workplace.path(library)) }? })
-    }
-
-    fn compile(&self, name: &str) -> Result<(), ExportError> {
-        self.run(["-fPIC", "-c", "-o", &format!("{name}.o"), name])
-    }
-
-    fn run<'a>(&'a self, arguments: impl IntoIterator<Item = &'a str>) -> Result<(), ExportError> {
-        let arguments = self.build.flags().chain(arguments);
-        self.workplace.run(&self.build.compiler, &self.build.command(), arguments)
-    }
-}
-
 /// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
 pub(super) struct Compiled {
     library: Library,
@@ -181,7 +134,25 @@ impl Compiled {
         build: &Build,
         kept: Option<&Path>,
     ) -> Result<Self, ExportError> {
-        Objects::new(files, build, kept)?.load("export.so")
+        const LIBRARY: &str = "export.so";
+        let entries = entries(files);
+        let sources = files.iter().chain(&entries);
+        let names: Vec<_> = compiled(sources.clone()).filter(|name| *name != "main.c").collect();
+        let workplace = Workplace::new(sources, kept)?;
+        let run = |arguments: &[&str]| {
+            let arguments = build.flags().chain(arguments.iter().copied());
+            workplace.run(&build.compiler, &build.command(), arguments)
+        };
+        let objects: Vec<String> = names.iter().map(|name| format!("{name}.o")).collect();
+        for (name, object) in names.iter().zip(&objects) {
+            run(&["-fPIC", "-c", "-o", object, name])?;
+        }
+        let objects = objects.iter().map(String::as_str);
+        let linked: Vec<&str> =
+            ["-shared", "-o", LIBRARY].into_iter().chain(objects).chain(["-lm"]).collect();
+        run(&linked)?;
+        // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
+        Ok(Compiled { library: unsafe { Library::new(workplace.path(LIBRARY)) }? })
     }
 
     /// Memory for a struct of the C text, in whole words, so that any member is aligned.

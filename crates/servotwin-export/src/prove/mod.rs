@@ -4,7 +4,6 @@ mod chain;
 mod hybrid;
 mod library;
 mod models;
-mod mutants;
 mod points;
 mod rows;
 mod samples;
@@ -12,7 +11,6 @@ mod single;
 mod twin;
 
 pub use library::Build;
-pub use mutants::{Mistakes, Mutant, mutants};
 pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 
 use crate::error::ExportError;
@@ -91,9 +89,6 @@ pub struct ProofEvidence {
     pub hybrid_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
-    /// The number of differences after which nothing more is compared.
-    #[serde(skip)]
-    most_differences: usize,
     /// The first differences.
     pub differences: Vec<RowDifference>,
 }
@@ -117,18 +112,13 @@ impl ProofEvidence {
         ProofEvidence {
             command: build.command(),
             version: build.version(),
-            ..ProofEvidence::until(MOST_DIFFERENCES)
+            ..ProofEvidence::default()
         }
-    }
-
-    /// No evidence yet.
-    fn until(most_differences: usize) -> Self {
-        ProofEvidence { most_differences, ..ProofEvidence::default() }
     }
 
     /// Whether there are as many differences as anybody will read.
     fn has_enough(&self) -> bool {
-        self.differences.len() >= self.most_differences
+        self.differences.len() >= MOST_DIFFERENCES
     }
 
     fn differ(&mut self, place: String, what: String) {

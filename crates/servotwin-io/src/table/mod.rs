@@ -489,11 +489,6 @@ impl Table {
         &self.origin
     }
 
-    /// Several columns by name, in this order.
-    pub fn columns_by_name(&self, names: &[&str]) -> Result<Vec<&Column>, TableError> {
-        names.iter().map(|name| self.column(name)).collect()
-    }
-
     /// The numbers of a column; whole numbers are converted.
     pub fn f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
         self.column(name)?.numbers()

@@ -1,79 +1,67 @@
 //! Ablation: the diagnosis on new commands with parts taken away.
 
+use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{NONE, share, spoken, stacked};
-use crate::{Material, Section};
 use servotwin::campaign::data_features;
 use servotwin_diagnosis::features::{self, Family};
 
-/// The section. The module describes it.
-pub struct Ablation;
-
-impl Section for Ablation {
-    fn id(&self) -> &'static str {
-        "ablation"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let mut families =
+        HtmlTable::new([("family", Alignment::Left), ("what it computes", Alignment::Left)]);
+    let words = material.words();
+    let known = data_features(material.study);
+    let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
+    for family in features::ALL.iter().filter(has) {
+        families.push(vec![family.name().into(), words.adapted(family.summary())]);
     }
-
-    fn title(&self) -> &'static str {
-        "What carries the result"
+    let mut tables = vec![];
+    for result in &material.results.subjects {
+        let mut heads = vec![
+            ("variation".to_owned(), Alignment::Left),
+            ("features".to_owned(), Alignment::Right),
+        ];
+        if words.has_several() {
+            heads.push(("A".to_owned(), Alignment::Right));
+        }
+        heads.push(("B".to_owned(), Alignment::Right));
+        heads.push(("end to end".to_owned(), Alignment::Right));
+        if words.has_several() {
+            let head = format!("most often given to the wrong {}", words.unit());
+            heads.push((head, Alignment::Left));
+        }
+        let mut grid = HtmlTable::new(heads);
+        for row in &result.evaluation.ablation {
+            // Without features of individual actuators, only stage A can be asked.
+            let asked = row.command.is_some_and(|rate| rate.count > 0);
+            let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
+            let mut cells = vec![words.adapted(&row.title), row.features.to_string()];
+            cells.extend(words.has_several().then(|| share(row.actuator)));
+            cells.push(share(row.command.filter(|_| asked)));
+            cells.push(stacked(row.end_to_end.filter(|_| asked)));
+            cells.extend(words.has_several().then(|| {
+                worst.map_or(NONE.into(), |(name, rate)| {
+                    format!("{} {}", spoken(name), share(Some(*rate)))
+                })
+            }));
+            grid.push(cells);
+        }
+        if !grid.is_empty() {
+            tables.push((result, grid));
+        }
     }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let mut families =
-            HtmlTable::new([("family", Alignment::Left), ("what it computes", Alignment::Left)]);
-        let words = material.words();
-        let known = data_features(material.study);
-        let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
-        for family in features::ALL.iter().filter(has) {
-            families.push(vec![family.name().into(), words.adapted(family.summary())]);
-        }
-        let mut tables = vec![];
-        for result in &material.results.subjects {
-            let mut heads = vec![
-                ("variation".to_owned(), Alignment::Left),
-                ("features".to_owned(), Alignment::Right),
-            ];
-            if words.has_several() {
-                heads.push(("A".to_owned(), Alignment::Right));
-            }
-            heads.push(("B".to_owned(), Alignment::Right));
-            heads.push(("end to end".to_owned(), Alignment::Right));
-            if words.has_several() {
-                let head = format!("most often given to the wrong {}", words.unit());
-                heads.push((head, Alignment::Left));
-            }
-            let mut grid = HtmlTable::new(heads);
-            for row in &result.evaluation.ablation {
-                // Without features of individual actuators, only stage A can be asked.
-                let asked = row.command.is_some_and(|rate| rate.count > 0);
-                let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
-                let mut cells = vec![words.adapted(&row.title), row.features.to_string()];
-                cells.extend(words.has_several().then(|| share(row.actuator)));
-                cells.push(share(row.command.filter(|_| asked)));
-                cells.push(stacked(row.end_to_end.filter(|_| asked)));
-                cells.extend(words.has_several().then(|| {
-                    worst.map_or(NONE.into(), |(name, rate)| {
-                        format!("{} {}", spoken(name), share(Some(*rate)))
-                    })
-                }));
-                grid.push(cells);
-            }
-            if !grid.is_empty() {
-                tables.push((result, grid));
-            }
-        }
-        if tables.is_empty() {
-            return;
-        }
-        page.table(&families, "Families of features.");
-        for (result, grid) in tables {
-            page.table(&grid, &format!(
+    if tables.is_empty() {
+        return;
+    }
+    page.table(&families, "Families of features.");
+    for (result, grid) in tables {
+        page.table(&grid, &format!(
                 "Setting: {}. New commands (without training commands: faults unseen at their \
                  intensity) with families of features alone, added one after the other and left out{}; \
                  and with other depths.",
                 result.title,
                 words.several("; without mirror images and shared trees")
             ));
-        }
     }
 }

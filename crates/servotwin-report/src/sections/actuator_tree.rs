@@ -3,34 +3,23 @@
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{percent, unit};
-use crate::{Material, Section, stages};
+use crate::{Material, stages};
 use servotwin::campaign::data_features;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 
-/// The section. The module describes it.
-pub struct ActuatorTree;
-
-impl Section for ActuatorTree {
-    fn id(&self) -> &'static str {
-        "trees"
-    }
-
-    fn title(&self) -> &'static str {
-        "The trees"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let Some(result) = material.main() else {
-            return;
-        };
-        let Some(hierarchy) = material.hierarchy(result.subject) else {
-            return;
-        };
-        let features: Vec<Feature> =
-            data_features(material.study).into_iter().map(|known| known.feature).collect();
-        let (words, looks) = (material.words(), material.looks());
-        page.text(&format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let Some(result) = material.main() else {
+        return;
+    };
+    let Some(hierarchy) = material.hierarchy(result.subject) else {
+        return;
+    };
+    let features: Vec<Feature> =
+        data_features(material.study).into_iter().map(|known| known.feature).collect();
+    let (words, looks) = (material.words(), material.looks());
+    page.text(&format!(
             "Setting: {}, trained with everything there is to learn from. How often the answer to each \
              question hangs on less than a sensor shows stands under “Answers that hang on less than a \
              sensor shows”. A tree goes up where the answer is yes; n counts training variants{}, \
@@ -38,54 +27,52 @@ impl Section for ActuatorTree {
             result.title,
             words.several(" (and their mirror images)")
         ));
-        let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
-            for stage in &hierarchy.stages {
-                let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words, &looks)
-                else {
-                    continue;
-                };
-                if !stages::decides(stage) {
-                    page.text(&format!(
+    let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
+        for stage in &hierarchy.stages {
+            let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words, &looks) else {
+                continue;
+            };
+            if !stages::decides(stage) {
+                page.text(&format!(
                         "Setting: {title}. Tree {} asks nothing: where it was learned, nothing healthy left \
                          the bands.",
                         stage.id
                     ));
-                    continue;
-                }
-                let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
-                page.wide_figure(&format!("tree_{name}{}", stage.id), drawing.draw(), &caption);
+                continue;
             }
-        };
-        draw(hierarchy, "", &result.title, page);
-        for other in material.results.subjects.iter().filter(|r| r.subject != result.subject) {
-            let Some(hierarchy) = material.hierarchy(other.subject) else { continue };
-            page.folded(&format!("The trees of setting {}", other.title), |page| {
-                draw(hierarchy, &format!("{}_", other.subject.name()), &other.title, page);
-            });
+            let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
+            page.wide_figure(&format!("tree_{name}{}", stage.id), drawing.draw(), &caption);
         }
-        page.table(
-            &meanings(hierarchy, &features, &words),
-            "The features that the trees ask for. “Of \
-             scale” means: of the sensor's scale in the table above.",
-        );
-        let mut grid = HtmlTable::new([
-            ("tree", Alignment::Left),
-            ("nodes", Alignment::Right),
-            ("depth", Alignment::Right),
-            ("what carries it (share of the impurity removed)", Alignment::Left),
-        ]);
-        for stage in &result.evaluation.stages {
-            let count = |value: Option<usize>| value.map_or("–".into(), |v| v.to_string());
-            let best = stage.importances.iter().take(4);
-            let best = best.map(|(name, share)| format!("{name} {}", percent(Some(*share))));
-            let best = best.collect::<Vec<_>>().join(", ");
-            grid.push(vec![stage.stage.clone(), count(stage.nodes), count(stage.depth), best]);
-        }
-        page.table(
-            &grid,
-            &format!("The trees' sizes, setting {}: what would be at work.", result.title),
-        );
+    };
+    draw(hierarchy, "", &result.title, page);
+    for other in material.results.subjects.iter().filter(|r| r.subject != result.subject) {
+        let Some(hierarchy) = material.hierarchy(other.subject) else { continue };
+        page.folded(&format!("The trees of setting {}", other.title), |page| {
+            draw(hierarchy, &format!("{}_", other.subject.name()), &other.title, page);
+        });
     }
+    page.table(
+        &meanings(hierarchy, &features, &words),
+        "The features that the trees ask for. “Of \
+             scale” means: of the sensor's scale in the table above.",
+    );
+    let mut grid = HtmlTable::new([
+        ("tree", Alignment::Left),
+        ("nodes", Alignment::Right),
+        ("depth", Alignment::Right),
+        ("what carries it (share of the impurity removed)", Alignment::Left),
+    ]);
+    for stage in &result.evaluation.stages {
+        let count = |value: Option<usize>| value.map_or("–".into(), |v| v.to_string());
+        let best = stage.importances.iter().take(4);
+        let best = best.map(|(name, share)| format!("{name} {}", percent(Some(*share))));
+        let best = best.collect::<Vec<_>>().join(", ");
+        grid.push(vec![stage.stage.clone(), count(stage.nodes), count(stage.depth), best]);
+    }
+    page.table(
+        &grid,
+        &format!("The trees' sizes, setting {}: what would be at work.", result.title),
+    );
 }
 
 fn asks(stage: &Stage, words: &Vocabulary) -> String {

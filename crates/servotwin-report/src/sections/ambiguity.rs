@@ -3,64 +3,52 @@
 use crate::lines;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{percent, spoken};
-use crate::{Material, Section, hardest_first};
+use crate::{Material, hardest_first};
 use servotwin::job::results::SubjectResult;
-
-/// The section. The module describes it.
-pub struct Ambiguity;
 
 /// The maximum number of pairs shown for each subject.
 const SHOWN: usize = 20;
 
-impl Section for Ambiguity {
-    fn id(&self) -> &'static str {
-        "ambiguity"
-    }
-
-    fn title(&self) -> &'static str {
-        "Faults taken for each other"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let words = material.words();
-        let show = |result: &SubjectResult, page: &mut Page| {
-            let ambiguity = &result.evaluation.ambiguity;
-            let mut grid = HtmlTable::new([
-                ("fault", Alignment::Left),
-                ("taken for", Alignment::Left),
-                ("wrong was", Alignment::Left),
-                ("times", Alignment::Right),
-                ("of its tests", Alignment::Right),
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = material.words();
+    let show = |result: &SubjectResult, page: &mut Page| {
+        let ambiguity = &result.evaluation.ambiguity;
+        let mut grid = HtmlTable::new([
+            ("fault", Alignment::Left),
+            ("taken for", Alignment::Left),
+            ("wrong was", Alignment::Left),
+            ("times", Alignment::Right),
+            ("of its tests", Alignment::Right),
+        ]);
+        for pair in ambiguity.pairs.iter().take(SHOWN) {
+            grid.push(vec![
+                spoken(&pair.kind),
+                spoken(&pair.taken_for),
+                words.question(pair.question),
+                pair.count.to_string(),
+                percent(Some(pair.share)),
             ]);
-            for pair in ambiguity.pairs.iter().take(SHOWN) {
-                grid.push(vec![
-                    spoken(&pair.kind),
-                    spoken(&pair.taken_for),
-                    words.question(pair.question),
-                    pair.count.to_string(),
-                    percent(Some(pair.share)),
-                ]);
-            }
-            if grid.is_empty() {
-                page.text(&format!("Setting: {}. No fault was taken for another.", result.title));
-                return;
-            }
-            page.table(&grid, &format!(
+        }
+        if grid.is_empty() {
+            page.text(&format!("Setting: {}. No fault was taken for another.", result.title));
+            return;
+        }
+        page.table(&grid, &format!(
                 "Setting: {}, grouped. {}: a fault, and the fault that fills the leaf in which it ended \
                  wrongly.",
                 result.title,
                 most_frequent(ambiguity.pairs.len())
             ));
-            for group in &ambiguity.groups {
-                let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
-                page.note(&format!(
-                    "Confused among each other (from 5 % of the tests on): {}.",
-                    names.join("; ")
-                ));
-            }
-        };
-        hardest_first(&lines::settings(material.results), page, &show);
-    }
+        for group in &ambiguity.groups {
+            let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
+            page.note(&format!(
+                "Confused among each other (from 5 % of the tests on): {}.",
+                names.join("; ")
+            ));
+        }
+    };
+    hardest_first(&lines::settings(material.results), page, &show);
 }
 
 /// Describes which of the confusions are shown.

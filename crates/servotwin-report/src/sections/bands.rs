@@ -1,11 +1,11 @@
 //! The bands of healthy residuals: learned for each sensor, compared with a fixed one of 3 %.
 
+use crate::Material;
 use crate::lines::{self, Measure, Who};
 use crate::looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, chosen, rate, stacked};
-use crate::{Material, Section};
 use servotwin::evaluation::bands::{ALARMS, Band};
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::results::SubjectResult;
@@ -14,28 +14,17 @@ use servotwin_diagnosis::residual::BAND;
 use servotwin_plot::Figure;
 use servotwin_plot::bars::{Bar, Bars};
 
-/// The section. The module describes it.
-pub struct Bands;
-
-impl Section for Bands {
-    fn id(&self) -> &'static str {
-        "bands"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
+        .into_iter()
+        .filter_map(|result| Some((result, lines::learned(result)?)))
+        .collect();
+    if results.is_empty() {
+        return;
     }
-
-    fn title(&self) -> &'static str {
-        "Bands"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
-            .into_iter()
-            .filter_map(|result| Some((result, lines::learned(result)?)))
-            .collect();
-        if results.is_empty() {
-            return;
-        }
-        let words = &material.words();
-        page.text(&format!(
+    let words = &material.words();
+    page.text(&format!(
             "A fixed band lets every scaled residual stay within ±3 %{}, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
              wide for others. Here each kind of sensor has a band of its own, learned from healthy \
@@ -51,28 +40,27 @@ impl Section for Bands {
                 false => String::new(),
             }
         ));
-        for (result, _) in &results {
-            if let Some(broken) = broken_promise(result) {
-                page.text(&format!("Setting: {}. {broken}", result.title));
-            }
+    for (result, _) in &results {
+        if let Some(broken) = broken_promise(result) {
+            page.text(&format!("Setting: {}. {broken}", result.title));
         }
-        let names: Vec<String> =
-            results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
-        page.figure(
-            "bands",
-            figure(&results, &names),
-            "Half width of the learned bands in percent of each sensor's scale; the fixed band is 3 % \
-             for all.",
-        );
-        page.table(
-            &widths(&results, &names),
-            "Half widths in percent of scale; below them how many of the \
-            healthy training records (those of like sensors together) leave the band.",
-        );
-        page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
-            healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
-        compared(&results, words, page);
     }
+    let names: Vec<String> =
+        results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
+    page.figure(
+        "bands",
+        figure(&results, &names),
+        "Half width of the learned bands in percent of each sensor's scale; the fixed band is 3 % \
+             for all.",
+    );
+    page.table(
+        &widths(&results, &names),
+        "Half widths in percent of scale; below them how many of the \
+            healthy training records (those of like sensors together) leave the band.",
+    );
+    page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
+            healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
+    compared(&results, words, page);
 }
 
 /// Reports that more healthy specimens leave the bands than promised, if the interval proves it.

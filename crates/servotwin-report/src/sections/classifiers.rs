@@ -1,47 +1,35 @@
 //! All classifiers, compared under the same protocol.
 
 use crate::page::Page;
-use crate::{Material, Section, looks};
+use crate::{Material, looks};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::bars::{Bar, Bars};
 
-/// The section. The module describes it.
-pub struct Classifiers;
-
-impl Section for Classifiers {
-    fn id(&self) -> &'static str {
-        "classifiers"
-    }
-
-    fn title(&self) -> &'static str {
-        "Classifiers compared"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        for result in &material.results.subjects {
-            if result.evaluation.classifiers.is_empty() {
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    for result in &material.results.subjects {
+        if result.evaluation.classifiers.is_empty() {
+            continue;
+        }
+        let holding = result.settings.comparison_holding;
+        let words = material.words();
+        for (stage, question) in [("A", Question::Actuator), ("B", Question::Action)] {
+            let asks = words.question(question);
+            // With one actuator there is no actuator stage.
+            if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {
                 continue;
             }
-            let holding = result.settings.comparison_holding;
-            let words = material.words();
-            for (stage, question) in [("A", Question::Actuator), ("B", Question::Action)] {
-                let asks = words.question(question);
-                // With one actuator there is no actuator stage.
-                if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {
-                    continue;
-                }
-                let name = format!("classifiers_{}_{stage}", result.subject.name());
-                page.figure(&name, bars(&result.evaluation, stage), &format!(
+            let name = format!("classifiers_{}_{stage}", result.subject.name());
+            page.figure(&name, bars(&result.evaluation, stage), &format!(
                     "Setting: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
                      same features and default settings: random thirds: {}; folds: {}, in which the \
                      same fault and intensity stays together. Strokes across the foot of a bar: the axis does \
                      not begin at zero. Whiskers: 95 %.",
                     result.title, holding.repeats, holding.folds
                 ));
-            }
         }
     }
 }

@@ -1,11 +1,11 @@
 //! The training commands, and how the diagnosis performs with fewer of them.
 
+use crate::Material;
 use crate::lines;
 use crate::looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{chosen, number, stacked};
-use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult};
 use servotwin::job::results::SubjectResult;
@@ -15,65 +15,52 @@ use servotwin::study::{OperatingCase, Study, Training};
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
 
-/// The section. The module describes it.
-pub struct CommandsCurve;
-
-impl Section for CommandsCurve {
-    fn id(&self) -> &'static str {
-        "learning"
-    }
-
-    fn title(&self) -> &'static str {
-        "Commands to learn from"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let study = material.study;
-        let Some(training) = &study.training else {
-            return;
-        };
-        page.text(&format!(
-            "Trees and committee learn from {} commands that are not among those on which they are \
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let study = material.study;
+    let Some(training) = &study.training else {
+        return;
+    };
+    page.text(&format!(
+        "Trees and committee learn from {} commands that are not among those on which they are \
              judged, run for {} s each at a load of its own; of every command there are {} healthy \
              specimens, which run {} s.",
-            commands(training).len(),
-            chosen(training.duration_s),
-            training.healthy,
-            chosen(study.duration_s),
-        ));
-        page.table(
-            &list(study, training),
-            "The training commands as the study file has them. Of a \
+        commands(training).len(),
+        chosen(training.duration_s),
+        training.healthy,
+        chosen(study.duration_s),
+    ));
+    page.table(
+        &list(study, training),
+        "The training commands as the study file has them. Of a \
             pattern every range is filled evenly by the draws, wide ones on a logarithmic scale.",
-        );
-        let curves: Vec<(&SubjectResult, Vec<(usize, &ProtocolResult)>)> =
-            lines::settings(material.results)
-                .into_iter()
-                .map(|result| (result, curve(result, training)))
-                .filter(|(_, curve)| curve.len() > 1)
-                .collect();
-        if curves.is_empty() {
-            return;
-        }
-        page.figure(
-            "training_commands",
-            figure(&curves),
-            "Accuracy of the trees on new commands, end to \
+    );
+    let curves: Vec<(&SubjectResult, Vec<(usize, &ProtocolResult)>)> =
+        lines::settings(material.results)
+            .into_iter()
+            .map(|result| (result, curve(result, training)))
+            .filter(|(_, curve)| curve.len() > 1)
+            .collect();
+    if curves.is_empty() {
+        return;
+    }
+    page.figure(
+        "training_commands",
+        figure(&curves),
+        "Accuracy of the trees on new commands, end to \
             end, against the number of commands that they learned from (the first of the list); \
             whiskers: 95 %, from drawing kinds of fault at their intensities.",
-        );
-        let words = material.words();
-        page.table(
-            &table(&curves, &words),
-            &match words.has_off() {
-                true => format!(
-                    "The same in numbers, with each missed {} of detected faults.",
-                    words.off()
-                ),
-                false => "The same in numbers.".into(),
-            },
-        );
-    }
+    );
+    let words = material.words();
+    page.table(
+        &table(&curves, &words),
+        &match words.has_off() {
+            true => {
+                format!("The same in numbers, with each missed {} of detected faults.", words.off())
+            }
+            false => "The same in numbers.".into(),
+        },
+    );
 }
 
 /// The names of the training commands.

@@ -1,12 +1,12 @@
 //! The committee compared with the trees: its right answers, the calibration of its confidence, and
 //! the gain from its abstentions.
 
+use crate::Material;
 use crate::lines::{self, Who};
 use crate::looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
-use crate::{Material, Section};
 use servotwin::evaluation::abstention::{Abstention, Level};
 use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule, RULE};
 use servotwin::evaluation::metrics::Rate;
@@ -19,45 +19,33 @@ use servotwin_plot::lines::{Curve, Lines};
 /// Reads a share of a level with the ends of its interval.
 type Reading<'r> = &'r dyn Fn(&Level) -> Option<(f64, f64, f64)>;
 
-/// The section. The module describes it.
-pub struct Committee;
-
-impl Section for Committee {
-    fn id(&self) -> &'static str {
-        "committee"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let results: Vec<&SubjectResult> = lines::settings(material.results)
+        .into_iter()
+        .filter(|result| !result.evaluation.committee.is_empty())
+        .collect();
+    if results.is_empty() {
+        return;
     }
-
-    fn title(&self) -> &'static str {
-        "The committee"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let results: Vec<&SubjectResult> = lines::settings(material.results)
-            .into_iter()
-            .filter(|result| !result.evaluation.committee.is_empty())
-            .collect();
-        if results.is_empty() {
-            return;
-        }
-        page.text(
+    page.text(
             "Beside the trees stands a committee: boosted shallow trees at the same places, over the \
              same features. It cannot be read as a tree can, but it says how sure it \
              is. Its probabilities are calibrated on training commands that were left out of training. \
              The trees remain the first answer, the one that explains itself; where the committee says \
              something else, or is not sure enough, the outcome is “detected, not isolated”.",
         );
-        let words = &material.words();
-        for result in &results {
-            page.table(&beside_trees(result, words), &format!(
+    let words = &material.words();
+    for result in &results {
+        page.table(&beside_trees(result, words), &format!(
                 "Setting: {}. Trees and committee under the same protocols, with 95 % intervals from \
                  drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
                 result.title
             ));
-        }
-        believed(&results, words, page);
-        silence(&results, words, page);
-        isolation(&results, words, page);
     }
+    believed(&results, words, page);
+    silence(&results, words, page);
+    isolation(&results, words, page);
 }
 
 fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {

@@ -1,36 +1,24 @@
 //! The constants of the diagnosis in operation, with where their values come from.
 
+use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::number;
-use crate::{Material, Section};
 use servotwin::study::Setting;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 
-/// The section. The module describes it.
-pub struct Constants;
-
-impl Section for Constants {
-    fn id(&self) -> &'static str {
-        "constants"
-    }
-
-    fn title(&self) -> &'static str {
-        "Constants of the diagnosis"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let words = &material.words();
-        for (settings, constants) in grouped(material.constants) {
-            let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
-            page.table(&grid(constants, words), &format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = &material.words();
+    for (settings, constants) in grouped(material.constants) {
+        let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+        page.table(&grid(constants, words), &format!(
                 "The constants of the diagnoser, setting {}. Physical: from what {}s, sensors and computers \
                  are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
                  in flights of a seed that no evaluation uses.",
                 names.join(" and "),
                 words.unit()
             ));
-        }
     }
 }
 

@@ -1,28 +1,17 @@
 //! The layout of the data set for training and evaluation (figure 8 of the seed paper).
 
+use crate::Material;
 use crate::excerpt::{Excerpt, ExcerptRow};
 use crate::page::Page;
 use crate::vocabulary::Vocabulary;
 use crate::words::{chosen, number, spoken};
-use crate::{Material, Section};
 use servotwin_plot::sheet::{Group, LEFT_OUT, Sheet};
 
-/// The section. The module describes it.
-pub struct DataSet;
-
-impl Section for DataSet {
-    fn id(&self) -> &'static str {
-        "data"
-    }
-
-    fn title(&self) -> &'static str {
-        "The data set"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let Some((setting, excerpt)) = material.excerpt else { return };
-        let words = material.words();
-        page.figure(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let Some((setting, excerpt)) = material.excerpt else { return };
+    let words = material.words();
+    page.figure(
             "data_set",
             sheet(excerpt, &words).draw(),
             &format!(
@@ -37,7 +26,6 @@ impl Section for DataSet {
                 excerpt.features,
             ),
         );
-    }
 }
 
 /// The excerpt as a picture.

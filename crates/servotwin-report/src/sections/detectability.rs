@@ -3,7 +3,7 @@
 use crate::lines;
 use crate::page::Page;
 use crate::words::{rate, spoken};
-use crate::{Material, Section, hardest_first};
+use crate::{Material, hardest_first};
 use servotwin::evaluation::detection::Detection;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
@@ -15,25 +15,14 @@ use std::collections::BTreeMap;
 /// The stand-in intensity of a fault that is never detected; real intensities are at most one.
 const NEVER: f64 = 10.0;
 
-/// The section. The module describes it.
-pub struct Detectability;
-
-impl Section for Detectability {
-    fn id(&self) -> &'static str {
-        "detectability"
-    }
-
-    fn title(&self) -> &'static str {
-        "Detectability"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let words = material.words();
-        let show = |result: &SubjectResult, page: &mut Page| {
-            let detection = &result.evaluation.detection;
-            let name = result.subject.name();
-            page.heading(&format!("Setting: {}", result.title));
-            page.text(&format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = material.words();
+    let show = |result: &SubjectResult, page: &mut Page| {
+        let detection = &result.evaluation.detection;
+        let name = result.subject.name();
+        page.heading(&format!("Setting: {}", result.title));
+        page.text(&format!(
                 "{} of all faults leave {} at least once{}.{}",
                 rate(Some(detection.detected)),
                 match lines::learned(result) {
@@ -54,36 +43,35 @@ impl Section for Detectability {
                     false => "",
                 }
             ));
-            let curves = curves(material, detection);
-            page.figure(
-                &format!("detection_{name}"),
-                curves,
-                &format!(
-                    "Setting: {}. Share of faults detected against their intensity, for each failure, \
+        let curves = curves(material, detection);
+        page.figure(
+            &format!("detection_{name}"),
+            curves,
+            &format!(
+                "Setting: {}. Share of faults detected against their intensity, for each failure, \
                      over all operating cases{}.",
-                    result.title,
-                    match words.has_several() {
-                        true => format!(" and {}", words.units()),
-                        false => String::new(),
-                    }
-                ),
-            );
-            page.figure(
-                &format!("least_intensity_{name}"),
-                least(detection),
-                &format!(
-                    "Setting: {}. The smallest intensity from which on a fault is detected in each \
+                result.title,
+                match words.has_several() {
+                    true => format!(" and {}", words.units()),
+                    false => String::new(),
+                }
+            ),
+        );
+        page.figure(
+            &format!("least_intensity_{name}"),
+            least(detection),
+            &format!(
+                "Setting: {}. The smallest intensity from which on a fault is detected in each \
                      operating case{}, the hardest to see first.",
-                    result.title,
-                    match words.has_several() {
-                        true => format!(" (of all {} the worst)", words.units()),
-                        false => String::new(),
-                    }
-                ),
-            );
-        };
-        hardest_first(&lines::settings(material.results), page, &show);
-    }
+                result.title,
+                match words.has_several() {
+                    true => format!(" (of all {} the worst)", words.units()),
+                    false => String::new(),
+                }
+            ),
+        );
+    };
+    hardest_first(&lines::settings(material.results), page, &show);
 }
 
 /// Detection against intensity, with all kinds of one failure combined.

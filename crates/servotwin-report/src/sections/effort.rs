@@ -1,46 +1,34 @@
 //! The course of the simulations: which ones ring, which began without a steady state, and the solver's steps by fault.
 
+use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, spoken};
-use crate::{Material, Section};
 use servotwin::job::manifest::{DataSetEntry, KindEffort, MovingVariant};
 
-/// The section. The module describes it.
-pub struct Effort;
-
-impl Section for Effort {
-    fn id(&self) -> &'static str {
-        "effort"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let sets = &material.manifest.data_sets;
+    let strange = |set: &&DataSetEntry| set.efforts.iter().any(is_strange);
+    let strange: Vec<&DataSetEntry> = sets.iter().filter(strange).collect();
+    for set in &strange {
+        let efforts = set.efforts.iter().filter(|effort| is_strange(effort));
+        page.table(&grid(efforts), &format!("{}: {}", called(set), caption(set)));
     }
-
-    fn title(&self) -> &'static str {
-        "How the simulations went"
+    for set in sets.iter().filter(|set| !set.on_the_move.is_empty()) {
+        let shown = set.on_the_move.len().min(MAX_NAMED);
+        let of_all = format!("{shown} of {}", set.on_the_move.len());
+        let text = format!("Without a steady state: {} ({of_all} variants)", called(set));
+        page.folded(&text, |page| page.table(&named(&set.on_the_move[..shown]), NAMED));
     }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let sets = &material.manifest.data_sets;
-        let strange = |set: &&DataSetEntry| set.efforts.iter().any(is_strange);
-        let strange: Vec<&DataSetEntry> = sets.iter().filter(strange).collect();
-        for set in &strange {
-            let efforts = set.efforts.iter().filter(|effort| is_strange(effort));
-            page.table(&grid(efforts), &format!("{}: {}", called(set), caption(set)));
-        }
-        for set in sets.iter().filter(|set| !set.on_the_move.is_empty()) {
-            let shown = set.on_the_move.len().min(MAX_NAMED);
-            let of_all = format!("{shown} of {}", set.on_the_move.len());
-            let text = format!("Without a steady state: {} ({of_all} variants)", called(set));
-            page.folded(&text, |page| page.table(&named(&set.on_the_move[..shown]), NAMED));
-        }
-        if strange.is_empty() && !sets.is_empty() {
-            page.text(
+    if strange.is_empty() && !sets.is_empty() {
+        page.text(
                 "Every simulation began at rest, and none took more than five times the steps of its twin.",
             );
-        }
-        for set in sets {
-            page.folded(&format!("Steps by fault: {}", called(set)), |page| {
-                page.table(&grid(set.efforts.iter()), STEPS);
-            });
-        }
+    }
+    for set in sets {
+        page.folded(&format!("Steps by fault: {}", called(set)), |page| {
+            page.table(&grid(set.efforts.iter()), STEPS);
+        });
     }
 }
 

@@ -2,46 +2,37 @@
 
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, spoken};
-use crate::{Material, Section, table};
+use crate::{Material, table};
 use servotwin::study::Study;
 use servotwin_model::program::FaultAt;
 
-/// The section. The module describes it.
-pub struct Faults;
-
-impl Section for Faults {
-    fn id(&self) -> &'static str {
-        "faults"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let study = material.study;
+    if study.faults.is_empty() {
+        return;
     }
-
-    fn title(&self) -> &'static str {
-        "Faults"
+    let mut grid = HtmlTable::new([
+        ("command", Alignment::Left),
+        ("failure", Alignment::Left),
+        ("components", Alignment::Right),
+        ("faults", Alignment::Right),
+    ]);
+    let rows = table::rows(study);
+    for row in &rows {
+        let (components, faults) = (row.components.to_string(), row.faults.to_string());
+        grid.push(vec![spoken(&row.command), spoken(&row.detail), components, faults]);
     }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let study = material.study;
-        if study.faults.is_empty() {
-            return;
-        }
-        let mut grid = HtmlTable::new([
-            ("command", Alignment::Left),
-            ("failure", Alignment::Left),
-            ("components", Alignment::Right),
-            ("faults", Alignment::Right),
-        ]);
-        let rows = table::rows(study);
-        for row in &rows {
-            let (components, faults) = (row.components.to_string(), row.faults.to_string());
-            grid.push(vec![spoken(&row.command), spoken(&row.detail), components, faults]);
-        }
-        let sum = table::sum(study);
-        let words = material.words();
-        let head = match words.has_several() {
-            true => format!("sum (× {})", study.units.len()),
-            false => "sum".into(),
-        };
-        grid.push_strong(vec![head, String::new(), sum.0.to_string(), sum.1.to_string()]);
-        page.table(&grid, &format!(
+    let sum = table::sum(study);
+    let words = material.words();
+    let head = match words.has_several() {
+        true => format!("sum (× {})", study.units.len()),
+        false => "sum".into(),
+    };
+    grid.push_strong(vec![head, String::new(), sum.0.to_string(), sum.1.to_string()]);
+    page.table(
+        &grid,
+        &format!(
             "What can fail{}, and what must be done then{}. Each kind of fault has {} intensities.",
             match words.has_several() {
                 true => format!(" in one of the {} {}", study.units.len(), words.units()),
@@ -49,13 +40,13 @@ impl Section for Faults {
             },
             words.paper(" (table 1 of the seed paper)"),
             study.faults.len() / (study.units.len() * kinds(study).len()).max(1),
-        ));
-        page.table(
-            &physical(study),
-            "Every kind of fault: the parameter that it changes, healthy \
+        ),
+    );
+    page.table(
+        &physical(study),
+        "Every kind of fault: the parameter that it changes, healthy \
              and at intensity 1.",
-        );
-    }
+    );
 }
 
 /// The first fault case of each kind, in the order of the classes.

@@ -1,6 +1,7 @@
 //! The diagnosis in operation: its latency, certainty and error rates beside a running system, compared
 //! with the limits.
 
+use crate::Material;
 use crate::looks;
 use crate::looks::Looks;
 use crate::page::{Alignment, HtmlTable, Page};
@@ -8,7 +9,6 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
 };
-use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
@@ -21,28 +21,17 @@ use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
 
-/// The section. The module describes it.
-pub struct Flights;
-
 /// The share of faults that a latency limit applies to.
 const SHARE: f64 = 0.95;
 
-impl Section for Flights {
-    fn id(&self) -> &'static str {
-        "flights"
-    }
-
-    fn title(&self) -> &'static str {
-        "The diagnosis at work"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let Some(results) = material.flights else {
-            return;
-        };
-        let words = &material.words();
-        page.text(&about(results, words, material.study.least_on()));
-        page.table(&limits_grid(material.study, results, words), &format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let Some(results) = material.flights else {
+        return;
+    };
+    let words = &material.words();
+    page.text(&about(results, words, material.study.least_on()));
+    page.table(&limits_grid(material.study, results, words), &format!(
             "What is asked of the diagnosis at work, and what was measured. {} “Met” is said only where \
              the interval is on the right side of the limit; that something never happens cannot be \
              shown by counting, only how often at most.",
@@ -52,23 +41,23 @@ impl Section for Flights {
                 _ => "Limits that the study file does not set are servotwin's, marked as default.",
             }
         ));
-        page.note(&sizes(results, material.study, words));
-        if let Some(sealed) = material.sealed {
-            page.heading("In sealed environments");
-            page.text(&format!(
+    page.note(&sizes(results, material.study, words));
+    if let Some(sealed) = material.sealed {
+        page.heading("In sealed environments");
+        page.text(&format!(
                 "The same diagnosers were judged again in environments of a seed that was drawn after they were \
                  finished. {}",
                 sealed.in_words(None)
             ));
-            page.table(
-                &limits_grid(material.study, &sealed.results, words),
-                "The same limits in \
+        page.table(
+            &limits_grid(material.study, &sealed.results, words),
+            "The same limits in \
                  sealed environments. Every opening is on record, also those without a result.",
-            );
-        }
-        in_own_environments(material.healthy, page);
-        page.heading("How soon a fault is isolated");
-        page.text(&format!(
+        );
+    }
+    in_own_environments(material.healthy, page);
+    page.heading("How soon a fault is isolated");
+    page.text(&format!(
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
              makes it so by chance; it is isolated when the right command{} is raised. The curves show which \
              share of the visible faults of intensity {STRONG} and more is isolated how long after the \
@@ -78,7 +67,7 @@ impl Section for Flights {
                 false => String::new(),
             }
         ));
-        page.beside(|page| {
+    page.beside(|page| {
             for merit in &results.merits {
                 let name = format!("flights_latency_{}", merit.setting);
                 let caption = format!(
@@ -89,8 +78,8 @@ impl Section for Flights {
                 page.figure(&name, latencies(merit, &material.looks()), &caption);
             }
         });
-        for merit in results.merits.iter().chain(results.of_other_plants()) {
-            page.table(&by_command(merit, words), &format!(
+    for merit in results.merits.iter().chain(results.of_other_plants()) {
+        page.table(&by_command(merit, words), &format!(
                 "Setting {}: what became of the {}s, by what should have been commanded. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
                  intensities; times are the median, and below it 95 % and the longest of those that \
@@ -98,22 +87,21 @@ impl Section for Flights {
                 merit.setting,
                 words.run()
             ));
-        }
-        if !words.has_off() {
-            return;
-        }
-        page.heading("By the way in which a fault begins");
-        page.table(&by_onset(results, words), &format!(
+    }
+    if !words.has_off() {
+        return;
+    }
+    page.heading("By the way in which a fault begins");
+    page.table(&by_onset(results, words), &format!(
             "Faults that call for a {} of intensity {STRONG} and more. A drift reaches its intensity in 4 s; an \
              intermittent fault is there for 1 s and away for 1 s.",
             words.off()
         ));
-        page.heading("False alarms against latency");
-        if results.merits.iter().any(|merit| merit.trade.len() > 1) {
-            trade(results, words, page);
-        }
-        wrong_kinds(results, words, page);
+    page.heading("False alarms against latency");
+    if results.merits.iter().any(|merit| merit.trade.len() > 1) {
+        trade(results, words, page);
     }
+    wrong_kinds(results, words, page);
 }
 
 /// Healthy flights, each in an environment of its own.

@@ -1,45 +1,34 @@
 //! Answers of the diagnosis to faults that it was never trained on.
 
 use super::flights::at_most;
+use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
-use crate::{Material, Section};
 use servotwin::flight::unseen_faults::{
     ChallengeSetMetrics, Sensible, UnseenFaultMetrics, UnseenFaultOutcome, Words,
 };
 
-/// The section. The module describes it.
-pub struct Foreign;
-
-impl Section for Foreign {
-    fn id(&self) -> &'static str {
-        "foreign"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let merits = material.flights.map_or(&[][..], |results| &results.foreign);
+    let merits: Vec<&UnseenFaultMetrics> =
+        merits.iter().filter(|m| !m.outcomes.is_empty()).collect();
+    if merits.is_empty() {
+        return;
     }
-
-    fn title(&self) -> &'static str {
-        "Faults never trained on"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let merits = material.flights.map_or(&[][..], |results| &results.foreign);
-        let merits: Vec<&UnseenFaultMetrics> =
-            merits.iter().filter(|m| !m.outcomes.is_empty()).collect();
-        if merits.is_empty() {
-            return;
-        }
-        let words = &material.words();
-        let (unit, run) = (words.unit(), words.run());
-        page.text(&format!(
+    let words = &material.words();
+    let (unit, run) = (words.unit(), words.run());
+    page.text(&format!(
             "Nothing in training was like these, so nobody expects the right name. What is expected is \
              that what is healthy stays on, and that what is said makes sense: the right {}, \
              “unknown”, or that an input is not to be believed. Sensors that stick, drift or oscillate \
              do so in the control loop; a reading that is missing or noisy is so for the diagnosis only.",
             words.unit()
         ));
-        for merit in merits {
-            if !merit.sets.is_empty() {
-                page.table(
+    for merit in merits {
+        if !merit.sets.is_empty() {
+            page.table(
                     &challenges(&merit.sets, words),
                     &format!(
                         "Setting {}: challenge sets. The first action counts as right or other; where no action is right, \
@@ -49,9 +38,9 @@ impl Section for Foreign {
                         merit.setting
                     ),
                 );
-            }
-            let (wrong, of) = merit.shutdowns_healthy();
-            page.table(&table(merit, words), &format!(
+        }
+        let (wrong, of) = merit.shutdowns_healthy();
+        page.table(&table(merit, words), &format!(
                 "Setting {}: {run}s by the most that was said in them (each counts once), in several \
                  environments{}.{}",
                 merit.setting,
@@ -69,16 +58,15 @@ impl Section for Foreign {
                     false => String::new(),
                 }
             ));
-            let told = merit.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
-            let told: Vec<String> = told
-                .map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; ")))
-                .collect();
-            if !told.is_empty() {
-                page.note(&format!("Where that happened: {}.", told.join(", ")));
-            }
+        let told = merit.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
+        let told: Vec<String> =
+            told.map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; "))).collect();
+        if !told.is_empty() {
+            page.note(&format!("Where that happened: {}.", told.join(", ")));
         }
-        let off = words.off();
-        page.note(&format!(
+    }
+    let off = words.off();
+    page.note(&format!(
             "Sensible is a command that would be right for the fault as a whole: a {off} where the \
              {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
              and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
@@ -86,7 +74,6 @@ impl Section for Foreign {
              The first word is whatever the diagnosis said first after the onset other than “healthy”: \
              the median, and below it the last.",
         ));
-    }
 }
 
 /// How often a healthy actuator was switched off because its twin reads a wrong pressure; one sentence.

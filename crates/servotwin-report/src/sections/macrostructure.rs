@@ -3,51 +3,40 @@
 use crate::looks::Looks;
 use crate::page::Page;
 use crate::words::{share, spoken};
-use crate::{Material, Section, stages};
+use crate::{Material, stages};
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage, StagePlace};
 use servotwin_plot::SemanticColor;
 use servotwin_plot::diagram::{Block, Diagram, Wire};
 
-/// The section. The module describes it.
-pub struct Macrostructure;
-
-impl Section for Macrostructure {
-    fn id(&self) -> &'static str {
-        "macrostructure"
-    }
-
-    fn title(&self) -> &'static str {
-        "How the trees hang together"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let Some(result) = material.main() else {
-            return;
-        };
-        let Some(hierarchy) = material.hierarchy(result.subject) else {
-            return;
-        };
-        let judged = result.evaluation.headline();
-        let shared = hierarchy.stages.iter().any(|stage| {
-            stage.place.question != Question::Actuator && stage.place.actuator.is_none()
-        });
-        let count = hierarchy.names.actuators.len();
-        let words = material.words();
-        let remark = match shared && count > 1 {
-            true => format!(
-                " All {} share the trees below A: what one learns serves the others.",
-                words.units()
-            ),
-            false => String::new(),
-        };
-        page.figure("macrostructure", diagram(hierarchy, judged, &material.looks()).draw(), &format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let Some(result) = material.main() else {
+        return;
+    };
+    let Some(hierarchy) = material.hierarchy(result.subject) else {
+        return;
+    };
+    let judged = result.evaluation.headline();
+    let shared = hierarchy
+        .stages
+        .iter()
+        .any(|stage| stage.place.question != Question::Actuator && stage.place.actuator.is_none());
+    let count = hierarchy.names.actuators.len();
+    let words = material.words();
+    let remark = match shared && count > 1 {
+        true => format!(
+            " All {} share the trees below A: what one learns serves the others.",
+            words.units()
+        ),
+        false => String::new(),
+    };
+    page.figure("macrostructure", diagram(hierarchy, judged, &material.looks()).draw(), &format!(
             "Setting: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
             result.title,
             words.paper(" (figure 10 of the seed paper)"),
             judged.map_or("–", |judged| judged.title.as_str()),
         ));
-    }
 }
 
 fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks) -> Diagram {

@@ -1,50 +1,38 @@
 //! The commands and versions that reproduce the report.
 
+use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::NONE;
-use crate::{Material, Section};
 
-/// The section. The module describes it.
-pub struct Making;
-
-impl Section for Making {
-    fn id(&self) -> &'static str {
-        "making"
-    }
-
-    fn title(&self) -> &'static str {
-        "How this was made"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let (study, manifest) = (material.study, material.manifest);
-        let mut grid = HtmlTable::new([("", Alignment::Left), ("", Alignment::Left)]);
-        let mut push = |name: &str, value: String| grid.push(vec![name.into(), value]);
-        push("program", format!("servotwin {}", manifest.version));
-        push("study", format!("{} ({})", manifest.study, study.title));
-        push("system", format!("{} ({})", study.system.name, study.system.title));
-        let every = 1.0 / study.sample_period_s;
-        push("runs", format!("{} s, sampled at {every} Hz", study.duration_s));
-        push("solver", manifest.solver.clone());
-        let seed = manifest.specimen_seed.map_or(NONE.into(), |seed| seed.to_string());
-        push("seed of noise and specimens", seed);
-        push("seed of splits", manifest.split_seed.to_string());
-        for result in &material.results.subjects {
-            let holding = result.settings.holding;
-            push(
-                &format!("splits, {}", result.title),
-                format!("{} random thirds; {} folds of groups", holding.repeats, holding.folds),
-            );
-        }
-        page.table(
-            &grid,
-            "Versions, settings and seeds. The same study gives the same bytes again, \
-             on any number of processors.",
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let (study, manifest) = (material.study, material.manifest);
+    let mut grid = HtmlTable::new([("", Alignment::Left), ("", Alignment::Left)]);
+    let mut push = |name: &str, value: String| grid.push(vec![name.into(), value]);
+    push("program", format!("servotwin {}", manifest.version));
+    push("study", format!("{} ({})", manifest.study, study.title));
+    push("system", format!("{} ({})", study.system.name, study.system.title));
+    let every = 1.0 / study.sample_period_s;
+    push("runs", format!("{} s, sampled at {every} Hz", study.duration_s));
+    push("solver", manifest.solver.clone());
+    let seed = manifest.specimen_seed.map_or(NONE.into(), |seed| seed.to_string());
+    push("seed of noise and specimens", seed);
+    push("seed of splits", manifest.split_seed.to_string());
+    for result in &material.results.subjects {
+        let holding = result.settings.holding;
+        push(
+            &format!("splits, {}", result.title),
+            format!("{} random thirds; {} folds of groups", holding.repeats, holding.folds),
         );
-        let mut files = HtmlTable::new([("file", Alignment::Left), ("SHA-256", Alignment::Left)]);
-        for file in manifest.inputs.iter().chain(&manifest.outputs) {
-            files.push(vec![file.file.clone(), file.sha256.clone()]);
-        }
-        page.table(&files, "What went in and what this report was made from.");
     }
+    page.table(
+        &grid,
+        "Versions, settings and seeds. The same study gives the same bytes again, \
+             on any number of processors.",
+    );
+    let mut files = HtmlTable::new([("file", Alignment::Left), ("SHA-256", Alignment::Left)]);
+    for file in manifest.inputs.iter().chain(&manifest.outputs) {
+        files.push(vec![file.file.clone(), file.sha256.clone()]);
+    }
+    page.table(&files, "What went in and what this report was made from.");
 }

@@ -1,27 +1,16 @@
 //! The protocols: how each holds variants out, and the results under it.
 
+use crate::Material;
 use crate::lines;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, percent, stacked};
-use crate::{Material, Section};
 use servotwin::evaluation::protocol::ProtocolResult;
 
-/// The section. The module describes it.
-pub struct Protocols;
-
-impl Section for Protocols {
-    fn id(&self) -> &'static str {
-        "protocols"
-    }
-
-    fn title(&self) -> &'static str {
-        "The trees under every protocol"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let words = material.words();
-        page.text(&format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = material.words();
+    page.text(&format!(
             "A tree is only as good as its test is honest. A random third is the kindest test: for \
              nearly every variant a neighbour (the same fault at the same intensity in another \
              operating case) was in training. Kept together, neighbours{} never stand \
@@ -32,12 +21,12 @@ impl Section for Protocols {
              the fault.",
             words.several(" and mirror images")
         ));
-        for result in &material.results.subjects {
-            let evaluation = &result.evaluation;
-            let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
-            let named = |(id, finds): &(String, String)| format!("{id} {finds}");
-            let named: Vec<String> = stages.iter().map(named).collect();
-            page.table(&grid(&evaluation.protocols, &words), &format!(
+    for result in &material.results.subjects {
+        let evaluation = &result.evaluation;
+        let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
+        let named = |(id, finds): &(String, String)| format!("{id} {finds}");
+        let named: Vec<String> = stages.iter().map(named).collect();
+        page.table(&grid(&evaluation.protocols, &words), &format!(
                 "Setting: {}. Accuracy of each stage where the stages above are right ({}), and of all \
                  together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
                  whole kinds, and is that of a fault of a new kind.{} “Of all” is \
@@ -46,8 +35,8 @@ impl Section for Protocols {
                 named.join(", "),
                 words.several(" Mirror images count once.")
             ));
-            if !evaluation.baseline.is_empty() {
-                page.table(&grid(&evaluation.baseline, &words), &format!(
+        if !evaluation.baseline.is_empty() {
+            page.table(&grid(&evaluation.baseline, &words), &format!(
                     "Setting: {}. The same for trees with fewer features{}: mean, variance and indicator of \
                      each residual{}, and the fixed band of ±3 %.",
                     result.title,
@@ -57,7 +46,6 @@ impl Section for Protocols {
                         false => String::new(),
                     }
                 ));
-            }
         }
     }
 }

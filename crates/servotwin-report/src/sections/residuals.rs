@@ -1,66 +1,52 @@
 //! The distribution of residuals (figures 5 and 6 of the seed paper), and example faults over time.
 
+use crate::Material;
 use crate::examples::Example;
 use crate::looks;
 use crate::page::Page;
 use crate::words::spoken;
-use crate::{Material, Section};
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
 use servotwin_plot::SemanticColor;
 use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
 
-/// The section. The module describes it.
-pub struct Residuals;
-
 /// The seconds of the time series that a figure shows.
 const SHOWN_S: f64 = 10.0;
 
-impl Section for Residuals {
-    fn id(&self) -> &'static str {
-        "residuals"
-    }
-
-    fn title(&self) -> &'static str {
-        "Residuals of examples"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let words = material.words();
-        for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {
-            page.heading(&spoken(&example.detail));
-            page.figure(
-                &format!("residuals_{}", example.detail),
-                histogram(material.study, example),
-                &format!(
-                    "Residuals of all sensors over {} s, {} in case {}{}.",
-                    material.study.duration_s,
-                    spoken(&example.fault),
-                    example.case,
-                    match words.has_several() {
-                        true => format!(
-                            " (of every {}: a fault of one may move another's)",
-                            words.unit()
-                        ),
-                        false => String::new(),
-                    }
-                ),
-            );
-            page.figure(
-                &format!("time_{}", example.detail),
-                in_time(material.study, example),
-                &format!(
-                    "{} of it: measured signals against the twin's, and the \
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = material.words();
+    for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {
+        page.heading(&spoken(&example.detail));
+        page.figure(
+            &format!("residuals_{}", example.detail),
+            histogram(material.study, example),
+            &format!(
+                "Residuals of all sensors over {} s, {} in case {}{}.",
+                material.study.duration_s,
+                spoken(&example.fault),
+                example.case,
+                match words.has_several() {
+                    true =>
+                        format!(" (of every {}: a fault of one may move another's)", words.unit()),
+                    false => String::new(),
+                }
+            ),
+        );
+        page.figure(
+            &format!("time_{}", example.detail),
+            in_time(material.study, example),
+            &format!(
+                "{} of it: measured signals against the twin's, and the \
                      scaled residuals with {} in which a fault goes undetected.",
-                    match material.study.duration_s > SHOWN_S {
-                        true => format!("The first {SHOWN_S} s"),
-                        false => "The course".into(),
-                    },
-                    words.fixed_band()
-                ),
-            );
-        }
+                match material.study.duration_s > SHOWN_S {
+                    true => format!("The first {SHOWN_S} s"),
+                    false => "The course".into(),
+                },
+                words.fixed_band()
+            ),
+        );
     }
 }
 

@@ -1,60 +1,48 @@
 //! Training on one setting, testing on another.
 
+use crate::Material;
 use crate::lines::Who;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::stacked;
-use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin::evaluation::robustness::Cross;
 use servotwin_plot::Figure;
 use servotwin_plot::value_map::ValueMap;
 
-/// The section. The module describes it.
-pub struct Robustness;
-
-impl Section for Robustness {
-    fn id(&self) -> &'static str {
-        "robustness"
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let crosses = &material.results.robustness;
+    if crosses.is_empty() {
+        return;
     }
-
-    fn title(&self) -> &'static str {
-        "Trained on one setting, tested on another"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let crosses = &material.results.robustness;
-        if crosses.is_empty() {
-            return;
-        }
-        page.text(
+    page.text(
             "Does what was learned in a kinder world hold in a harder one? A tree that never saw noise \
              may ask for differences that no sensor shows. So the diagnosis of each setting is asked \
              about the variants of every other, on new commands.",
         );
-        let words = material.words();
-        page.beside(|page| {
-            for who in Who::ALL {
-                for (name, what, error) in errors(&words) {
-                    page.figure(
-                        &format!("robustness_{}_{name}", who.title()),
-                        map(crosses, who, error),
-                        &format!(
-                            "{}, {what} (%): rows trained on, columns tested on.",
-                            match who {
-                                Who::Trees => "Trees",
-                                Who::Committee => "Committee",
-                            }
-                        ),
-                    );
-                }
+    let words = material.words();
+    page.beside(|page| {
+        for who in Who::ALL {
+            for (name, what, error) in errors(&words) {
+                page.figure(
+                    &format!("robustness_{}_{name}", who.title()),
+                    map(crosses, who, error),
+                    &format!(
+                        "{}, {what} (%): rows trained on, columns tested on.",
+                        match who {
+                            Who::Trees => "Trees",
+                            Who::Committee => "Committee",
+                        }
+                    ),
+                );
             }
-        });
-        page.table(&grid(crosses, &words), "The same with 95 % intervals from drawing kinds of fault at their \
+        }
+    });
+    page.table(&grid(crosses, &words), "The same with 95 % intervals from drawing kinds of fault at their \
             intensities. Every setting detects with its own band, so that a row's tests are other faults \
             in each column.");
-    }
 }
 
 /// Returns an error as a share of the tests.

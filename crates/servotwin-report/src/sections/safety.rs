@@ -4,49 +4,40 @@ use crate::lines::{self, Who};
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
-use crate::{Material, Section, hardest_first};
+use crate::{Material, hardest_first};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{ALL, ProtocolResult};
 use servotwin::job::results::SubjectResult;
 
-/// The section. The module describes it.
-pub struct Safety;
-
-impl Section for Safety {
-    fn id(&self) -> &'static str {
-        "safety"
-    }
-
-    fn title(&self) -> &'static str {
-        "Safety"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let words = &material.words();
-        match words.has_off() {
-            true => about(words, page),
-            false => page.text(
-                "The study says of no command that it switches its unit off ([reactions], \
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = &material.words();
+    match words.has_off() {
+        true => about(words, page),
+        false => page.text(
+            "The study says of no command that it switches its unit off ([reactions], \
                  switches_off): so nothing is counted about missed, needless or wrong switching.",
-            ),
-        }
-        let settings = lines::settings(material.results);
-        hardest_first(&settings, page, &|result, page| {
-            let grid = grid(result, words);
-            if !grid.is_empty() {
-                page.table(&grid, &format!(
+        ),
+    }
+    let settings = lines::settings(material.results);
+    hardest_first(&settings, page, &|result, page| {
+        let grid = grid(result, words);
+        if !grid.is_empty() {
+            page.table(
+                &grid,
+                &format!(
                     "Setting: {}. 95 % intervals from drawing kinds of fault at their intensities.",
                     result.title
-                ));
-            }
-        });
-        healthy(material, words, page);
-        hardest_first(&settings, page, &|result, page| {
-            if let Some(headline) = result.evaluation.headline() {
-                components(headline, &result.title, words, page);
-            }
-        });
-    }
+                ),
+            );
+        }
+    });
+    healthy(material, words, page);
+    hardest_first(&settings, page, &|result, page| {
+        if let Some(headline) = result.evaluation.headline() {
+            components(headline, &result.title, words, page);
+        }
+    });
 }
 
 fn about(words: &Vocabulary, page: &mut Page) {

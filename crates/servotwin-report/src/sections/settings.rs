@@ -1,9 +1,9 @@
 //! The settings, and the effect of an additional sensor.
 
+use crate::Material;
 use crate::lines::{self, Who};
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{begun, change, percent, rate, stacked};
-use crate::{Material, Section};
 use servotwin::campaign::data_features;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ProtocolResult;
@@ -11,21 +11,10 @@ use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Role;
 
-/// The section. The module describes it.
-pub struct Settings;
-
-impl Section for Settings {
-    fn id(&self) -> &'static str {
-        "settings"
-    }
-
-    fn title(&self) -> &'static str {
-        "Settings"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        if let Some(realism) = &material.study.realism {
-            page.text(&format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    if let Some(realism) = &material.study.realism {
+        page.text(&format!(
                 "Ideal: the plant is the twin with one fault, and sensors are perfect. Noise: the same \
                  plant, with the noise and quantisation of the sensors that the system declares. \
                  Realistic: sensors likewise, and another specimen for every variant, whose parameters \
@@ -33,10 +22,10 @@ impl Section for Settings {
                  fitted to the specimen. There are {} fault-free specimens in each judged operating case.",
                 realism.seed, realism.healthy
             ));
-        }
-        let is_there = material.results.of(Subject::Fitted).is_some();
-        if let Some(calibration) = material.study.calibration.as_ref().filter(|_| is_there) {
-            page.text(&format!(
+    }
+    let is_there = material.results.of(Subject::Fitted).is_some();
+    if let Some(calibration) = material.study.calibration.as_ref().filter(|_| is_there) {
+        page.text(&format!(
                 "Fitted: specimens with the same tolerances, each of which first has a healthy calibration \
                  run of {} s with another command and other noise; its twin is fitted to what the sensors \
                  showed then, and the faults are judged beside the fitted twin. {} specimens take turns where \
@@ -45,11 +34,10 @@ impl Section for Settings {
                 calibration.specimens(Role::Judged),
                 calibration.specimens(Role::Training)
             ));
-        }
-        let of = |subject| material.results.of(subject);
-        if let Some((without, with)) = of(Subject::Realistic).zip(of(Subject::ExtraSensor)) {
-            third_sensor(material, without, with, page);
-        }
+    }
+    let of = |subject| material.results.of(subject);
+    if let Some((without, with)) = of(Subject::Realistic).zip(of(Subject::ExtraSensor)) {
+        third_sensor(material, without, with, page);
     }
 }
 

@@ -1,11 +1,11 @@
 //! The results on one screen: the findings in one sentence each, the settings side by side, and
 //! separately the comparison with the seed paper.
 
+use crate::Material;
 use crate::lines::{self, OF_PAPER};
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::{PAPER, Vocabulary};
 use crate::words::{NONE, number, percent, rate, stacked};
-use crate::{Material, Section};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::abstention::{Level, SHARES};
 use servotwin::evaluation::baseline::RandomThirds;
@@ -15,43 +15,32 @@ use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
 
-/// The section. The module describes it.
-pub struct Summary;
-
 /// The share of withheld answers that the findings report on.
 const SILENT: f64 = 0.03;
 
-impl Section for Summary {
-    fn id(&self) -> &'static str {
-        "summary"
-    }
-
-    fn title(&self) -> &'static str {
-        "Summary"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let settings = lines::settings(material.results);
-        let Some(hardest) = settings.last() else {
-            return;
-        };
-        let (study, words) = (material.study, &material.words());
-        page.text(&format!(
-            "The virtual twin ({}) is compared with plants that have one of {} faults each, in {} \
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let settings = lines::settings(material.results);
+    let Some(hardest) = settings.last() else {
+        return;
+    };
+    let (study, words) = (material.study, &material.words());
+    page.text(&format!(
+        "The virtual twin ({}) is compared with plants that have one of {} faults each, in {} \
              operating cases. Setting “{}”, intervals are 95 %:",
-            study.system.title,
-            study.faults.len(),
-            study.cases.len(),
-            hardest.title,
-        ));
-        page.findings(&super::findings::all(material, hardest, words));
-        page.table(&side_by_side(&settings, words), &format!(
+        study.system.title,
+        study.faults.len(),
+        study.cases.len(),
+        hardest.title,
+    ));
+    page.findings(&super::findings::all(material, hardest, words));
+    page.table(&side_by_side(&settings, words), &format!(
             "{} Intervals are from drawing kinds of fault at their intensities, because rows of one are not \
              independent; those of healthy specimens, and above of single kinds, are Wilson's. In shaded \
              rows less is better.",
             held_out(&hardest.evaluation)
         ));
-        page.text(&format!(
+    page.text(&format!(
             "From the differences between measured and expected sensor signals (residuals), decision trees \
              say {}what must be done (B), and what is broken (C and what follows); a committee of boosted \
              trees says it too, and may be silent.",
@@ -61,16 +50,15 @@ impl Section for Summary {
                 false => String::new(),
             }
         ));
-        let more = more(&hardest.evaluation, words);
-        if !more.is_empty() {
-            page.findings(&more);
-        }
-        page.note(&bands_in_use(&settings, words));
-        if let Some(remark) = tripping(material) {
-            page.note(&remark);
-        }
-        seed_paper(material, page);
+    let more = more(&hardest.evaluation, words);
+    if !more.is_empty() {
+        page.findings(&more);
     }
+    page.note(&bands_in_use(&settings, words));
+    if let Some(remark) = tripping(material) {
+        page.note(&remark);
+    }
+    seed_paper(material, page);
 }
 
 /// Whether the actuator stage decides between classes.

@@ -2,50 +2,38 @@
 
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::number;
-use crate::{Material, Section, schematic};
+use crate::{Material, schematic};
 
-/// The section. The module describes it.
-pub struct System;
-
-impl Section for System {
-    fn id(&self) -> &'static str {
-        "system"
-    }
-
-    fn title(&self) -> &'static str {
-        "The system"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let study = material.study;
-        let system = &study.system;
-        page.figure(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let study = material.study;
+    let system = &study.system;
+    page.figure(
             "schematic",
             schematic::of(system).draw(),
             "The simulated system: what supplies at the top, what is moved at the bottom. Lines run from \
              the port that sets pressure, motion or signal, and branch to all that it is joined with.",
         );
-        let mut grid = HtmlTable::new([
-            ("sensor", Alignment::Left),
-            ("signal", Alignment::Left),
-            ("scale", Alignment::Right),
-            ("unit", Alignment::Left),
+    let mut grid = HtmlTable::new([
+        ("sensor", Alignment::Left),
+        ("signal", Alignment::Left),
+        ("scale", Alignment::Right),
+        ("unit", Alignment::Left),
+    ]);
+    for (place, &sensor) in study.measured.iter().enumerate() {
+        let sensor = &system.sensors[sensor];
+        let extra = if place >= study.base_sensors() { " (additional)" } else { "" };
+        grid.push(vec![
+            format!("{}{extra}", sensor.label),
+            sensor.signal.clone(),
+            number(sensor.unit.difference_to_shown(sensor.scale)),
+            sensor.unit.shown().into(),
         ]);
-        for (place, &sensor) in study.measured.iter().enumerate() {
-            let sensor = &system.sensors[sensor];
-            let extra = if place >= study.base_sensors() { " (additional)" } else { "" };
-            grid.push(vec![
-                format!("{}{extra}", sensor.label),
-                sensor.signal.clone(),
-                number(sensor.unit.difference_to_shown(sensor.scale)),
-                sensor.unit.shown().into(),
-            ]);
-        }
-        page.table(
+    }
+    page.table(
             &grid,
             "Sensors. A residual is the measured value less the twin's, divided by the scale; a \
              fault is detected if any residual ever leaves its band (±3 % of scale, or one learned for the \
              sensor).",
         );
-    }
 }

@@ -1,8 +1,8 @@
 //! Twins fitted to their actuators, and the twin's conditional confidence band.
 
+use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{chosen, number, rate};
-use crate::{Material, Section};
 use servotwin::campaign::Comparison;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::band::BandMerit;
@@ -11,36 +11,24 @@ use servotwin::study::Study;
 /// The number of standard deviations on either side that enclose 95 % of a normal distribution.
 const NORMAL_95: f64 = 1.96;
 
-/// The section. The module describes it.
-pub struct Twin;
-
-impl Section for Twin {
-    fn id(&self) -> &'static str {
-        "twin"
-    }
-
-    fn title(&self) -> &'static str {
-        "The twin and its confidence"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        if !material.calibrations.is_empty() {
-            page.heading("Fitted parameters");
-            page.text(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    if !material.calibrations.is_empty() {
+        page.heading("Fitted parameters");
+        page.text(
                 "In the setting fitted every specimen has a calibration run, and its twin is fitted to what \
                  the sensors showed. How far that is from the true parameters of the specimen, in standard \
                  deviations of their tolerances, and how often these lie within the 95 % interval of the fit:",
             );
-            page.table(
+        page.table(
                 &parameters(material.calibrations),
                 "True against fitted parameters, of all specimens of the study's pools. An error of 1 is \
                  what is known without a calibration run.",
             );
-        }
-        for merit in material.bands {
-            page.heading(&format!("The band as a field, setting {}", merit.setting));
-            band(merit, material.study, page);
-        }
+    }
+    for merit in material.bands {
+        page.heading(&format!("The band as a field, setting {}", merit.setting));
+        band(merit, material.study, page);
     }
 }
 

@@ -1,38 +1,27 @@
 //! Answers that depend on differences below the sensors' uncertainty.
 
+use crate::Material;
 use crate::lines::{self, Who};
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{of_unit, percent, stacked};
-use crate::{Material, Section};
 use servotwin::campaign::{DataFeature, data_features};
 use servotwin::evaluation::flips::{Flips, Share, SplitFlips};
 use servotwin::job::results::SubjectResult;
 
-/// The section. The module describes it.
-pub struct Uncertainty;
-
 /// The maximum number of questions shown for each setting.
 const SHOWN: usize = 15;
 
-impl Section for Uncertainty {
-    fn id(&self) -> &'static str {
-        "uncertainty"
-    }
-
-    fn title(&self) -> &'static str {
-        "Answers that hang on less than a sensor shows"
-    }
-
-    fn write(&self, material: &Material, page: &mut Page) {
-        let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::settings(material.results)
-            .into_iter()
-            .filter_map(|result| Some((result, result.evaluation.flips.as_ref()?)))
-            .collect();
-        let Some((_, (first, _))) = results.first() else {
-            return;
-        };
-        page.text(&format!(
+/// Writes the section, or nothing if the study has no content for it.
+pub fn write(material: &Material, page: &mut Page) {
+    let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::settings(material.results)
+        .into_iter()
+        .filter_map(|result| Some((result, result.evaluation.flips.as_ref()?)))
+        .collect();
+    let Some((_, (first, _))) = results.first() else {
+        return;
+    };
+    page.text(&format!(
             "A question is only as good as what its feature can show. A window holds the means and \
              covariances of residuals and of the twin's signals; their uncertainty follows from the noise \
              and quantisation of a sample and the number of samples, and from the solver's error, which \
@@ -44,7 +33,7 @@ impl Section for Uncertainty {
              setting without noise only the solver's error moves a window.",
             first.draws
         ));
-        page.text(
+    page.text(
             "Training windows are moved in the same way, and each is learned with its moves: what does not \
              survive them teaches nothing. Of three moves one keeps the fault as it was simulated, one makes it \
              weaker (with the tolerances and the noise of another healthy specimen in place of what is \
@@ -52,19 +41,18 @@ impl Section for Uncertainty {
              moves go farther than windows are uncertain, so that a threshold keeps its distance from what \
              was learned.",
         );
-        let words = material.words();
-        page.table(
-            &answers(&results, &words),
-            &format!(
-                "Share of moves after which the answer is another one: {} (which is what is acted on); \
+    let words = material.words();
+    page.table(
+        &answers(&results, &words),
+        &format!(
+            "Share of moves after which the answer is another one: {} (which is what is acted on); \
                  any part of the answer.",
-                words.action_wrong()
-            ),
-        );
-        let features = data_features(material.study);
-        for (result, (trees, _)) in &results {
-            worst(result, trees, &features, page);
-        }
+            words.action_wrong()
+        ),
+    );
+    let features = data_features(material.study);
+    for (result, (trees, _)) in &results {
+        worst(result, trees, &features, page);
     }
 }
 

@@ -11,120 +11,61 @@ use std::borrow::Cow;
 
 /// Why a signal is invalid.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum SignalError {
     /// The text is empty, or nothing stands next to a ` + `.
     #[error("a signal is missing; known kinds: {}", kinds())]
     Empty,
     /// An unknown kind.
     #[error("unknown kind of signal '{given}'; known: {}", kinds())]
-    UnknownKind {
-        /// The kind as written.
-        given: String,
-    },
+    UnknownKind { given: String },
     /// A table in a study file lacks the kind.
     #[error("a signal needs 'kind'; known: {}", kinds())]
     NoKind,
     /// An unknown parameter.
     #[error("{kind} has no parameter '{given}'; it has: {}", .known.join(", "))]
-    UnknownParameter {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The parameter as written.
-        given: String,
-        /// The parameters of the kind.
-        known: Vec<&'static str>,
-    },
+    UnknownParameter { kind: &'static str, given: String, known: Vec<&'static str> },
     /// An argument that is not of the form `name=value`.
     #[error("{kind}: '{given}' is not of the form name=value")]
-    NoEqualSign {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The argument as written.
-        given: String,
-    },
+    NoEqualSign { kind: &'static str, given: String },
     /// A parameter was given twice.
     #[error("{kind}: '{parameter}' is given twice")]
-    Repeated {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The name of the parameter.
-        parameter: &'static str,
-    },
+    Repeated { kind: &'static str, parameter: &'static str },
     /// A required parameter is missing.
     #[error("{kind}: '{parameter}' is missing, e.g. {example}")]
-    Missing {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The name of the parameter.
-        parameter: &'static str,
-        /// An example with the parameter.
-        example: &'static str,
-    },
+    Missing { kind: &'static str, parameter: &'static str, example: &'static str },
     /// A value does not begin with a number.
     #[error("{kind}: '{parameter}' needs a number, not '{given}'")]
-    NotANumber {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The name of the parameter.
-        parameter: &'static str,
-        /// The value as written.
-        given: String,
-    },
+    NotANumber { kind: &'static str, parameter: &'static str, given: String },
     /// A unit that does not suit the parameter.
     #[error(
         "{kind}: '{parameter}={given}' has a wrong unit; allowed: {}a plain number (SI)",
         .allowed.iter().map(|unit| format!("{unit}, ")).collect::<String>()
     )]
-    WrongUnit {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The name of the parameter.
-        parameter: &'static str,
-        /// The value as written.
-        given: String,
-        /// The allowed units.
-        allowed: Vec<String>,
-    },
+    WrongUnit { kind: &'static str, parameter: &'static str, given: String, allowed: Vec<String> },
     /// An unknown word.
     #[error("{kind}: '{parameter}' cannot be '{given}'; it is {}", .known.join(" or "))]
     UnknownWord {
-        /// The kind of signal.
         kind: &'static str,
-        /// The name of the parameter.
         parameter: &'static str,
-        /// The word as written.
         given: String,
-        /// The allowed words.
         known: &'static [&'static str],
     },
-    /// A value outside the allowed range.
+    /// A value outside the allowed range, which is in SI.
     #[error("{kind}: '{parameter}={given}' is out of range: {range}{}", in_brackets(.units))]
     OutOfRange {
-        /// The kind of signal.
         kind: &'static str,
-        /// The name of the parameter.
         parameter: &'static str,
-        /// The value as written.
         given: String,
-        /// The allowed range, SI.
         range: Range,
-        /// The unit of the range, or empty.
         units: &'static str,
     },
     /// Arguments that are incompatible.
     #[error("{kind}: {reason}")]
-    Impossible {
-        /// The kind of signal.
-        kind: &'static str,
-        /// The reason.
-        reason: Cow<'static, str>,
-    },
+    Impossible { kind: &'static str, reason: Cow<'static, str> },
     /// The duration of a run is not positive and finite.
     #[error("a run of {duration_s} s is impossible: greater than 0 is needed")]
-    Duration {
-        /// The duration of the run, s.
-        duration_s: f64,
-    },
+    Duration { duration_s: f64 },
     /// The numbers do not define a function of time.
     #[error(transparent)]
     Curve(#[from] CurveError),
@@ -136,34 +77,14 @@ pub enum SignalError {
         "column '{column}' is in {}, the input is in {}",
         .found.symbol(), symbol_or_none(*.wanted)
     )]
-    ColumnUnit {
-        /// The name of the column.
-        column: String,
-        /// The unit in its name.
-        found: Unit,
-        /// The unit of the input.
-        wanted: Unit,
-    },
-    /// The signal leaves the range of its input.
+    ColumnUnit { column: String, found: Unit, wanted: Unit },
+    /// The signal leaves the range of its input; the numbers are in SI, with their `unit`.
     #[error("'{input}' becomes {}", beyond(*.value, *.min, *.max, *.unit))]
-    Leaves {
-        /// The name of the input.
-        input: String,
-        /// The value farthest outside, SI.
-        value: f64,
-        /// The lower limit, SI.
-        min: f64,
-        /// The upper limit, SI.
-        max: f64,
-        /// The SI unit of these values.
-        unit: Unit,
-    },
+    Leaves { input: String, value: f64, min: f64, max: f64, unit: Unit },
     /// The rows of a file do not define a function of time.
     #[error("{place}: {}", in_file(.error))]
     Rows {
-        /// The file, with the line if known.
         place: String,
-        /// The problem.
         #[source]
         error: CurveError,
     },

@@ -85,27 +85,17 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
 
 /// Why a text is not a number with a unit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum QuantityError {
     /// The text does not begin with a finite number.
     #[error("'{given}' is not a number")]
-    NotANumber {
-        /// The text as written.
-        given: String,
-    },
+    NotANumber { given: String },
     /// Its unit is not known.
     #[error("'{given}' has an unknown unit; known: {}", usual_units(Sort::Value).join(", "))]
-    UnknownUnit {
-        /// The text as written.
-        given: String,
-    },
+    UnknownUnit { given: String },
     /// Its unit is not allowed.
     #[error("'{given}' has a wrong unit; allowed: {}", .allowed.join(", "))]
-    WrongUnit {
-        /// The text as written.
-        given: String,
-        /// The allowed units.
-        allowed: Vec<String>,
-    },
+    WrongUnit { given: String, allowed: Vec<String> },
 }
 
 impl FromStr for WrittenQuantity {

@@ -31,9 +31,11 @@ fn variants_of_any_thread_count_are_the_same_bits() {
         ..VariantSpec::default()
     };
     let variants: Vec<VariantSpec> = (0..5).map(|k| variant(0.01 * f64::from(k))).collect();
-    let one = base.clone().threads(1).run_variants(&variants).unwrap();
-    let two = base.threads(2).run_variants(&variants).unwrap();
-    assert_eq!(one.runs, two.runs);
+    let [one, two] = [1, 2].map(|threads| {
+        let prepared = base.clone().threads(threads).prepare_variants(&variants).unwrap();
+        prepared.run(&|_| {}, None).unwrap().runs
+    });
+    assert_eq!(one, two);
 }
 
 #[test]

@@ -5,65 +5,29 @@ use servotwin_model::spec::Unit;
 
 /// A mistake in a map file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum Mistake {
     /// A mistake that any TOML file can have.
     #[error("{0}")]
     Document(document::TomlMistake),
     /// A name that the system does not have.
     #[error("the system has no {what} '{id}'")]
-    UnknownId {
-        /// "input" or "sensor".
-        what: &'static str,
-        /// The unknown name.
-        id: String,
-        /// The most similar known name.
-        nearest: Option<String>,
-        /// All known names.
-        known: Vec<String>,
-    },
+    UnknownId { what: &'static str, id: String, nearest: Option<String>, known: Vec<String> },
     /// A unit that is not known.
     #[error("unknown unit '{word}'")]
-    UnknownUnit {
-        /// The unknown word.
-        word: String,
-        /// All accepted spellings.
-        known: Vec<String>,
-    },
+    UnknownUnit { word: String, known: Vec<String> },
     /// A unit of another dimension.
     #[error("'{word}' is no unit of '{id}', which is in {}", .unit.symbol())]
-    WrongUnit {
-        /// The unit as written.
-        word: String,
-        /// The input or sensor.
-        id: String,
-        /// The unit of that signal.
-        unit: Unit,
-        /// All accepted spellings.
-        known: Vec<String>,
-    },
+    WrongUnit { word: String, id: String, unit: Unit, known: Vec<String> },
     /// Both or neither of two alternative keys.
     #[error("{place} needs either '{}' or '{}'", .keys.0, .keys.1)]
-    OneOf {
-        /// The section.
-        place: String,
-        /// The alternative keys.
-        keys: (&'static str, &'static str),
-    },
+    OneOf { place: String, keys: (&'static str, &'static str) },
     /// No sensor has a column.
     #[error("no sensor has a column: there is nothing to watch")]
     NoSensor,
     /// The log has no such column.
     #[error("{log} has no column '{column}'")]
-    NoColumn {
-        /// The name of the log.
-        log: String,
-        /// The missing column.
-        column: String,
-        /// The most similar column.
-        nearest: Option<String>,
-        /// All columns of the log.
-        known: Vec<String>,
-    },
+    NoColumn { log: String, column: String, nearest: Option<String>, known: Vec<String> },
 }
 
 impl Explained for Mistake {

@@ -95,6 +95,7 @@ pub struct Lost {
 
 /// Why a result cannot be written.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum SinkError {
     /// A file cannot be written.
     #[error(transparent)]
@@ -104,26 +105,13 @@ pub enum SinkError {
     Output(std::io::Error),
     /// No listener accepts the stream.
     #[error("tcp://{address}: nobody takes the stream: {cause}")]
-    Connection {
-        /// The address as `HOST:PORT`.
-        address: String,
-        /// The error of the operating system.
-        cause: std::io::Error,
-    },
+    Connection { address: String, cause: std::io::Error },
     /// An output whose writer is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
-    Feature {
-        /// The target as given.
-        what: String,
-        /// The feature that must be enabled.
-        feature: &'static str,
-    },
+    Feature { what: String, feature: &'static str },
     /// A target that is neither a file nor a socket.
     #[error("'{given}' is no target: a file or tcp://HOST:PORT is needed")]
-    Target {
-        /// The target as given.
-        given: String,
-    },
+    Target { given: String },
 }
 
 /// Opens an MCAP file, or a stream to `tcp://HOST:PORT`.

@@ -94,11 +94,6 @@ impl Frames {
         Frames { wanted: wanted.clone(), places, header: None, numbers: Numbers::new(true) }
     }
 
-    /// Whether the column names are known.
-    pub fn has_header(&self) -> bool {
-        self.header.is_some()
-    }
-
     /// Parses a line without its line end.
     pub fn read(&mut self, line: &[u8], row: &mut LogRow) -> Read {
         let text = line.trim_ascii();

@@ -412,34 +412,20 @@ impl fmt::Display for MixedTopics {
 
 /// Why a source cannot be opened or read further.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum SourceError {
     /// The text is not a source.
     #[error("'{given}' names no source: {needed} is needed")]
-    Address {
-        /// The text as given.
-        given: String,
-        /// The accepted forms.
-        needed: &'static str,
-    },
+    Address { given: String, needed: &'static str },
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
-    Feature {
-        /// The address of the source.
-        what: String,
-        /// The feature of the packages `servotwin` and `servotwin-cli`.
-        feature: &'static str,
-    },
+    Feature { what: String, feature: &'static str },
     /// Two topics of a broker send the same column.
     #[error("{0}")]
     Mixed(Box<MixedTopics>),
     /// A file is damaged or has an unsupported format.
     #[error("{address}: {cause}")]
-    Unreadable {
-        /// The path of the file.
-        address: String,
-        /// The problem.
-        cause: String,
-    },
+    Unreadable { address: String, cause: String },
     /// A file cannot be opened or read.
     #[error(transparent)]
     File(#[from] FileError),
@@ -448,35 +434,19 @@ pub enum SourceError {
     Table(#[from] TableError),
     /// A connection cannot be made, or has ended.
     #[error("{address}: {cause}")]
-    Connection {
-        /// The remote address.
-        address: String,
-        /// The reason.
-        cause: String,
-    },
+    Connection { address: String, cause: String },
     /// The file contains no data.
     #[error("{address}: the file is empty")]
-    Empty {
-        /// Counts a row, and its frame if that is new.
-        address: String,
-    },
+    Empty { address: String },
     /// No line names columns.
     #[error("{address}: no line with the names of columns, and no JSON object")]
-    NoHeader {
-        /// The address of the source.
-        address: String,
-    },
+    NoHeader { address: String },
     /// An unordered file has more numbers than can be sorted in memory.
     #[error(
         "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time \
          first"
     )]
-    Unsorted {
-        /// The path of the file.
-        address: String,
-        /// The most numbers that are sorted.
-        most: usize,
-    },
+    Unsorted { address: String, most: usize },
     /// No row of the log lies in the requested time span.
     #[error(transparent)]
     Cut(CutError),
@@ -485,14 +455,7 @@ pub enum SourceError {
         "{address} has no column '{}'; {}",
         .columns.join("', '"), advice(&.columns[0], .known)
     )]
-    Lacking {
-        /// The address of the log.
-        address: String,
-        /// The missing columns.
-        columns: Vec<String>,
-        /// All columns of the log.
-        known: Vec<String>,
-    },
+    Lacking { address: String, columns: Vec<String>, known: Vec<String> },
 }
 
 impl SourceError {

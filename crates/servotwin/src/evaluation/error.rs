@@ -7,6 +7,7 @@ use std::path::PathBuf;
 /// Why an evaluation or a model is not available.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum EvaluationError {
     /// The table cannot be read, or a column is invalid.
     #[error(transparent)]
@@ -27,29 +28,16 @@ pub enum EvaluationError {
     #[error(
         "none of the {faults} faults leaves the band of healthy residuals: there is nothing to learn"
     )]
-    NothingDetectable {
-        /// Number of rows with a fault.
-        faults: usize,
-    },
+    NothingDetectable { faults: usize },
     /// No column is left to learn from.
     #[error("no column is left to learn from")]
     NoFeatures,
     /// A stored model cannot be parsed.
     #[error("{path}: no model of servotwin: {source}")]
-    Model {
-        /// The path of the model file.
-        path: PathBuf,
-        /// The JSON parser's message.
-        source: serde_json::Error,
-    },
+    Model { path: PathBuf, source: serde_json::Error },
     /// The parts of a stored model are inconsistent.
     #[error("{path}: {source}")]
-    CorruptModel {
-        /// The path of the model file.
-        path: PathBuf,
-        /// The inconsistency.
-        source: servotwin_diagnosis::Error,
-    },
+    CorruptModel { path: PathBuf, source: servotwin_diagnosis::Error },
 }
 
 impl From<crate::parallel::Cancelled> for EvaluationError {

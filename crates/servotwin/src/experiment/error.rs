@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a campaign failed or stopped.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum CampaignError {
     /// A folder or file could not be written.
     #[error(transparent)]
@@ -19,28 +20,13 @@ pub enum CampaignError {
     NoVariants,
     /// The study lacks sections that a scenario needs.
     #[error("{}", lacking_sections(*.setting, .lacks))]
-    NoSection {
-        /// The scenario.
-        setting: Setting,
-        /// The missing sections.
-        lacks: Vec<Section>,
-    },
+    NoSection { setting: Setting, lacks: Vec<Section> },
     /// A specimen's twin could not be fitted.
     #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
-    Calibration {
-        /// The specimen's index, from zero.
-        specimen: usize,
-        /// The reason.
-        reason: String,
-    },
+    Calibration { specimen: usize, reason: String },
     /// Data sets were requested of an incomplete campaign.
     #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
-    Unfinished {
-        /// Number of missing variants.
-        missing: usize,
-        /// A damaged file that contains some of them.
-        damaged: Option<PathBuf>,
-    },
+    Unfinished { missing: usize, damaged: Option<PathBuf> },
     /// The run was stopped.
     #[error("cancelled")]
     Cancelled,
@@ -52,12 +38,7 @@ pub enum CampaignError {
     OtherPlant,
     /// The healthy twin could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
-    Twin {
-        /// The name of the operating case.
-        case: String,
-        /// The reason.
-        reason: String,
-    },
+    Twin { case: String, reason: String },
 }
 
 impl CampaignError {

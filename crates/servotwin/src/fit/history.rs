@@ -71,11 +71,6 @@ impl Track {
     pub fn last_repair(&self) -> Option<&Repair> {
         self.repairs.iter().rev().find(|one| one.is_confirmed)
     }
-
-    /// The drop that only the last flight shows.
-    pub fn unconfirmed(&self) -> Option<&Repair> {
-        self.repairs.last().filter(|one| !one.is_confirmed)
-    }
 }
 
 /// A parameter that changes inside its tolerance, in standard deviations of the tolerance.

@@ -11,37 +11,23 @@ use std::sync::Arc;
 
 /// Why the twin cannot run.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum RuntimeError {
     /// The diagnoser does not fit this system, or is invalid.
     #[error("the diagnoser: {0}")]
     Diagnoser(#[from] Error),
     /// The diagnoser reads a sensor that the study does not have.
     #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
-    Sensor {
-        /// The label of the sensor.
-        name: String,
-        /// The name of the study.
-        study: String,
-    },
+    Sensor { name: String, study: String },
     /// The sampling period differs from the diagnoser's.
     #[error("the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s")]
-    Period {
-        /// Time between samples, s.
-        period_s: f64,
-        /// The diagnoser's sampling period, s.
-        needed_s: f64,
-    },
+    Period { period_s: f64, needed_s: f64 },
     /// The simulation of the twin failed.
     #[error(
         "the twin cannot be simulated: {} at {:.4} s in {state}",
         .failure.cause, .failure.time_s
     )]
-    Twin {
-        /// The state that caused the failure.
-        state: String,
-        /// The failure of the solver, with its time.
-        failure: SolverFailure,
-    },
+    Twin { state: String, failure: SolverFailure },
 }
 
 impl RuntimeError {

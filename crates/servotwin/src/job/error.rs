@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 /// The reason why a stage of the main job stops.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum JobError {
     /// A file cannot be read or written.
     #[error(transparent)]
@@ -26,10 +27,7 @@ pub enum JobError {
     Campaign(#[from] CampaignError),
     /// There is no data set in the folder.
     #[error("{folder}: there is no data set here")]
-    NoDataSet {
-        /// The output folder.
-        folder: PathBuf,
-    },
+    NoDataSet { folder: PathBuf },
     /// Healthy flights come near a shutdown, whatever the margin.
     #[error(
         "{setting}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
@@ -37,94 +35,43 @@ pub enum JobError {
          'further' in [flights].learn",
         .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
     )]
-    UnsafeInHealth {
-        /// The scenario.
-        setting: &'static str,
-        /// What the flights showed with the largest margin.
-        evidence: HealthyEvidence,
-        /// The evidence that would be safe, in parts of its limit.
-        allowed: f64,
-        /// Number of environments that are missing for a bound of 1 %; as many again if there are more.
-        missing: u64,
-    },
+    UnsafeInHealth { setting: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
     /// Another servotwin process holds the folder.
     #[error(
         "{folder}: another servotwin is working in this folder: wait until it has ended, or choose another folder"
     )]
-    Busy {
-        /// The output folder.
-        folder: PathBuf,
-    },
+    Busy { folder: PathBuf },
     /// The record of sealed openings has a line that no opening wrote.
     #[error("{path}: line {line}: {reason}; the record only grows: restore it from the repository")]
-    SealedRecord {
-        /// The record.
-        path: PathBuf,
-        /// The line, from 1.
-        line: usize,
-        /// What is wrong.
-        reason: String,
-    },
+    SealedRecord { path: PathBuf, line: usize, reason: String },
     /// The folder for a part of a campaign belongs to another study.
     #[error(
         "{folder}: another study lies here; a part of a campaign removes nothing: choose another folder"
     )]
-    OtherStudy {
-        /// The output folder.
-        folder: PathBuf,
-    },
+    OtherStudy { folder: PathBuf },
     /// The folder contains results of another study.
     #[error(
         "{folder}: {there} is here, with {}, which stay as they are: choose another folder",
         counted(*.count, "result file")
     )]
-    OtherResults {
-        /// The output folder.
-        folder: PathBuf,
-        /// A description of the other study.
-        there: String,
-        /// The number of result files.
-        count: usize,
-    },
+    OtherResults { folder: PathBuf, there: String, count: usize },
     /// A file that an earlier stage should have written is missing.
     #[error("{path}: no such file; 'servotwin {stage}' writes it")]
-    Missing {
-        /// The missing file.
-        path: PathBuf,
-        /// The command that writes it.
-        stage: &'static str,
-    },
+    Missing { path: PathBuf, stage: &'static str },
     /// A stage adds to this file, but cannot read it. Overwriting the file would lose its contents.
     #[error(
         "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
     )]
-    Unreadable {
-        /// The read error, with the file's path.
-        error: EvaluationError,
-        /// The command that adds to it.
-        stage: &'static str,
-    },
+    Unreadable { error: EvaluationError, stage: &'static str },
     /// A data set contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
-    DataSet {
-        /// The file of the data set.
-        path: PathBuf,
-        /// The contradiction.
-        error: EvaluationError,
-    },
+    DataSet { path: PathBuf, error: EvaluationError },
     /// A data set and the shards that it was computed from have different numbers of rows.
     #[error(
         "{path}: with its training commands {rows} rows, but the shards beside it hold {windows}; 'servotwin \
          features' makes it anew"
     )]
-    OtherRows {
-        /// The file of the data set.
-        path: PathBuf,
-        /// The number of rows in the data set.
-        rows: usize,
-        /// The number of rows in the shards.
-        windows: usize,
-    },
+    OtherRows { path: PathBuf, rows: usize, windows: usize },
     /// Training or evaluation rejected the data.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),

@@ -16,8 +16,6 @@ pub mod results;
 pub mod run;
 pub mod sealed;
 mod subject;
-#[cfg(test)]
-mod tests;
 
 pub use error::JobError;
 pub use folder::{Folder, Kept};

@@ -131,7 +131,7 @@ impl Subject {
     /// questions. Beside fitted twins they need three more, because the bands are as narrow as noise permits and
     /// reveal weaker faults. There nearly every healthy specimen comes close to the bands, so only those that leave
     /// them are used for training. Depth, criterion and training filter were chosen on training commands held out of
-    /// training (`job::tests`).
+    /// training (decision 015).
     ///
     /// Evaluation records are longer than training records and so reveal weaker faults. For specimens that equal
     /// their twin, weakened copies of a fault are therefore used down to a quarter of the band.

@@ -87,15 +87,3 @@ fn a_ringing_valve_runs_at_the_tolerance_of_references_too() {
     let samples = &runs(&study, &[ringing], 3.0, SolverSettings::reference())[0];
     assert_eq!(samples.len(), 301 * study.system.program.states().len());
 }
-
-/// What the book says of errors.
-#[test]
-#[ignore = "a measurement: a minute"]
-fn measure_errors_by_fault() {
-    let errors = largest_errors(10.0, |fault| !rings(fault));
-    let mut order: Vec<(&String, &f64)> = errors.iter().collect();
-    order.sort_by(|a, b| b.1.total_cmp(a.1));
-    for (kind, error) in order {
-        println!("{error:.1e} {kind}");
-    }
-}

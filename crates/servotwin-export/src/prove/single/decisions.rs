@@ -224,11 +224,6 @@ impl Decisions {
             RaisedKind::WrongShutdown => &mut self.wrong_shutdowns,
         } += 1;
     }
-
-    /// The differences of raised actions that are more than another sample.
-    pub fn differing_actions(&self) -> u64 {
-        self.wrong_shutdowns + self.missed_shutdowns + self.false_alarms + self.other_actions
-    }
 }
 
 /// Consecutive samples with the same two decisions.

@@ -102,6 +102,7 @@ fn first() -> usize {
 
 /// Why a study file for traces, or a table of traces, is invalid.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum TraceError {
     /// The text is not valid; the message has line and column.
     #[error(transparent)]
@@ -111,68 +112,32 @@ pub enum TraceError {
     Format(u32),
     /// An unknown word.
     #[error("no {what} is named '{word}'{}", did_you_mean(.nearest))]
-    Unknown {
-        /// What the word should name.
-        what: &'static str,
-        /// The unknown word.
-        word: String,
-        /// The most similar known word.
-        nearest: Option<String>,
-    },
+    Unknown { what: &'static str, word: String, nearest: Option<String> },
     /// A number is out of range.
     #[error("{what} must be {allowed}")]
-    OutOfRange {
-        /// The number.
-        what: String,
-        /// The allowed values.
-        allowed: &'static str,
-    },
+    OutOfRange { what: String, allowed: &'static str },
     /// The file names no sensor and no residual.
     #[error("there is nothing to measure: name 'residuals' or add [[sensors]]")]
     NoSensors,
     /// No window is complete.
     #[error("no window of {window_rows} rows fits: the longest run of rows has {longest}")]
-    NoWindow {
-        /// Number of rows in a window.
-        window_rows: usize,
-        /// The longest run of contiguous rows.
-        longest: usize,
-    },
+    NoWindow { window_rows: usize, longest: usize },
     /// A nominal value must be learned, but no row is marked as healthy.
     #[error(
         "the nominal value of '{sensor}' is to be learnt, but no row is healthy: name them in [healthy], or give \
          healthy traces"
     )]
-    NoHealthyRows {
-        /// Name of the sensor.
-        sensor: String,
-    },
+    NoHealthyRows { sensor: String },
     /// A sensor has both a nominal column and a learned nominal value, or a learned scale without a learned nominal
     /// value.
     #[error("sensor '{sensor}': {problem}")]
-    Nominal {
-        /// Name of the sensor.
-        sensor: String,
-        /// The problem.
-        problem: &'static str,
-    },
+    Nominal { sensor: String, problem: &'static str },
     /// A number is so large that squares of residuals would overflow.
     #[error(
         "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; allowed is \
          {FARTHEST:e} times the scale of {scale:e}"
     )]
-    TooFar {
-        /// Name of the column.
-        column: String,
-        /// Its place in the file.
-        place: String,
-        /// The measured value.
-        value: f64,
-        /// The nominal value.
-        nominal: f64,
-        /// The sensor's scale.
-        scale: f64,
-    },
+    TooFar { column: String, place: String, value: f64, nominal: f64, scale: f64 },
     /// The table does not match the study file.
     #[error(transparent)]
     Evaluation(EvaluationError),

@@ -1,63 +1,21 @@
-//! Mutants: an export with one small mistake, which a proof must find. A proof that finds every mistake is worth something.
+//! Exports with one small mistake each, which a proof must find. A proof that finds every mistake is worth something.
 //!
 //! A mistake is the last digit of a number, a wrong power of two (a wrong unit), swapped branches, another feature or
 //! class in the tables, or another arithmetic operator in the code.
 
-use super::library::{Build, Objects};
-use super::{HYBRID_SAMPLES, Plan, ProofEvidence, chain, compare_parts, hybrid, points, twin};
-use crate::error::ExportError;
-use crate::precision::Precision;
-use crate::source_file::SourceFile;
-use serde::Serialize;
 use servotwin_diagnosis::random::Random;
-use std::slice;
-
-/// Samples through the whole chain for each mutant that the trees do not show.
-const SAMPLES: u64 = 20_000;
-
-/// Points of the twin's equations for each mutant.
-const POINTS: u64 = 200;
-
-/// Variants of the twin for each mutant, and their duration, s: many short ones, because each settles at the start.
-const VARIANTS: (u64, f64) = (12, 3.0);
-
-/// Rows of random values for each hierarchy of a mutant.
-const RANDOM_ROWS: usize = 2000;
+use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
+use servotwin_export::{ExportError, SourceFile};
 
 /// A mistake.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Mutant {
+#[derive(Debug, PartialEq, Eq)]
+pub struct Mistake {
     /// The changed file.
     pub file: &'static str,
     /// Number of the line, from 1.
     pub line: usize,
     /// What stood there, and what stands there now.
     pub change: String,
-    /// Whether the proof found it, or the compiler refused it.
-    pub is_found: bool,
-}
-
-/// Which mistakes to make.
-#[derive(Debug, Clone, Copy)]
-pub struct Mistakes<'m> {
-    /// How many.
-    pub count: usize,
-    /// The seed of their random places.
-    pub seed: u64,
-    /// The only file with mistakes; `None` for all.
-    pub only: Option<&'m str>,
-}
-
-impl Mistakes<'_> {
-    /// Checks that they can be made in an export of this precision.
-    ///
-    /// # Errors
-    /// [`ExportError::Unsupported`] for single precision.
-    pub fn check(&self, precision: Precision) -> Result<(), ExportError> {
-        let why = "mistakes are made in double precision alone, with the same hand-written text: leave '--mutants' out";
-        let can_be_made = self.count == 0 || precision == Precision::F64;
-        if can_be_made { Ok(()) } else { Err(ExportError::Unsupported(why)) }
-    }
 }
 
 /// A place in a text that can be changed.
@@ -68,61 +26,31 @@ struct Site {
     new: String,
 }
 
-/// Makes mistakes and tries to find each. `tell` hears how many so far.
-///
-/// # Errors
-/// Those of [`Mistakes::check`], and as [`super::prove`] for the export without a mistake.
-pub fn mutants(
-    plan: &Plan,
-    build: &Build,
-    mistakes: Mistakes,
-    tell: &mut dyn FnMut(u64),
-) -> Result<Vec<Mutant>, ExportError> {
-    let files = plan.files;
-    mistakes.check(plan.precision)?;
-    if mistakes.count == 0 {
-        return Ok(Vec::new());
-    }
-    let objects = Objects::new(files, build, None)?;
-    let kinds = sites(files, mistakes.only);
-    let mut random = Random::new(mistakes.seed);
-    let mut all = Vec::new();
-    for number in 0..mistakes.count {
+/// Makes this many mistakes at random places, in all files or only in one, and proves the export with each.
+/// Returns those that the proof did not find.
+pub fn not_found(plan: &Plan, (count, seed): (usize, u64), only: Option<&str>) -> Vec<Mistake> {
+    let kinds = sites(plan.files, only);
+    let mut random = Random::new(seed);
+    let mut missed = Vec::new();
+    for number in 0..count {
         let kind = &kinds[number % kinds.len()];
         let Site { file, start, old, new } = &kind[random.index(kind.len())];
-        let SourceFile { name, text } = &files[*file];
-        let changed = [&text[..*start], new, &text[start + old.len()..]].concat();
-        let is_found = match objects.replace(name, &changed) {
-            Ok(()) => is_found(plan, &objects, number)?,
-            Err(ExportError::Refused { .. }) => true,
-            Err(other) => return Err(other),
+        let mut files = plan.files.to_vec();
+        let SourceFile { name, text } = &mut files[*file];
+        let mistake = Mistake {
+            file: name,
+            line: 1 + text[..*start].matches('\n').count(),
+            change: format!("{old} -> {new}"),
         };
-        objects.replace(name, text)?;
-        let line = 1 + text[..*start].matches('\n').count();
-        all.push(Mutant { file: name, line, change: format!("{old} -> {new}"), is_found });
-        tell(number as u64 + 1);
-    }
-    Ok(all)
-}
-
-fn is_found(plan: &Plan, objects: &Objects, number: usize) -> Result<bool, ExportError> {
-    let compiled = objects.load(&format!("mutant_{number}.so"))?;
-    let mut evidence = ProofEvidence::until(1);
-    compare_parts(plan.diagnoser, (&compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
-    let (compiled, all) = (slice::from_ref(&compiled), slice::from_mut(&mut evidence));
-    if let Some(twin) = plan.twin.filter(|_| all[0].holds()) {
-        points::compare(twin, compiled, POINTS, all)?;
-        if all[0].holds() {
-            twin::compare(twin, compiled, VARIANTS, all, &mut |_| ())?;
+        text.replace_range(*start..start + old.len(), new);
+        let plan = Plan { files: &files, ..*plan };
+        match prove(&plan, &[Build::new("gcc -O0")], &mut |_, _| ()) {
+            Ok(proven) if proven.iter().all(ProofEvidence::holds) => missed.push(mistake),
+            Ok(_) | Err(ExportError::Refused { .. }) => {}
+            Err(other) => panic!("{mistake:?}: {other}"),
         }
     }
-    if let Some(subject) = plan.subject().filter(|_| all[0].holds()) {
-        hybrid::compare(&subject, compiled, HYBRID_SAMPLES, all)?;
-    }
-    if all[0].holds() {
-        chain::compare(plan.diagnoser, compiled, SAMPLES, all, &mut |_| ())?;
-    }
-    Ok(!evidence.holds())
+    missed
 }
 
 /// All places, by kind of mistake; a kind without places is left out.
