@@ -105,6 +105,14 @@ fn commands_of(folder: &Folder, page: &str) -> Vec<(String, bool)> {
 /// The endings of files that commands read and write.
 const ENDINGS: [&str; 6] = [".csv", ".toml", ".json", ".parquet", ".jsonl", ".mcap"];
 
+/// The files that readers bring: their logs, maps and studies.
+const OF_READERS: &[&str] = &[
+    "live.md: flight.csv",
+    "live.md: rig.toml",
+    "live.md: session.parquet",
+    "machines.md: my_study.toml",
+];
+
 /// The files that a command takes as they are, which it must find.
 fn named_inputs(line: &str) -> Vec<&str> {
     let words: Vec<&str> = line.split_whitespace().collect();
@@ -130,19 +138,24 @@ fn is_known(folder: &Folder, before: &[String], file: &str) -> bool {
 
 #[test]
 fn every_command_of_the_book_is_understood_and_finds_its_files() {
-    let mut understood = 0;
+    let (mut understood, mut unknown) = (0, vec![]);
     for name in pages() {
         let folder = Folder::new(&format!("read-{}", name.trim_end_matches(".md")));
         let mut before: Vec<String> = vec![];
         for (line, _) in commands_of(&folder, &page(&name)) {
             is_understood(&folder, &line);
-            for file in named_inputs(&line) {
-                assert!(is_known(&folder, &before, file), "{name}: {line}: nothing writes {file}");
-            }
+            let missing = |file: &&str| !is_known(&folder, &before, file);
+            unknown.extend(
+                named_inputs(&line)
+                    .into_iter()
+                    .filter(missing)
+                    .map(|file| format!("{name}: {file}")),
+            );
             before.push(line);
             understood += 1;
         }
     }
+    assert_eq!(unknown, OF_READERS, "nothing writes these files");
     assert!(understood > 60, "{understood} commands");
 }
 
