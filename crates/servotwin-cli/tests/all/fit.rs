@@ -245,6 +245,7 @@ fn said_of_press(
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn signs_shifts_and_faults_that_look_late_are_told_apart() {
     let folder = Folder::new("fit-late");
     const COMMAND: usize = 1;
@@ -291,6 +292,7 @@ fn leaking(folder: &Folder, leaks: &[f64]) -> String {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_history_is_drawn_up_to_where_its_threshold_is_reached() {
     let folder = Folder::new("history-drawn");
     let logs = leaking(&folder, &[0.0, 0.01, 0.02, 0.03, 0.04]);
@@ -305,6 +307,7 @@ fn a_history_is_drawn_up_to_where_its_threshold_is_reached() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_history_tells_when_a_threshold_is_reached() {
     let folder = Folder::new("history");
     let logs = flights(&folder);
@@ -358,6 +361,7 @@ fn a_history_needs_logs_and_a_design_keeps_limits() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_repair_begins_a_new_trend_and_is_reported_with_its_flight() {
     let folder = Folder::new("history-repair");
     let logs = leaking(&folder, &[0.1, 0.2, 0.3, 0.4, 0.0, 0.03, 0.06, 0.09]);
@@ -422,6 +426,7 @@ fn the_verdict_comes_first_on_standard_output() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_fault_that_begins_within_a_record_is_reported_with_its_time() {
     let folder = Folder::new("fit-onset");
     let leak = ["--fault", "leakage_a.leakage=0.3@12s"];

@@ -201,6 +201,7 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
     let folder = Folder::new("unreadable");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
@@ -234,6 +235,7 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_study_keeps_what_was_measured_in_full_flights() {
     let folder = Folder::new("full-flights");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
@@ -438,6 +440,7 @@ fn with_tolerances() -> String {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn beside_fitted_twins_a_band_is_narrower_and_it_may_be_chosen_for_watching() {
     let folder = Folder::new("band-chosen");
     let [_, model] = learned(&folder);

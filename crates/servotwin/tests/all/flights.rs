@@ -291,6 +291,7 @@ fn plants_without_a_difference_are_those_of_the_twins_system() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn every_difference_moves_the_plant_and_never_its_twin() {
     let own = samples(None);
     let differences = [
@@ -355,6 +356,7 @@ fn left_beside(is_fitted: bool) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_twin_that_is_fitted_to_another_plant_leaves_less() {
     let [nominal, fitted] = [false, true].map(left_beside);
     println!("mean square {nominal:.3e}, beside a fitted twin {fitted:.3e}");
@@ -362,6 +364,7 @@ fn a_twin_that_is_fitted_to_another_plant_leaves_less() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     let study = with_other_plant("healthy = 1\nkinds = { \"cylinder\" = \"bristle_cylinder\" }");
     let flights = &study.flights().unwrap().unwrap();
