@@ -34,8 +34,8 @@ def compare(what, own, theirs, mistakes):
 
 def main(folder):
     if shutil.which("scram") is None:
-        print("skipped: SCRAM is not installed (apt-get install scram)")
-        return 0
+        print("SCRAM is not installed: apt-get install scram", file=sys.stderr)
+        return 1
     safety = pathlib.Path(folder) / "safety"
     numbers = json.loads((safety / "faulttree.json").read_text())
     mistakes, compared, farthest = [], 0, 0.0

@@ -7,11 +7,4 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 [ -x "$here/.venv/bin/python" ] || python3 -m venv "$here/.venv"
 "$here/.venv/bin/python" -m pip install --quiet scikit-learn==1.9.1 scipy==1.17.1 numpy polars
-[ -e /usr/include/cvode/cvode.h ] || {
-    apt-get update
-    apt-get install --yes --no-install-recommends libsundials-dev
-}
-{ [ -x /usr/sbin/mosquitto ] && [ -x /usr/bin/openssl ]; } || {
-    apt-get update
-    apt-get install --yes --no-install-recommends mosquitto openssl
-}
+"$here/need" /usr/include/cvode/cvode.h=libsundials-dev mosquitto=mosquitto openssl=openssl

@@ -8,10 +8,7 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 export_folder=$(cd "$1" && pwd)
 seconds=${2:-60}
-{ command -v arm-none-eabi-gcc && command -v qemu-system-arm; } > /dev/null || {
-    apt-get update
-    apt-get install --yes --no-install-recommends gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
-}
+"$here/../need" arm-none-eabi-gcc=gcc-arm-none-eabi,libnewlib-arm-none-eabi qemu-system-arm=qemu-system-arm
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"

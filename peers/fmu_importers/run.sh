@@ -5,10 +5,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 servotwin=${1:-servotwin}
-[ -e /usr/lib/llvm-14/lib/libclang.so.1 ] || {
-    apt-get update
-    apt-get install --yes --no-install-recommends libclang1-14
-}
+"$here/../need" /usr/lib/llvm-14/lib/libclang.so.1=libclang1-14
 work=${TMPDIR:-/tmp}/servotwin-fmu-importers
 mkdir -p "$work"
 [ -x "$work/venv/bin/python" ] || python3 -m venv "$work/venv"

@@ -9,7 +9,7 @@ browser="${1:-chromium}"
 out=target/live_page
 mkdir -p "$out"
 if [ "$browser" = firefox ]; then package=firefox-esr; else package=chromium; fi
-command -v "$package" > /dev/null || apt-get install --yes --quiet "$package"
+peers/need "$package=$package" node=nodejs npm=npm
 npm install --silent --no-save --prefix "$out" puppeteer-core@25.16.0
 binary="${SERVOTWIN_BINARY:-target/release/servotwin}"
 [ -n "${SERVOTWIN_BINARY:-}" ] || cargo build --release --quiet --features serve

@@ -7,14 +7,7 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 servotwin=$(command -v "${1:-servotwin}") || { echo "there is no ${1:-servotwin}: name the program" >&2; exit 1; }
 servotwin=$(realpath "$servotwin")
-tools="clang-19 llvm-profdata-19 llvm-cov-19"
-have_tools() {
-    for tool in $tools; do command -v "$tool" > /dev/null || return 1; done
-}
-have_tools || {
-    apt-get update && apt-get install --yes --no-install-recommends clang-19 llvm-19 libclang-rt-19-dev
-} >&2 || true
-have_tools || { echo "MC/DC needs $tools, and apt-get cannot install them" >&2; exit 1; }
+"$here/../need" clang-19=clang-19,libclang-rt-19-dev llvm-profdata-19=llvm-19
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 if [ $# -ge 2 ]; then

@@ -1,7 +1,6 @@
 """The exported C in the hands of independent checkers. Each also gets violations that it must find."""
 
 import csv
-import os
 import platform
 import re
 import shutil
@@ -9,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import binary
 
 pytestmark = pytest.mark.slow
 
@@ -67,7 +67,7 @@ def tool(name):
 @pytest.fixture(scope="module")
 def exported(learned, tmp_path_factory):
     folder = tmp_path_factory.mktemp("flight_code") / "export"
-    command = [os.environ["SERVOTWIN_BINARY"], "export", "c", "--model", str(learned)]
+    command = [binary(), "export", "c", "--model", str(learned)]
     subprocess.run([*command, "--out", str(folder)], check=True, capture_output=True)
     return folder
 
@@ -76,7 +76,7 @@ def exported(learned, tmp_path_factory):
 def single(learned, tmp_path_factory):
     """The diagnosis alone, in single precision."""
     folder = tmp_path_factory.mktemp("flight_code_single") / "export"
-    command = [os.environ["SERVOTWIN_BINARY"], "export", "c", "--precision", "f32", "--model", str(learned)]
+    command = [binary(), "export", "c", "--precision", "f32", "--model", str(learned)]
     subprocess.run([*command, "--out", str(folder)], check=True, capture_output=True)
     return folder
 

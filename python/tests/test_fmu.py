@@ -10,6 +10,7 @@ import zipfile
 import fmpy
 import numpy as np
 import pytest
+from conftest import binary
 from flown import flight
 from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
@@ -29,7 +30,7 @@ class Fmu:
     def __init__(self, version, folder, options=()):
         self.version = version
         self.path = str(folder / f"system{version}.fmu")
-        command = [os.environ["SERVOTWIN_BINARY"], "export", "fmu", "--fmi", str(version)]
+        command = [binary(), "export", "fmu", "--fmi", str(version)]
         subprocess.run([*command, *options, "--out", self.path], check=True, capture_output=True)
         self.description = read_model_description(self.path)
         self.folder = str(folder / f"unpacked{version}")
@@ -104,7 +105,7 @@ def expected(fmu, fault, folder):
     """The run of the command line with a step of the command after 0.1 s."""
     table = folder / "run.csv"
     names = ",".join(variable.name for variable in fmu.outputs)
-    command = [os.environ["SERVOTWIN_BINARY"], "simulate", "--command", "step:size=3deg,at=0.1s"]
+    command = [binary(), "simulate", "--command", "step:size=3deg,at=0.1s"]
     options = ["--fault", fault, "--record", names, "--duration", "2s", "--tolerance", "1e-8"]
     run = subprocess.run([*command, *options, "--out", table], capture_output=True, check=True)
     assert run.returncode == 0
@@ -121,8 +122,8 @@ def assert_near(found, right):
 def test_there_is_no_finding_and_no_need_of_another_library(fmu):
     assert validate_fmu(fmu.path) == []
     folders = os.path.join(fmu.folder, "binaries", "linux64" if fmu.version == 2 else "x86_64-linux")
-    binary = os.path.join(folders, os.listdir(folders)[0])
-    needed = subprocess.run(["readelf", "-d", binary], capture_output=True, text=True, check=True)
+    library = os.path.join(folders, os.listdir(folders)[0])
+    needed = subprocess.run(["readelf", "-d", library], capture_output=True, text=True, check=True)
     names = [line.split("[")[1].rstrip("]") for line in needed.stdout.splitlines() if "NEEDED" in line]
     assert names == ["libc.so.6"]
 

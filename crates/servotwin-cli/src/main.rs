@@ -62,7 +62,7 @@ pub(crate) struct Global {
         hide_default_value = true
     )]
     compile: Compile,
-    /// Check the options and the paths, then end. The tests of the book use it for commands that take minutes.
+    /// Check the options and the paths, then end. The tests of the book use it.
     #[arg(long, global = true, hide = true)]
     dry_run: bool,
 }

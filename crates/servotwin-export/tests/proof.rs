@@ -212,6 +212,12 @@ fn a_proof_finds_mistakes() {
 // Two tests, because tests run side by side.
 #[test]
 #[ignore = "slow: ./check --all"]
-fn a_proof_finds_every_mistake_of_forty() {
-    assert_finds_mistakes(40, 1);
+fn a_proof_finds_every_mistake_of_a_hundred() {
+    assert_finds_mistakes(110, 1);
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn and_of_another_hundred() {
+    assert_finds_mistakes(110, 2);
 }

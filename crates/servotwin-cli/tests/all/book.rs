@@ -1,6 +1,6 @@
-//! The book: every command of it is understood, and every short one is run, in the order of its page and in a folder of the page's own; what a block
-//! `text said` shows is what the command before it has said; its files are those that are shipped; its tables are what the
-//! program declares.
+//! The book: the program understands every command, and every short one is run, in the order of its page and in a folder
+//! of the page's own. What a block `text said` shows is what the command before it printed. Its files are those that are
+//! shipped, and its tables are what the program declares.
 //!
 //! `UPDATE=1 cargo test -p servotwin-cli --test all book` writes these tables anew.
 
@@ -85,21 +85,28 @@ pub(super) fn is_understood(folder: &Folder, line: &str) {
     assert!(output.status.success(), "{line}: {}", stderr(&output));
 }
 
-/// Writes the files that a page shows, and returns its commands in their order with whether they take minutes.
-fn commands_of(folder: &Folder, page: &str) -> Vec<(String, bool)> {
-    let mut found = vec![];
-    for (kind, text) in blocks(page) {
-        match kind.split_once(' ').unwrap_or((&kind, "")) {
+/// What a page shows beside its files.
+enum Shown<'p> {
+    Command { line: String, is_long: bool },
+    Said(&'p str),
+}
+
+/// Goes through the blocks of a page: writes its files, and visits the others, each in its place.
+fn walk(folder: &Folder, blocks: &[(String, String)], mut visit: impl FnMut(Shown)) {
+    for (kind, text) in blocks {
+        match kind.split_once(' ').unwrap_or((kind, "")) {
             ("sh", length) => {
-                found.extend(commands(&text).into_iter().map(|line| (line, length == "long")));
+                for line in commands(text) {
+                    visit(Shown::Command { line, is_long: length == "long" });
+                }
             }
+            ("text", "said") => visit(Shown::Said(text)),
             ("toml" | "csv", file) if !file.is_empty() => {
                 std::fs::write(folder.file(file), text).unwrap();
             }
             _ => {}
         }
     }
-    found
 }
 
 /// The endings of files that commands read and write.
@@ -119,8 +126,18 @@ fn named_inputs(line: &str) -> Vec<&str> {
     let is_file =
         |word: &str| ENDINGS.iter().any(|ending| word.ends_with(ending)) && !word.contains('=');
     let is_written = |before: &str| {
-        [">", "--out", "--plot", "--html", "--make-map", "--template", "--save", "--update"]
-            .contains(&before)
+        [
+            ">",
+            "--out",
+            "--plot",
+            "--html",
+            "--make-map",
+            "--template",
+            "--events",
+            "--mcap",
+            "--checkpoint",
+        ]
+        .contains(&before)
     };
     let pairs = words.windows(2).filter(|pair| is_file(pair[1]) && !is_written(pair[0]));
     pairs.map(|pair| pair[1]).collect()
@@ -142,18 +159,15 @@ fn every_command_of_the_book_is_understood_and_finds_its_files() {
     for name in pages() {
         let folder = Folder::new(&format!("read-{}", name.trim_end_matches(".md")));
         let mut before: Vec<String> = vec![];
-        for (line, _) in commands_of(&folder, &page(&name)) {
+        walk(&folder, &blocks(&page(&name)), |shown| {
+            let Shown::Command { line, .. } = shown else { return };
             is_understood(&folder, &line);
-            let missing = |file: &&str| !is_known(&folder, &before, file);
-            unknown.extend(
-                named_inputs(&line)
-                    .into_iter()
-                    .filter(missing)
-                    .map(|file| format!("{name}: {file}")),
-            );
+            let missing =
+                named_inputs(&line).into_iter().filter(|file| !is_known(&folder, &before, file));
+            unknown.extend(missing.map(|file| format!("{name}: {file}")));
             before.push(line);
             understood += 1;
-        }
+        });
     }
     assert_eq!(unknown, OF_READERS, "nothing writes these files");
     assert!(understood > 60, "{understood} commands");
@@ -177,20 +191,13 @@ fn a_command_without_what_it_needs_is_not_understood() {
 fn every_short_command_works(name: &str) {
     let folder = Folder::new(&format!("book-{}", name.trim_end_matches(".md")));
     let mut said = String::new();
-    for (kind, text) in blocks(&page(name)) {
-        match kind.split_once(' ').unwrap_or((&kind, "")) {
-            ("sh", length) if length != "long" => {
-                commands(&text).iter().for_each(|line| said = run_line(&folder, line));
-            }
-            ("text", "said") => {
-                assert!(said.contains(&text), "{name} shows:\n{text}\nand said is:\n{said}");
-            }
-            ("toml" | "csv", file) if !file.is_empty() => {
-                std::fs::write(folder.file(file), text).unwrap();
-            }
-            _ => {}
+    walk(&folder, &blocks(&page(name)), |shown| match shown {
+        Shown::Command { line, is_long: false } => said = run_line(&folder, &line),
+        Shown::Said(text) => {
+            assert!(said.contains(text), "{name} shows:\n{text}\nand said is:\n{said}");
         }
-    }
+        Shown::Command { .. } => {}
+    });
 }
 
 /// One test for each page with commands that are run, so that pages run side by side.
@@ -224,10 +231,7 @@ run_pages! {
 
 #[test]
 fn every_page_with_short_commands_is_run() {
-    let has_short = |name: &String| {
-        let folder = Folder::new(&format!("short-{}", name.trim_end_matches(".md")));
-        commands_of(&folder, &page(name)).iter().any(|(_, is_long)| !is_long)
-    };
+    let has_short = |name: &String| blocks(&page(name)).iter().any(|(kind, _)| kind == "sh");
     assert_eq!(pages().into_iter().filter(has_short).collect::<Vec<_>>(), RUN);
 }
 
