@@ -1,4 +1,4 @@
-//! MQTT: a broker of the test's own, which does what it is told and may fall silent, and mosquitto where it is installed.
+//! MQTT: a broker of the test's own, which does what it is told and may fall silent, and mosquitto.
 
 use servotwin_watch::source::{Address, Flaw, LogRow, Read, Source, SourceError, Wanted};
 use std::io::{Read as _, Write as _};
@@ -437,7 +437,7 @@ fn val_mosquitto_is_reached_by_tls_and_an_unknown_certificate_is_refused() {
     let broker = Mosquitto::start("tls", settings);
     let address = format!("mqtts://localhost:{}/rig/one", broker.port);
     let mut source = open(&format!("{address}?qos=1&ca={pem}"), &["t", "p"]).unwrap();
-    drop(source.read(&mut Row::default()));
+    drop(source.read(&mut LogRow::default()));
     let told = open(&address, &["t", "p"]).err().unwrap().to_string();
     assert!(told.contains("certificate"), "{told}");
     let told = open(&format!("{address}?ca={key}"), &["t", "p"]).err().unwrap().to_string();
