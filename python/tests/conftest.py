@@ -1,7 +1,7 @@
 """What several tests need."""
 
+import fcntl
 import os
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -30,10 +30,22 @@ def root():
 
 
 @pytest.fixture(scope="session")
-def learned(tmp_path_factory):
-    """The file of a diagnoser that the command line has learned from a tiny study."""
-    folder = tmp_path_factory.mktemp("flights")
-    (folder / "tiny.toml").write_text(STUDY)
-    command = [binary(), "flights", str(folder / "tiny.toml"), "--out", str(folder / "out")]
-    subprocess.run(command, check=True, capture_output=True)
-    return folder / "out" / "diagnoser-noise.json"
+def results(tmp_path_factory):
+    """The folder of a whole tiny study, run once for all processes of pytest; its file is beside it."""
+    base = tmp_path_factory.getbasetemp()
+    home = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "tiny-study"
+    home.mkdir(exist_ok=True)
+    out = home / "out"
+    with open(home / "lock", "w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not out.exists():
+            (home / "tiny.toml").write_text(STUDY)
+            servotwin.Study.parse(STUDY).run(home / "unfinished", progress=False)
+            (home / "unfinished").rename(out)
+    return out
+
+
+@pytest.fixture(scope="session")
+def learned(results):
+    """The file of a diagnoser of the tiny study."""
+    return results / "diagnoser-noise.json"

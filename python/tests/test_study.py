@@ -2,8 +2,8 @@
 
 import json
 import pickle
+import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,23 +18,9 @@ def study():
     return servotwin.Study.parse(STUDY)
 
 
-@pytest.fixture(scope="module")
-def folder(study, tmp_path_factory):
-    out = tmp_path_factory.mktemp("study")
-    told = []
-    ran = servotwin.campaign(study, out, progress=lambda *now: told.append(now))
-    assert told[-1][1] == told[-1][2]
-    assert {one.training for one in ran} == {True, False}
-    assert not any(one.failed for one in ran)
-    servotwin.train(out, progress=False)
-    servotwin.evaluate(out, progress=False)
-    servotwin.report(out)
-    return out
-
-
-def test_no_feature_column_holds_the_answer(folder, study):
+def test_no_feature_column_holds_the_answer(results, study):
     for training in (False, True):
-        table = servotwin.data_set(folder, "noise", training=training)
+        table = servotwin.data_set(results, "noise", training=training)
         features = servotwin.feature_columns(table)
         assert features == servotwin.feature_columns(table.to_pandas())
         assert len(features) > 50
@@ -62,48 +48,59 @@ def test_mistakes_of_a_study_have_their_places():
     assert line == "sample_hz = -50"
 
 
-def test_the_data_set_has_labels_and_features(folder, study):
-    table = servotwin.data_set(folder, "noise")
+def test_the_data_set_has_labels_and_features(results, study):
+    table = servotwin.data_set(results, "noise")
     assert {"unit", "command", "detail"} <= set(table.columns) or len(table.columns) > 50
     assert len(table) == len(study.faults) + 4
-    training = servotwin.data_set(folder, "noise", training=True)
+    training = servotwin.data_set(results, "noise", training=True)
     assert len(training) > len(table)
     with pytest.raises(servotwin.InputError):
-        servotwin.data_set(folder, "nois")
+        servotwin.data_set(results, "nois")
 
 
-def test_a_whole_run_gives_the_bytes_of_the_stages_and_its_results(study, folder, tmp_path):
-    told = []
-    results = study.run(tmp_path, progress=lambda *now: told.append(now))
-    assert {what for what, _, _ in told} > {"simulating ideal and noise"}
-    run, staged = contents(tmp_path), contents(folder)
-    data_sets = [name for name in staged if str(name).startswith(("dataset", "panel", "hierarchy"))]
-    assert data_sets and all(run[name] == staged[name] for name in data_sets)
-    assert results.evaluation == json.loads((tmp_path / "evaluation.json").read_text())
-    assert results.flights == json.loads((tmp_path / "flights.json").read_text())
-    assert results.data_card == (tmp_path / "data-card.md").read_text()
-    field = results.table("noise").to_arrow().schema.field("first_excursion_s")
+def test_the_results_of_a_whole_run_are_in_its_folder(study, results):
+    found = servotwin.Results(results)
+    assert found.evaluation == json.loads((results / "evaluation.json").read_text())
+    assert found.flights == json.loads((results / "flights.json").read_text())
+    assert found.data_card == (results / "data-card.md").read_text()
+    field = found.table("noise").to_arrow().schema.field("first_excursion_s")
     assert field.metadata[b"unit"] == b"s" and field.metadata[b"description"]
-    assert results.table("noise").to_arrow() == servotwin.data_set(tmp_path, "noise").to_arrow()
-    assert list(results.trees) == ["ideal", "noise", "realistic"]
-    written = servotwin.trees(tmp_path / "hierarchy-noise.json")
-    assert str(results.trees["noise"]["A"]) == str(written["A"])
-    assert results.diagnoser("noise").to_json() == servotwin.Diagnoser(tmp_path / "diagnoser-noise.json").to_json()
+    assert found.table("noise").to_arrow() == servotwin.data_set(results, "noise").to_arrow()
+    assert list(found.trees) == ["ideal", "noise", "realistic"]
+    written = servotwin.trees(results / "hierarchy-noise.json")
+    assert str(found.trees["noise"]["A"]) == str(written["A"])
+    diagnoser = found.diagnoser("noise")
+    assert diagnoser.to_json() == servotwin.Diagnoser(results / "diagnoser-noise.json").to_json()
     log = servotwin.simulate(
         study.system,
         inputs={"command": "noise:rms=3deg,bandwidth=1Hz,seed=9"},
-        sample_period_s=results.diagnoser("noise").sample_period_s,
+        sample_period_s=diagnoser.sample_period_s,
         duration_s=3,
     )
-    found = servotwin.watch(study, results.diagnoser("noise"), log)
-    assert found.columns[:3] == ["time_s", "state", "phase"]
-    assert found["time_s"][0] == 0 and found["state"][0] == "no data"
-    assert results.report().path == tmp_path / "report.html"
-    assert "<iframe" in results.report()._repr_html_()
-    again = pickle.loads(pickle.dumps(servotwin.Results(tmp_path)))
-    assert (again.folder, repr(again)) == (tmp_path, repr(results))
+    watched = servotwin.watch(study, diagnoser, log)
+    assert watched.columns[:3] == ["time_s", "state", "phase"]
+    assert watched["time_s"][0] == 0 and watched["state"][0] == "no data"
+    assert found.report().path == results / "report.html"
+    assert "<iframe" in found.report()._repr_html_()
+    again = pickle.loads(pickle.dumps(found))
+    assert (again.folder, repr(again)) == (results, repr(found))
     with pytest.raises(servotwin.InputError, match="no scenario 'nois'"):
-        results.table("nois")
+        found.table("nois")
+
+
+@pytest.mark.slow
+def test_the_stages_give_the_bytes_of_a_whole_run(study, results, tmp_path):
+    told = []
+    ran = servotwin.campaign(study, tmp_path, progress=lambda *now: told.append(now))
+    assert told[-1][1] == told[-1][2]
+    assert {one.training for one in ran} == {True, False}
+    assert not any(one.failed for one in ran)
+    servotwin.train(tmp_path, progress=False)
+    servotwin.evaluate(tmp_path, progress=False)
+    servotwin.report(tmp_path)
+    staged, whole = contents(tmp_path), contents(results)
+    same = [name for name in staged if name.startswith(("dataset", "panel", "hierarchy"))]
+    assert same and all(staged[name] == whole[name] for name in same)
 
 
 def test_a_record_is_fitted():
@@ -129,7 +126,9 @@ def test_a_folder_without_results_is_refused(study, tmp_path):
         servotwin.Results(tmp_path)
 
 
-def test_stages_run_again_give_the_same_bytes(folder, study, tmp_path):
+def test_stages_run_again_give_the_same_bytes(study, results, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(results, folder)
     before = contents(folder)
     assert {"evaluation.json", "report.html", "manifest.json"} <= set(before)
     ran = servotwin.campaign(study, folder, threads=1, progress=False)
@@ -139,22 +138,19 @@ def test_stages_run_again_give_the_same_bytes(folder, study, tmp_path):
     assert {name for name in before if before[name] != after[name]} == set()
 
 
-def test_the_command_line_gives_the_same_bytes(folder, study, tmp_path):
-    (tmp_path / "tiny.toml").write_text(STUDY)
-    out = tmp_path / "out"
-    for arguments in (["campaign", tmp_path / "tiny.toml", "--out", out], ["train", out]):
-        subprocess.run([binary(), *map(str, arguments)], check=True, capture_output=True)
-    for arguments in (["evaluate", out], ["report", out]):
-        subprocess.run([binary(), *map(str, arguments)], check=True, capture_output=True)
-    assert contents(out) == contents(folder)
+@pytest.mark.slow
+def test_the_command_line_gives_the_same_bytes(results, tmp_path):
+    study = results.parent / "tiny.toml"
+    subprocess.run([binary(), "study", str(study), "--out", str(tmp_path)], check=True, capture_output=True)
+    assert contents(tmp_path) == contents(results)
 
 
-def test_parts_are_joined_to_the_same_bytes(folder, study, tmp_path):
+def test_parts_are_joined_to_the_same_bytes(results, study, tmp_path):
     for part in ("2/3", "1/3", "3/3"):
         servotwin.campaign(study, tmp_path, part=part, progress=False)
         assert not list(tmp_path.glob("dataset*"))
     servotwin.merge(tmp_path, progress=False)
-    joined, whole = contents(tmp_path), contents(folder)
+    joined, whole = contents(tmp_path), contents(results)
     for name in joined:
         if name != "manifest.json":
             assert joined[name] == whole[name], name
@@ -186,8 +182,8 @@ def test_an_empty_folder_says_which_stage_is_missing(tmp_path):
     assert raised.value.file == str(tmp_path)
 
 
-def test_trees_are_data_and_drawn(folder):
-    trees = servotwin.trees(folder / "hierarchy-noise.json")
+def test_trees_are_data_and_drawn(results):
+    trees = servotwin.trees(results / "hierarchy-noise.json")
     top = trees["A"]
     nodes = top.nodes
     leaves = nodes["left"] < 0
@@ -199,10 +195,10 @@ def test_trees_are_data_and_drawn(folder):
     assert str(again) == str(top)
 
 
-def test_reports_show_themselves(folder):
-    report = servotwin.Report(Path(folder) / "report.html")
+def test_reports_show_themselves(results):
+    report = servotwin.Report(results / "report.html")
     assert report._repr_html_().startswith("<iframe")
-    results = json.loads((folder / "evaluation.json").read_text())
+    results = json.loads((results / "evaluation.json").read_text())
     assert results
 
 

@@ -40,6 +40,7 @@ def test_a_program_is_clean_and_slips_are_found(tmp_path):
     assert mypy(str(other)).returncode != 0
 
 
+@pytest.mark.slow
 def test_stubs_and_module_agree():
     command = [sys.executable, "-m", "mypy.stubtest", "servotwin._servotwin", "--ignore-disjoint-bases"]
     done = subprocess.run(command, capture_output=True, text=True)

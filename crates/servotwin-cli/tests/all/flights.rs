@@ -20,6 +20,7 @@ pub fn learned(folder: &Folder) -> [String; 2] {
         let [study, out] = [&study, &out].map(|path| path.to_str().unwrap());
         let output = servotwin(&["flights", study, "--out", out]);
         assert!(output.status.success(), "{}", stderr(&output));
+        std::fs::write(path.join("said.txt"), stdout(&output)).unwrap();
     });
     copy_folder(learned, &folder.0);
     [folder.file("tiny.toml"), folder.file("out/diagnoser-realistic.json")]
@@ -28,15 +29,13 @@ pub fn learned(folder: &Folder) -> [String; 2] {
 #[test]
 fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() {
     let folder = Folder::new("flights");
-    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    std::fs::write(&study, tiny()).unwrap();
-    let full = servotwin(&["flights", &study, "--out", &out, "--full"]);
+    let ([study, _], out) = (learned(&folder), folder.file("out"));
+    let none = folder.file("none");
+    let full = servotwin(&["flights", &study, "--out", &none, "--full"]);
     assert_eq!(full.status.code(), Some(2));
     assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
-    assert!(!Path::new(&out).exists());
-    let output = servotwin(&["flights", &study, "--out", &out]);
-    let text = stdout(&output);
-    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(!Path::new(&none).exists());
+    let text = std::fs::read_to_string(folder.file("said.txt")).unwrap();
     assert!(
         text.starts_with(
             "noise: 6 flights with a fault, 0 not finished (0 of those to learn from)\n"
@@ -164,6 +163,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn settings_flown_one_after_the_other_are_those_flown_together() {
     let folder = Folder::new("one-setting");
     let (study, together) = (folder.file("tiny.toml"), folder.file("together"));
@@ -349,6 +349,7 @@ fn in_folder(folder: &Folder, arguments: &[&str]) -> std::process::Output {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn sealed_flights_are_recorded_before_they_are_flown_and_each_opening_has_other_environments() {
     let folder = Folder::new("sealed");
     let [study, _] = learned(&folder);
