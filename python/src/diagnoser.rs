@@ -257,7 +257,7 @@ impl Diagnoser {
         Ok(self.session.switched_off(unit).map_err(Failure::from)?)
     }
 
-    /// Report that an actuator is on again; it is judged from now on.
+    /// Report that an actuator is on again. It is judged from now on, and what was raised for it is withdrawn.
     ///
     /// Parameters
     /// ----------
@@ -268,7 +268,12 @@ impl Diagnoser {
         Ok(self.session.release(unit).map_err(Failure::from)?)
     }
 
-    /// Forget all samples, as after a gap in the log. Actuators that are off stay off.
+    /// Withdraw everything that was raised. What still has evidence is raised again.
+    fn reset_alarm(&mut self) {
+        self.session.reset_alarm();
+    }
+
+    /// Forget all samples, as after a gap in the log. What is raised stands, and actuators that are off stay off.
     fn restart(&mut self) {
         self.session.restart();
     }

@@ -195,7 +195,10 @@ void prove_row(const servotwin_session *session, int32_t view, double *into)
     give(session->scratch.rows[view], SERVOTWIN_FEATURES, into);
 }
 
-/* The commands of the flight control computer: 0 switched off, 1 released, 2 not judged, 3 judged, 4 taken out, 5 put back. */
+/*
+ * The commands of the flight control computer: 0 switched off, 1 released, 2 not judged, 3 judged, 4 taken out, 5 put back,
+ * 6 switched on, 7 the alarm is reset.
+ */
 void prove_command(servotwin_session *session, int32_t command, int32_t place);
 void prove_command(servotwin_session *session, int32_t command, int32_t place)
 {
@@ -209,6 +212,12 @@ void prove_command(servotwin_session *session, int32_t command, int32_t place)
     case 2:
     case 3:
         servotwin_session_inhibit(session, place, command == 2);
+        break;
+    case 6:
+        servotwin_session_switched_on(session, place);
+        break;
+    case 7:
+        servotwin_session_reset_alarm(session);
         break;
     default:
         servotwin_session_take_out(session, place, command == 4);

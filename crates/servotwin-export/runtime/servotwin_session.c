@@ -19,7 +19,10 @@ static bool is_missing(servotwin_real value)
     return value != value;
 }
 
-/* ---- The alarm: what may be raised, what is raised, and what is off. ---- */
+/*
+ * ---- The alarm. An action is active while it has evidence and for some time after. A shutdown also stands until it is
+ * withdrawn: neither a gap nor healthy residuals nor a switch take it back. ----
+ */
 
 static bool is_masked(const servotwin_session *session, int32_t actuator)
 {
@@ -31,68 +34,101 @@ static bool switches_off(int32_t action)
     return servotwin_switches_off[action] != 0U;
 }
 
-static bool is_latched(const servotwin_session *session)
+static void drop_active(servotwin_session *session)
 {
-    const servotwin_raised *raised = &session->outcome.raised;
-    return raised->is_raised && switches_off(raised->action);
-}
-
-static void drop_raised(servotwin_session *session)
-{
-    session->outcome.raised.is_raised = false;
+    session->active.is_raised = false;
     session->is_recovering = false;
 }
 
-static void drop_raised_of(servotwin_session *session, int32_t actuator)
+static void drop_active_of(servotwin_session *session, int32_t actuator)
 {
-    if (session->outcome.raised.is_raised && (session->outcome.raised.actuator == actuator)) {
-        drop_raised(session);
+    if (session->active.is_raised && (session->active.actuator == actuator)) {
+        drop_active(session);
     }
 }
 
+/* The first shutdown that stands for a judged actuator; NULL if there is none. */
+static const servotwin_raised *shutdown_to_carry_out(const servotwin_session *session)
+{
+    const servotwin_raised *found = NULL;
+    for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+        if ((found == NULL) && session->stands[actuator].is_raised && !is_masked(session, actuator)) {
+            found = &session->stands[actuator];
+        }
+    }
+    return found;
+}
+
+/* The action to carry out. */
+static const servotwin_raised *raised_action(const servotwin_session *session)
+{
+    const servotwin_raised *raised = shutdown_to_carry_out(session);
+    return (raised != NULL) ? raised : &session->active;
+}
+
+static bool is_another(const servotwin_raised *raised, int32_t actuator)
+{
+    return raised->is_raised && (raised->actuator != actuator);
+}
+
 /*
- * Whether a hypothesis may be raised at all. For a shutdown, enough other actuators must be on and never have been claimed
- * off, and no other actuator may have an alarm.
+ * Whether a hypothesis may be raised at all. For a shutdown, enough other actuators must be on without a shutdown that
+ * stands, and no other actuator may have an alarm.
  */
 static bool allows(const servotwin_session *session, int32_t claim)
 {
     const int32_t actuator = servotwin_actuator_of(claim);
     int32_t others = 0;
     for (int32_t other = 0; other < SERVOTWIN_ACTUATORS; other++) {
-        if ((other != actuator) && !session->is_off[other] && !session->was_claimed_off[other]) {
+        if ((other != actuator) && !session->is_off[other] && !session->stands[other].is_raised) {
             others++;
         }
     }
-    const bool is_another_raised = session->outcome.raised.is_raised && (session->outcome.raised.actuator != actuator);
+    const bool is_another_raised =
+        is_another(raised_action(session), actuator) || is_another(&session->active, actuator);
     const bool may_switch_off = (others >= servotwin_tuning.least_on) && !is_another_raised;
     return !is_masked(session, actuator) && (!switches_off(servotwin_action_of(claim)) || may_switch_off);
 }
 
-/* Raises an allowed action, or updates the raised one. A latched alarm gives way to no other. */
-static void raise_action(servotwin_session *session, const servotwin_raised *candidate)
+static bool is_same_action(const servotwin_raised *a, const servotwin_raised *b)
 {
-    servotwin_raised *raised = &session->outcome.raised;
-    const int32_t claim = servotwin_hypothesis_of(candidate->actuator, candidate->action);
-    if (raised->is_raised && (raised->actuator == candidate->actuator) && (raised->action == candidate->action)) {
-        if (candidate->detail != SERVOTWIN_NONE) {
-            raised->detail = candidate->detail;
-        }
-        raised->length = candidate->length;
-        raised->confidence = candidate->confidence;
-    } else if (!is_latched(session) && allows(session, claim)) {
-        *raised = *candidate;
-        session->was_claimed_off[candidate->actuator] =
-            session->was_claimed_off[candidate->actuator] || switches_off(candidate->action);
-    } else {
-        /* The raised action stays. */
-    }
-    session->is_recovering = false;
+    return a->is_raised && b->is_raised && (a->actuator == b->actuator) && (a->action == b->action);
 }
 
-/* Without evidence for long enough, an alarm that is not latched ends. */
+/*
+ * Raises an allowed action, or updates the active one; a shutdown with evidence gives way to no other. Returns whether the
+ * action is active.
+ */
+static bool raise_action(servotwin_session *session, const servotwin_raised *candidate)
+{
+    const int32_t actuator = candidate->actuator;
+    const int32_t claim = servotwin_hypothesis_of(actuator, candidate->action);
+    const bool is_active = is_same_action(&session->active, candidate);
+    const bool is_standing = is_same_action(&session->stands[actuator], candidate);
+    const bool is_held = session->active.is_raised && !session->is_recovering && !is_active
+        && switches_off(session->active.action);
+    const bool is_allowed = is_active || is_standing || allows(session, claim);
+    const bool is_raised = is_allowed && !is_held && !is_masked(session, actuator);
+    if (is_raised) {
+        servotwin_raised raised = *candidate;
+        if (is_active || is_standing) {
+            const servotwin_raised *known = is_active ? &session->active : &session->stands[actuator];
+            raised.detail = (candidate->detail != SERVOTWIN_NONE) ? candidate->detail : known->detail;
+            raised.sample = known->sample;
+        }
+        session->active = raised;
+        if (switches_off(raised.action)) {
+            session->stands[actuator] = raised;
+        }
+        session->is_recovering = false;
+    }
+    return is_raised;
+}
+
+/* Without evidence for long enough, an action is active no more. */
 static void hold(servotwin_session *session, bool has_evidence)
 {
-    if (has_evidence || !session->outcome.raised.is_raised || is_latched(session)) {
+    if (has_evidence || !session->active.is_raised) {
         session->is_recovering = false;
     } else {
         if (!session->is_recovering) {
@@ -100,9 +136,29 @@ static void hold(servotwin_session *session, bool has_evidence)
             session->recovering_since = session->outcome.sample;
         }
         if ((session->outcome.sample - session->recovering_since) >= servotwin_tuning.recover_samples) {
-            drop_raised(session);
+            drop_active(session);
         }
     }
+}
+
+static void withdraw(servotwin_session *session, int32_t actuator)
+{
+    session->stands[actuator].is_raised = false;
+    drop_active_of(session, actuator);
+}
+
+/* The alarm of the raised action, or of none. */
+static servotwin_alarm alarm_of(const servotwin_session *session, bool is_pending)
+{
+    servotwin_alarm alarm = is_pending ? SERVOTWIN_PENDING : SERVOTWIN_NORMAL;
+    if (shutdown_to_carry_out(session) != NULL) {
+        alarm = SERVOTWIN_RAISED;
+    } else if (session->active.is_raised) {
+        alarm = session->is_recovering ? SERVOTWIN_RECOVERING : SERVOTWIN_RAISED;
+    } else {
+        /* Nothing is raised. */
+    }
+    return alarm;
 }
 
 /* ---- What is said. ---- */
@@ -142,6 +198,7 @@ static void say(servotwin_session *session, const servotwin_outcome *said)
     outcome->detail = said->detail;
     outcome->input = said->input;
     outcome->why = said->why;
+    outcome->raised = *raised_action(session);
     if ((said->finding == SERVOTWIN_UNJUDGED) || (said->finding == SERVOTWIN_ENVIRONMENT_INVALID)) {
         outcome->confidence = 0.0;
         outcome->length = SERVOTWIN_NONE;
@@ -154,16 +211,6 @@ static void say_unjudged(servotwin_session *session, servotwin_alarm alarm)
 {
     const servotwin_outcome said = finding_of(SERVOTWIN_UNJUDGED, alarm);
     say(session, &said);
-}
-
-/* The alarm state of the raised action, or of none. */
-static servotwin_alarm own_alarm(const servotwin_session *session, bool is_pending)
-{
-    servotwin_alarm alarm = is_pending ? SERVOTWIN_PENDING : SERVOTWIN_NORMAL;
-    if (session->outcome.raised.is_raised) {
-        alarm = session->is_recovering ? SERVOTWIN_RECOVERING : SERVOTWIN_RAISED;
-    }
-    return alarm;
 }
 
 /* ---- Starting again. ---- */
@@ -189,11 +236,13 @@ static void restart(servotwin_session *session)
 {
     clear_windows(session);
     session->settling = servotwin_tuning.settle_samples;
-    say_unjudged(session, session->outcome.raised.is_raised ? SERVOTWIN_RAISED : SERVOTWIN_NORMAL);
+    say_unjudged(session, alarm_of(session, false));
 }
 
 bool servotwin_session_start(servotwin_session *session)
 {
+    const servotwin_raised nothing_raised = {
+        false, SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 0U, SERVOTWIN_NONE, REAL(0.0)};
     session->samples = 0U;
     session->settling = 0U;
     session->gap = 0U;
@@ -210,10 +259,11 @@ bool servotwin_session_start(servotwin_session *session)
         session->corrected[sensor] = 0.0;
     }
     for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+        session->stands[actuator] = nothing_raised;
         session->is_off[actuator] = false;
-        session->was_claimed_off[actuator] = false;
         session->is_inhibited[actuator] = false;
     }
+    session->active = nothing_raised;
     session->recovering_since = 0U;
     session->outcome = finding_of(SERVOTWIN_UNJUDGED, SERVOTWIN_NORMAL);
     session->outcome.sample = 0U;
@@ -223,13 +273,8 @@ bool servotwin_session_start(servotwin_session *session)
     session->outcome.worst_sensor = SERVOTWIN_NONE;
     session->outcome.worst = 0.0;
     session->outcome.lost = 0;
-    session->outcome.raised.actuator = SERVOTWIN_NONE;
-    session->outcome.raised.action = SERVOTWIN_NONE;
-    session->outcome.raised.detail = SERVOTWIN_NONE;
-    session->outcome.raised.sample = 0U;
-    session->outcome.raised.length = SERVOTWIN_NONE;
-    session->outcome.raised.confidence = 0.0;
-    drop_raised(session);
+    session->outcome.raised = nothing_raised;
+    session->is_recovering = false;
     clear_windows(session);
     return servotwin_rounds_twice() != 0;
 }
@@ -237,24 +282,36 @@ bool servotwin_session_start(servotwin_session *session)
 void servotwin_session_switched_off(servotwin_session *session, int32_t actuator)
 {
     session->is_off[actuator] = true;
-    session->was_claimed_off[actuator] = true;
-    drop_raised_of(session, actuator);
+    drop_active_of(session, actuator);
+    restart(session);
+}
+
+void servotwin_session_switched_on(servotwin_session *session, int32_t actuator)
+{
+    session->is_off[actuator] = false;
+    drop_active_of(session, actuator);
     restart(session);
 }
 
 void servotwin_session_release(servotwin_session *session, int32_t actuator)
 {
-    session->is_off[actuator] = false;
-    session->was_claimed_off[actuator] = false;
-    drop_raised_of(session, actuator);
-    restart(session);
+    withdraw(session, actuator);
+    servotwin_session_switched_on(session, actuator);
+}
+
+void servotwin_session_reset_alarm(servotwin_session *session)
+{
+    for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
+        withdraw(session, actuator);
+    }
+    say_unjudged(session, SERVOTWIN_NORMAL);
 }
 
 void servotwin_session_inhibit(servotwin_session *session, int32_t actuator, bool is_inhibited)
 {
     session->is_inhibited[actuator] = is_inhibited;
     if (is_inhibited) {
-        drop_raised_of(session, actuator);
+        drop_active_of(session, actuator);
     }
     restart(session);
 }
@@ -588,10 +645,10 @@ static bool find_candidate(const servotwin_session *session, servotwin_raised *c
     return is_found;
 }
 
-/* Whether any length still has some evidence for the raised action. */
+/* Whether any length still has some evidence for the active action. */
 static bool has_evidence(const servotwin_session *session)
 {
-    const servotwin_raised *raised = &session->outcome.raised;
+    const servotwin_raised *raised = &session->active;
     bool has = false;
     if (raised->is_raised) {
         const int32_t claim = servotwin_hypothesis_of(raised->actuator, raised->action);
@@ -691,7 +748,7 @@ static void tell(servotwin_session *session, const servotwin_outcome *said, int3
         break;
     case SERVOTWIN_ACTION:
     case SERVOTWIN_DETAIL:
-        outcome->confidence = outcome->raised.confidence;
+        outcome->confidence = session->active.confidence;
         break;
     case SERVOTWIN_UNJUDGED:
     case SERVOTWIN_ENVIRONMENT_INVALID:
@@ -722,14 +779,12 @@ static bool is_any_pending(const servotwin_session *session)
 static void decide(servotwin_session *session)
 {
     const int32_t withheld = withheld_input(session);
-    servotwin_raised candidate = session->outcome.raised;
-    if (find_candidate(session, &candidate)) {
-        raise_action(session, &candidate);
-    } else {
+    servotwin_raised candidate = session->active;
+    if (!find_candidate(session, &candidate) || !raise_action(session, &candidate)) {
         hold(session, has_evidence(session));
     }
-    const servotwin_raised *raised = &session->outcome.raised;
-    servotwin_outcome said = finding_of(SERVOTWIN_NO_FAULT, own_alarm(session, is_any_pending(session)));
+    const servotwin_raised *raised = &session->active;
+    servotwin_outcome said = finding_of(SERVOTWIN_NO_FAULT, alarm_of(session, is_any_pending(session)));
     int32_t length = 0;
     if (raised->is_raised) {
         said.finding = (raised->detail != SERVOTWIN_NONE) ? SERVOTWIN_DETAIL : SERVOTWIN_ACTION;
@@ -793,14 +848,13 @@ static bool add_to_windows(servotwin_session *session, const servotwin_real *twi
     return has_new;
 }
 
-static void take_sample(servotwin_session *session, const servotwin_real *twin)
+static void take_sample(servotwin_session *session, const servotwin_real *twin, bool is_settled)
 {
     const bool is_lacking =
         (session->outcome.alarm == SERVOTWIN_NO_DATA) || (session->outcome.alarm == SERVOTWIN_ERROR);
     session->gap = 0U;
-    if (session->settling > 0U) {
-        session->settling--;
-        say_unjudged(session, own_alarm(session, false));
+    if (!is_settled) {
+        say_unjudged(session, alarm_of(session, false));
     } else {
         const bool has_new = add_to_windows(session, twin);
         if (has_new) {
@@ -809,7 +863,7 @@ static void take_sample(servotwin_session *session, const servotwin_real *twin)
         if (has_new && session->has_judged) {
             decide(session);
         } else if (is_lacking || !session->has_judged) {
-            say_unjudged(session, own_alarm(session, false));
+            say_unjudged(session, alarm_of(session, false));
         } else {
             /* What was found stays. */
         }
@@ -826,9 +880,14 @@ const servotwin_outcome *servotwin_session_push(
     if (!is_plausible(session, inputs, &invalid)) {
         distrust(session, &invalid);
     } else {
+        /* The twin settles by its inputs, whether or not all sensors are there. */
+        const bool is_settled = (session->settling == 0U);
+        if (!is_settled) {
+            session->settling--;
+        }
         switch (copy_measured(session, measured, twin)) {
         case USABLE:
-            take_sample(session, twin);
+            take_sample(session, twin, is_settled);
             break;
         case MISSING_VALUE:
             lack(session, SERVOTWIN_NO_DATA);
@@ -839,5 +898,14 @@ const servotwin_outcome *servotwin_session_push(
             break;
         }
     }
+    return &session->outcome;
+}
+
+const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *session)
+{
+    session->outcome.sample = session->samples;
+    session->samples++;
+    restart(session);
+    say_unjudged(session, SERVOTWIN_ERROR);
     return &session->outcome;
 }

@@ -61,7 +61,7 @@ typedef struct {
     int32_t input; /* the implausible input */
     servotwin_why why;
     servotwin_alarm alarm;
-    servotwin_raised raised;
+    servotwin_raised raised; /* the action to carry out, whatever the finding; a shutdown before everything else */
     servotwin_real confidence; /* probability of the finding */
     int32_t length; /* the window length that found it */
     int32_t worst_sensor; /* the largest residual, in parts of its band */
@@ -93,10 +93,11 @@ typedef struct {
     servotwin_doubt doubts[SERVOTWIN_LENGTHS][SERVOTWIN_MOST_BOUNDARIES];
     servotwin_scratch scratch;
     /* Alarm. */
+    servotwin_raised active; /* the action whose evidence has not ended for long enough */
     bool is_recovering;
     uint64_t recovering_since;
+    servotwin_raised stands[SERVOTWIN_ACTUATORS]; /* shutdowns that were raised and not withdrawn */
     bool is_off[SERVOTWIN_ACTUATORS];
-    bool was_claimed_off[SERVOTWIN_ACTUATORS];
     bool is_inhibited[SERVOTWIN_ACTUATORS];
     servotwin_outcome outcome;
 } servotwin_session;
@@ -109,11 +110,20 @@ const servotwin_outcome *servotwin_session_push(
     servotwin_session *session, const servotwin_real *inputs, const servotwin_real *measured,
     const servotwin_real *twin);
 
-/* The flight control computer switched an actuator off; it is no longer judged. */
+/* Takes a sample for which the twin could not be simulated. The next one needs a twin that settles again. */
+const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *session);
+
+/* The flight control computer switched an actuator off; it is no longer judged. A shutdown raised for it stands. */
 void servotwin_session_switched_off(servotwin_session *session, int32_t actuator);
 
-/* An actuator is on and judged again, and its raised action is withdrawn. */
+/* An actuator is on and judged again. A shutdown that stands for it is raised again. */
+void servotwin_session_switched_on(servotwin_session *session, int32_t actuator);
+
+/* An actuator is on and judged again, and what was raised for it is withdrawn. */
 void servotwin_session_release(servotwin_session *session, int32_t actuator);
+
+/* Withdraws everything that was raised. What still has evidence is raised again. */
+void servotwin_session_reset_alarm(servotwin_session *session);
 
 /* Stops or resumes judging an actuator that is on. */
 void servotwin_session_inhibit(servotwin_session *session, int32_t actuator, bool is_inhibited);

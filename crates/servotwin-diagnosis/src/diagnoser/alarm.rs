@@ -1,11 +1,16 @@
-//! The raised action, the actuators that are off, and the rules that restrict what may be raised.
+//! The raised action, the shutdowns that stand, the actuators that are off, and the rules that restrict what may be
+//! raised.
+//!
+//! An action is *active* while it has evidence, and `recover_s` longer. A shutdown also *stands* until it is withdrawn:
+//! neither a gap nor healthy residuals nor a switch take it back. While it stands, everything else is judged and may
+//! become active, but no other actuator may be shut down.
 
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::decision::Hypotheses;
-use super::outcome::{Places, Raised};
+use super::outcome::{Alarm, Places, Raised};
 use super::tuning::Tuning;
 use crate::hierarchy::Names;
 
@@ -13,13 +18,14 @@ use crate::hierarchy::Names;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AlarmMemory {
-    pub raised: Option<Raised>,
-    /// First sample without evidence for the raised action.
+    /// The action whose evidence has not ended for long enough.
+    pub active: Option<Raised>,
+    /// First sample without evidence for the active action.
     recovering_since: Option<u64>,
+    /// For each actuator, the shutdown that was raised and not withdrawn.
+    pub stands: Vec<Option<Raised>>,
     /// Actuators that were switched off.
     pub is_off: Vec<bool>,
-    /// Actuators whose shutdown was ever raised, until they are released.
-    was_claimed_off: Vec<bool>,
     /// Actuators that are on but not judged.
     pub is_inhibited: Vec<bool>,
 }
@@ -52,32 +58,53 @@ impl AlarmRules {
 impl AlarmMemory {
     pub fn new(actuators: usize) -> Self {
         AlarmMemory {
-            raised: None,
+            active: None,
             recovering_since: None,
+            stands: vec![None; actuators],
             is_off: vec![false; actuators],
-            was_claimed_off: vec![false; actuators],
             is_inhibited: vec![false; actuators],
         }
     }
 
     /// Clears everything.
     pub fn clear(&mut self) {
-        self.drop_raised();
-        for list in [&mut self.is_off, &mut self.was_claimed_off, &mut self.is_inhibited] {
-            list.fill(false);
-        }
+        self.withdraw_all();
+        self.is_off.fill(false);
+        self.is_inhibited.fill(false);
     }
 
     /// Whether a stored memory fits the names, window lengths and samples so far.
     pub fn fits(&self, places: &Places, samples: u64) -> bool {
-        let lists = [&self.is_off, &self.was_claimed_off, &self.is_inhibited];
-        lists.iter().all(|list| list.len() == places.hypotheses.actuators)
-            && self.raised.as_ref().is_none_or(|raised| raised.fits(places, samples))
+        let actuators = places.hypotheses.actuators;
+        let mut stands = (0_u32..).zip(&self.stands);
+        [self.stands.len(), self.is_off.len(), self.is_inhibited.len()] == [actuators; 3]
+            && stands.all(|(own, stands)| stands.is_none_or(|raised| raised.actuator == own))
+            && self.stands.iter().chain([&self.active]).flatten().all(|r| r.fits(places, samples))
             && self.recovering_since.is_none_or(|since| since <= samples)
     }
 
+    /// The action to carry out: a shutdown that stands for a judged actuator before the active action.
+    pub fn raised(&self) -> Option<Raised> {
+        self.shutdown().or(self.active)
+    }
+
+    fn shutdown(&self) -> Option<Raised> {
+        let is_judged = |raised: &Raised| !self.is_masked(raised.actuator as usize);
+        self.stands.iter().flatten().copied().find(is_judged)
+    }
+
+    /// The alarm of the raised action, or of none.
+    pub fn state(&self, is_pending: bool) -> Alarm {
+        match (self.shutdown(), self.active) {
+            (None, Some(_)) if self.recovering_since.is_some() => Alarm::Recovering,
+            (None, None) if is_pending => Alarm::Pending,
+            (None, None) => Alarm::Normal,
+            _ => Alarm::Raised,
+        }
+    }
+
     /// Whether a hypothesis may be raised at all. Its actuator must be judged. For a shutdown, enough other actuators
-    /// must be on and never have been claimed off, and no other actuator may have an alarm. Two failures within seconds
+    /// must be on without a shutdown that stands, and no other actuator may have an alarm. Two failures within seconds
     /// are less likely than one failure that now looks different.
     pub fn allows(&self, rules: &AlarmRules, hypothesis: usize) -> bool {
         let Some((actuator, action)) = rules.hypotheses.split(hypothesis) else { return false };
@@ -85,57 +112,57 @@ impl AlarmMemory {
             return false;
         }
         let stays_on = |other: &usize| {
-            *other != actuator && !self.is_off[*other] && !self.was_claimed_off[*other]
+            *other != actuator && !self.is_off[*other] && self.stands[*other].is_none()
         };
         let others = (0..self.is_off.len()).filter(stays_on).count();
+        let is_another = |raised: Raised| raised.actuator as usize != actuator;
         let is_another_raised =
-            self.raised.is_some_and(|raised| raised.actuator as usize != actuator);
+            self.raised().is_some_and(is_another) || self.active.is_some_and(is_another);
         !rules.switches_off[action] || (others >= rules.least_on && !is_another_raised)
     }
 
-    /// Whether the raised action is latched, because it switches off.
-    pub fn is_latched(&self, rules: &AlarmRules) -> bool {
-        self.raised.is_some_and(|raised| rules.switches_off(raised.action))
-    }
-
-    /// Whether the evidence for the raised action has ended.
-    pub fn is_recovering(&self) -> bool {
-        self.recovering_since.is_some()
-    }
-
-    /// The raised hypothesis.
+    /// The active hypothesis.
     pub fn hypothesis(&self, rules: &AlarmRules) -> Option<usize> {
-        self.raised.map(|r| rules.hypotheses.place(r.actuator as usize, r.action as usize))
+        self.active.map(|r| rules.hypotheses.place(r.actuator as usize, r.action as usize))
     }
 
-    /// Raises an allowed action, or updates the raised one. A latched alarm gives way to no other.
-    pub fn raise(&mut self, rules: &AlarmRules, new: Raised) {
+    /// Raises an allowed action, or updates the active one; a shutdown with evidence gives way to no other. Returns
+    /// whether the action is active.
+    pub fn raise(&mut self, rules: &AlarmRules, new: Raised) -> bool {
+        let (actuator, is_shutdown) = (new.actuator as usize, rules.switches_off(new.action));
         let same = |old: &Raised| (old.actuator, old.action) == (new.actuator, new.action);
-        let hypothesis = rules.hypotheses.place(new.actuator as usize, new.action as usize);
-        if let Some(old) = self.raised.filter(same) {
-            self.raised =
-                Some(Raised { detail: new.detail.or(old.detail), sample: old.sample, ..new });
-        } else if !self.is_latched(rules) && self.allows(rules, hypothesis) {
-            self.raised = Some(new);
-            self.was_claimed_off[new.actuator as usize] |= rules.switches_off(new.action);
+        let known = self.active.filter(same).or(self.stands[actuator].filter(same));
+        let is_held = self.recovering_since.is_none()
+            && self.active.is_some_and(|old| !same(&old) && rules.switches_off(old.action));
+        let hypothesis = rules.hypotheses.place(actuator, new.action as usize);
+        let is_allowed = known.is_some() || self.allows(rules, hypothesis);
+        if is_held || !is_allowed || self.is_masked(actuator) {
+            return false;
+        }
+        let detail = new.detail.or(known.and_then(|old| old.detail));
+        let sample = known.map_or(new.sample, |old| old.sample);
+        self.active = Some(Raised { detail, sample, ..new });
+        if is_shutdown {
+            self.stands[actuator] = self.active;
         }
         self.recovering_since = None;
+        true
     }
 
-    /// Updates the recovery time: without evidence for long enough, an alarm that is not latched ends.
+    /// Updates the recovery time: without evidence for long enough, an action is active no more.
     pub fn hold(&mut self, rules: &AlarmRules, has_evidence: bool, sample: u64) {
-        if has_evidence || self.raised.is_none() || self.is_latched(rules) {
+        if has_evidence || self.active.is_none() {
             self.recovering_since = None;
             return;
         }
         let since = *self.recovering_since.get_or_insert(sample);
         if sample.saturating_sub(since) >= rules.recover_samples {
-            self.drop_raised();
+            self.drop_active();
         }
     }
 
-    fn drop_raised(&mut self) {
-        (self.raised, self.recovering_since) = (None, None);
+    fn drop_active(&mut self) {
+        (self.active, self.recovering_since) = (None, None);
     }
 
     /// Whether an actuator is excluded from the answers.
@@ -147,25 +174,31 @@ impl AlarmMemory {
     pub fn inhibit(&mut self, actuator: usize, is_inhibited: bool) {
         self.is_inhibited[actuator] = is_inhibited;
         if is_inhibited {
-            self.drop_raised_of(actuator);
+            self.drop_active_of(actuator);
         }
     }
 
-    /// Records that an actuator was switched off.
-    pub fn switch_off(&mut self, actuator: usize) {
-        (self.is_off[actuator], self.was_claimed_off[actuator]) = (true, true);
-        self.drop_raised_of(actuator);
+    /// Records that an actuator was switched off or on. A shutdown that was raised for it stands.
+    pub fn switch(&mut self, actuator: usize, is_off: bool) {
+        self.is_off[actuator] = is_off;
+        self.drop_active_of(actuator);
     }
 
-    /// Records that an actuator is on and may be switched off again.
-    pub fn release(&mut self, actuator: usize) {
-        (self.is_off[actuator], self.was_claimed_off[actuator]) = (false, false);
-        self.drop_raised_of(actuator);
+    /// Withdraws what was raised for an actuator.
+    pub fn withdraw(&mut self, actuator: usize) {
+        self.stands[actuator] = None;
+        self.drop_active_of(actuator);
     }
 
-    fn drop_raised_of(&mut self, actuator: usize) {
-        if self.raised.is_some_and(|raised| raised.actuator as usize == actuator) {
-            self.drop_raised();
+    /// Withdraws everything that was raised.
+    pub fn withdraw_all(&mut self) {
+        self.stands.fill(None);
+        self.drop_active();
+    }
+
+    fn drop_active_of(&mut self, actuator: usize) {
+        if self.active.is_some_and(|raised| raised.actuator as usize == actuator) {
+            self.drop_active();
         }
     }
 }
@@ -198,10 +231,10 @@ mod tests {
         Raised { actuator, action, detail: Some(1), sample, length: 0, confidence: 0.9 }
     }
 
-    /// Random events in random order; only a release allows another shutdown of an actuator. The minimum number of
-    /// actuators is never commanded to switch off, and all others can be.
+    /// Random events in random order: a shutdown stands until it is withdrawn, the minimum number of actuators is never
+    /// commanded to switch off, and all others can be.
     #[test]
-    fn the_last_actuators_are_never_switched_off() {
+    fn a_shutdown_stands_until_it_is_withdrawn_and_the_last_actuators_stay_on() {
         let counts = (2..=5).flat_map(|all| (1..=all).map(move |kept| (all, kept)));
         for (actuators, least_on) in counts {
             let rules = rules_that_keep(Some(least_on), actuators);
@@ -209,17 +242,18 @@ mod tests {
             for seed in 0..100 {
                 let mut random = Random::new(seed);
                 let mut memory = AlarmMemory::new(actuators);
-                let mut claimed = vec![false; actuators];
+                let mut stands = vec![false; actuators];
                 for sample in 0..400 {
                     let actuator = random.index(actuators);
                     match random.index(8) {
-                        // Now and then an actuator is switched off from outside or released.
-                        0 if memory.raised.is_some_and(|r| r.action == 0) => {
-                            memory.switch_off(memory.raised.unwrap().actuator as usize);
+                        // Now and then an actuator is switched off or on, or its alarm is reset.
+                        0 if memory.raised().is_some_and(|r| r.action == 0) => {
+                            memory.switch(memory.raised().unwrap().actuator as usize, true);
                         }
+                        1 if random.unit() < 0.02 => memory.switch(actuator, false),
                         1 if random.unit() < 0.02 => {
-                            memory.release(actuator);
-                            claimed[actuator] = false;
+                            memory.withdraw(actuator);
+                            stands[actuator] = false;
                         }
                         2 => memory.hold(&rules, false, sample * 300),
                         3 => memory.inhibit(actuator, random.unit() < 0.5),
@@ -230,10 +264,16 @@ mod tests {
                             }
                         }
                     }
-                    if let Some(raised) = memory.raised.filter(|raised| raised.action == 0) {
-                        claimed[raised.actuator as usize] = true;
+                    for (actuator, stands) in stands.iter_mut().enumerate() {
+                        let now = memory.stands[actuator];
+                        assert!(now.is_some() || !*stands, "{actuators} actuators, seed {seed}");
+                        *stands = now.is_some();
+                        let is_judged = !memory.is_masked(actuator);
+                        let is_off = memory.raised().is_some_and(|raised| raised.action == 0);
+                        assert!(is_off || !(*stands && is_judged), "what stands is raised");
                     }
-                    let kept = claimed.iter().filter(|claimed| !**claimed).count();
+                    let on = stands.iter().zip(&memory.is_off);
+                    let kept = on.filter(|(stands, is_off)| !**stands && !**is_off).count();
                     assert!(kept >= least_on, "{actuators} actuators, seed {seed}");
                     fewest = fewest.min(kept);
                 }
@@ -249,18 +289,18 @@ mod tests {
         let mut memory = AlarmMemory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         memory.raise(&rules, raised(1, 0, 20));
-        assert_eq!(memory.raised, Some(raised(0, 1, 10)));
+        assert_eq!(memory.raised(), Some(raised(0, 1, 10)));
         // A milder action for the other actuator may be raised, then this one's shutdown.
         memory.raise(&rules, raised(1, 2, 30));
-        assert_eq!(memory.raised, Some(raised(1, 2, 30)));
+        assert_eq!(memory.raised(), Some(raised(1, 2, 30)));
         memory.raise(&rules, raised(1, 0, 40));
-        assert_eq!(memory.raised, Some(raised(1, 0, 40)));
+        assert_eq!(memory.raised(), Some(raised(1, 0, 40)));
         // The other's shutdown may be raised once the alarm is over.
         let mut memory = AlarmMemory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         (10..=10 + rules.recover_samples + 1).for_each(|sample| memory.hold(&rules, false, sample));
         memory.raise(&rules, raised(1, 0, 2000));
-        assert_eq!(memory.raised, Some(raised(1, 0, 2000)));
+        assert_eq!(memory.raised(), Some(raised(1, 0, 2000)));
     }
 
     /// No other actuator could take over, and none must be kept for it.
@@ -270,36 +310,39 @@ mod tests {
             let rules = rules_that_keep(least_on, 1);
             let mut memory = AlarmMemory::new(1);
             memory.raise(&rules, raised(0, 0, 10));
-            assert_eq!(memory.raised.is_some(), stops, "{least_on:?}");
+            assert_eq!(memory.raised().is_some(), stops, "{least_on:?}");
         }
     }
 
     #[test]
-    fn what_recovers_is_over_after_its_time_but_not_what_switches_off() {
+    fn what_recovers_is_over_after_its_time_but_a_shutdown_stands() {
         let rules = rules(2);
         let mut memory = AlarmMemory::new(2);
         memory.raise(&rules, raised(0, 1, 10));
         memory.raise(&rules, Raised { detail: None, confidence: 0.8, ..raised(0, 1, 20) });
-        assert_eq!(memory.raised, Some(Raised { confidence: 0.8, ..raised(0, 1, 10) }));
+        assert_eq!(memory.raised(), Some(Raised { confidence: 0.8, ..raised(0, 1, 10) }));
         memory.hold(&rules, false, 100);
-        assert!(memory.is_recovering());
+        assert_eq!(memory.state(false), Alarm::Recovering);
         memory.hold(&rules, true, 300);
         memory.hold(&rules, false, 400);
         memory.hold(&rules, false, 899);
-        assert!(memory.is_recovering() && memory.raised.is_some());
+        assert!(memory.state(false) == Alarm::Recovering && memory.raised().is_some());
         memory.hold(&rules, false, 900);
-        assert!(!memory.is_recovering() && memory.raised.is_none());
+        assert!(memory.state(false) == Alarm::Normal && memory.raised().is_none());
         memory.raise(&rules, raised(1, 0, 1000));
-        for sample in 1000..10_000 {
-            memory.hold(&rules, false, sample);
-        }
-        assert!(memory.is_latched(&rules) && !memory.is_recovering());
+        (1000..10_000).for_each(|sample| memory.hold(&rules, false, sample));
+        assert_eq!((memory.state(true), memory.active), (Alarm::Raised, None));
         memory.raise(&rules, raised(0, 0, 10_000));
-        assert_eq!(memory.raised.unwrap().actuator, 1);
-        memory.switch_off(1);
-        assert!(memory.raised.is_none() && !memory.allows(&rules, 4) && !memory.allows(&rules, 1));
+        assert_eq!(memory.raised(), Some(raised(1, 0, 1000)));
+        // Carried out, it needs no action; switched on again, it does.
+        memory.switch(1, true);
+        assert!(
+            memory.raised().is_none() && !memory.allows(&rules, 4) && !memory.allows(&rules, 1)
+        );
         assert!(memory.allows(&rules, 2));
-        memory.release(1);
-        assert!(memory.allows(&rules, 1));
+        memory.switch(1, false);
+        assert!(memory.raised() == Some(raised(1, 0, 1000)) && !memory.allows(&rules, 1));
+        memory.withdraw(1);
+        assert!(memory.raised().is_none() && memory.allows(&rules, 1));
     }
 }

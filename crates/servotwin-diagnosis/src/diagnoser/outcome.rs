@@ -80,7 +80,7 @@ impl Alarm {
     }
 }
 
-/// A raised action. One that switches off stays until it is confirmed or released.
+/// A raised action. A shutdown stays until it is carried out or withdrawn, whatever the residuals show later.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Raised {
@@ -182,7 +182,7 @@ pub struct Outcome {
     pub finding: IndexedFinding,
     /// The state of the alarm.
     pub alarm: Alarm,
-    /// The raised action, whatever the current finding.
+    /// The action to carry out, whatever the current finding. A shutdown comes before everything else.
     pub raised: Option<Raised>,
     /// The committee's probability of the finding; for a raised action or detail, that of the action when it was last
     /// confirmed. 0 if nothing is judged.

@@ -170,12 +170,26 @@ impl Session {
         if let Some(invalid) = self.guard.look(&diagnoser.environment, inputs) {
             self.distrust(invalid);
         } else {
+            // The twin settles by its inputs, whether or not all sensors are there.
+            let is_settled = self.memory.settling == 0;
+            self.memory.settling = self.memory.settling.saturating_sub(1);
             match self.usable(measured, twin) {
-                Usable::Yes => self.take(&diagnoser, inputs, twin),
+                Usable::Yes => self.take(&diagnoser, inputs, twin, is_settled),
                 Usable::Missing => self.lack(Alarm::NoData),
                 Usable::Wrong => self.lack(Alarm::Error),
             }
         }
+        &self.memory.outcome
+    }
+
+    /// Takes a sample for which the twin could not be simulated. The next one needs a twin that settles again.
+    pub fn push_without_twin(&mut self) -> &Outcome {
+        self.memory.outcome.sample = self.memory.samples;
+        self.memory.samples += 1;
+        self.memory.outcome.outside = 0.0;
+        self.memory.outcome.counts.errors += 1;
+        self.restart();
+        self.say(IndexedFinding::Unjudged, Alarm::Error);
         &self.memory.outcome
     }
 
@@ -224,26 +238,52 @@ impl Session {
     }
 
     /// Records that an actuator was switched off. It is no longer judged, and counts as off when another shutdown is
-    /// considered.
+    /// considered. A shutdown that was raised for it [stands](Session::stands).
     ///
     /// # Errors
     /// [`Error::IndexOutOfRange`] for an unknown actuator.
     pub fn switched_off(&mut self, actuator: usize) -> Result<(), Error> {
         self.check_unit(actuator)?;
-        self.memory.alarm.switch_off(actuator);
+        self.memory.alarm.switch(actuator, true);
         self.restart();
         Ok(())
     }
 
-    /// Records that an actuator is on and judged, and may be switched off again. Its raised action is withdrawn.
+    /// Records that an actuator is on and judged. A shutdown that stands for it is raised again.
+    ///
+    /// # Errors
+    /// See [`Session::switched_off`].
+    pub fn switched_on(&mut self, actuator: usize) -> Result<(), Error> {
+        self.check_unit(actuator)?;
+        self.memory.alarm.switch(actuator, false);
+        self.restart();
+        Ok(())
+    }
+
+    /// Records that an actuator is on and judged, and withdraws what was raised for it.
     ///
     /// # Errors
     /// See [`Session::switched_off`].
     pub fn release(&mut self, actuator: usize) -> Result<(), Error> {
         self.check_unit(actuator)?;
-        self.memory.alarm.release(actuator);
-        self.restart();
-        Ok(())
+        self.memory.alarm.withdraw(actuator);
+        self.switched_on(actuator)
+    }
+
+    /// Withdraws everything that was raised. Actuators that are off stay off. What still has evidence is raised again.
+    pub fn reset_alarm(&mut self) {
+        self.memory.alarm.withdraw_all();
+        self.say(IndexedFinding::Unjudged, Alarm::Normal);
+    }
+
+    /// The shutdown that was raised for an actuator and not withdrawn since, whether or not it was carried out.
+    pub fn stands(&self, actuator: usize) -> Option<&Raised> {
+        self.memory.alarm.stands.get(actuator)?.as_ref()
+    }
+
+    /// The alarm of what is raised, whatever is missing or invalid at present; never pending.
+    pub fn standing_alarm(&self) -> Alarm {
+        self.memory.alarm.state(false)
     }
 
     /// Stops or resumes judging an actuator that is on.
@@ -460,10 +500,7 @@ impl Session {
     pub fn restart(&mut self) {
         self.clear_windows();
         self.memory.settling = self.settling_samples();
-        let raised = self.memory.alarm.raised;
-        self.memory.outcome.raised = raised;
-        let alarm = if raised.is_some() { Alarm::Raised } else { Alarm::Normal };
-        self.say(IndexedFinding::Unjudged, alarm);
+        self.say(IndexedFinding::Unjudged, self.standing_alarm());
     }
 
     fn clear_windows(&mut self) {
@@ -592,14 +629,13 @@ impl Session {
     }
 
     /// Handles a usable sample.
-    fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
+    fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64], is_settled: bool) {
         self.memory.gap = 0;
         self.ask(diagnoser, inputs, twin);
         let is_lacking = matches!(self.memory.outcome.alarm, Alarm::NoData | Alarm::Error);
-        if self.memory.settling > 0 {
-            self.memory.settling -= 1;
+        if !is_settled {
             self.memory.outcome.counts.settling += 1;
-            self.say(IndexedFinding::Unjudged, self.own_alarm(false));
+            self.say(IndexedFinding::Unjudged, self.standing_alarm());
             return;
         }
         let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
@@ -617,7 +653,7 @@ impl Session {
         } else if has_new && self.memory.has_judged {
             self.decide(diagnoser);
         } else if is_lacking || !self.memory.has_judged {
-            self.say(IndexedFinding::Unjudged, self.own_alarm(false));
+            self.say(IndexedFinding::Unjudged, self.standing_alarm());
         }
     }
 
@@ -693,10 +729,12 @@ impl Session {
     fn decide(&mut self, diagnoser: &Diagnoser) {
         let sample = self.memory.outcome.sample;
         let withheld = self.withheld(diagnoser);
-        if let Some((length, claim)) = self.candidate(diagnoser) {
+        let candidate = self.candidate(diagnoser);
+        let is_raised = candidate.is_some_and(|(length, claim)| {
             let raised = self.raised(length, claim, diagnoser.tuning.least_detail_confidence);
-            self.memory.alarm.raise(&self.rules, raised);
-        } else {
+            self.memory.alarm.raise(&self.rules, raised)
+        });
+        if !is_raised {
             let share = diagnoser.tuning.pending_share;
             let has_evidence = self.memory.alarm.hypothesis(&self.rules).is_some_and(|claim| {
                 let forgets = |length: &usize| diagnoser.lengths[*length].span.panes.is_some();
@@ -705,7 +743,7 @@ impl Session {
             self.memory.alarm.hold(&self.rules, has_evidence, sample);
         }
         let found = match withheld {
-            Some(input) if self.memory.alarm.raised.is_none() => {
+            Some(input) if self.memory.alarm.active.is_none() => {
                 (IndexedFinding::EnvironmentInvalid { input, why: Why::Doubtful }, 0)
             }
             _ => self.found(),
@@ -805,7 +843,7 @@ impl Session {
 
     /// The current finding, and the length that found it.
     fn found(&self) -> (IndexedFinding, usize) {
-        if let Some(raised) = self.memory.alarm.raised {
+        if let Some(raised) = self.memory.alarm.active {
             let (actuator, action) = (raised.actuator, raised.action);
             let finding = match raised.detail {
                 Some(detail) => IndexedFinding::Detail { actuator, action, detail },
@@ -857,18 +895,8 @@ impl Session {
         })
     }
 
-    /// The alarm state of the raised action, or of none.
-    fn own_alarm(&self, is_pending: bool) -> Alarm {
-        match self.memory.alarm.raised {
-            Some(_) if self.memory.alarm.is_recovering() => Alarm::Recovering,
-            Some(_) => Alarm::Raised,
-            None if is_pending => Alarm::Pending,
-            None => Alarm::Normal,
-        }
-    }
-
     fn tell(&mut self, (finding, length): (IndexedFinding, usize), is_pending: bool) {
-        self.say(finding, self.own_alarm(is_pending));
+        self.say(finding, self.memory.alarm.state(is_pending));
         let classifier = &self.classifiers[length];
         let outcome = &mut self.memory.outcome;
         outcome.confidence = match finding {
@@ -878,7 +906,7 @@ impl Session {
                 classifier.probability_of_actuator(actuator as usize)
             }
             IndexedFinding::Action { .. } | IndexedFinding::Detail { .. } => {
-                outcome.raised.map_or(0.0, |raised| raised.confidence)
+                self.memory.alarm.active.map_or(0.0, |raised| raised.confidence)
             }
             IndexedFinding::Unjudged | IndexedFinding::EnvironmentInvalid { .. } => 0.0,
         };
@@ -895,7 +923,7 @@ impl Session {
             outcome.since_sample = outcome.sample;
         }
         (outcome.finding, outcome.alarm) = (finding, alarm);
-        outcome.raised = self.memory.alarm.raised;
+        outcome.raised = self.memory.alarm.raised();
         if matches!(finding, IndexedFinding::Unjudged | IndexedFinding::EnvironmentInvalid { .. }) {
             (outcome.confidence, outcome.length, outcome.worst_sensor) = (0.0, None, None);
             outcome.excess = 0.0;

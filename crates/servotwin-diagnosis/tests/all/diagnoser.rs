@@ -85,7 +85,7 @@ fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
         let end = session.outcome();
         if kind.action() == 0 {
             assert_eq!(seen, [Alarm::Raised]);
-            assert!(end.raised.is_some());
+            assert!(end.raised.is_some() && end.finding == IndexedFinding::Healthy);
             session.release(0).unwrap();
             assert_eq!(fly(&mut session, &mut flight, None, 500).raised, None);
         } else {
@@ -93,6 +93,76 @@ fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
             assert_eq!((end.finding, end.alarm), (IndexedFinding::Healthy, Alarm::Normal));
         }
     }
+}
+
+/// Actuator and action of a finding.
+fn named(finding: IndexedFinding) -> (Option<u32>, Option<u32>) {
+    match finding {
+        IndexedFinding::Actuator { actuator } => (Some(actuator), None),
+        IndexedFinding::Action { actuator, action }
+        | IndexedFinding::Detail { actuator, action, .. } => (Some(actuator), Some(action)),
+        _ => (None, None),
+    }
+}
+
+/// A shutdown was raised, nobody carried it out, and the fault went away: all later faults are reported beside it.
+#[test]
+fn a_shutdown_stands_and_hides_no_later_fault() {
+    let (mut session, mut flight) = (session(), Flight::new(6200));
+    let leak = Fault { actuator: 0, kind: Kind::Leak, size: 0.9 };
+    let (_, shutdown) = raise(&mut session, &mut flight, leak).unwrap();
+    for (kind, actuator) in KINDS.into_iter().flat_map(|kind| [(kind, 0), (kind, 1)]) {
+        let between = fly(&mut session, &mut flight, None, 1500);
+        assert_eq!((between.finding, between.alarm), (IndexedFinding::Healthy, Alarm::Raised));
+        let fault = Fault { actuator, kind, size: 0.9 };
+        let found = fly(&mut session, &mut flight, Some(fault), 800);
+        // The last actuator is not shut down, but its fault is named.
+        let action = (kind.action() != 0 || actuator == 0).then_some(kind.action());
+        assert_eq!(named(found.finding), (Some(actuator as u32), action), "{fault:?}");
+        let raised = found.raised.unwrap();
+        assert_eq!((raised.actuator, raised.action, raised.sample), (0, 0, shutdown.sample));
+    }
+    fly(&mut session, &mut flight, None, 1500);
+    session.reset_alarm();
+    assert_eq!((session.outcome().raised, session.stands(0)), (None, None));
+    let after = fly(&mut session, &mut flight, None, 100);
+    assert_eq!((after.finding, after.alarm), (IndexedFinding::Healthy, Alarm::Normal));
+    // A fault that is still there is raised again.
+    raise(&mut session, &mut flight, leak).unwrap();
+    session.reset_alarm();
+    let again = fly(&mut session, &mut flight, Some(leak), 100).raised.unwrap();
+    assert!((again.actuator, again.action) == (0, 0) && again.sample > shutdown.sample);
+}
+
+/// Inputs that are held for some time make no gap longer: the sensors come back while the twin settles.
+#[test]
+fn a_gap_lasts_equally_long_whether_or_not_inputs_are_held() {
+    let judged_after = |held: usize| {
+        let (mut session, mut flight) = (session(), Flight::new(6400));
+        fly(&mut session, &mut flight, None, 500);
+        for k in 0..100 {
+            let (inputs, _, twin) = flight.next(None);
+            let inputs = if k < held { inputs } else { [f64::NAN; 3] };
+            session.push(&inputs, &[f64::NAN; SENSORS], &twin);
+        }
+        let healthy = IndexedFinding::Healthy;
+        (1..1000).find(|_| fly(&mut session, &mut flight, None, 1).finding == healthy).unwrap()
+    };
+    let after = [0, 5, 10, 50, 100].map(judged_after);
+    assert!(after.iter().all(|after| (100..=170).contains(after)), "{after:?}");
+}
+
+#[test]
+fn a_sample_without_a_twin_counts_and_the_twin_settles_again() {
+    let (mut session, mut flight) = (session(), Flight::new(6400));
+    fly(&mut session, &mut flight, None, 500);
+    let failed = *session.push_without_twin();
+    assert_eq!((failed.finding, failed.alarm), (IndexedFinding::Unjudged, Alarm::Error));
+    assert_eq!((failed.sample, failed.counts.errors), (500, 1));
+    let settling = fly(&mut session, &mut flight, None, 100);
+    assert_eq!((settling.finding, settling.counts.settling), (IndexedFinding::Unjudged, 100));
+    let after = fly(&mut session, &mut flight, None, 100);
+    assert_eq!((after.finding, after.alarm), (IndexedFinding::Healthy, Alarm::Normal));
 }
 
 #[test]
@@ -399,6 +469,59 @@ proptest! {
         let text = serde_json::to_string(&session.save()).unwrap();
         let stored: StoredSession = serde_json::from_str(&text).unwrap();
         prop_assert_eq!(stored, session.save());
+    }
+
+    /// Faults come and go, sensors, inputs and the twin fail, actuators are switched, and the session is stored: a
+    /// shutdown stands until it is reset, and never two of them.
+    #[test]
+    fn a_shutdown_stands_until_it_is_reset(seed in any::<u64>()) {
+        let mut random = Random::new(seed);
+        let (mut session, mut flight) = (session(), Flight::new(random.next_u64()));
+        let mut stands: [Option<u64>; 2] = [None; 2];
+        for _ in 0..60 {
+            let kind = KINDS[random.index(KINDS.len())];
+            let drawn = Fault { actuator: random.index(2), kind, size: random.between(0.5, 1.5) };
+            let fault = (random.unit() < 0.6).then_some(drawn);
+            let (place, event) = (random.index(2), random.index(12));
+            match event {
+                0 => session.switched_off(place).unwrap(),
+                1 => session.switched_on(place).unwrap(),
+                2 => session.inhibit(place, random.unit() < 0.5).unwrap(),
+                3 => session.take_out(random.index(SENSORS), random.unit() < 0.5).unwrap(),
+                4 => session.restart(),
+                5 => {
+                    session.push_without_twin();
+                }
+                6 => {
+                    let stored = session.save();
+                    session = Session::new(toy::diagnoser()).unwrap();
+                    session.restore(&stored).unwrap();
+                }
+                7 if random.unit() < 0.3 => {
+                    session.reset_alarm();
+                    stands = [None; 2];
+                }
+                _ => {}
+            }
+            for _ in 0..20 + random.index(150) {
+                let (mut inputs, mut measured, twin) = flight.next(fault);
+                match event {
+                    8 => inputs[random.index(3)] = [f64::NAN, 1e30, 0.0][random.index(3)],
+                    9 => measured.fill(f64::NAN),
+                    10 => measured[random.index(SENSORS)] = f64::INFINITY,
+                    _ => {}
+                }
+                let raised = session.push(&inputs, &measured, &twin).raised;
+                let now = [0, 1].map(|actuator| session.stands(actuator).map(|r| r.sample));
+                for (before, now) in stands.iter().zip(now) {
+                    prop_assert!(before.is_none() || *before == now, "{stands:?} {now:?}");
+                }
+                stands = now;
+                prop_assert!(stands.iter().flatten().count() < 2, "{stands:?}");
+                let shutdown = raised.filter(|raised| raised.action == 0);
+                prop_assert!(shutdown.is_none_or(|r| stands[r.actuator as usize].is_some()));
+            }
+        }
     }
 
     /// Faults of both actuators come, change and go, values are lost, what is raised is carried out

@@ -88,8 +88,7 @@ fn accused(session: &Session) -> Option<(u32, u32)> {
     session.outcome().raised.map(|raised| (raised.actuator, raised.action))
 }
 
-/// Random commands of the flight control computer, as `prove_command` of the C text numbers them: an even one takes
-/// something away, the next number gives it back.
+/// Random commands of the flight control computer, as `prove_command` of the C text numbers them.
 pub(super) struct Commands {
     random: Random,
     /// A command that gives something back, its place, and the samples until then.
@@ -114,9 +113,12 @@ impl Commands {
             return None;
         }
         let diagnoser = session.diagnoser();
+        let draw = if accused.is_some() { self.random.unit() } else { 1.0 };
         let (command, place) = match accused {
-            // Mostly the raised action is withdrawn at once.
-            Some(actuator) if self.random.unit() < 0.8 => return Some((1, actuator)),
+            // Mostly what is raised is withdrawn at once.
+            Some(actuator) if draw < 0.8 => {
+                return Some((if draw < 0.4 { 1 } else { 7 }, actuator));
+            }
             Some(actuator) => (0, actuator),
             None => {
                 let command = 2 * self.random.index(3);
@@ -125,7 +127,8 @@ impl Commands {
                 (command, self.random.index(places))
             }
         };
-        self.to_undo = Some((command + 1, place, self.random.index(LONGEST_COMMAND)));
+        let undo = if command == 0 { 6 } else { command + 1 };
+        self.to_undo = Some((undo, place, self.random.index(LONGEST_COMMAND)));
         Some((command, place))
     }
 }
@@ -138,6 +141,8 @@ pub(super) fn obey(
     match command {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,
+        6 => session.switched_on(place)?,
+        7 => session.reset_alarm(),
         2 | 3 => session.inhibit(place, command == 2)?,
         _ => session.take_out(place, command == 4)?,
     }

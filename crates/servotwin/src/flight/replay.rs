@@ -22,6 +22,7 @@ pub struct ReplaySummary {
 /// The severity of a finding.
 fn weight(finding: &Finding) -> u32 {
     match (finding.phase, finding.state) {
+        (Phase::Raised | Phase::Recovering, DiagnosisState::Isolated) => 6,
         (Phase::Raised | Phase::Recovering, _) => 5,
         (_, DiagnosisState::Isolated) => 4,
         (_, DiagnosisState::Detected | DiagnosisState::Unknown) => 3,
