@@ -283,6 +283,10 @@ impl Observer for Screen<'_, '_> {
         self.told = None;
     }
 
+    fn reset_alarm(&mut self) {
+        self.watcher.reset_alarm();
+    }
+
     fn save(&self) -> Vec<u8> {
         self.watcher.save()
     }

@@ -132,6 +132,11 @@ impl<'s> Monitor<'s> {
     pub fn restart(&mut self) {
         self.watcher.restart();
     }
+
+    /// Withdraws everything that was raised. What still has evidence is raised again.
+    pub fn reset_alarm(&mut self) {
+        self.watcher.reset_alarm();
+    }
 }
 
 /// The target of a table's column.

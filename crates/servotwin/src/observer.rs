@@ -12,6 +12,9 @@ pub trait Observer {
     /// one.
     fn restart(&mut self);
 
+    /// Withdraws everything that was raised. What still has evidence is raised again.
+    fn reset_alarm(&mut self) {}
+
     /// Saves the complete state.
     fn save(&self) -> Vec<u8>;
 
@@ -145,7 +148,8 @@ pub struct Finding {
     pub state: DiagnosisState,
     /// Phase of the alarm.
     pub phase: Phase,
-    /// Number of the actuator concerned, from 1.
+    /// Number of the actuator concerned, from 1. Without a fault or data, this and the following are those of the
+    /// raised action.
     pub actuator: Option<u32>,
     /// The actuator's name in the study. It is empty for an only actuator without a name, and null in JSON.
     #[serde(serialize_with = "named")]
@@ -161,6 +165,8 @@ pub struct Finding {
     /// Whether the operating point is, or recently was, outside the training range of the band, where its guarantee
     /// does not hold.
     pub is_outside: bool,
+    /// The shutdowns that were raised and not reset since, as text.
+    pub stands: Vec<String>,
 }
 
 /// Writes the name of an actuator, or null if it is empty.
@@ -182,15 +188,16 @@ impl Finding {
             state => state,
         };
         let said = |f: &Finding| (state(f), f.phase, f.actuator, f.is_outside);
-        said(self) == said(other) && self.command == other.command && self.detail == other.detail
+        said(self) == said(other)
+            && (&self.command, &self.detail, &self.stands)
+                == (&other.command, &other.detail, &other.stands)
     }
 
     /// Whether its texts are short and without control characters.
     pub fn is_text(&self) -> bool {
-        let words =
-            [&self.command, &self.detail].into_iter().chain(&self.unit).chain(&self.evidence);
-        let mut words = words.map(String::as_str);
-        self.evidence.len() <= MAX_EVIDENCE
+        let lists = self.unit.iter().chain(&self.evidence).chain(&self.stands);
+        let mut words = [&self.command, &self.detail].into_iter().chain(lists).map(String::as_str);
+        self.evidence.len().max(self.stands.len()) <= MAX_EVIDENCE
             && words.all(|text| text.len() <= MAX_TEXT && !text.contains(char::is_control))
     }
 
@@ -219,19 +226,36 @@ impl Finding {
         }
     }
 
-    /// State and phase as text.
+    /// The finding while no data comes: what is raised stands.
+    pub fn without_data(&self, evidence: Vec<String>) -> Finding {
+        let is_raised = matches!(self.phase, Phase::Raised | Phase::Recovering);
+        let standing = if is_raised { self.clone() } else { Finding::default() };
+        Finding { state: DiagnosisState::NoData, confidence: 0.0, evidence, ..standing }
+    }
+
+    /// State and phase as text, with the shutdowns that stand beside the action of the finding.
     pub fn state_in_words(&self) -> String {
-        let state = self.state.words();
-        match self.phase {
-            Phase::None => state.into(),
-            phase => format!("{state}, {}", phase.words()),
+        let mut words = self.state.words().to_owned();
+        if self.phase != Phase::None {
+            words += &format!(", {}", self.phase.words());
         }
+        let own = self.action_in_words();
+        let others: Vec<&str> =
+            self.stands.iter().map(String::as_str).filter(|stands| *stands != own).collect();
+        if !others.is_empty() {
+            words += &format!(" ({} stands)", others.join("; "));
+        }
+        words
+    }
+
+    /// Actuator, action and fault class as text: `actuator 1, shutdown, supply valve`.
+    pub fn action_in_words(&self) -> String {
+        let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
+        parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
     }
 
     fn said(&self) -> String {
-        let state = self.state_in_words();
-        let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
-        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-        if parts.is_empty() { state } else { format!("{state}: {}", parts.join(", ")) }
+        let (state, action) = (self.state_in_words(), self.action_in_words());
+        if action.is_empty() { state } else { format!("{state}: {action}") }
     }
 }

@@ -17,7 +17,7 @@ use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
 use live::{Live, Loss};
 use serde_json::json;
-use servotwin::observer::{DiagnosisState, Finding};
+use servotwin::observer::Finding;
 use servotwin_io::files::{AtomicFile, FileError};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -232,13 +232,7 @@ impl Mcap {
         match notice.event {
             WatchEvent::NoData => {
                 let evidence = notice.words().into_iter().collect();
-                let phase = notice.phase;
-                let silent = Finding {
-                    state: DiagnosisState::NoData,
-                    phase,
-                    evidence,
-                    ..Finding::default()
-                };
+                let silent = self.last_finding.without_data(evidence);
                 self.decide(now_s, &silent)?;
             }
             WatchEvent::DataAgain => self.decide(now_s, &self.last_finding.clone())?,

@@ -46,6 +46,8 @@ pub struct Checkpoint {
     pub session: StoredSession,
     /// For each input, the last value and difference on its bus.
     pub buses: Vec<(Option<f64>, f64)>,
+    /// The reactions that stand, with their actuators.
+    pub reactions: Vec<(usize, Reaction)>,
 }
 
 /// A twin, a diagnosis and the actions so far. [`Runtime::push`] does not allocate after the first sample.
@@ -63,8 +65,10 @@ pub struct Runtime<'s> {
     /// The inputs as the twin received them, with their sources.
     accepted: Vec<Knot>,
     buses: Vec<Bus>,
-    /// Parameters that differ from the system's.
+    /// Parameters that differ from the system's while no reaction stands.
     overrides: Vec<(usize, usize, f64)>,
+    /// The reactions that stand, in the order of their actuators. Parameters and sensors that are out follow from them.
+    reactions: Vec<(usize, Reaction)>,
 }
 
 /// How inputs are interpolated between samples: the command as a cubic; all others hold their value.
@@ -126,7 +130,13 @@ impl<'s> Runtime<'s> {
             accepted: defaults(study),
             buses: vec![Bus::default(); program.externals().len()],
             overrides,
+            reactions: vec![],
         })
+    }
+
+    /// The same before the first sample, with the steps of campaigns.
+    pub(super) fn anew(&self) -> Result<Self, RuntimeError> {
+        Runtime::new(self.study, self.session.diagnoser().clone(), self.overrides.clone())
     }
 
     /// Simulates the twin with other steps than those of training. Call it before the first sample.
@@ -134,8 +144,19 @@ impl<'s> Runtime<'s> {
         let program = &self.study.system.program;
         let period_s = self.session.diagnoser().period_s;
         self.twin = Twin::new(program, settings, period_s, between(self.study));
-        self.twin.load(&program.parameters_with(&self.overrides, &[]));
+        self.load();
         self
+    }
+
+    /// The parameters of the twin: those of the reactions that stand before its own.
+    fn parameters(&self) -> Vec<Vec<f64>> {
+        let reactions = self.reactions.iter().flat_map(|(_, reaction)| &reaction.parameters);
+        let all: Vec<_> = self.overrides.iter().chain(reactions).copied().collect();
+        self.study.system.program.parameters_with(&all, &[])
+    }
+
+    fn load(&mut self) {
+        self.twin.load(&self.parameters());
     }
 
     /// Takes one sample: the inputs of the system and the sensor values (NaN means missing), SI, in the order of the
@@ -143,7 +164,8 @@ impl<'s> Runtime<'s> {
     /// the outcome reports it.
     ///
     /// # Errors
-    /// [`RuntimeError::Twin`]; the next sample restarts the twin. A sample of the wrong length is rejected.
+    /// [`RuntimeError::Twin`]: the sample counts as one without data, what is raised stands, and the next sample restarts
+    /// the twin, which settles again. A sample of the wrong length is rejected.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
         let wrong = |what, expected, found| Error::LengthMismatch { what, expected, found };
         if inputs.len() != self.values.len() {
@@ -158,12 +180,14 @@ impl<'s> Runtime<'s> {
         let stepped = if self.is_settled {
             self.twin.step(inputs)
         } else {
-            let parameters = self.study.system.program.parameters_with(&self.overrides, &[]);
-            let guess = self.study.system.program.first_guess(&parameters);
+            let guess = self.study.system.program.first_guess(&self.parameters());
             self.twin.settle(inputs, &guess)
         };
         self.is_settled = stepped.is_ok();
-        stepped.map_err(|failure| RuntimeError::of_twin(&self.study.system.program, failure))?;
+        if let Err(failure) = stepped {
+            self.session.push_without_twin();
+            return Err(RuntimeError::of_twin(&self.study.system.program, failure));
+        }
         for (value, &slot) in self.expected.iter_mut().zip(&self.slots) {
             *value = self.twin.value(slot);
         }
@@ -181,14 +205,19 @@ impl<'s> Runtime<'s> {
     }
 
     fn believe(&mut self, inputs: &[f64]) {
-        let diagnoser = self.session.diagnoser();
-        let known = &diagnoser.environment.inputs;
+        let period_s = self.session.diagnoser().period_s;
         for (place, &told) in inputs.iter().enumerate() {
             self.values[place] = told;
-            let fits = known.get(place).is_none_or(|i| (i.least..=i.largest).contains(&told));
-            let value = if told.is_finite() && fits { told } else { self.accepted[place].value };
-            self.accepted[place] = self.buses[place].next(value, diagnoser.period_s);
+            let value = self.believed(place, told);
+            self.accepted[place] = self.buses[place].next(value, period_s);
         }
+    }
+
+    /// The value of an input that the twin takes: the previous one instead of one that is no number or out of range.
+    pub(super) fn believed(&self, input: usize, told: f64) -> f64 {
+        let known = self.session.diagnoser().environment.inputs.get(input);
+        let fits = known.is_none_or(|i| (i.least..=i.largest).contains(&told));
+        if told.is_finite() && fits { told } else { self.accepted[input].value }
     }
 
     /// Whether the twin already uses compiled steps.
@@ -217,24 +246,41 @@ impl<'s> Runtime<'s> {
     /// # Errors
     /// The reaction names an actuator or a sensor that the diagnoser does not have.
     pub fn follow(&mut self, unit: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
-        self.overrides.extend(reaction.parameters.iter().copied());
-        let program = &self.study.system.program;
-        self.twin.load(&program.parameters_with(&self.overrides, &[]));
         if reaction.switches_off {
             self.session.switched_off(unit)?;
         }
         for &sensor in &reaction.takes_out {
             self.session.take_out(sensor, true)?;
         }
+        let stands = (unit, reaction.clone());
+        if !self.reactions.contains(&stands) {
+            self.reactions.push(stands);
+            self.reactions.sort_by_key(|(unit, _)| *unit);
+        }
+        self.load();
         Ok(())
     }
 
-    /// Marks a unit as switched on again, so that it is judged.
+    /// Undoes the reactions to a unit, which is on and judged again. A shutdown that was raised for it stands.
     ///
     /// # Errors
     /// The unit does not exist.
     pub fn release(&mut self, unit: usize) -> Result<(), RuntimeError> {
-        Ok(self.session.release(unit)?)
+        self.session.switched_on(unit)?;
+        let (undone, stand): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.reactions).into_iter().partition(|(of, _)| *of == unit);
+        self.reactions = stand;
+        for sensor in undone.iter().flat_map(|(_, reaction)| &reaction.takes_out) {
+            let is_out = self.reactions.iter().any(|(_, stands)| stands.takes_out.contains(sensor));
+            self.session.take_out(*sensor, is_out)?;
+        }
+        self.load();
+        Ok(())
+    }
+
+    /// Withdraws everything that was raised. What still has evidence is raised again.
+    pub fn reset_alarm(&mut self) {
+        self.session.reset_alarm();
     }
 
     /// Restarts twin and diagnosis, because later samples are unrelated to earlier ones. Units that are off stay off.
@@ -252,13 +298,14 @@ impl<'s> Runtime<'s> {
             snapshot
         });
         let buses = self.buses.iter().map(Bus::memory).collect();
-        Checkpoint { twin, session: self.session.save(), buses }
+        let reactions = self.reactions.clone();
+        Checkpoint { twin, session: self.session.save(), buses, reactions }
     }
 
     /// Resumes from the state of a runtime with the same study and diagnoser.
     ///
     /// # Errors
-    /// The state does not fit.
+    /// The state does not fit. The runtime must not be used then.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
         if checkpoint.buses.len() != self.buses.len() {
             return Err(Error::CorruptModel { broken: "the checkpoint has other inputs" }.into());
@@ -273,6 +320,17 @@ impl<'s> Runtime<'s> {
             );
         }
         self.session.restore(&checkpoint.session)?;
+        let switches_off = |unit: usize| {
+            let mut reactions = checkpoint.reactions.iter();
+            reactions.any(|(of, reaction)| *of == unit && reaction.switches_off)
+        };
+        let actuators = 0..self.session.diagnoser().names().actuators.len();
+        if actuators.into_iter().any(|unit| switches_off(unit) != self.session.is_off(unit)) {
+            let broken = "the checkpoint contradicts itself about what is off";
+            return Err(Error::CorruptModel { broken }.into());
+        }
+        self.reactions.clone_from(&checkpoint.reactions);
+        self.load();
         let buses = self.buses.iter_mut().zip(&mut self.accepted).zip(&checkpoint.buses);
         for ((bus, accepted), &memory) in buses {
             *bus = Bus::from_memory(memory);

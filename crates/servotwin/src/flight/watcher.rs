@@ -4,7 +4,9 @@ use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
 use crate::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 use crate::study::{Reaction, Setting, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{self, Alarm, Diagnoser, Outcome, ScatterTest};
+use servotwin_diagnosis::diagnoser::{
+    self, Alarm, Diagnoser, IndexedFinding, Outcome, Raised, ScatterTest,
+};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Knot, Snapshot};
 use std::sync::Arc;
@@ -21,7 +23,6 @@ pub struct Watcher<'s> {
     units: Vec<String>,
     /// The reaction that the log shows while a unit is off, by unit.
     off: Vec<Reaction>,
-    is_off: Vec<bool>,
     measured: Vec<f64>,
     twin: Vec<f64>,
     residuals: Vec<f64>,
@@ -96,7 +97,6 @@ impl<'s> Watcher<'s> {
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
             units: study.units.clone(),
             off: off.collect(),
-            is_off: vec![false; names.actuators.len()],
             measured: vec![f64::NAN; places.len()],
             twin: vec![f64::NAN; sensors.len()],
             residuals: vec![f64::NAN; sensors.len()],
@@ -184,18 +184,17 @@ impl<'s> Watcher<'s> {
         self.scatter.take(excesses.fold(0.0, f64::max), scatter);
     }
 
-    /// Detects units that the log switches off or on.
+    /// Detects units that the log switches off or on. An input that is missing or out of range switches nothing.
     fn follow(&mut self, inputs: &[f64]) -> Result<(), RuntimeError> {
-        for unit in 0..self.off.len() {
-            let reaction = &self.off[unit];
-            let set = |&(input, value): &(usize, f64)| inputs.get(input) == Some(&value);
-            let is_off = !reaction.inputs.is_empty() && reaction.inputs.iter().all(set);
-            match (self.is_off[unit], is_off) {
+        for (unit, reaction) in self.off.iter().enumerate().filter(|(_, r)| !r.inputs.is_empty()) {
+            let told = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
+            let is_set =
+                |&(input, value): &(usize, f64)| self.runtime.believed(input, told(input)) == value;
+            match (self.runtime.session().is_off(unit), reaction.inputs.iter().all(is_set)) {
                 (false, true) => self.runtime.follow(unit, reaction)?,
                 (true, false) => self.runtime.release(unit)?,
                 _ => {}
             }
-            self.is_off[unit] = is_off;
         }
         Ok(())
     }
@@ -235,29 +234,75 @@ impl<'s> Watcher<'s> {
     }
 
     fn say(&mut self, outcome: &Outcome) {
-        use diagnoser::IndexedFinding as Found;
-        let names = self.diagnoser.names();
-        let name = |list: &[String], place: u32| list[place as usize].clone();
-        let (state, unit, command, detail) = match outcome.finding {
-            Found::Unjudged => (DiagnosisState::NoData, None, None, None),
-            Found::Healthy => (DiagnosisState::Healthy, None, None, None),
-            Found::Detected => (DiagnosisState::Detected, None, None, None),
-            Found::Actuator { actuator: unit } => {
-                (DiagnosisState::Detected, Some(unit), None, None)
+        use IndexedFinding as Found;
+        let (state, own) = match outcome.finding {
+            Found::Unjudged => (DiagnosisState::NoData, None),
+            Found::Healthy => (DiagnosisState::Healthy, None),
+            Found::Detected => (DiagnosisState::Detected, None),
+            Found::Actuator { actuator } => {
+                (DiagnosisState::Detected, Some((actuator, None, None)))
             }
-            Found::Action { actuator: unit, action: command } => {
-                (DiagnosisState::Isolated, Some(unit), Some(command), None)
+            Found::Action { actuator, action } => {
+                (DiagnosisState::Isolated, Some((actuator, Some(action), None)))
             }
-            Found::Detail { actuator: unit, action: command, detail } => {
-                (DiagnosisState::Isolated, Some(unit), Some(command), Some(detail))
+            Found::Detail { actuator, action, detail } => {
+                (DiagnosisState::Isolated, Some((actuator, Some(action), Some(detail))))
             }
-            Found::Unknown => (DiagnosisState::Unknown, None, None, None),
-            Found::EnvironmentInvalid { .. } => {
-                (DiagnosisState::EnvironmentInvalid, None, None, None)
-            }
+            Found::Unknown => (DiagnosisState::Unknown, None),
+            Found::EnvironmentInvalid { .. } => (DiagnosisState::EnvironmentInvalid, None),
         };
+        // Beside a new fault at an unknown place no actuator is named.
+        let is_open = matches!(state, DiagnosisState::Detected | DiagnosisState::Unknown);
+        let raised = outcome.raised.or(self.stands().next()).filter(|_| !is_open);
+        let words = |raised| self.named(Some(parts(&raised))).action_in_words();
+        self.finding = Finding {
+            is_outside: self.outside_for > 0,
+            state,
+            phase: self.phase(outcome.alarm),
+            confidence: outcome.confidence,
+            evidence: self.evidence(outcome),
+            stands: self.stands().map(words).collect(),
+            ..self.named(own.or(raised.as_ref().map(parts)))
+        };
+    }
+
+    /// The phase of the alarm: neither a gap nor an invalid input takes an action back.
+    fn phase(&self, alarm: Alarm) -> Phase {
+        match (alarm, self.runtime.session().standing_alarm()) {
+            _ if self.stands().next().is_some() => Phase::Raised,
+            (Alarm::Pending, _) => Phase::Pending,
+            (_, Alarm::Raised) => Phase::Raised,
+            (_, Alarm::Recovering) => Phase::Recovering,
+            _ => Phase::None,
+        }
+    }
+
+    /// The shutdowns that were raised and not withdrawn since.
+    fn stands(&self) -> impl Iterator<Item = Raised> {
+        let session = self.runtime.session();
+        (0..self.units.len()).filter_map(|unit| session.stands(unit).copied())
+    }
+
+    /// A finding with the names of an actuator, its action and its fault class, and nothing else.
+    fn named(&self, parts: Option<Parts>) -> Finding {
+        let Some((unit, action, detail)) = parts else { return Finding::default() };
+        let names = self.diagnoser.names();
+        let name = |list: &[String], place: Option<u32>| {
+            place.map_or(String::new(), |place| list[place as usize].clone())
+        };
+        Finding {
+            actuator: Some(unit + 1),
+            unit: Some(self.units[unit as usize].clone()),
+            command: name(&names.actions, action),
+            detail: name(&names.details, detail),
+            ..Finding::default()
+        }
+    }
+
+    /// The reasons of a finding.
+    fn evidence(&self, outcome: &Outcome) -> Vec<String> {
         let mut evidence = vec![];
-        if let Found::EnvironmentInvalid { .. } = outcome.finding {
+        if let IndexedFinding::EnvironmentInvalid { .. } = outcome.finding {
             evidence.push(self.diagnoser.describe(outcome.finding));
         }
         if let (Some(sensor), Some(length)) = (outcome.worst_sensor, outcome.length) {
@@ -287,22 +332,7 @@ impl<'s> Watcher<'s> {
                 (100.0 * outcome.outside).ceil()
             ));
         }
-        self.finding = Finding {
-            is_outside: self.outside_for > 0,
-            state,
-            phase: match outcome.alarm {
-                Alarm::Normal | Alarm::NoData | Alarm::Error => Phase::None,
-                Alarm::Pending => Phase::Pending,
-                Alarm::Raised => Phase::Raised,
-                Alarm::Recovering => Phase::Recovering,
-            },
-            actuator: unit.map(|unit| unit + 1),
-            unit: unit.map(|unit| self.units[unit as usize].clone()),
-            command: command.map_or(String::new(), |c| name(&names.actions, c)),
-            detail: detail.map_or(String::new(), |d| name(&names.details, d)),
-            confidence: outcome.confidence,
-            evidence,
-        };
+        evidence
     }
 
     fn window_s(&self, length: usize) -> f64 {
@@ -311,13 +341,21 @@ impl<'s> Watcher<'s> {
     }
 }
 
+/// An actuator, its action and its fault class, as indices.
+type Parts = (u32, Option<u32>, Option<u32>);
+
+fn parts(raised: &Raised) -> Parts {
+    (raised.actuator, Some(raised.action), raised.detail)
+}
+
 impl Observer for Watcher<'_> {
     fn push(&mut self, _time_s: f64, inputs: &[f64], measured: &[f64]) -> Observation<'_> {
         if let Err(error) = self.take(inputs, measured) {
             self.twin.fill(f64::NAN);
             self.residuals.fill(f64::NAN);
-            let evidence = vec![error.to_string()];
-            self.finding = Finding { evidence, ..Finding::default() };
+            let outcome = *self.runtime.session().outcome();
+            self.say(&outcome);
+            self.finding = Finding { evidence: vec![error.to_string()], ..self.finding.clone() };
             self.last = None;
         }
         self.observation()
@@ -330,8 +368,13 @@ impl Observer for Watcher<'_> {
         self.last = None;
     }
 
+    fn reset_alarm(&mut self) {
+        self.runtime.reset_alarm();
+        self.last = None;
+    }
+
     fn save(&self) -> Vec<u8> {
-        let Checkpoint { twin, session, buses } = self.runtime.save();
+        let Checkpoint { twin, session, buses, .. } = self.runtime.save();
         let twin = twin.map(|twin| StoredTwin {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
@@ -342,7 +385,8 @@ impl Observer for Watcher<'_> {
             inputs: twin.inputs.iter().map(|knot| (knot.value, knot.slope_per_s)).collect(),
         });
         let finding = self.last.map(|_| self.finding.clone());
-        let (is_off, outside_for) = (self.is_off.clone(), self.outside_for);
+        let is_off = |unit| self.runtime.session().is_off(unit);
+        let (is_off, outside_for) = ((0..self.off.len()).map(is_off).collect(), self.outside_for);
         let (scatter, panes) = (self.scatter, self.panes);
         let stored = Stored { twin, session, buses, is_off, finding, outside_for, scatter, panes };
         serde_json::to_vec(&stored).expect("numbers and names are always JSON")
@@ -350,7 +394,7 @@ impl Observer for Watcher<'_> {
 
     fn restore(&mut self, saved: &[u8]) -> Result<(), String> {
         let stored: Stored = serde_json::from_slice(saved).map_err(|error| error.to_string())?;
-        if stored.is_off.len() != self.is_off.len() {
+        if stored.is_off.len() != self.off.len() {
             return Err("it is of another number of actuators".into());
         }
         if stored.outside_for > self.longest {
@@ -362,11 +406,7 @@ impl Observer for Watcher<'_> {
         if stored.finding.as_ref().is_some_and(|finding| !finding.is_text()) {
             return Err("its words are no text".into());
         }
-        // The reactions to units that are off are part of the twin.
-        for (unit, reaction) in self.off.iter().enumerate().filter(|(unit, _)| stored.is_off[*unit])
-        {
-            self.runtime.follow(unit, reaction).map_err(|error| error.to_string())?;
-        }
+        let off = self.off.iter().cloned().enumerate().filter(|(unit, _)| stored.is_off[*unit]);
         let knot = |&(value, slope_per_s): &(f64, f64)| Knot { value, slope_per_s };
         let twin = stored.twin.map(|twin| Snapshot {
             sample: twin.sample,
@@ -377,9 +417,13 @@ impl Observer for Watcher<'_> {
             next_tick: twin.next_tick,
             inputs: twin.inputs.iter().map(knot).collect(),
         });
-        let checkpoint = Checkpoint { twin, session: stored.session, buses: stored.buses };
-        self.runtime.restore(&checkpoint).map_err(|error| error.to_string())?;
-        self.is_off = stored.is_off;
+        let (session, buses, reactions) = (stored.session, stored.buses, off.collect());
+        // A state that does not fit leaves this one as it was.
+        let mut runtime = self.runtime.anew().map_err(|error| error.to_string())?;
+        runtime
+            .restore(&Checkpoint { twin, session, buses, reactions })
+            .map_err(|error| error.to_string())?;
+        self.runtime = runtime;
         self.outside_for = stored.outside_for;
         (self.scatter, self.panes) = (stored.scatter, stored.panes);
         self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());

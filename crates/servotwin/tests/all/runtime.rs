@@ -4,18 +4,25 @@ use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
 use servotwin::fit::FitRecord;
 use servotwin::flight::campaign::{FlightCampaign, Observer as FlightObserver};
+use servotwin::flight::closed_loop::{self, Scenario};
 use servotwin::flight::plan::{PlannedFlight, Purpose};
 use servotwin::flight::replay::replay_record;
 use servotwin::flight::runtime::{Runtime, RuntimeError};
 use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
 use servotwin::parallel::Workers;
+use servotwin::signal::Signal;
+use servotwin::signal::bus::as_sent;
 use servotwin::study::Setting;
+use servotwin::study::{Reaction, Study};
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Scatter};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Scatter};
+use servotwin_diagnosis::random::Random;
 use servotwin_model::lanes::Level;
+use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::sync::Arc;
+use std::sync::OnceLock;
 
 /// All that an observer of a flight is told.
 #[derive(Default)]
@@ -155,6 +162,153 @@ fn values_that_are_missing_or_absurd_say_so_and_raise_nothing() {
     }
 }
 
+/// The samples of a flight in which nothing is switched but by `mode_1`, for a watcher: inputs and sensors.
+fn samples(faults: Vec<(f64, FaultAt)>, mode_1: impl Fn(f64) -> f64) -> Vec<(Vec<f64>, Vec<f64>)> {
+    let (study, duration_s) = (study(), 8.0);
+    let network = study.system.network();
+    let signal: Signal = "noise:rms=3deg,bandwidth=0.8Hz,seed=9".parse().unwrap();
+    let command = signal.build(network.inputs[study.command_input].unit, duration_s).unwrap();
+    let constant = |value: f64| Piecewise::constant(value).unwrap();
+    let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
+    inputs[study.command_input] = as_sent(&command, study.sample_period_s, duration_s).unwrap();
+    let mut flight = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: false };
+    let times_s = (0..400).map(|k| f64::from(k) * study.sample_period_s);
+    let (times_s, modes): (Vec<f64>, Vec<f64>) = times_s.map(|t| (t, mode_1(t))).unzip();
+    let mode = input("actuator_1.mode");
+    flight.inputs[mode] = Piecewise::hermite(&times_s, &modes, &vec![0.0; times_s.len()]).unwrap();
+    let record = closed_loop::fly(&flight, diagnoser(), &[]).unwrap();
+    let sample = |k: usize| {
+        let mut inputs: Vec<f64> = record.inputs.iter().map(|column| column[k]).collect();
+        inputs[mode] = modes[k.min(modes.len() - 1)];
+        let mut measured = vec![f64::NAN; study.system.sensors.len()];
+        for (column, &sensor) in record.measured.iter().zip(&study.measured) {
+            measured[sensor] = column[k];
+        }
+        (inputs, measured)
+    };
+    (0..record.time_s.len()).map(sample).collect()
+}
+
+fn input(id: &str) -> usize {
+    study().system.network().inputs.iter().position(|input| input.id == id).unwrap()
+}
+
+/// The study with a reaction that changes parameters, as a flight control computer may do it.
+fn with_parameters() -> &'static Study {
+    static MADE: OnceLock<Study> = OnceLock::new();
+    let changed = r#"unit_inputs = { mode = 0 }, unit_parameters = { "controller.gain_per_m" = 100 }, takes_out = ["spool"]"#;
+    let text = study().text.replace("unit_inputs = { mode = 0 }", changed);
+    MADE.get_or_init(|| Study::parse(&text, "tiny.toml").unwrap())
+}
+
+/// The healthy actuator was raised for shutdown, because the parameters of the reaction stayed.
+#[test]
+fn a_healthy_actuator_that_was_off_is_judged_by_its_own_parameters_again() {
+    let mode = |time_s: f64| if (2.0..3.0).contains(&time_s) { 0.0 } else { 1.0 };
+    let mut watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
+    let odd = [f64::NAN, 7.0, f64::INFINITY];
+    for (k, (mut inputs, measured)) in samples(vec![], mode).into_iter().enumerate() {
+        // Neither a missing nor an impossible mode switches anything.
+        if matches!(k, 50..55 | 120..125 | 200..205) {
+            inputs[input("actuator_1.mode")] = odd[k % 3];
+        }
+        let finding = watcher.push(k as f64 * 0.02, &inputs, &measured).finding.clone();
+        let session = watcher.runtime().session();
+        assert_eq!(session.is_off(0), (100..150).contains(&k), "sample {k}");
+        assert!(finding.command.is_empty() && finding.stands.is_empty(), "{k}: {finding:?}");
+        if k == 130 {
+            let saved = watcher.save();
+            watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
+            watcher.restore(&saved).unwrap();
+        }
+    }
+    let finding = watcher.observation().finding;
+    assert_eq!((finding.state, finding.phase), (DiagnosisState::Healthy, Phase::None));
+    assert!(watcher.observation().residuals.iter().all(|r| r.is_nan() || r.abs() < 0.05));
+}
+
+/// Gaps, invalid inputs, restarts, stored states and switches in any order: what was raised stands until it is reset, and
+/// the healthy actuator is never raised.
+#[test]
+fn an_alarm_stands_whatever_happens_to_the_log() {
+    let bias = fault("actuator_1.servo_valve.bias_positive");
+    let log = samples(vec![(1.0, bias)], |_| 1.0);
+    for seed in 0..6 {
+        let mut random = Random::new(seed);
+        let mut watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
+        let (mut is_raised, mut event, mut lasts) = (false, 99, 150);
+        for (k, (inputs, measured)) in log.iter().enumerate() {
+            let (mut inputs, mut measured) = (inputs.clone(), measured.clone());
+            if lasts == 0 {
+                (event, lasts) = (random.index(8), 5 + random.index(50));
+                match event {
+                    0 => watcher.restart(),
+                    1 => {
+                        let saved = watcher.save();
+                        watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
+                        watcher.restore(&saved).unwrap();
+                    }
+                    _ => {}
+                }
+            }
+            lasts -= 1;
+            match event {
+                2 => inputs.fill(f64::NAN),
+                3 => measured.fill(f64::NAN),
+                4 => inputs[random.index(11)] = f64::INFINITY,
+                5 if is_raised => inputs[input("actuator_1.mode")] = 0.0,
+                _ => {}
+            }
+            let finding = watcher.push(k as f64 * 0.02, &inputs, &measured).finding.clone();
+            assert!(!is_raised || finding.phase == Phase::Raised, "{seed}, {k}: {finding:?}");
+            assert!(finding.actuator != Some(2) || finding.command.is_empty(), "{finding:?}");
+            is_raised = finding.phase == Phase::Raised;
+            let of_1 = |stands: &String| stands.starts_with("actuator 1, shut down");
+            assert!(
+                finding.stands.iter().all(of_1) && finding.stands.len() == usize::from(is_raised)
+            );
+            assert!(!is_raised || finding.words().contains("actuator 1, shut down"), "{finding}");
+        }
+        assert!(is_raised, "seed {seed}");
+        watcher.reset_alarm();
+        let (inputs, _) = &log[0];
+        let missing = vec![f64::NAN; log[0].1.len()];
+        let finding = watcher.push(8.0, inputs, &missing).finding;
+        assert_eq!((finding.phase, finding.stands.len()), (Phase::None, 0));
+    }
+}
+
+#[test]
+fn a_twin_that_fails_leaves_no_old_outcome_and_settles_again() {
+    let log = samples(vec![], |_| 1.0);
+    let mut runtime = Runtime::new(study(), diagnoser().clone(), vec![]).unwrap();
+    let all = study().system.program.parameters_with(&[], &[]);
+    let places = |(part, own): (usize, &Vec<f64>)| {
+        (0..own.len()).map(move |place| (part, place, f64::NAN)).collect::<Vec<_>>()
+    };
+    let parameters = all.iter().enumerate().flat_map(places).collect();
+    let broken = Reaction { parameters, ..Reaction::default() };
+    let read: Vec<usize> = study().measured[..diagnoser().sensors.len()].to_vec();
+    for (k, (inputs, measured)) in log.iter().enumerate() {
+        let measured: Vec<f64> = read.iter().map(|&sensor| measured[sensor]).collect();
+        if k == 199 {
+            // From the next sample on.
+            runtime.follow(0, &broken).unwrap();
+        }
+        let pushed = runtime.push(inputs, &measured).copied();
+        assert_eq!(pushed.is_err(), k == 200);
+        let outcome = *runtime.session().outcome();
+        assert_eq!((outcome.sample, outcome.raised), (k as u64, None));
+        let is_judged = !matches!(outcome.finding, IndexedFinding::Unjudged);
+        assert!(!(200..=250).contains(&k) || !is_judged, "{k}: {outcome:?}");
+        if k == 200 {
+            assert!(outcome.alarm == Alarm::Error && outcome.counts.errors > 0, "{outcome:?}");
+            runtime.release(0).unwrap();
+        }
+    }
+    assert_eq!(runtime.session().outcome().finding, IndexedFinding::Healthy);
+}
+
 /// The flight of `replay` as a record.
 fn record() -> FitRecord {
     let flown = fly(vec![(2.0, fault("actuator_1.servo_valve.bias_positive"))]);
@@ -289,11 +443,14 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
         ("/session/windows/spans/0/ended", json!(u64::MAX)),
         ("/session/windows/spans/0/open/0", json!(-3)),
         ("/outside_for", json!(u64::MAX)),
+        ("/is_off/0", json!(false)),
         ("/buses/0/1", json!(null)),
     ] {
         let mut changed = saved.clone();
         *changed.pointer_mut(place).unwrap_or_else(|| panic!("{place}")) = value;
+        let before = watcher.save();
         assert!(watcher.restore(changed.to_string().as_bytes()).is_err(), "{place}");
+        assert!(watcher.save() == before, "{place}: a refused state changes nothing");
     }
     watcher.restore(saved.to_string().as_bytes()).unwrap();
 }
