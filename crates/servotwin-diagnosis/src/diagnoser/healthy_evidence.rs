@@ -40,7 +40,7 @@ pub struct HealthyEvidence {
     pub learned: u64,
     /// Number of held-out environments with a finished flight, N.
     pub held_out: u64,
-    /// Number of those whose flight could not be finished; they say nothing.
+    /// Number of those whose flight could not be finished. A study with any is refused.
     pub failed: u64,
     /// How many times as large as declared the tolerances and draws of their specimens were.
     pub scatter: f64,

@@ -273,11 +273,15 @@ impl SettingLimits<'_> {
         self.explain(by_then, self.merit.visible_in_time);
         let since = "of them isolated, counted from when they were visible".into();
         self.explain(since, self.merit.in_time_since_visible);
-        let has_onset =
-            |class: &&ClassMetrics| onsets.iter().any(|(_, onset)| onset.command == class.command);
-        if let Some(class) = strong(self.merit).find(has_onset) {
-            let of = class.visible.count;
-            let isolated = class.isolation.as_ref().map_or(0, |latency| latency.flights);
+        let has_onset = |class: &&ClassMetrics| {
+            let mut commands = onsets.iter().flat_map(|(_, onset)| onset.command.split(", "));
+            commands.any(|command| command == class.command)
+        };
+        let classes: Vec<&ClassMetrics> = strong(self.merit).filter(has_onset).collect();
+        if !classes.is_empty() {
+            let of = classes.iter().map(|class| class.visible.count).sum::<u64>();
+            let latencies = classes.iter().filter_map(|class| class.isolation.as_ref());
+            let isolated = latencies.map(|latency| latency.flights).sum::<u64>();
             let never = format!("the same faults, never {}", self.words.switched_off());
             self.explain(never, Rate::new(of - isolated, of));
         }

@@ -464,7 +464,7 @@ pub fn without(
     let watched = watched(flown, &sessions, Some(sensor), &|_, _| ());
     let ended = ended(&flown.plan, watched.ended);
     let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
-    let off = judged.off_command().unwrap_or_default();
+    let off = judged.off_commands();
     let outcomes = judged.outcomes(0, |_| true);
     Ok(MissingSensorMetrics {
         setting: setting.into(),
@@ -582,7 +582,7 @@ impl Judged<'_> {
         let mut classes = vec![];
         for least in [0.0, STRONG] {
             classes.extend(
-                commands.iter().filter_map(|command| {
+                commands.chunks(1).filter_map(|command| {
                     self.class(0, command, |flight| flight.intensity >= least)
                 }),
             );
@@ -592,7 +592,7 @@ impl Judged<'_> {
             ("drift", Onset::Drift),
             ("intermittent", Onset::Intermittent),
         ];
-        let off = self.off_command().unwrap_or_default();
+        let off = self.off_commands();
         let onsets = ways.into_iter().filter_map(|(name, onset)| {
             let choice = |f: &PlannedFlight| f.onset == onset && f.intensity >= STRONG;
             Some((name.to_owned(), self.class(0, off, choice)?))
@@ -640,8 +640,9 @@ impl Judged<'_> {
         self.ended.first().map_or(1, |ended| ended.stories.len())
     }
 
-    fn off_command(&self) -> Option<&str> {
-        self.diagnoser.tuning.off_actions.first().map(String::as_str)
+    /// All actions that switch off.
+    fn off_commands(&self) -> &[String] {
+        &self.diagnoser.tuning.off_actions
     }
 
     fn is_off(&self, command: u32) -> bool {
@@ -689,16 +690,19 @@ impl Judged<'_> {
         })
     }
 
+    /// Whether the fault of a flight calls for one of these commands.
+    fn calls_for(&self, flight: &PlannedFlight, commands: &[String]) -> bool {
+        let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
+        class.is_some_and(|class| commands.contains(&class.command))
+    }
+
     fn class(
         &self,
         session: usize,
-        command: &str,
+        commands: &[String],
         choice: impl Fn(&PlannedFlight) -> bool,
     ) -> Option<ClassMetrics> {
-        let is_of = |flight: &PlannedFlight| {
-            let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
-            class.is_some_and(|class| class.command == command) && choice(flight)
-        };
+        let is_of = |flight: &PlannedFlight| self.calls_for(flight, commands) && choice(flight);
         let intensities = self.ended.iter().map(|e| &e.flight).filter(|f| is_of(f));
         let intensities = intensities.map(|flight| flight.intensity);
         let ends = intensities
@@ -713,7 +717,7 @@ impl Judged<'_> {
         let rate = |choice: &dyn Fn(&FlightOutcome) -> bool| rate(&visible, choice);
         let all: Vec<&FlightOutcome> = outcomes.iter().collect();
         Some(ClassMetrics {
-            command: command.into(),
+            command: commands.join(", "),
             intensities: ends,
             flown: outcomes.len() as u64,
             visible: self::rate(&all, &|outcome| outcome.seen_s.is_some()),
@@ -742,12 +746,10 @@ impl Judged<'_> {
         kinds.into_values().map(latency).collect()
     }
 
-    /// The share of visible, strong faults of a command that satisfy a condition.
-    fn share(&self, command: &str, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
-        let is_of = |flight: &PlannedFlight| {
-            let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
-            class.is_some_and(|class| class.command == command) && flight.intensity >= STRONG
-        };
+    /// The share of visible, strong faults of some commands that satisfy a condition.
+    fn share(&self, commands: &[String], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
+        let is_of =
+            |flight: &PlannedFlight| self.calls_for(flight, commands) && flight.intensity >= STRONG;
         let outcomes = self.outcomes(0, is_of);
         let visible: Vec<&FlightOutcome> =
             outcomes.iter().filter(|outcome| outcome.seen_s.is_some()).collect();
@@ -790,7 +792,7 @@ impl Judged<'_> {
 
     fn trade(&self, session: usize, asked_per_h: f64) -> TradePoint {
         let strong = |flight: &PlannedFlight| flight.intensity >= STRONG;
-        let class = self.off_command().and_then(|command| self.class(session, command, strong));
+        let class = self.class(session, self.off_commands(), strong);
         let of = class.as_ref().map_or(0, |class| class.visible.count);
         let isolated = class.as_ref().and_then(|class| class.isolation.as_ref());
         let isolated = isolated.map_or(0, |latency| latency.flights);

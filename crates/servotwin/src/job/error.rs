@@ -36,6 +36,12 @@ pub enum JobError {
         .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
     )]
     UnsafeInHealth { setting: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
+    /// Held-out flights failed, and nobody knows what they would have shown.
+    #[error(
+        "{setting}: {failed} of {of} held-out healthy flights cannot be simulated to their end, so nothing shows that their \
+         plants are not shut down: narrow the inputs of [flights] and the draws"
+    )]
+    HeldOutFailed { setting: &'static str, failed: u64, of: u64 },
     /// Another servotwin process holds the folder.
     #[error(
         "{folder}: another servotwin is working in this folder: wait until it has ended, or choose another folder"

@@ -22,7 +22,8 @@ const SCATTER: f64 = 1.5;
 /// shutdown that these allow. Without held-out environments it stays as it is.
 ///
 /// # Errors
-/// [`JobError::UnsafeInHealth`] if no margin suffices; a twin cannot be simulated.
+/// [`JobError::UnsafeInHealth`] if no margin suffices; [`JobError::HeldOutFailed`] if a flight cannot be finished; a twin
+/// cannot be simulated.
 pub fn with_margin(
     study: &Study,
     flights: &Flights,
@@ -40,7 +41,8 @@ pub fn with_margin(
     let evidence = smallest_margin((learned, &is_corrected), (allowed, most_nats), |margin| {
         fly(study, flights, setting, diagnoser.with_shutdown_margin(margin), workers)
     })?;
-    if evidence.largest > allowed || evidence.held_out == 0 {
+    finished(setting, &evidence)?;
+    if evidence.largest > allowed {
         return Err(JobError::UnsafeInHealth {
             setting: setting.name(),
             allowed,
@@ -50,6 +52,13 @@ pub fn with_margin(
     }
     let healthy_evidence = Some(evidence);
     Ok(Diagnoser { healthy_evidence, ..diagnoser.with_shutdown_margin(evidence.added) })
+}
+
+/// Refuses evidence of which a flight is missing.
+fn finished(setting: Setting, evidence: &HealthyEvidence) -> Result<(), JobError> {
+    let (failed, of) = (evidence.failed, evidence.held_out + evidence.failed);
+    let setting = setting.name();
+    if failed == 0 { Ok(()) } else { Err(JobError::HeldOutFailed { setting, failed, of }) }
 }
 
 /// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
@@ -162,6 +171,9 @@ mod tests {
         let added = ShutdownMargin { uncorrected_nats: 1.0, baseline_corrected_nats: 3.0 };
         assert_eq!((loud.added, loud.shutdowns_before, loud.largest), (added, 2, 0.5));
         assert_eq!((loud.learned, loud.held_out, loud.failed), (24, 3, 1));
+        let refused = finished(Setting::Noise, &loud).unwrap_err().to_string();
+        assert!(refused.contains("noise: 1 of 4 held-out healthy flights"), "{refused}");
+        finished(Setting::Noise, &HealthyEvidence { failed: 0, ..loud }).unwrap();
     }
 
     #[test]

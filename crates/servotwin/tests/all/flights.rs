@@ -15,7 +15,7 @@ use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::flights::Size;
 use servotwin::study::{Flights, Setting, Study};
-use servotwin_diagnosis::diagnoser::{Diagnoser, ShutdownMargin};
+use servotwin_diagnosis::diagnoser::{Diagnoser, ShutdownMargin, Tuning};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::sync::{Arc, OnceLock};
@@ -84,6 +84,25 @@ fn merit(threads: usize) -> FlightMetrics {
     .unwrap();
     let watched = judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap();
     judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched)
+}
+
+#[test]
+fn all_actions_that_switch_off_are_judged_together() {
+    let flights = &study().flights().unwrap().unwrap();
+    let (purpose, workers) = (Purpose::Judge, Workers::new(2));
+    let flown = FlightCampaign::new(study(), flights, purpose, Setting::Noise, workers).unwrap();
+    let watched = judge::watch(&flown, diagnoser(), Rates::Own, &|_, _| ()).unwrap();
+    let judged = |off: &[&str]| {
+        let off_actions = off.iter().map(|&action| action.into()).collect();
+        let tuning = Tuning { off_actions, ..diagnoser().tuning.clone() };
+        let diagnoser = Diagnoser { tuning, ..(**diagnoser()).clone() };
+        let merit = judge::merit(study(), flights, ("noise", 1.0), &diagnoser, watched.clone());
+        [merit.in_time.of, merit.visible_in_time.count, merit.trade[0].missed.of]
+    };
+    let [one, other] = ["shut_down", "change_mode"].map(|action| judged(&[action]));
+    assert!(one[0] > 0 && other[0] > 0, "{one:?} {other:?}");
+    let sum: Vec<u64> = one.iter().zip(other).map(|(one, other)| one + other).collect();
+    assert_eq!(judged(&["shut_down", "change_mode"])[..], sum);
 }
 
 fn text(value: &impl serde::Serialize) -> String {
