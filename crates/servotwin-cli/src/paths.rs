@@ -6,6 +6,7 @@
 
 use crate::failure::{Failure, Named};
 use servotwin::figure::{FigureError, PngError};
+use servotwin::files::check_writable;
 use servotwin::leftovers::remove_abandoned_files;
 use servotwin::study::Study;
 use servotwin::table;
@@ -25,6 +26,8 @@ pub enum Format {
     Only(&'static [&'static str]),
     /// A file in servotwin's own format, with any extension.
     Any,
+    /// A folder, or a file whose command checks it.
+    Folder,
 }
 
 impl Format {
@@ -126,7 +129,12 @@ impl Paths {
             before.push((written, format));
         }
         // Report a file that would be lost first; another extension would not save it.
-        before.iter().try_for_each(|(written, format)| format.check(written.option, &written.path))
+        before
+            .iter()
+            .try_for_each(|(written, format)| format.check(written.option, &written.path))?;
+        // Nobody waits hours for a result that cannot be written.
+        let files = before.iter().filter(|(_, format)| *format != Format::Folder);
+        files.into_iter().try_for_each(|(written, _)| Ok(check_writable(&written.path)?))
     }
 }
 

@@ -234,6 +234,16 @@ pub fn write_atomically(
     file.commit()
 }
 
+/// Checks that a file can be written, and leaves everything as it is.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<(), FileError> {
+    let path = path.as_ref();
+    match fs::metadata(path) {
+        // A device or a pipe is not opened before there is something to write.
+        Ok(found) if !found.is_file() && !found.is_dir() => Ok(()),
+        _ => AtomicFile::create(path).map(drop),
+    }
+}
+
 /// Reads a whole file.
 pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
     let path = path.as_ref();

@@ -7,7 +7,6 @@
 //! - [`flight`]: the flight in closed loop, with a ghost that flies the same without a diagnosis
 //! - [`measured`]: a log or a stream beside its twin
 //! - [`injection`]: faults as they are injected by hand: a step, a ramp, or intermittent
-//! - [`shipped`]: a diagnosis that comes with the program
 //! - [`signals`]: what a frame contains, with names, units and bands
 //! - [`state`]: what viewers receive besides samples
 //! - [`session`]: a flight as viewers saw it, as one file, and its replay
@@ -27,7 +26,6 @@ pub mod page;
 pub mod request;
 pub mod server;
 pub mod session;
-pub mod shipped;
 pub mod signals;
 pub mod state;
 

@@ -56,9 +56,12 @@ pub struct Checkpoint {
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum CheckpointError {
-    /// The file cannot be read or written.
+    /// The file cannot be written.
     #[error(transparent)]
     File(FileError),
+    /// The file is missing or cannot be read.
+    #[error(transparent)]
+    Unreadable(FileError),
     /// The file is not a checkpoint, or it is damaged.
     #[error("{path}: no checkpoint that can be used: {cause}")]
     Content { path: PathBuf, cause: String },
@@ -89,8 +92,8 @@ impl Checkpoint {
     /// The file cannot be read, or is no checkpoint.
     pub fn read(path: &Path) -> Result<Self, CheckpointError> {
         let content = |cause: String| CheckpointError::Content { path: path.into(), cause };
-        let bytes =
-            bytes(path).map_err(|cause| CheckpointError::File(FileError::from_io(path, cause)))?;
+        let bytes = bytes(path)
+            .map_err(|cause| CheckpointError::Unreadable(FileError::from_io(path, cause)))?;
         if bytes.len() as u64 > LARGEST {
             return Err(content(format!("it is larger than {} MiB", LARGEST >> 20)));
         }

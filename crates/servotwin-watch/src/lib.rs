@@ -18,6 +18,7 @@ pub mod intake;
 pub mod map;
 pub mod plausibility;
 pub mod sequencer;
+pub mod shipped;
 pub mod sink;
 pub mod source;
 pub mod span;
@@ -214,6 +215,11 @@ impl<'w> Watch<'w> {
             self.progress.place = 0;
         }
         Ok(())
+    }
+
+    /// Withdraws everything that was raised. What still has evidence is raised again.
+    pub fn reset_alarm(&mut self) {
+        self.observer.reset_alarm();
     }
 
     /// Watches until the source ends or `stop` is set. `show` receives the time and the share read so far.

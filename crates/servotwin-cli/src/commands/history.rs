@@ -167,7 +167,7 @@ type AllTold = Vec<Option<ReplaySummary>>;
 
 fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Failure> {
     let Some(path) = &options.diagnoser else { return Ok(vec![]) };
-    let diagnoser = Arc::new(read_diagnoser(Some(path), options.band.as_deref())?);
+    let diagnoser = Arc::new(read_diagnoser(path, options.band.as_deref())?);
     let mut all = Vec::new();
     for (_, record) in logs {
         stop::check()?;

@@ -169,12 +169,12 @@ fn diagnoser(
     use super::note;
     use super::watch::input::{read_diagnoser, with_band};
     use servotwin::study::Setting;
-    use servotwin_serve::shipped;
+    use servotwin_watch::shipped;
     use std::sync::Arc;
 
     let band = options.input.band.as_deref();
     if let Some(path) = &options.input.model {
-        return Ok(Arc::new(read_diagnoser(Some(path), band)?));
+        return Ok(Arc::new(read_diagnoser(path, band)?));
     }
     let folder = servotwin::job::Folder::new(&options.study.out);
     let is_first_look = setting == Setting::Noise && !folder.diagnoser(setting).exists();

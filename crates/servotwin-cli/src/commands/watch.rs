@@ -8,8 +8,8 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, stop};
 use input::{
-    InputOptions, accepted_ranges, foreign, log_of, needed, nothing, observer, read_diagnoser,
-    told, usual_diagnoser, warn_of_lacking,
+    InputOptions, accepted_ranges, diagnoser, foreign, log_of, needed, nothing, observer, told,
+    usual_diagnoser, warn_of_lacking,
 };
 use outputs::{Outputs, Totals};
 use serde_json::json;
@@ -64,6 +64,9 @@ pub struct Options {
     /// Continue from the checkpoint.
     #[arg(long, requires = "checkpoint")]
     resume: bool,
+    /// Withdraw the actions that stand before continuing from the checkpoint. What still has evidence is raised again.
+    #[arg(long, requires = "resume")]
+    reset: bool,
     /// For a live source: report missing data when the source or a column sends nothing for this time, by the wall
     /// clock [default: 2 s, or ten periods of the diagnoser if that is longer].
     #[arg(long, value_name = "TIME")]
@@ -109,7 +112,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         return make_map(options, &address, &study, path, global);
     }
     let (map, mut source) = input.open(&address, &study, options.study.is_some(), global)?;
-    let diagnoser = Arc::new(read_diagnoser(input.model.as_deref(), input.band.as_deref())?);
+    let diagnoser = Arc::new(diagnoser(input, &study, global)?);
     let needed = needed(&diagnoser, system);
     let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
     let accepted_ranges = accepted_ranges(&diagnoser, system);
@@ -192,6 +195,9 @@ impl Setup<'_> {
         watch.accept_ranges(accepted_ranges);
         if let Some(checkpoint) = resumed {
             watch.resume(checkpoint)?;
+        }
+        if options.reset {
+            watch.reset_alarm();
         }
         if let Some(path) = &options.checkpoint {
             let every = (CHECKPOINT_S / period_s) as u64;

@@ -139,6 +139,25 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert_eq!(again.lines().count(), text.lines().count());
 }
 
+#[test]
+fn without_a_diagnoser_the_aileron_is_watched_by_the_one_of_the_program() {
+    let folder = Folder::new("watch-shipped");
+    let here = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_servotwin"));
+        command.args(arguments).current_dir(&folder.0).output().unwrap()
+    };
+    let log = ["simulate", "--command", "1deg", "--duration", "2s", "-q", "--out", "a.csv"];
+    assert!(here(&log).status.success());
+    let watched = here(&["watch", "a.csv"]);
+    let notes = stderr(&watched);
+    assert!(watched.status.success() && notes.contains("comes with the program"), "{notes}");
+    let text =
+        "format = 1\nname = \"other\"\nsystem = \"aileron_dual\"\n[command]\ninput = \"command\"\n";
+    std::fs::write(folder.file("other.toml"), text).unwrap();
+    let other = stderr(&here(&["watch", "a.csv", "--study", "other.toml"]));
+    assert!(other.contains("no such file") || other.contains("other.toml"), "{other}");
+}
+
 /// A table with dates as Parquet.
 fn dated_parquet(folder: &Folder, csv: &str) -> String {
     let path = folder.file("dates.parquet");
@@ -198,6 +217,7 @@ fn mistakes_in_watching_are_said_with_their_place() {
     let head: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
     let alien = folder.file("alien.csv");
     std::fs::write(&alien, "Zeit,Druck\n0,1\n0.01,2\n").unwrap();
+    let state = folder.file("c");
     let (alien_map, named_map) = (folder.file("alien.toml"), folder.file("named.toml"));
     let emptied_rows = rows.lines().map(|line| {
         let cell = |(cell, name): (&str, &&str)| match *name {
@@ -235,6 +255,19 @@ fn mistakes_in_watching_are_said_with_their_place() {
             "tcp://127.0.0.1:1: nobody takes the stream",
         ),
         (&["watch", "/nowhere/a.csv"], 3, "no such file"),
+        // Outputs are looked at before a stream begins, and a checkpoint to continue from is an input.
+        (&["watch", "-", "--map", &map, "--html", "/nowhere/a.html"], 1, "/nowhere does not exist"),
+        (
+            &["watch", "-", "--map", &map, "--checkpoint", "/nowhere/c"],
+            1,
+            "/nowhere does not exist",
+        ),
+        (&["watch", "-", "--map", &map, "--checkpoint", "/proc"], 1, "this is a folder"),
+        (
+            &[&["watch", &log, "--checkpoint", &state, "--resume"], &with[..]].concat(),
+            3,
+            "c: no such file",
+        ),
         (&["watch", "ftp://rig"], 2, "names no source"),
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),

@@ -16,6 +16,7 @@ use servotwin_diagnosis::diagnoser::environment::InputRange as BoundaryInput;
 use servotwin_watch::counts::{Irregularity, WatchCounts};
 use servotwin_watch::cut::Cut;
 use servotwin_watch::map::{Guess, Map, Trust, guess};
+use servotwin_watch::shipped;
 use servotwin_watch::source::udp::Allowed;
 use servotwin_watch::source::{Address, LogColumn, Source, SourceError};
 use servotwin_watch::span::LogSpan;
@@ -25,7 +26,8 @@ use std::sync::Arc;
 /// How a source is read and judged.
 #[derive(clap::Args, Clone)]
 pub struct InputOptions {
-    /// The diagnoser, a file written by `servotwin flights` [default: out/diagnoser-realistic.json].
+    /// The diagnoser, a file written by `servotwin flights` [default: out/diagnoser-realistic.json, or for the built-in
+    /// aileron the one that comes with the program].
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// A confidence band written by `servotwin band`, to use instead of the diagnoser's own. Outcomes outside the range
@@ -188,13 +190,29 @@ pub fn usual_diagnoser() -> PathBuf {
     Folder::new("out").diagnoser(Setting::Realistic)
 }
 
-/// Reads a diagnoser from a file or from the default output folder, and replaces its band if one is named.
-pub fn read_diagnoser(model: Option<&Path>, band: Option<&Path>) -> Result<Diagnoser, Failure> {
-    let diagnoser = match model {
-        Some(path) => model_file::read_diagnoser(path)?,
-        None => flights::diagnoser(&Folder::new("out"), Setting::Realistic)?,
-    };
-    with_band(diagnoser, band)
+/// Reads a diagnoser from a file, and replaces its band if one is named.
+pub fn read_diagnoser(model: &Path, band: Option<&Path>) -> Result<Diagnoser, Failure> {
+    with_band(model_file::read_diagnoser(model)?, band)
+}
+
+/// The diagnoser that the options name, or that of the default output folder. If it is missing, the built-in aileron has
+/// a shipped one.
+pub fn diagnoser(
+    input: &InputOptions,
+    study: &Study,
+    global: Global,
+) -> Result<Diagnoser, Failure> {
+    let band = input.band.as_deref();
+    if let Some(path) = &input.model {
+        return read_diagnoser(path, band);
+    }
+    let shipped = (!usual_diagnoser().exists()).then(|| shipped::diagnoser(study)).flatten();
+    if let Some(shipped) = shipped {
+        let text = "the diagnosis comes with the program and allows for no tolerances; servotwin flights learns one that does";
+        note(global, text);
+        return with_band(shipped, band);
+    }
+    with_band(flights::diagnoser(&Folder::new("out"), Setting::Realistic)?, band)
 }
 
 /// The diagnoser with the band of a file, if one is named, instead of its own.

@@ -6,6 +6,6 @@ cd "$(dirname "$0")/../../.."
 out=target/shipped
 rm -rf "$out"
 cargo run --release --quiet -- fly --out "$out"
-gzip -9 -n -c "$out/diagnoser-noise.json" > crates/servotwin-serve/shipped/aileron.json.gz
+gzip -9 -n -c "$out/diagnoser-noise.json" > crates/servotwin-watch/shipped/aileron.json.gz
 cat "$out/study.toml" "$out/system.toml" | sha256sum | cut -c 1-64 | tr -d '\n' \
-    > crates/servotwin-serve/shipped/learned-from.txt
+    > crates/servotwin-watch/shipped/learned-from.txt
