@@ -243,7 +243,8 @@ fn twin<'s, 'n>(
 ) -> Result<ExportedTwin<'s>, RuntimeError> {
     let known = &study.system.sensors;
     let place = |label: &str| known.iter().position(|sensor| sensor.label == label);
-    let inputs = (0..ranges.len()).map(|input| study.system.accepted_range(input));
+    let inputs =
+        (0..study.system.network().inputs.len()).map(|input| study.system.accepted_range(input));
     let readable = sensors.clone().filter_map(place).map(|place| study.system.readable(place));
     Ok(ExportedTwin {
         possible: inputs.chain(readable).collect(),
