@@ -167,7 +167,7 @@ int main(void)
     bool was_raised = false;
     platform_open();
     if (!servotwin_session_start(&session)) {
-        platform_print("this build fuses products and sums\n");
+        platform_print("this build computes otherwise than in training\n");
         return 1;
     }
     while (platform_read(values, sizeof values) != 0) {

@@ -19,15 +19,18 @@ DIAGNOSIS = "session boundary decision judge windows models math random".split()
 # What cppcheck and its addon for MISRA C:2012 say of the hand-written code, by file, and why it stays.
 DEVIATIONS = {
     ("misra-c2012-2.5", "servotwin_twin_sizes.h"): "sizes that a file does not use",
-    ("misra-c2012-8.7", "servotwin_boundary.c"): "the proof calls it from another file",
-    ("misra-c2012-8.7", "servotwin_judge.c"): "the proof calls it from another file",
+    ("misra-c2012-2.5", "servotwin_sizes.h"): "names that a file does not use",
+    ("misra-c2012-2.3", "servotwin_exact.h"): "a type that a compiler refuses if its constants are no doubles",
+    ("misra-c2012-8.7", "servotwin_hybrid.c"): "the flight control computer calls it",
     ("misra-c2012-8.7", "servotwin_models.c"): "the proof calls it from another file",
     ("misra-c2012-8.11", "servotwin_tables.h"): "lists of names whose length depends on the system",
     ("misra-c2012-8.11", "servotwin_hybrid.h"): "a list whose length depends on the system",
+    ("misra-c2012-8.11", "servotwin_twin.h"): "lists whose length depends on the system",
     ("misra-c2012-10.6", "servotwin_math.c"): "the addon takes 1 and -1 for narrower types than int32_t",
     ("misra-c2012-12.1", "servotwin_judge.c"): "a conditional expression, all of whose parts are in brackets",
     ("misra-c2012-15.5", "servotwin_math.c"): "a series returns early where it is exact",
     ("misra-c2012-15.5", "servotwin_boundary.c"): "nothing is known yet",
+    ("misra-c2012-21.15", "servotwin_twin.c"): "the bits of a double are copied",
     ("misra-c2012-19.2", "servotwin_math.c"): "the bits of a double are read through a union",
     ("misra-c2012-8.9", "main.c"): "the demonstration keeps its state out of the stack",
     ("misra-c2012-15.5", "main.c"): "the demonstration returns on an error",
@@ -49,6 +52,7 @@ OPEN = {
     ("servotwin_margin", "index_bound"): "a claim is a hypothesis",
     ("servotwin_margin", "mem_access"): "a claim is a hypothesis",
     ("tell", "bool_value"): "a judgement is cleared at start",
+    ("is_same_action", "bool_value"): "what is raised is cleared at start",
     ("add_sample", "signed_overflow"): "a window is cleared when it has its number of samples",
     ("merge", "signed_overflow"): "the panes of a window have its number of samples together",
     ("take", "index_bound"): "the next pane is taken modulo their number",
@@ -111,6 +115,11 @@ def test_compilers_have_no_warning_and_find_a_silent_conversion(compiler, export
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_a_build_with_other_arithmetic_is_refused(compiler, exported):
     assert "fast" in compiled(compiler, exported, "-std=c99", "-ffast-math").stderr
+    # clang does not declare these, so the start test finds them.
+    for flag in ["-funsafe-math-optimizations", "-freciprocal-math"]:
+        built = compiled(compiler, exported, "-std=c99", "-O2", "-ffp-contract=off", flag)
+        if built.returncode == 0:
+            assert subprocess.run([exported / "diagnose"], stdin=subprocess.DEVNULL).returncode == 1, flag
     with open("/proc/cpuinfo") as info:
         if " fma " not in info.read():
             pytest.skip("this processor fuses nothing")
@@ -118,7 +127,7 @@ def test_a_build_with_other_arithmetic_is_refused(compiler, exported):
     built = compiled(compiler, exported, *flags)
     assert built.returncode == 0, built.stderr
     run = subprocess.run([exported / "diagnose"], input="", capture_output=True, text=True)
-    assert run.returncode == 1 and "fuses" in run.stderr
+    assert run.returncode == 1 and "fuse" in run.stderr
 
 
 # Starts a diagnosis, on request with arithmetic that replaces subnormal numbers by zero.
@@ -188,7 +197,7 @@ def test_single_precision_has_no_doubles_and_one_that_is_sown_is_found(compiler,
 
 
 def test_cppcheck_and_misra_find_no_other_deviations_in_single_precision(single):
-    of_twin = re.compile("twin_sizes|hybrid|main")
+    of_twin = re.compile("twin|hybrid|main")
     known = {(name, file) for name, file in DEVIATIONS if not of_twin.search(file)}
     assert found_by_cppcheck(single) == known
 

@@ -162,8 +162,8 @@ pub enum Failure {
     /// An export cannot be written or proven.
     #[error("error: {0}")]
     Export(#[from] ExportError),
-    /// An export decides otherwise than its diagnoser.
-    #[error("error: the export in {} decides otherwise than its diagnoser", .folder.display())]
+    /// An export is not that of its diagnoser, or decides otherwise.
+    #[error("error: the export in {} is not proven", .folder.display())]
     NotProven { folder: PathBuf, output: String },
     /// A live watch continued after some files could not be written.
     #[error("error: not complete: {}", .files.join("; "))]
@@ -305,11 +305,10 @@ fn of_campaign(error: &CampaignError) -> u8 {
 /// The exit code for an artefact of the safety case.
 fn of_export(error: &ExportError) -> u8 {
     match error {
-        ExportError::FolderInUse(_) => 2,
+        ExportError::FolderInUse(_) | ExportError::Damaged { .. } => 2,
         ExportError::File(error) => of_file(error),
         ExportError::NoExport(_)
         | ExportError::OtherDiagnoser { .. }
-        | ExportError::OtherSystem { .. }
         | ExportError::Classifier { .. }
         | ExportError::TooMany { .. }
         | ExportError::Unsupported(_) => 3,

@@ -44,7 +44,8 @@ int main(void)
     double values[COLUMNS];
     int count = 0;
     if (!servotwin_hybrid_start(&hybrid)) {
-        (void)fprintf(stderr, "this build fuses products and sums: compile with -ffp-contract=off\n");
+        (void)fprintf(stderr, "this build computes otherwise than in training: it must not fuse or reorder operations (gcc: -std=c99 "
+            "-ffp-contract=off)\n");
         return 1;
     }
     for (count = read_sample(values); count == COLUMNS; count = read_sample(values)) {

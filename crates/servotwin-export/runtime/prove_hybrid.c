@@ -30,3 +30,20 @@ const double *prove_hybrid_push(
     }
     return (outcome != NULL) ? hybrid->expected : NULL;
 }
+
+/* The flight control computer follows the reaction to an action; without one (-1) it undoes those of the actuator. */
+void prove_hybrid_command(servotwin_hybrid *hybrid, int32_t actuator, int32_t action, int32_t detail);
+void prove_hybrid_command(servotwin_hybrid *hybrid, int32_t actuator, int32_t action, int32_t detail)
+{
+    if (action < 0) {
+        (void)servotwin_hybrid_release(hybrid, actuator);
+    } else {
+        (void)servotwin_hybrid_follow(hybrid, servotwin_reaction_to(actuator, action, detail));
+    }
+}
+
+int32_t prove_hybrid_set(servotwin_hybrid *hybrid, int32_t parameter, double value);
+int32_t prove_hybrid_set(servotwin_hybrid *hybrid, int32_t parameter, double value)
+{
+    return servotwin_hybrid_set_parameter(hybrid, parameter, value) ? 1 : 0;
+}

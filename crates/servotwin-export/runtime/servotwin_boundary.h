@@ -6,7 +6,12 @@
 #ifndef SERVOTWIN_BOUNDARY_H
 #define SERVOTWIN_BOUNDARY_H
 
+#include "servotwin_exact.h"
 #include "servotwin_windows.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* Sums over windows of a residual r and the twin's signal y. */
 typedef struct {
@@ -35,5 +40,9 @@ servotwin_real servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t
 
 /* Whether a wrong reading explains the present windows, and is still possible. */
 bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

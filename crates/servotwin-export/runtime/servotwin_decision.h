@@ -5,7 +5,12 @@
 #ifndef SERVOTWIN_DECISION_H
 #define SERVOTWIN_DECISION_H
 
+#include "servotwin_exact.h"
 #include "servotwin_judge.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* The evidence of one window length, nats. */
 typedef struct {
@@ -28,5 +33,9 @@ servotwin_real servotwin_margin_of_actuator(const servotwin_evidence *evidence, 
 /* Evidence of any change, and of an unknown change, in parts of the limit. */
 servotwin_real servotwin_evidence_of_change(const servotwin_evidence *evidence, int32_t length);
 servotwin_real servotwin_evidence_of_unknown(const servotwin_evidence *evidence, int32_t length);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -5,9 +5,14 @@
 #ifndef SERVOTWIN_EQUATIONS_H
 #define SERVOTWIN_EQUATIONS_H
 
+#include "servotwin_exact.h"
 #include "servotwin_twin_sizes.h"
 
 #include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* Applies faults to the parameters of a healthy system. An intensity is 0 (healthy) to 1. */
 void servotwin_twin_faults(const double *intensities, double *parameters);
@@ -57,5 +62,9 @@ double servotwin_twin_log2(double x);
 double servotwin_twin_tanh(double x);
 double servotwin_twin_sin(double x);
 double servotwin_twin_cos(double x);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -2,8 +2,13 @@
 #ifndef SERVOTWIN_JUDGE_H
 #define SERVOTWIN_JUDGE_H
 
+#include "servotwin_exact.h"
 #include "servotwin_models.h"
 #include "servotwin_windows.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* A hypothesis is healthy (0), or an action of an actuator. */
 #define SERVOTWIN_HEALTHY 0
@@ -51,5 +56,9 @@ servotwin_real servotwin_novelty(int32_t length, int32_t known, const servotwin_
 
 /* The detail on which trees and boosted trees agree; SERVOTWIN_NONE otherwise. */
 int32_t servotwin_agreed_detail(const servotwin_judgement *judgement);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

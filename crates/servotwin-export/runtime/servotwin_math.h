@@ -5,10 +5,11 @@
 #ifndef SERVOTWIN_MATH_H
 #define SERVOTWIN_MATH_H
 
+#include "servotwin_exact.h"
 #include "servotwin_real.h"
 
-#ifdef __FAST_MATH__
-#error "compile without -ffast-math: it gives other decisions than were trained"
+#ifdef __cplusplus
+extern "C" {
 #endif
 
 /* A literal as a number of this diagnosis; without it, an expression in single precision would become a double. */
@@ -31,5 +32,9 @@ servotwin_real servotwin_log(servotwin_real x);
 
 /* The logarithm of base ten of a positive, finite and normal number. */
 servotwin_real servotwin_log10(servotwin_real x);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,9 +7,14 @@
 #ifndef SERVOTWIN_MODELS_H
 #define SERVOTWIN_MODELS_H
 
+#include "servotwin_exact.h"
 #include "servotwin_real.h"
 
 #include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* Most classes of a stage, and most hypotheses: healthy and each action of each actuator. */
 #define SERVOTWIN_MOST_CLASSES 32
@@ -101,5 +106,9 @@ void servotwin_probabilities(
 /* The detail of a fault with known actuator and action. */
 servotwin_answer servotwin_detail(
     const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, int32_t actuator, int32_t action);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -5,9 +5,18 @@
 #ifndef SERVOTWIN_RANDOM_H
 #define SERVOTWIN_RANDOM_H
 
+#include "servotwin_exact.h"
 #include "servotwin_real.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* A deviate of mean 0 and variance 1, from twelve uniform ones. */
 servotwin_real servotwin_normal(uint64_t seed, uint64_t stream);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -5,12 +5,11 @@
 #ifndef SERVOTWIN_REAL_H
 #define SERVOTWIN_REAL_H
 
+#include "servotwin_exact.h"
+
 #include <float.h>
 #include <stdint.h>
 
-#if FLT_EVAL_METHOD != 0
-#error "compile with arithmetic in double alone (x86: -msse2 -mfpmath=sse)"
-#endif
 #if DBL_MANT_DIG != 53
 #error "double must be IEEE 754 binary64"
 #endif

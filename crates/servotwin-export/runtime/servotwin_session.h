@@ -8,8 +8,13 @@
 #ifndef SERVOTWIN_SESSION_H
 #define SERVOTWIN_SESSION_H
 
+#include "servotwin_exact.h"
 #include "servotwin_boundary.h"
 #include "servotwin_decision.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 typedef enum {
     SERVOTWIN_UNJUDGED, /* too few samples, or the twin is settling */
@@ -102,7 +107,10 @@ typedef struct {
     servotwin_outcome outcome;
 } servotwin_session;
 
-/* Clears everything. Returns false, and the session must not be used, if this build rounds otherwise than in training. */
+/*
+ * Runs a window with a known answer (in double precision), then clears everything. Returns false, and the session must not
+ * be used, if this build computes otherwise than in training.
+ */
 bool servotwin_session_start(servotwin_session *session);
 
 /* Takes one sample and returns the result. */
@@ -113,22 +121,28 @@ const servotwin_outcome *servotwin_session_push(
 /* Takes a sample for which the twin could not be simulated. The next one needs a twin that settles again. */
 const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *session);
 
+/* Here and below, false, and nothing is done, for an actuator or a sensor that is not there. */
+
 /* The flight control computer switched an actuator off; it is no longer judged. A shutdown raised for it stands. */
-void servotwin_session_switched_off(servotwin_session *session, int32_t actuator);
+bool servotwin_session_switched_off(servotwin_session *session, int32_t actuator);
 
 /* An actuator is on and judged again. A shutdown that stands for it is raised again. */
-void servotwin_session_switched_on(servotwin_session *session, int32_t actuator);
+bool servotwin_session_switched_on(servotwin_session *session, int32_t actuator);
 
 /* An actuator is on and judged again, and what was raised for it is withdrawn. */
-void servotwin_session_release(servotwin_session *session, int32_t actuator);
+bool servotwin_session_release(servotwin_session *session, int32_t actuator);
 
 /* Withdraws everything that was raised. What still has evidence is raised again. */
 void servotwin_session_reset_alarm(servotwin_session *session);
 
 /* Stops or resumes judging an actuator that is on. */
-void servotwin_session_inhibit(servotwin_session *session, int32_t actuator, bool is_inhibited);
+bool servotwin_session_inhibit(servotwin_session *session, int32_t actuator, bool is_inhibited);
 
 /* Takes a sensor out of the diagnosis, or puts it back. */
-void servotwin_session_take_out(servotwin_session *session, int32_t sensor, bool is_out);
+bool servotwin_session_take_out(servotwin_session *session, int32_t sensor, bool is_out);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -2,8 +2,13 @@
 #ifndef SERVOTWIN_TABLES_H
 #define SERVOTWIN_TABLES_H
 
+#include "servotwin_exact.h"
 #include "servotwin_models.h"
 #include "servotwin_windows.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 typedef struct {
     servotwin_real scale; /* of its residual, SI */
@@ -108,11 +113,18 @@ extern const uint8_t servotwin_switches_off[SERVOTWIN_ACTIONS];
 extern const int32_t servotwin_baseline_settle_samples;
 extern const int32_t servotwin_baseline_memory_samples;
 extern const servotwin_constants servotwin_tuning;
+/* Of the start test: plausible inputs, and the mixture of the answers; 0 in single precision, which rounds differently. */
+extern const servotwin_real servotwin_known_inputs[];
+extern const uint64_t servotwin_known_answer;
 
 extern const char *const servotwin_sensor_names[];
 extern const char *const servotwin_input_names[];
 extern const char *const servotwin_actuator_names[];
 extern const char *const servotwin_action_names[];
 extern const char *const servotwin_detail_names[];
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -41,6 +41,8 @@
 #define MIN_TURNS 8U
 #define MAX_CHANGE 0.02
 #define MIN_SWING 1e-6
+/* Samples of the start test. */
+#define KNOWN_SAMPLES 8
 
 static const servotwin_swing no_swing = { HUGE_VAL, -HUGE_VAL, 0U };
 
@@ -737,4 +739,37 @@ void servotwin_twin_load(servotwin_twin *twin, const double *parameters)
 {
     (void)memcpy(twin->parameters, parameters, sizeof twin->parameters);
     twin->has_loaded = true;
+}
+
+/* -------------------------------------------------------- Start test. */
+
+static void mix_variable(uint64_t *mixture, double number)
+{
+    uint64_t bits = 0x7ff8000000000000U;
+    if (number == number) {
+        (void)memcpy(&bits, &number, sizeof bits);
+    }
+    *mixture = (*mixture ^ bits) * 0x100000001b3U;
+}
+
+bool servotwin_twin_is_exact(servotwin_twin *twin)
+{
+    servotwin_knot inputs[SERVOTWIN_TWIN_INPUTS];
+    uint64_t mixture = 0xcbf29ce484222325U;
+    (void)memcpy(inputs, servotwin_twin_defaults, sizeof inputs);
+    bool is_well = servotwin_twin_start(twin, servotwin_twin_parameters, inputs);
+    for (int32_t sample = 0; (sample < KNOWN_SAMPLES) && is_well; sample++) {
+        for (int32_t input = 0; input < INPUTS; input++) {
+            const double size = fabs(inputs[input].value) + 0.125;
+            const double rise = size * 0x1p-7;
+            inputs[input].value = inputs[input].value + rise;
+            inputs[input].slope_per_s = rise / servotwin_twin_control.period_s;
+        }
+        is_well = servotwin_twin_step(twin, inputs);
+    }
+    for (int32_t slot = 0; (slot < SERVOTWIN_TWIN_SUMS_END) && is_well; slot++) {
+        mix_variable(&mixture, twin->variables[slot]);
+    }
+    (void)memset(twin, 0, sizeof *twin);
+    return mixture == servotwin_twin_known_answer;
 }

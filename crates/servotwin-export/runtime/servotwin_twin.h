@@ -6,9 +6,14 @@
 #ifndef SERVOTWIN_TWIN_H
 #define SERVOTWIN_TWIN_H
 
+#include "servotwin_exact.h"
 #include "servotwin_equations.h"
 
 #include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* An input at a sample. */
 typedef struct {
@@ -104,6 +109,36 @@ typedef struct {
     double value;
 } servotwin_guess;
 
+/* Possible values, SI. Others count as missing. */
+typedef struct {
+    double low;
+    double high;
+} servotwin_range;
+
+/* What the flight control computer changes: an input, a parameter of the twin, or a sensor that it ignores. */
+typedef enum {
+    SERVOTWIN_SETS_INPUT,
+    SERVOTWIN_SETS_PARAMETER,
+    SERVOTWIN_TAKES_OUT
+} servotwin_kind_of_change;
+
+typedef struct {
+    servotwin_kind_of_change kind;
+    int32_t place; /* of the input, the parameter or the sensor */
+    double value; /* SI */
+} servotwin_change;
+
+/* What the study does after an action. */
+typedef struct {
+    int32_t actuator;
+    int32_t action;
+    int32_t detail; /* -1 for all others */
+    bool switches_off;
+    bool is_seen; /* the inputs show that the actuator is off */
+    int32_t first_change; /* of servotwin_twin_changes */
+    int32_t end_of_changes;
+} servotwin_reaction;
+
 /* servotwin_twin_tables.c holds these. */
 extern const servotwin_step_control servotwin_twin_control;
 extern const servotwin_guess servotwin_twin_guesses[SERVOTWIN_TWIN_STATES];
@@ -115,6 +150,16 @@ extern const int32_t servotwin_twin_slopes[SERVOTWIN_TWIN_INPUTS]; /* places amo
 extern const double servotwin_twin_clock_periods_s[SERVOTWIN_TWIN_MOST_CLOCKS];
 extern const double servotwin_twin_parameters[SERVOTWIN_TWIN_PARAMETERS]; /* of the healthy system */
 extern const servotwin_knot servotwin_twin_defaults[SERVOTWIN_TWIN_INPUTS];
+extern const servotwin_range servotwin_twin_possible[]; /* of inputs, then of sensors */
+extern const servotwin_change servotwin_twin_changes[];
+extern const servotwin_reaction servotwin_twin_reactions[];
+extern const uint64_t servotwin_twin_known_answer;
+
+/*
+ * Simulates a few samples and compares their bits with those of training; leaves the twin before its start. Returns false
+ * if this build computes otherwise.
+ */
+bool servotwin_twin_is_exact(servotwin_twin *twin);
 
 /* Searches for the steady state at constant inputs and places the twin on sample 0. Returns false on a failure. */
 bool servotwin_twin_start(servotwin_twin *twin, const double *parameters, const servotwin_knot *inputs);
@@ -140,5 +185,9 @@ double servotwin_twin_tick_clocks(servotwin_twin *twin, const double *values);
 
 /* Other parameters, from the next sample on. */
 void servotwin_twin_load(servotwin_twin *twin, const double *parameters);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

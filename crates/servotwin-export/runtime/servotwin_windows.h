@@ -5,11 +5,16 @@
 #ifndef SERVOTWIN_WINDOWS_H
 #define SERVOTWIN_WINDOWS_H
 
+#include "servotwin_exact.h"
 #include "servotwin_real.h"
 #include "servotwin_sizes.h"
 
 #include <stdbool.h>
 #include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 /* Channels are the residuals, then the twin's signals. */
 #define SERVOTWIN_CHANNELS (2 * SERVOTWIN_SENSORS)
@@ -76,5 +81,9 @@ bool servotwin_is_full(const servotwin_ring *ring, int32_t length);
 void servotwin_baseline_clear(servotwin_baseline *baseline);
 bool servotwin_baseline_is_settled(const servotwin_baseline *baseline);
 void servotwin_baseline_learn(servotwin_baseline *baseline, const servotwin_real *measured, const servotwin_real *twin);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

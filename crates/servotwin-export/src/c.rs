@@ -22,7 +22,13 @@ macro_rules! runtime {
 }
 
 runtime! {
-    /// The hand-written files of a diagnosis: name and text.
+    /// The hand-written file that every other one includes: name and text.
+    COMMON:
+    "servotwin_exact.h",
+}
+
+runtime! {
+    /// Those of a diagnosis.
     DIAGNOSIS:
     "servotwin_math.h",
     "servotwin_random.h",
@@ -80,18 +86,6 @@ const PRINTED: [&str; 3] = ["servotwin_sizes.h", "servotwin_tables.c", "servotwi
 const PRINTED_OF_TWIN: [&str; 3] =
     ["servotwin_twin_sizes.h", "servotwin_twin_tables.c", "servotwin_equations.c"];
 
-/// The names of all files of an export: in double precision a diagnosis and a twin, in single precision a diagnosis.
-pub fn names(precision: Precision) -> impl Iterator<Item = &'static str> {
-    let of_twin = [TWIN, HYBRID].concat().into_iter().map(|(name, _)| name).chain(PRINTED_OF_TWIN);
-    let of_twin = of_twin.filter(move |_| precision == Precision::F64);
-    written_in(precision).map(|(name, _)| name).chain(PRINTED).chain(of_twin)
-}
-
-/// The hand-written files of a diagnosis in a precision.
-fn written_in(precision: Precision) -> impl Iterator<Item = (&'static str, &'static str)> {
-    arithmetic(precision).chain(DIAGNOSIS.iter().copied())
-}
-
 /// The files of a diagnosis that depend on the precision: its arithmetic, and those that are printed.
 pub(crate) fn files_of_precision(
     diagnoser: &Diagnoser,
@@ -129,7 +123,7 @@ pub fn files_in(
     diagnoser: &Diagnoser,
     precision: Precision,
 ) -> Result<Vec<SourceFile>, ExportError> {
-    let written = written(DIAGNOSIS.iter().copied());
+    let written = written(COMMON.iter().chain(DIAGNOSIS).copied());
     Ok(written.chain(files_of_precision(diagnoser, precision)?).collect())
 }
 
@@ -142,7 +136,7 @@ pub fn files_with_twin(
     twin: &ExportedTwin,
 ) -> Result<Vec<SourceFile>, ExportError> {
     let hybrid = written(HYBRID.iter().copied());
-    Ok([files(diagnoser)?, files_of_twin(twin)?, hybrid.collect()].concat())
+    Ok([files(diagnoser)?, own_files_of_twin(twin)?, hybrid.collect()].concat())
 }
 
 /// The files of a twin alone.
@@ -150,6 +144,10 @@ pub fn files_with_twin(
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
 pub fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
+    Ok(written(COMMON.iter().copied()).chain(own_files_of_twin(twin)?).collect())
+}
+
+fn own_files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
     Ok(together(TWIN.iter().copied(), PRINTED_OF_TWIN, tables::twin::texts(twin)?))
 }
 

@@ -1,12 +1,21 @@
 //! What a proof showed, as data and as a page.
 
+use crate::folder::FolderComparison;
 use crate::precision::Precision;
-use crate::prove::{Decisions, FlightDecisions, ProofEvidence, SingleEvidence};
+use crate::prove::{Decisions, FlightDecisions, ProofEvidence, RowDifference, SingleEvidence};
+use crate::source_file::SourceFile;
 use serde::{Deserialize, Serialize};
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+
+/// What no proof compares.
+const NEVER_COMPARED: [&str; 3] = [
+    "compilers, flags and processors other than those of the builds",
+    "the program that calls the code, and the inputs that a reaction sets in the plant",
+    "samples beyond those that were drawn: equality is enumerated for the trees alone",
+];
 
 /// The name of the file with what single precision decides differently.
 pub(crate) const DECISIONS: &str = "precision.csv";
@@ -52,8 +61,12 @@ pub struct Certificate {
     pub export: Description,
     /// The SHA-256 of each file that was compiled.
     pub compiled_sha256: BTreeMap<String, String>,
+    /// How the text differs from what servotwin exports; then nothing is compiled.
+    pub differences: Vec<RowDifference>,
     /// What each build was compared on.
     pub builds: Vec<ProofEvidence>,
+    /// What was not compared.
+    pub not_compared: Vec<String>,
     /// What an export in single precision decides differently.
     pub single: Option<SingleEvidence>,
 }
@@ -62,24 +75,35 @@ impl Certificate {
     /// The certificate of a proof.
     pub fn new(
         export: Description,
-        compiled_sha256: BTreeMap<String, String>,
+        folder: FolderComparison,
         builds: Vec<ProofEvidence>,
         single: Option<SingleEvidence>,
     ) -> Self {
-        let holds = builds.iter().all(ProofEvidence::holds);
-        Certificate { holds, export, compiled_sha256, builds, single }
+        let FolderComparison { files, differences, mut not_compared } = folder;
+        let holds =
+            differences.is_empty() && !builds.is_empty() && builds.iter().all(ProofEvidence::holds);
+        let compiled_sha256 = SourceFile::hashes(&files);
+        let twin = builds.first().filter(|_| export.twin.is_some());
+        if twin.is_some_and(|first| first.unsettled == 0) {
+            not_compared.push("a twin without a steady state: no variant was one".into());
+        }
+        not_compared.extend(NEVER_COMPARED.map(String::from));
+        Certificate { holds, export, compiled_sha256, differences, builds, not_compared, single }
     }
 
     /// The verdict in one sentence.
-    fn verdict(&self) -> &'static str {
+    pub fn verdict(&self) -> &'static str {
         match (self.holds, &self.single) {
+            (false, _) if !self.differences.is_empty() => {
+                "NOT PROVEN: the folder does not hold what servotwin exports for this diagnosis."
+            }
             (true, None) => "Every build gives the bits of the trained diagnosis.",
             (true, Some(_)) => {
                 "All builds give the same bits, every tree decides as it was trained for every row of single precision, and \
                  the hand-written text gives the bits of training in double precision. Below is what rounding decides \
                  differently."
             }
-            (false, _) => "A build decides differently than the trained diagnosis.",
+            (false, _) => "NOT PROVEN: a build decides differently than the trained diagnosis.",
         }
     }
 
@@ -92,7 +116,9 @@ impl Certificate {
              overflow-wrap: break-word }}</style>\n<h1>Proof of an export</h1>\n<p><strong>{}</strong></p>\n",
             self.verdict()
         );
+        write_list(&mut page, "Differences", self.differences.iter().map(RowDifference::to_string));
         self.write_builds(&mut page);
+        write_list(&mut page, "Not compared", self.not_compared.iter().cloned());
         self.single.iter().for_each(|single| write_single(&mut page, single));
         let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
         let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
@@ -134,6 +160,13 @@ impl Certificate {
             let raised = raised.collect::<Vec<_>>().join(", ");
             let _ = writeln!(page, "<p>Actions raised by the samples: {}.</p>", escaped(&raised));
         }
+    }
+}
+
+fn write_list(page: &mut String, title: &str, items: impl Iterator<Item = String>) {
+    let items: String = items.map(|item| format!("<li>{}\n", escaped(&item))).collect();
+    if !items.is_empty() {
+        let _ = writeln!(page, "<h2>{title}</h2>\n<ul>\n{items}</ul>");
     }
 }
 

@@ -33,6 +33,9 @@ pub enum ExportError {
     /// The folder holds no export.
     #[error("{}: there is no export here; 'servotwin export c --out {}' writes one", .0.display(), .0.display())]
     NoExport(PathBuf),
+    /// The description of an export cannot be read.
+    #[error("{}: this describes no export ({cause}): export to an empty folder", path.display())]
+    Damaged { path: PathBuf, cause: serde_json::Error },
     /// The diagnoser is not the one that was exported.
     #[error(
         "{}: this diagnoser is not the one that was exported to {}: export it again, or name the other with --model",
@@ -40,13 +43,6 @@ pub enum ExportError {
         folder.display()
     )]
     OtherDiagnoser { diagnoser: PathBuf, folder: PathBuf },
-    /// The system is not the one that was exported.
-    #[error(
-        "the study {} has another system than the one that was exported to {}: export it again, or name the other with --study",
-        study.display(),
-        folder.display()
-    )]
-    OtherSystem { study: PathBuf, folder: PathBuf },
     /// There is no C compiler to prove anything with.
     #[error("neither gcc nor clang starts: install one of them")]
     NoBuild,

@@ -4,13 +4,15 @@ use crate::c;
 use crate::certificate::{Certificate, DECISIONS, Description, TwinDescription};
 use crate::error::ExportError;
 use crate::precision::Precision;
+use crate::prove::RowDifference;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
 use servotwin_io::manifest::sha256;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// The name of the description.
@@ -35,6 +37,99 @@ fn sources(diagnoser: &Path) -> Result<BTreeMap<String, String>, ExportError> {
     names.filter(is_source).map(|name| Ok((name.clone(), sha256(&folder.join(name))?))).collect()
 }
 
+/// The files of an export, and what they are made of.
+fn export(
+    diagnoser: &Diagnoser,
+    file: &Path,
+    twin: Option<(&ExportedTwin, &Path)>,
+) -> Result<(Vec<SourceFile>, Description), ExportError> {
+    let (files, precision) = match twin {
+        Some((twin, _)) => (c::files_with_twin(diagnoser, twin)?, Precision::F64),
+        None => (c::files_in(diagnoser, Precision::F32)?, Precision::F32),
+    };
+    let twin = twin.map(|(twin, study)| TwinDescription {
+        study: study.into(),
+        system: twin.program.identity(),
+        has_fixed_step: twin.has_fixed_step(),
+    });
+    let description = Description {
+        version: env!("CARGO_PKG_VERSION").into(),
+        diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
+        diagnoser_sha256: sha256(file)?,
+        precision,
+        twin,
+        sources_sha256: sources(file)?,
+        files_sha256: SourceFile::hashes(&files),
+    };
+    Ok((files, description))
+}
+
+/// How a folder differs from what its diagnoser and its twin are exported as.
+#[derive(Debug, Clone, Default)]
+pub struct FolderComparison {
+    /// The files as they are now.
+    pub files: Vec<SourceFile>,
+    /// Differences of the text and of the description.
+    pub differences: Vec<RowDifference>,
+    /// What is there and was not compared.
+    pub not_compared: Vec<String>,
+}
+
+impl FolderComparison {
+    fn differ(&mut self, place: &str, what: &str) {
+        self.differences.push(RowDifference { place: place.into(), what: what.into() });
+    }
+
+    fn description(&mut self, exported: &Description, right: &Description) {
+        if exported.version != right.version {
+            let what = format!("exported by {}, not by {}", exported.version, right.version);
+            self.differ("servotwin", &what);
+        }
+        let system = |description: &Description| description.twin.as_ref().map(|twin| twin.system);
+        if system(exported) != system(right) {
+            self.differ(DESCRIPTION, "the study has another system");
+        }
+        if exported.precision != right.precision {
+            self.differ(DESCRIPTION, "the precision is another one");
+        }
+        for (name, hash) in &exported.sources_sha256 {
+            match right.sources_sha256.get(name) {
+                Some(now) if now != hash => {
+                    self.differ(name, "it is not the one that was exported")
+                }
+                Some(_) => {}
+                None => {
+                    let what = format!("{name}: it no longer lies beside the diagnoser");
+                    self.not_compared.push(what);
+                }
+            }
+        }
+        let names: BTreeSet<&String> =
+            exported.files_sha256.keys().chain(right.files_sha256.keys()).collect();
+        for name in names {
+            if exported.files_sha256.get(name) != right.files_sha256.get(name) {
+                self.differ(DESCRIPTION, &format!("the SHA-256 of {name} is not that of its text"));
+            }
+        }
+    }
+
+    /// Compares the text of a file line by line.
+    fn file(&mut self, right: &SourceFile, text: String) {
+        if text != right.text {
+            let same = text.lines().zip(right.text.lines()).take_while(|(a, b)| a == b);
+            let line = same.count();
+            let shown = |text: &str| match text.lines().nth(line) {
+                Some(line) => format!("'{}'", line.trim().chars().take(80).collect::<String>()),
+                None => "nothing".into(),
+            };
+            let (said, wanted) = (shown(&text), shown(&right.text));
+            let place = format!("{}, line {}", right.name, line + 1);
+            self.differ(&place, &format!("{said} instead of {wanted}"));
+        }
+        self.files.push(SourceFile { name: right.name, text });
+    }
+}
+
 /// A folder with an export.
 #[derive(Debug, Clone)]
 pub struct ExportFolder {
@@ -47,115 +142,104 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export of the diagnoser in a file and of a twin of the study of that name. An earlier one is replaced, and
-    /// its certificate removed.
+    /// Writes an export of the diagnoser in a file, with a twin of the study of that name in double precision, and alone in
+    /// single precision. An earlier one is replaced, and its certificate removed.
     ///
     /// # Errors
-    /// [`ExportError::FolderInUse`], the errors of [`c::files_with_twin`], and files that cannot be written.
+    /// [`ExportError::FolderInUse`], [`ExportError::Damaged`], the errors of [`c::files_with_twin`] and [`c::files_in`], and
+    /// files that cannot be written or removed.
     pub fn write(
         &self,
         (diagnoser, file): (&Diagnoser, &Path),
-        (twin, study): (&ExportedTwin, &Path),
+        twin: Option<(&ExportedTwin, &Path)>,
     ) -> Result<Description, ExportError> {
-        let twin_description = TwinDescription {
-            study: study.into(),
-            system: twin.program.identity(),
-            has_fixed_step: twin.has_fixed_step(),
-        };
-        let files = c::files_with_twin(diagnoser, twin)?;
-        self.write_files(&files, file, Precision::F64, Some(twin_description))
-    }
-
-    /// Writes an export of the diagnoser in a file in single precision, without a twin. An earlier one is replaced, and
-    /// its certificate removed.
-    ///
-    /// # Errors
-    /// [`ExportError::FolderInUse`], the errors of [`c::files_in`], and files that cannot be written.
-    pub fn write_single(
-        &self,
-        diagnoser: &Diagnoser,
-        file: &Path,
-    ) -> Result<Description, ExportError> {
-        let files = c::files_in(diagnoser, Precision::F32)?;
-        self.write_files(&files, file, Precision::F32, None)
-    }
-
-    fn write_files(
-        &self,
-        files: &[SourceFile],
-        diagnoser: &Path,
-        precision: Precision,
-        twin: Option<TwinDescription>,
-    ) -> Result<Description, ExportError> {
+        let (files, description) = export(diagnoser, file, twin)?;
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
-        let is_own = |description: Description| description.precision == precision;
-        let is_earlier = self.description().map_or(self.file(DESCRIPTION).exists(), is_own);
-        if holds_files && !is_earlier {
-            return Err(ExportError::FolderInUse(self.path.clone()));
+        if holds_files {
+            let in_use = || ExportError::FolderInUse(self.path.clone());
+            let earlier = self.description().map_err(|error| match error {
+                ExportError::NoExport(_) => in_use(),
+                error => error,
+            })?;
+            if earlier.precision != description.precision {
+                return Err(in_use());
+            }
         }
-        // A certificate of another text is worse than none.
-        for name in [CERTIFICATE, PAGE, DECISIONS] {
-            let _ = std::fs::remove_file(self.file(name));
-        }
+        self.forget_certificate()?;
         create_folder(&self.path)?;
-        for SourceFile { name, text } in files {
+        for SourceFile { name, text } in &files {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
         }
-        let description = Description {
-            version: env!("CARGO_PKG_VERSION").into(),
-            diagnoser: std::path::absolute(diagnoser).unwrap_or_else(|_| diagnoser.into()),
-            diagnoser_sha256: sha256(diagnoser)?,
-            precision,
-            twin,
-            sources_sha256: sources(diagnoser)?,
-            files_sha256: SourceFile::hashes(files),
-        };
         self.write_json(DESCRIPTION, &description)?;
         Ok(description)
+    }
+
+    /// Removes a certificate: one of another text is worse than none.
+    ///
+    /// # Errors
+    /// It is there and cannot be removed.
+    pub fn forget_certificate(&self) -> Result<(), ExportError> {
+        for name in [CERTIFICATE, PAGE, DECISIONS] {
+            let path = self.file(name);
+            match std::fs::remove_file(&path) {
+                Err(cause) if cause.kind() != ErrorKind::NotFound => {
+                    return Err(ExportError::from_io(&path, cause));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     /// What the export was made of.
     ///
     /// # Errors
-    /// [`ExportError::NoExport`] if there is none.
+    /// [`ExportError::NoExport`] if there is none; [`ExportError::Damaged`] if it cannot be read.
     pub fn description(&self) -> Result<Description, ExportError> {
-        let none = || ExportError::NoExport(self.path.clone());
         let path = self.file(DESCRIPTION);
-        let text = if path.exists() { read_text(path)? } else { return Err(none()) };
-        serde_json::from_str(&text).map_err(|_| none())
-    }
-
-    /// Checks that a twin is the exported one.
-    ///
-    /// # Errors
-    /// [`ExportError::OtherSystem`] if it is not.
-    pub fn check_system(
-        &self,
-        exported: &TwinDescription,
-        twin: &ExportedTwin,
-        study: &Path,
-    ) -> Result<(), ExportError> {
-        if twin.program.identity() == exported.system {
-            return Ok(());
+        if !path.exists() {
+            return Err(ExportError::NoExport(self.path.clone()));
         }
-        Err(ExportError::OtherSystem { study: study.into(), folder: self.path.clone() })
+        serde_json::from_str(&read_text(&path)?)
+            .map_err(|cause| ExportError::Damaged { path, cause })
     }
 
-    /// The files as they are now. `file` must be the exported diagnoser.
+    /// Compares the folder with what is exported today for its diagnoser, in `file`, and its twin.
     ///
     /// # Errors
-    /// [`ExportError::OtherDiagnoser`] if it is not, and files that are missing.
-    pub fn files(
+    /// [`ExportError::OtherDiagnoser`] if the diagnoser is not the exported one, and the errors of [`Self::write`].
+    pub fn compare(
         &self,
         exported: &Description,
-        file: &Path,
-    ) -> Result<Vec<SourceFile>, ExportError> {
+        (diagnoser, file): (&Diagnoser, &Path),
+        twin: Option<(&ExportedTwin, &Path)>,
+    ) -> Result<FolderComparison, ExportError> {
         if sha256(file)? != exported.diagnoser_sha256 {
             let folder = self.path.clone();
             return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
         }
-        let read = |name| Ok(SourceFile { name, text: read_text(self.file(name))? });
-        c::names(exported.precision).map(read).collect()
+        let mut compared = FolderComparison::default();
+        if twin.is_none() && exported.precision == Precision::F64 {
+            compared.differ(DESCRIPTION, "an export in double precision has a twin");
+            return Ok(compared);
+        }
+        let (files, right) = export(diagnoser, file, twin)?;
+        compared.description(exported, &right);
+        for right in &files {
+            match read_text(self.file(right.name)) {
+                Ok(text) => compared.file(right, text),
+                Err(error) => compared.differ(right.name, &error.to_string()),
+            }
+        }
+        let entries = self.path.read_dir().into_iter().flatten().flatten();
+        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        let is_foreign = |name: &String| {
+            (name.ends_with(".c") || name.ends_with(".h")) && !right.files_sha256.contains_key(name)
+        };
+        let foreign = names.filter(is_foreign).map(|name| format!("{name}: no file of the export"));
+        compared.not_compared.extend(foreign);
+        compared.not_compared.sort();
+        Ok(compared)
     }
 
     /// Writes a certificate as data and as a page, and what single precision decides differently; returns their paths.

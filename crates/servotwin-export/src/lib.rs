@@ -26,4 +26,4 @@ mod twin;
 pub use error::ExportError;
 pub use precision::Precision;
 pub use source_file::SourceFile;
-pub use twin::ExportedTwin;
+pub use twin::{ExportedReaction, ExportedTwin};

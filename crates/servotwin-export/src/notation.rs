@@ -2,6 +2,7 @@
 
 use crate::precision::Precision;
 use servotwin_model::c_source::{hexadecimal, hexadecimal_single};
+use std::collections::BTreeSet;
 use std::fmt::{Display, Write};
 
 /// Longest line of an array, in characters.
@@ -106,11 +107,47 @@ pub(crate) fn write_numbers(
     write_array(text, precision.c_type(), name, items);
 }
 
-/// A file with the sizes of arrays, whose names begin with `prefix`.
-pub(crate) fn sizes_text(head: &str, prefix: &str, sizes: &[(&str, usize)]) -> String {
-    let line = |(name, size): &(&str, usize)| format!("#define {prefix}_{name} {size}\n");
-    let lines: String = sizes.iter().map(line).collect();
-    format!("{head}#ifndef {prefix}_SIZES_H\n#define {prefix}_SIZES_H\n\n{lines}\n#endif\n")
+/// A file with texts, sizes of arrays and indices by name, whose names begin with `prefix`.
+pub(crate) fn sizes_text(
+    head: &str,
+    prefix: &str,
+    texts: &[(&str, String)],
+    sizes: &[(&str, usize)],
+    indices: &[(&str, Vec<String>)],
+) -> String {
+    let define = |name: &str, value: &str| format!("#define {prefix}_{name} {value}\n");
+    let texts: String = texts.iter().map(|(name, t)| define(name, &format!("\"{t}\""))).collect();
+    let sizes: String = sizes.iter().map(|(name, size)| define(name, &size.to_string())).collect();
+    let indices: String = indices.iter().map(|(what, names)| indices_text(what, names)).collect();
+    format!(
+        "{head}#ifndef {prefix}_SIZES_H\n#define {prefix}_SIZES_H\n\n#include \"servotwin_exact.h\"\n\n{texts}\n{sizes}\n\
+         {indices}#endif\n"
+    )
+}
+
+/// The index of each name of a list. Of names that are the same in capitals, later ones end in their index.
+fn indices_text(what: &str, names: &[String]) -> String {
+    let capital = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' };
+    let mut known = BTreeSet::new();
+    let mut text = String::new();
+    for (index, name) in names.iter().enumerate() {
+        let mut name: String = name.chars().map(capital).collect();
+        while !known.insert(name.clone()) {
+            name = format!("{name}_{index}");
+        }
+        let _ = writeln!(text, "#define SERVOTWIN_{what}_{name} {index}");
+    }
+    text + "\n"
+}
+
+/// A name as a string literal with the same bytes.
+pub(crate) fn quoted(name: &str) -> String {
+    let byte = |byte: u8| match byte {
+        b'"' | b'\\' | b'?' => format!("\\{}", char::from(byte)),
+        b' '..=b'~' => char::from(byte).into(),
+        _ => format!("\\{byte:03o}"),
+    };
+    format!("\"{}\"", name.bytes().map(byte).collect::<String>())
 }
 
 #[cfg(test)]
@@ -126,5 +163,19 @@ mod tests {
         text.clear();
         write_array(&mut text, "int8_t", "none", [0_i8; 0]);
         assert_eq!(text, "static const int8_t none[1] = {\n    0,\n};\n");
+    }
+
+    #[test]
+    fn names_become_literals_and_indices_that_differ() {
+        assert_eq!(quoted("p?\"ä"), r#""p\?\"\303\244""#);
+        let names = ["p a", "p_a", "ok"].map(String::from);
+        let text = indices_text("SENSOR", &names);
+        let lines: Vec<_> = text.lines().collect();
+        let defined = ["P_A 0", "P_A_1 1", "OK 2", ""];
+        let defined = defined.map(|line| match line {
+            "" => String::new(),
+            line => format!("#define SERVOTWIN_SENSOR_{line}"),
+        });
+        assert_eq!(lines, defined);
     }
 }

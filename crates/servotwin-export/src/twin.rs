@@ -1,5 +1,7 @@
 //! The virtual twin that an export takes along.
 
+use servotwin::study::{Reaction, Study};
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::solver::{Between, Control, SolverSettings};
 
@@ -18,6 +20,61 @@ pub struct ExportedTwin<'p> {
     pub ranges: Vec<[f64; 2]>,
     /// The variables that the diagnosis compares with its sensors, in their order.
     pub sensors: Vec<Slot>,
+    /// The least and the largest possible value of each external input, and then of each of these sensors, SI. Values
+    /// beyond them count as missing.
+    pub possible: Vec<(f64, f64)>,
+    /// What the flight control computer does after an action. None of them belongs to a diagnosis of another system.
+    pub reactions: Vec<ExportedReaction>,
+}
+
+/// A reaction of a study to an action.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExportedReaction {
+    /// The actuator.
+    pub actuator: usize,
+    /// The action.
+    pub action: usize,
+    /// The detail, if the reaction is for one alone.
+    pub detail: Option<usize>,
+    /// The reaction. It takes out sensors of the diagnoser.
+    pub reaction: Reaction,
+}
+
+impl ExportedReaction {
+    /// All reactions of a study to what a diagnoser raises.
+    pub fn all(study: &Study, diagnoser: &Diagnoser) -> Vec<ExportedReaction> {
+        let names = diagnoser.names();
+        let sensor = |&place: &usize| {
+            let label = &study.system.sensors[place].label;
+            diagnoser.sensors.iter().position(|sensor| sensor.name == *label)
+        };
+        let mut all = Vec::new();
+        for actuator in 0..names.actuators.len() {
+            for (action, command) in names.actions.iter().enumerate() {
+                let general = study.reactions.of(actuator, command, None);
+                let mut add = |detail, reaction: &Reaction| {
+                    let takes_out = reaction.takes_out.iter().filter_map(sensor).collect();
+                    let reaction = Reaction { takes_out, ..reaction.clone() };
+                    all.push(ExportedReaction { actuator, action, detail, reaction });
+                };
+                for (detail, name) in names.details.iter().enumerate() {
+                    let special = study.reactions.of(actuator, command, Some(name));
+                    if special != general {
+                        add(Some(detail), &special);
+                    }
+                }
+                if general != Reaction::default() {
+                    add(None, &general);
+                }
+            }
+        }
+        all
+    }
+
+    /// Whether the inputs show that it is carried out: it switches off, by inputs.
+    pub(crate) fn is_seen(&self) -> bool {
+        self.detail.is_none() && self.reaction.switches_off && !self.reaction.inputs.is_empty()
+    }
 }
 
 impl ExportedTwin<'_> {

@@ -14,7 +14,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_export::certificate::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::{ExportError, ExportedTwin, Precision};
+use servotwin_export::{ExportError, ExportedReaction, ExportedTwin, Precision};
 use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
@@ -161,7 +161,7 @@ fn write_double(options: &COptions, global: Global) -> Result<String, Failure> {
     let study = find_study(Some(&place))?;
     let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
     let folder = ExportFolder::new(&options.out);
-    let written = folder.write((&diagnoser, &file), (&twin, &place))?;
+    let written = folder.write((&diagnoser, &file), Some((&twin, &place)))?;
     Ok(text_of(&written, &options.out, global))
 }
 
@@ -174,7 +174,7 @@ fn write_single(options: &COptions, global: Global) -> Result<String, Failure> {
     }
     let file = options.model.clone().unwrap_or_else(usual_diagnoser);
     let diagnoser = model_file::read_diagnoser(&file)?;
-    let written = ExportFolder::new(&options.out).write_single(&diagnoser, &file)?;
+    let written = ExportFolder::new(&options.out).write((&diagnoser, &file), None)?;
     Ok(text_of(&written, &options.out, global))
 }
 
@@ -221,7 +221,8 @@ pub fn twin_of<'s>(
     let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
     let settings =
         if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::campaign() };
-    twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)
+    let twin = twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)?;
+    Ok(ExportedTwin { reactions: ExportedReaction::all(study, diagnoser), ..twin })
 }
 
 /// A twin with all sensors of its study.
@@ -238,9 +239,16 @@ fn twin<'s, 'n>(
     settings: SolverSettings,
     period_s: f64,
     ranges: Vec<[f64; 2]>,
-    sensors: impl Iterator<Item = &'n str>,
+    sensors: impl Iterator<Item = &'n str> + Clone,
 ) -> Result<ExportedTwin<'s>, RuntimeError> {
+    let known = &study.system.sensors;
+    let place = |label: &str| known.iter().position(|sensor| sensor.label == label);
+    let inputs =
+        (0..study.system.network().inputs.len()).map(|input| study.system.accepted_range(input));
+    let readable = sensors.clone().filter_map(place).map(|place| study.system.readable(place));
     Ok(ExportedTwin {
+        possible: inputs.chain(readable).collect(),
+        reactions: vec![],
         program: &study.system.program,
         settings,
         period_s,

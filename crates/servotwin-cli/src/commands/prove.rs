@@ -10,8 +10,8 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Plan, prove, prove_single};
-use servotwin_export::{ExportError, Precision, SourceFile};
+use servotwin_export::prove::{Build, Plan, ProofEvidence, SingleEvidence, prove, prove_single};
+use servotwin_export::{ExportError, Precision};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -20,7 +20,8 @@ const FLIGHTS: u64 = 100;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
-/// Each build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
+/// First the text of every file, its hashes and the twin are compared with what is exported for the diagnoser. Then each
+/// build (gcc and clang, as far as they are installed, with -O0, -O2 and -O3) is compared bit by bit with the
 /// diagnoser: every leaf of every tree, both sides of every threshold, missing values at every test, and random samples
 /// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The twin is compared
 /// with that of the toolkit over variants with random faults. The certificate is written beside the files, as proof.json
@@ -68,7 +69,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let description = folder.description()?;
     let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
     let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
-    let files = folder.files(&description, &file)?;
     let builds = match &options.compiler {
         Some(command) => vec![Build::new(command)],
         None => Build::available(),
@@ -86,35 +86,53 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let place = place.map(|place| options.study.clone().unwrap_or(place));
     let study = place.map(|place| find_study(Some(&place)).map(|study| (study, place)));
     let study = study.transpose()?;
-    let twin = study.as_ref().zip(exported).map(|((study, place), exported)| {
-        let twin = twin_of(study, &diagnoser, exported.has_fixed_step).map_err(unfit(&file))?;
-        folder.check_system(exported, &twin, place)?;
-        Ok::<_, Failure>(twin)
+    let twin = study.as_ref().zip(exported).map(|((study, _), exported)| {
+        twin_of(study, &diagnoser, exported.has_fixed_step).map_err(unfit(&file))
     });
     let twin = twin.transpose()?;
-    let stages = Stages::new(global);
-    let plan = Plan {
-        twin: twin.as_ref(),
-        study: study.as_ref().map(|(study, _)| study),
-        precision: description.precision,
-        samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
-        variants: options.variants,
-        kept: options.keep.as_deref(),
-        ..Plan::new(&diagnoser, &files)
-    };
-    let tell = &mut |what: &str, share| stages.show(what, share);
-    let (evidence, single) = match description.precision {
-        Precision::F64 => (prove(&plan, &builds, tell)?, None),
-        Precision::F32 => {
-            let (evidence, single) = prove_single(&plan, &builds, flights, tell)?;
-            (evidence, Some(single))
-        }
-    };
-    stages.end();
-    let hashes = SourceFile::hashes(&files);
-    let certificate = Certificate::new(description, hashes, evidence, single);
+    let place = study.as_ref().map(|(_, place)| place.as_path());
+    let whole = (&*diagnoser, file.as_path());
+    let compared = folder.compare(&description, whole, twin.as_ref().zip(place))?;
+    folder.forget_certificate()?;
+    let (mut evidence, mut single) = (vec![], None);
+    if compared.differences.is_empty() {
+        let plan = Plan {
+            twin: twin.as_ref(),
+            study: study.as_ref().map(|(study, _)| study),
+            precision: description.precision,
+            samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
+            variants: options.variants,
+            kept: options.keep.as_deref(),
+            ..Plan::new(&diagnoser, &compared.files)
+        };
+        (evidence, single) = proven(&plan, &builds, flights, global)?;
+    }
+    let certificate = Certificate::new(description, compared, evidence, single);
     let written = folder.write_certificate(&certificate)?;
     report(options, &certificate, &written, global)
+}
+
+/// Compiles and compares. A compiler that refuses the text is evidence too.
+fn proven(
+    plan: &Plan,
+    builds: &[Build],
+    flights: u64,
+    global: Global,
+) -> Result<(Vec<ProofEvidence>, Option<SingleEvidence>), ExportError> {
+    let stages = Stages::new(global);
+    let tell = &mut |what: &str, share| stages.show(what, share);
+    let proven = match plan.precision {
+        Precision::F64 => prove(plan, builds, tell).map(|evidence| (evidence, None)),
+        Precision::F32 => prove_single(plan, builds, flights, tell)
+            .map(|(evidence, single)| (evidence, Some(single))),
+    };
+    stages.end();
+    match proven {
+        Err(ExportError::Refused { compiler, messages }) => {
+            Ok((vec![ProofEvidence::refused(&compiler, &messages)], None))
+        }
+        proven => proven,
+    }
 }
 
 /// The number of flights, which an export in single precision alone needs.
@@ -137,7 +155,8 @@ fn report(
 ) -> Result<String, Failure> {
     let output = match global {
         Global { json: true, .. } => json(&json!(certificate)),
-        Global { quiet: true, .. } => String::new(),
+        Global { quiet: true, .. } if certificate.holds => String::new(),
+        Global { quiet: true, .. } => format!("{}\n", certificate.verdict()),
         _ => {
             let paths = written.iter().map(|path| format!("{}\n", path.display()));
             format!("{}{}", text_of(certificate), paths.collect::<String>())
@@ -152,7 +171,7 @@ fn report(
 /// The evidence for people.
 fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
-    if let Some(first) = certificate.builds.first() {
+    if let Some(first) = certificate.builds.first().filter(|first| first.rows > 0) {
         text += &format!(
             "trees: {} leaves, {} thresholds, {} rows, {} random rows\n",
             first.leaves, first.thresholds, first.rows, first.random_rows,
@@ -175,17 +194,20 @@ fn text_of(certificate: &Certificate) -> String {
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
+    for difference in &certificate.differences {
+        text += &format!("  {difference}\n");
+    }
     for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         text += &format!("  {verdict}  {}\n", build.command);
         for difference in build.differences.iter().take(3) {
-            text += &format!("    {}: {}\n", difference.place, difference.what);
+            text += &format!("    {difference}\n");
         }
         if build.leaves_not_reached > 0 {
             text += &format!("    leaves not reached: {}\n", build.leaves_not_reached);
         }
     }
-    text
+    text + certificate.verdict() + "\n"
 }
 
 /// What single precision decides differently.

@@ -6,9 +6,18 @@
 
 #include <stddef.h>
 
+/* What a compiler needs to be told so that a host finds a function. */
+#if defined(_WIN32)
+#define SHOWN __declspec(dllexport)
+#elif defined(__GNUC__)
+#define SHOWN __attribute__((visibility("default")))
+#else
+#define SHOWN
+#endif
+
 /* Declares and begins a function of the interface. */
 #define FUNCTION(type, name, ...) \
-    __attribute__((visibility("default"))) type name(__VA_ARGS__); \
+    SHOWN type name(__VA_ARGS__); \
     type name(__VA_ARGS__)
 
 /* Messages for the host's log. */

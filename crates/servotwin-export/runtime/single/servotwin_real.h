@@ -5,12 +5,11 @@
 #ifndef SERVOTWIN_REAL_H
 #define SERVOTWIN_REAL_H
 
+#include "servotwin_exact.h"
+
 #include <float.h>
 #include <stdint.h>
 
-#if FLT_EVAL_METHOD != 0
-#error "compile with arithmetic in float alone (x86: -msse2 -mfpmath=sse)"
-#endif
 #if FLT_MANT_DIG != 24
 #error "float must be IEEE 754 binary32"
 #endif

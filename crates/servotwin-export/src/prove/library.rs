@@ -5,9 +5,11 @@ use super::samples::Sample;
 use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
+use crate::twin::ExportedReaction;
 use libloading::{Library, Symbol};
 use servotwin_model::program::Program;
 use servotwin_model::solver::Knot;
+use std::ffi::{CStr, c_char};
 use std::fmt;
 use std::path::Path;
 use std::process::Command;
@@ -162,11 +164,23 @@ impl Compiled {
         Ok(vec![0; unsafe { size() }.div_ceil(8) as usize])
     }
 
-    pub fn rounds_twice(&self) -> Result<bool, ExportError> {
-        type Function = unsafe extern "C" fn() -> i32;
+    /// Whether a session passes its start test.
+    pub fn is_exact(&self) -> Result<bool, ExportError> {
+        type Function = unsafe extern "C" fn(*mut u64) -> i32;
         // SAFETY: here and below, the types are those of the C text.
-        let function = unsafe { self.library.get::<Function>(b"servotwin_rounds_twice") }?;
-        Ok(unsafe { function() } == 1)
+        let function = unsafe { self.library.get::<Function>(b"prove_start") }?;
+        let mut memory = self.memory(b"prove_session_size")?;
+        Ok(unsafe { function(memory.as_mut_ptr()) } == 1)
+    }
+
+    /// An array of so many strings.
+    pub fn names(&self, list: &str, count: usize) -> Result<Vec<String>, ExportError> {
+        // SAFETY: the array has as many strings as the diagnoser that was exported.
+        unsafe {
+            let first = *self.library.get::<*const *const c_char>(list.as_bytes())?;
+            let name = |place| CStr::from_ptr(*first.add(place)).to_string_lossy().into_owned();
+            Ok((0..count).map(name).collect())
+        }
     }
 
     pub fn leaf(
@@ -439,22 +453,32 @@ pub(super) struct RunningHybrid<'c> {
         'c,
         unsafe extern "C" fn(*mut u64, *const f64, *const f64, *mut i64, *mut f64) -> *const f64,
     >,
+    command: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, i32, i32)>,
+    set: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, f64) -> i32>,
 }
 
 impl Compiled {
-    /// A hybrid twin before its first sample.
-    pub fn hybrid(&self) -> Result<RunningHybrid<'_>, ExportError> {
+    /// A hybrid twin before its first sample; `None` if it fails its start test.
+    pub fn hybrid(&self) -> Result<Option<RunningHybrid<'_>>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
                 self.library.get(b"prove_hybrid_start")?;
             let mut memory = self.memory(b"prove_hybrid_size")?;
-            start(memory.as_mut_ptr());
-            Ok(RunningHybrid { memory, push: self.library.get(b"prove_hybrid_push")? })
+            if start(memory.as_mut_ptr()) != 1 {
+                return Ok(None);
+            }
+            Ok(Some(RunningHybrid {
+                memory,
+                push: self.library.get(b"prove_hybrid_push")?,
+                command: self.library.get(b"prove_hybrid_command")?,
+                set: self.library.get(b"prove_hybrid_set")?,
+            }))
         }
     }
 }
 
+// SAFETY of all calls: the lists are as long as those of the diagnoser that was exported; the values lie in the memory.
 impl RunningHybrid<'_> {
     /// Takes a sample. Returns finding, alarm and since when, the confidence, and what the twin expects of its sensors;
     /// `None` if the twin cannot be simulated.
@@ -467,11 +491,28 @@ impl RunningHybrid<'_> {
         let (mut integers, mut confidence) = ([0; 3], 0.0);
         let memory = self.memory.as_mut_ptr();
         let into = (integers.as_mut_ptr(), &raw mut confidence);
-        // SAFETY: the lists are as long as those of the diagnoser that was exported; the values lie in the memory.
         unsafe {
             let expected = (self.push)(memory, inputs.as_ptr(), measured.as_ptr(), into.0, into.1);
             (!expected.is_null())
                 .then(|| (integers, confidence, std::slice::from_raw_parts(expected, sensors)))
         }
+    }
+
+    /// Follows a reaction, which is found by what was raised.
+    pub fn follow(&mut self, known: &ExportedReaction) {
+        let numbers = [Some(known.actuator), Some(known.action), known.detail];
+        let numbers = numbers.map(|number| number.map_or(-1, |number| number as i32));
+        let [actuator, action, detail] = numbers;
+        unsafe { (self.command)(self.memory.as_mut_ptr(), actuator, action, detail) }
+    }
+
+    /// Undoes the reactions of an actuator.
+    pub fn release(&mut self, actuator: usize) {
+        unsafe { (self.command)(self.memory.as_mut_ptr(), actuator as i32, -1, -1) }
+    }
+
+    /// Sets a parameter of the twin, and returns whether it could be set.
+    pub fn set(&mut self, parameter: i32, value: f64) -> bool {
+        unsafe { (self.set)(self.memory.as_mut_ptr(), parameter, value) == 1 }
     }
 }

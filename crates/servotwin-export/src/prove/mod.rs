@@ -4,6 +4,7 @@ mod chain;
 mod hybrid;
 mod library;
 mod models;
+mod names;
 mod points;
 mod rows;
 mod samples;
@@ -11,6 +12,7 @@ mod single;
 mod twin;
 
 pub use library::Build;
+pub(crate) use samples::center;
 pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 
 use crate::error::ExportError;
@@ -22,6 +24,7 @@ use serde::Serialize;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -56,8 +59,8 @@ pub struct ProofEvidence {
     pub command: String,
     /// The compiler's version.
     pub version: String,
-    /// Whether products and sums round separately.
-    pub rounds_twice: bool,
+    /// Whether the start test knows the answers of training.
+    pub is_exact: bool,
     /// Leaves of all trees.
     pub leaves: u64,
     /// Leaves that no row reached, although one could.
@@ -93,6 +96,12 @@ pub struct ProofEvidence {
     pub differences: Vec<RowDifference>,
 }
 
+impl fmt::Display for RowDifference {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{}: {}", self.place, self.what)
+    }
+}
+
 impl<'p> Plan<'p> {
     /// All three, if they belong together.
     fn subject(&self) -> Option<Subject<'p>> {
@@ -104,7 +113,14 @@ impl<'p> Plan<'p> {
 impl ProofEvidence {
     /// Whether every answer was the same and every leaf was reached.
     pub fn holds(&self) -> bool {
-        self.rounds_twice && self.leaves_not_reached == 0 && self.differences.is_empty()
+        self.is_exact && self.leaves_not_reached == 0 && self.differences.is_empty()
+    }
+
+    /// The evidence of a compiler that refuses the text.
+    pub fn refused(compiler: &str, messages: &str) -> Self {
+        let mut evidence = ProofEvidence { command: compiler.into(), ..ProofEvidence::default() };
+        evidence.differ("the compiler refuses the text".into(), messages.into());
+        evidence
     }
 
     /// No evidence of a build yet.
@@ -185,7 +201,7 @@ pub fn prove(
     builds: &[Build],
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<Vec<ProofEvidence>, ExportError> {
-    let (compiled, mut all) = compile(plan, builds, &|_| (), tell)?;
+    let (compiled, mut all) = compile(plan, builds, tell)?;
     if let Some(twin) = plan.twin {
         points::compare(twin, &compiled, POINTS, &mut all)?;
         let share = |done| done as f64 / plan.variants.max(1) as f64;
@@ -201,12 +217,10 @@ pub fn prove(
     Ok(all)
 }
 
-/// Compiles an export in every build, and compares arithmetic and trees. `check` comes before that, with the evidence of each
-/// build.
+/// Compiles an export in every build, and compares start test, names and trees.
 fn compile(
     plan: &Plan,
     builds: &[Build],
-    check: &dyn Fn(&mut ProofEvidence),
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<(Vec<Compiled>, Vec<ProofEvidence>), ExportError> {
     tell("compiling", 0.0);
@@ -219,20 +233,24 @@ fn compile(
     for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
         tell("comparing trees", number as f64 / builds.len() as f64);
         let mut evidence = ProofEvidence::of(build);
-        check(&mut evidence);
         compare_parts(plan.diagnoser, (compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
         all.push(evidence);
     }
     Ok((compiled, all))
 }
 
-/// Compares arithmetic and trees.
+/// Compares start test, names and trees.
 fn compare_parts(
     diagnoser: &Diagnoser,
     (compiled, precision): (&Compiled, Precision),
     random_rows: usize,
     evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
-    evidence.rounds_twice = compiled.rounds_twice()?;
+    evidence.is_exact = compiled.is_exact()?;
+    if !evidence.is_exact {
+        evidence
+            .differ("start test".into(), "this build computes otherwise than in training".into());
+    }
+    names::compare(diagnoser, compiled, evidence)?;
     models::compare(diagnoser, (compiled, precision), random_rows, evidence)
 }

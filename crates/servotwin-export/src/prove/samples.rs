@@ -211,7 +211,7 @@ impl<'d> Samples<'d> {
 }
 
 /// Inputs that are plausible alone and together, as far as some are found.
-fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
+pub(crate) fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
     let environment = &diagnoser.environment;
     let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
     let mut values = Vec::new();

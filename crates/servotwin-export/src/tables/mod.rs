@@ -1,6 +1,7 @@
 //! The tables of a diagnoser and of its twin: the sizes of arrays, and everything that was trained.
 
 mod hierarchy;
+mod known_answer;
 mod length;
 mod stage;
 mod system;
@@ -10,6 +11,7 @@ use crate::error::ExportError;
 use crate::notation::{sizes_text, write_list};
 use crate::precision::Precision;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length, common_mode};
+use servotwin_io::manifest::sha256_of_text;
 
 /// Most classes of a stage, and most hypotheses: `SERVOTWIN_MOST_CLASSES` of the hand-written code.
 const MOST_CLASSES: usize = 32;
@@ -46,7 +48,32 @@ pub(crate) fn texts(
     let lengths = lengths.collect::<Result<Vec<_>, _>>()?;
     write_list(&mut text, "servotwin_length", "lengths", &lengths, "");
     system::write(&mut text, precision, diagnoser);
-    Ok([sizes_text(HEAD, "SERVOTWIN", &sizes(diagnoser)), text])
+    known_answer::write(&mut text, precision, diagnoser)?;
+    let made_of = [
+        ("VERSION", env!("CARGO_PKG_VERSION").to_owned()),
+        ("DIAGNOSER_SHA256", sha256_of_text(&file_text(diagnoser))),
+        ("TABLES_SHA256", sha256_of_text(&text)),
+    ];
+    let sizes = sizes_text(HEAD, "SERVOTWIN", &made_of, &sizes(diagnoser), &names(diagnoser));
+    Ok([sizes, text])
+}
+
+/// The text of a diagnoser's file.
+fn file_text(diagnoser: &Diagnoser) -> String {
+    serde_json::to_string_pretty(diagnoser).unwrap_or_default() + "\n"
+}
+
+/// The lists of names, which C code uses as indices.
+pub(crate) fn names(diagnoser: &Diagnoser) -> [(&'static str, Vec<String>); 5] {
+    let names = diagnoser.names();
+    let inputs = diagnoser.environment.inputs.iter();
+    [
+        ("SENSOR", diagnoser.sensors.iter().map(|sensor| sensor.name.clone()).collect()),
+        ("INPUT", inputs.map(|input| input.name.clone()).collect()),
+        ("ACTUATOR", names.actuators.clone()),
+        ("ACTION", names.actions.clone()),
+        ("DETAIL", names.details.clone()),
+    ]
 }
 
 /// Most views that any length needs.

@@ -1,6 +1,8 @@
 //! The tables of the diagnosed system: sensors, inputs, views, boundaries, and the constants of the decision.
 
-use crate::notation::{place, record, write_array, write_list, write_numbers, write_public};
+use crate::notation::{
+    place, quoted, record, write_array, write_list, write_numbers, write_public,
+};
 use crate::precision::Precision;
 use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
 
@@ -158,25 +160,9 @@ fn constants(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
 }
 
 fn names(text: &mut String, diagnoser: &Diagnoser) {
-    let names = diagnoser.names();
-    let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.clone()).collect();
-    let inputs = diagnoser.environment.inputs.iter().map(|input| input.name.clone()).collect();
-    let lists: [(&str, Vec<String>); 5] = [
-        ("sensor", sensors),
-        ("input", inputs),
-        ("actuator", names.actuators.clone()),
-        ("action", names.actions.clone()),
-        ("detail", names.details.clone()),
-    ];
-    for (what, list) in lists {
-        let quoted: Vec<String> =
-            list.iter().map(|name| format!("\"{}\"", escaped(name))).collect();
-        write_list(text, "char *const", &format!("{what}_names"), &quoted, "\"\"");
+    for (what, list) in super::names(diagnoser) {
+        let literals: Vec<String> = list.iter().map(|name| quoted(name)).collect();
+        let name = format!("{}_names", what.to_ascii_lowercase());
+        write_list(text, "char *const", &name, &literals, "\"\"");
     }
-}
-
-/// A name within a string literal. Names are short words; what C would read otherwise is replaced.
-fn escaped(name: &str) -> String {
-    let plain = |c: char| matches!(c, ' '..='~') && !matches!(c, '"' | '\\' | '?');
-    name.chars().map(|c| if plain(c) { c } else { '_' }).collect()
 }

@@ -1,13 +1,16 @@
 //! The virtual twin: the sizes of its arrays, the tables of its steps, and its equations.
 
+use super::known_answer;
 use crate::error::ExportError;
 use crate::notation::{place, record, sizes_text, write_commented_list, write_public};
-use crate::twin::ExportedTwin;
+use crate::twin::{ExportedReaction, ExportedTwin};
+use servotwin_io::manifest::sha256_of_text;
 use servotwin_model::c_source::{described, hexadecimal, write_twin};
-use servotwin_model::program::Program;
+use servotwin_model::program::{Program, Slot};
 use servotwin_model::solver::tableau::Tableau;
 use servotwin_model::solver::{Between, Control};
 use servotwin_model::spec::Start;
+use std::collections::BTreeSet;
 
 /// The head of each file.
 const HEAD: &str = "/* Written by servotwin; do not edit. */\n";
@@ -18,23 +21,31 @@ pub(crate) fn texts(twin: &ExportedTwin) -> Result<[String; 3], ExportError> {
     let explicit = ExportError::Unsupported("an explicit method has no counterpart in an export");
     let equations = write_twin(twin.program, method);
     let (tableau, equations) = method.tableau().zip(equations).ok_or(explicit)?;
-    let sizes = sizes_text(HEAD, "SERVOTWIN_TWIN", &sizes(twin.program, tableau));
-    Ok([sizes, tables(twin, tableau), equations])
+    let tables = tables(twin, tableau);
+    let made_of = [
+        ("SYSTEM", format!("{:016x}", twin.program.identity())),
+        ("TABLES_SHA256", sha256_of_text(&tables)),
+        ("EQUATIONS_SHA256", sha256_of_text(&equations)),
+    ];
+    let parameters = described_parameters(twin.program).map(|(name, ..)| name).collect();
+    let indices = [("PARAMETER", parameters)];
+    let sizes = sizes_text(HEAD, "SERVOTWIN_TWIN", &made_of, &sizes(twin, tableau), &indices);
+    Ok([sizes, tables, equations])
 }
 
-/// Parameters without a fault, with their names and units.
-fn parameters(program: &Program) -> impl Iterator<Item = (String, f64)> {
+/// Parameters without a fault: name, unit and value.
+fn described_parameters(program: &Program) -> impl Iterator<Item = (String, &'static str, f64)> {
     let values = program.parameters(&[]);
     let components = program.network().components.iter().zip(values);
     components.flat_map(|(instance, values)| {
         let declared = instance.component.spec().parameters.iter();
-        let named =
-            declared.map(|p| described(&format!("{}.{}", instance.id, p.name), p.unit.symbol()));
-        named.zip(values).collect::<Vec<_>>()
+        let named = declared.map(|p| (format!("{}.{}", instance.id, p.name), p.unit.symbol()));
+        named.zip(values).map(|((name, unit), value)| (name, unit, value)).collect::<Vec<_>>()
     })
 }
 
-fn sizes(program: &Program, tableau: &Tableau) -> [(&'static str, usize); 13] {
+fn sizes(twin: &ExportedTwin, tableau: &Tableau) -> [(&'static str, usize); 15] {
+    let program = twin.program;
     let clocks = program.clock_periods_s().count();
     [
         ("STATES", program.states().len()),
@@ -42,7 +53,7 @@ fn sizes(program: &Program, tableau: &Tableau) -> [(&'static str, usize); 13] {
         ("HELD", program.stand_ins().end - program.externals().start),
         ("SUMS_END", program.derivatives().end),
         ("VARIABLES", program.memory()),
-        ("PARAMETERS", parameters(program).count()),
+        ("PARAMETERS", described_parameters(program).count()),
         ("FAULTS", program.faults().count()),
         ("CONSTANTS", program.constants()),
         ("GRADIENTS", program.jacobian().slots()),
@@ -50,26 +61,81 @@ fn sizes(program: &Program, tableau: &Tableau) -> [(&'static str, usize); 13] {
         ("STAGES", tableau.stages()),
         ("CLOCKS", clocks),
         ("MOST_CLOCKS", clocks.max(1)),
+        ("REACTIONS", twin.reactions.len()),
+        ("MOST_REACTIONS", twin.reactions.len() + 1),
     ]
 }
 
 /// The text of the tables.
 fn tables(twin: &ExportedTwin, tableau: &Tableau) -> String {
-    let mut text = [HEAD, "#include \"servotwin_twin.h\"\n\n"].concat();
+    let mut text = [HEAD, "#include \"servotwin_twin.h\"\n\n#include <math.h>\n\n"].concat();
     write_public(&mut text, "servotwin_step_control", "twin_control", &control(twin, tableau));
     states(&mut text, twin.program);
     inputs(&mut text, twin);
     let periods = twin.program.clock_periods_s().map(plain);
     write_entries(&mut text, "double", "clock_periods_s", "MOST_CLOCKS", periods.collect());
-    let parameters = parameters(twin.program).map(|(name, value)| (hexadecimal(value), name));
+    let parameters = described_parameters(twin.program)
+        .map(|(name, unit, value)| (hexadecimal(value), described(&name, unit)));
     write_entries(&mut text, "double", "parameters", "PARAMETERS", parameters.collect());
     // The header of the hybrid twin declares these too.
     text += "\nextern const int32_t servotwin_twin_sensors[];\n";
-    let count = twin.sensors.len().max(1).to_string();
-    let sensors: Vec<_> =
-        twin.sensors.iter().map(|slot| (slot.to_string(), String::new())).collect();
-    write_commented_list(&mut text, "int32_t", ("twin_sensors", &count), &sensors);
+    write_counted(&mut text, "int32_t", "sensors", twin.sensors.iter().map(Slot::to_string));
+    let bound = |value: f64| match value.is_finite() {
+        true => hexadecimal(value),
+        false if value > 0.0 => "HUGE_VAL".into(),
+        false => "-HUGE_VAL".into(),
+    };
+    let possible = twin.possible.iter().map(|&(low, high)| record(&[bound(low), bound(high)]));
+    write_counted(&mut text, "servotwin_range", "possible", possible);
+    reactions(&mut text, twin);
+    text += &format!(
+        "\nconst uint64_t servotwin_twin_known_answer = {};\n",
+        known_answer::of_twin(twin)
+    );
     text
+}
+
+/// What the flight control computer does after each action.
+fn reactions(text: &mut String, twin: &ExportedTwin) {
+    let mut first_parameter = vec![0];
+    for instance in &twin.program.network().components {
+        first_parameter.push(first_parameter.last().unwrap_or(&0) + instance.parameters.len());
+    }
+    let (mut changes, mut entries) = (Vec::new(), Vec::new());
+    let mut seen = BTreeSet::new();
+    for known in &twin.reactions {
+        let ExportedReaction { actuator, action, detail, reaction } = known;
+        let first = changes.len();
+        let is_seen = known.is_seen() && seen.insert(*actuator);
+        let mut change = |kind: &str, at: usize, value| {
+            changes.push(record(&[kind.into(), at.to_string(), hexadecimal(value)]));
+        };
+        reaction.inputs.iter().for_each(|&(at, value)| change("SERVOTWIN_SETS_INPUT", at, value));
+        for &(component, parameter, value) in &reaction.parameters {
+            change("SERVOTWIN_SETS_PARAMETER", first_parameter[component] + parameter, value);
+        }
+        reaction.takes_out.iter().for_each(|&at| change("SERVOTWIN_TAKES_OUT", at, 0.0));
+        let end = changes.len();
+        let numbers = [actuator.to_string(), action.to_string(), place(*detail)];
+        let [off, is_seen] = [reaction.switches_off, is_seen].map(|flag| flag.to_string());
+        entries.push(record(
+            &[&numbers[..], &[off, is_seen, first.to_string(), end.to_string()]].concat(),
+        ));
+    }
+    write_counted(text, "servotwin_change", "changes", changes.into_iter());
+    write_counted(text, "servotwin_reaction", "reactions", entries.into_iter());
+}
+
+/// Adds an array without comments, of its own length.
+fn write_counted(
+    text: &mut String,
+    kind: &str,
+    name: &str,
+    entries: impl ExactSizeIterator<Item = String>,
+) {
+    let count = entries.len().max(1).to_string();
+    let entries: Vec<_> = entries.map(|entry| (entry, String::new())).collect();
+    write_commented_list(text, kind, (&format!("twin_{name}"), &count), &entries);
 }
 
 /// A number without a comment.

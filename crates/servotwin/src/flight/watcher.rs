@@ -8,7 +8,7 @@ use servotwin_diagnosis::diagnoser::{
     self, Alarm, Diagnoser, IndexedFinding, Outcome, Raised, ScatterTest,
 };
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{Knot, Snapshot};
+use servotwin_model::solver::{Knot, Snapshot, SolverSettings};
 use std::sync::Arc;
 
 /// Observes an actuator beside its twin. Inputs and sensor values are in the order of the system.
@@ -112,6 +112,12 @@ impl<'s> Watcher<'s> {
         })
     }
 
+    /// As [`Runtime::stepping`].
+    pub fn stepping(mut self, settings: SolverSettings) -> Self {
+        self.runtime = self.runtime.stepping(settings);
+        self
+    }
+
     /// Whether the last sample was outside the range from which the conditional band was learned.
     pub fn is_outside(&self) -> bool {
         self.last.is_some_and(|outcome| outcome.outside > 0.0)
@@ -135,6 +141,11 @@ impl<'s> Watcher<'s> {
     /// The twin and the session of the diagnosis.
     pub fn runtime(&self) -> &Runtime<'s> {
         &self.runtime
+    }
+
+    /// The same, for what the inputs do not show.
+    pub fn runtime_mut(&mut self) -> &mut Runtime<'s> {
+        &mut self.runtime
     }
 
     /// The result of the last sample.

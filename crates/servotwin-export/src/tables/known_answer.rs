@@ -1,0 +1,127 @@
+//! The answers to the samples of the start test, as every build must compute them to the bit.
+//!
+//! The same samples and the same mixture are in `servotwin_session.c` and `servotwin_twin.c`.
+
+use crate::error::ExportError;
+use crate::notation::{write_list, write_public};
+use crate::precision::Precision;
+use crate::prove::center;
+use crate::twin::ExportedTwin;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
+use servotwin_diagnosis::random::Random;
+use servotwin_diagnosis::sliding::WindowSpan;
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{self, Knot};
+use std::sync::Arc;
+
+/// Panes through the diagnosis after the first full window: `KNOWN_PANES` of the C text.
+const PANES: u32 = 3;
+
+/// Samples through the twin: `KNOWN_SAMPLES` of the C text.
+const TWIN_SAMPLES: u32 = 8;
+
+/// A mixture of the bits of numbers (FNV-1a, a word at a time).
+struct Mixture(u64);
+
+impl Mixture {
+    fn new() -> Self {
+        Mixture(0xcbf2_9ce4_8422_2325)
+    }
+
+    fn add(&mut self, number: f64) {
+        let number = if number.is_nan() { f64::NAN } else { number };
+        self.0 = (self.0 ^ number.to_bits()).wrapping_mul(0x0100_0000_01b3);
+    }
+}
+
+/// Writes plausible inputs, and the answer of the diagnosis; 0 in single precision, whose sums round differently.
+pub(super) fn write(
+    text: &mut String,
+    precision: Precision,
+    diagnoser: &Diagnoser,
+) -> Result<(), ExportError> {
+    let inputs = center(diagnoser, &mut Random::new(6));
+    let entries: Vec<String> = inputs.iter().map(|&input| precision.number(input)).collect();
+    write_list(text, precision.c_type(), "known_inputs", &entries, "0x0p+0");
+    let answer = match precision {
+        Precision::F64 => of_diagnosis(diagnoser, &inputs)?,
+        Precision::F32 => 0,
+    };
+    write_public(text, "uint64_t", "known_answer", &literal(answer));
+    Ok(())
+}
+
+fn literal(answer: u64) -> String {
+    format!("0x{answer:016x}U")
+}
+
+/// The mixture of what a session finds in its first windows.
+fn of_diagnosis(diagnoser: &Diagnoser, inputs: &[f64]) -> Result<u64, ExportError> {
+    let mut session = Session::new(Arc::new(diagnoser.clone()))?;
+    let WindowSpan { pane_samples, panes } = diagnoser.lengths[0].span;
+    let samples = (pane_samples * (panes.unwrap_or(0) + PANES)) as usize;
+    let ranges = &diagnoser.environment.inputs;
+    for k in 0..samples {
+        let moved = inputs.iter().zip(ranges).map(|(input, range)| {
+            let step = (range.largest - range.least) * 2f64.powi(-20);
+            if k % 2 == 1 { input + step } else { *input }
+        });
+        let moved: Vec<f64> = moved.collect();
+        let sensors = || diagnoser.sensors.iter().enumerate();
+        let part = |count: usize, parts: f64| count as f64 / parts;
+        let twin: Vec<f64> =
+            sensors().map(|(s, sensor)| sensor.scale * part((5 * k + 3 * s) % 17, 16.0)).collect();
+        let measured: Vec<f64> = sensors()
+            .map(|(s, sensor)| twin[s] + sensor.scale * part(1 + (7 * k + 11 * s) % 13, 8.0))
+            .collect();
+        session.push(&moved, &measured, &twin);
+    }
+    let mut mixture = Mixture::new();
+    session.features(0).iter().flatten().for_each(|&feature| mixture.add(feature));
+    let names = diagnoser.names();
+    let hypotheses = (0..names.actuators.len())
+        .flat_map(|actuator| (0..names.actions.len()).map(move |action| (actuator, action)));
+    mixture.add(session.probability(0, None));
+    for (actuator, action) in hypotheses {
+        mixture.add(session.probability(0, Some((actuator, action))));
+        mixture.add(session.evidence(0, actuator, action));
+    }
+    for actuator in 0..names.actuators.len() {
+        mixture.add(session.evidence_of_actuator(0, actuator));
+        mixture.add(session.common_mode(0, actuator));
+    }
+    for boundary in 0..diagnoser.boundaries.len() {
+        mixture.add(session.boundary_evidence_nats(0, boundary));
+    }
+    let novelty = &diagnoser.lengths[0].novelty;
+    if !novelty.classes.is_empty() {
+        mixture.add(novelty.score(None, &session.features(0)[0]));
+    }
+    mixture.add(session.evidence_of_change(0));
+    mixture.add(session.evidence_of_unknown(0));
+    Ok(mixture.0)
+}
+
+/// The answer of the twin, as a constant.
+pub(super) fn of_twin(twin: &ExportedTwin) -> String {
+    let ExportedTwin { program, settings, period_s, .. } = *twin;
+    let mut own = solver::Twin::new(program, settings, period_s, twin.between.clone());
+    let parameters = program.parameters(&[]);
+    own.load(&parameters);
+    let inputs = program.network().inputs.iter();
+    let mut knots: Vec<Knot> = inputs.map(|input| Knot::from(input.default)).collect();
+    let mut is_well = own.settle(&knots, &program.first_guess(&parameters)).is_ok();
+    for _ in 0..TWIN_SAMPLES {
+        for knot in &mut knots {
+            let rise = (knot.value.abs() + 0.125) * 2f64.powi(-7);
+            *knot = Knot { value: knot.value + rise, slope_per_s: rise / period_s };
+        }
+        is_well = is_well && own.step(&knots).is_ok();
+    }
+    let mut mixture = Mixture::new();
+    if is_well {
+        let slots = 0..program.derivatives().end;
+        slots.for_each(|slot| mixture.add(own.value(slot as Slot)));
+    }
+    literal(mixture.0)
+}
