@@ -143,6 +143,7 @@ def actuator(s, command, correction, angle, rate):
     speed = pilot_speed(p_s - p_t)
     d_x_v = speed * SLEW * tanh(v_v / SLEW)
     d_v_v = VALVE_OMEGA**2 * (STROKE * current - x_v) - 2 * VALVE_DAMPING * VALVE_OMEGA * v_v
+    d_v_v -= 20 * VALVE_OMEGA * (v_v - min(max(v_v, -2 * SLEW), 2 * SLEW))
     d_v_v *= speed
     q_pa = edge_flow(x_v, p_s - p_a)
     q_pb = edge_flow(-x_v, p_s - p_b)

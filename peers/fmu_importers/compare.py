@@ -49,7 +49,8 @@ def stepped_by_fmi_rs(fmu, version, folder):
         fmu = as_fmi_rs_knows(fmu)
     host = folder / "target" / "debug" / "fmi-rs-host"
     wanted = [references[name] for name in outputs]
-    command = [host, fmu, str(version), references["command"], str(AT), repr(ANGLE_RAD), *wanted]
+    inputs = [references["sensors.noise"], references["command"]]
+    command = [host, fmu, str(version), *inputs, str(AT), repr(ANGLE_RAD), *wanted]
     run = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
     return np.loadtxt(run.stdout.splitlines(), delimiter=",")
 
@@ -59,6 +60,7 @@ def integrated_by_casadi(fmu, folder):
     unpacked = folder / "unpacked"
     zipfile.ZipFile(fmu).extractall(unpacked)
     model = casadi.DaeBuilder("system", str(unpacked))
+    model.set("sensors.noise", 0.0)
     rates = model.create("rates", ["x", "u"], ["ode", "y"])
     inputs = np.array(model.start(model.u()))
     state = np.array(model.get(model.x()))

@@ -46,13 +46,15 @@ class Fmu:
             modelIdentifier=identifier,
         )
 
-    def slave(self):
-        """An instance for co-simulation before its first step."""
+    def slave(self, noise=0.0, seed=0.0):
+        """An instance for co-simulation before its first step; that of a system has `noise` or not."""
         identifier = self.description.coSimulation.modelIdentifier
         slave = self._instance(FMU2Slave if self.version == 2 else FMU3Slave, identifier)
         slave.instantiate()
         if self.version == 2:
             slave.setupExperiment(startTime=0.0)
+        if "sensors.noise" in self.references:
+            self.set_all(slave, ["sensors.noise", "sensors.noise_seed"], [noise, seed])
         slave.enterInitializationMode()
         slave.exitInitializationMode()
         return slave
@@ -151,7 +153,7 @@ def test_model_exchange_with_the_solver_of_another_tool_has_them_too(fmu, tmp_pa
         output_interval=STEP_S,
         input=command,
         output=[variable.name for variable in fmu.outputs],
-        start_values={f"fault.{FAULT}": 0.5},
+        start_values={f"fault.{FAULT}": 0.5, "sensors.noise": 0.0},
         relative_tolerance=1e-8,
     )
     at = np.searchsorted(run["time"], np.arange(201) * STEP_S - 1e-9)
@@ -161,19 +163,66 @@ def test_model_exchange_with_the_solver_of_another_tool_has_them_too(fmu, tmp_pa
 
 
 def test_a_state_is_restored_to_the_bit_in_another_instance(fmu):
-    first = fmu.slave()
+    first = fmu.slave(noise=1.0)
     fmu.run(first, 0, 30, [(5, "command", 0.05)])
-    if fmu.version == 2:
-        saved = first.serializeFMUstate(first.getFMUstate())
-    else:
-        saved = first.serializeFMUState(first.getFMUState())
+    two = fmu.version == 2
+    saved = first.serializeFMUstate(first.getFMUstate()) if two else first.serializeFMUState(first.getFMUState())
     right = fmu.run(first, 30, 30)
     other = fmu.slave()
-    if fmu.version == 2:
-        other.setFMUstate(other.deSerializeFMUstate(saved))
-    else:
-        other.setFMUState(other.deserializeFMUState(saved))
+    restore = other.deSerializeFMUstate if two else other.deserializeFMUState
+    (other.setFMUstate if two else other.setFMUState)(restore(saved))
     assert np.array_equal(fmu.run(other, 30, 30), right)
+    for place in [0, 7, 8, len(saved) // 2, len(saved) - 1]:
+        damaged = bytearray(saved)
+        damaged[place] ^= 1
+        with pytest.raises(FMICallException):
+            restore(bytes(damaged))
+    with pytest.raises(FMICallException):
+        restore(bytes(saved)[:-1])
+
+
+def test_outputs_have_the_noise_of_their_sensors_unless_it_is_off(fmu):
+    quiet = fmu.run(fmu.slave(), 0, 400)
+    noisy = fmu.run(fmu.slave(noise=1.0), 0, 400)
+    names = [variable.name for variable in fmu.outputs]
+    started = {v.name: v.start for v in fmu.description.modelVariables if v.start is not None}
+    for sensor in ("actuator_1.sensor_pressure_a", "actuator_1.sensor_ram"):
+        place = names.index(f"{sensor}.reading")
+        scale = next(float(v) for n, v in started.items() if n.startswith(f"parameter.{sensor}.full_scale"))
+        declared = float(started[f"parameter.{sensor}.noise_sigma"]) * scale
+        found = (noisy[:, place] - quiet[:, place]).std()
+        assert 0.8 * declared < found < 1.2 * declared, (sensor, found, declared)
+    assert np.array_equal(fmu.run(fmu.slave(noise=1.0), 0, 20), noisy[:20])
+    assert not np.array_equal(fmu.run(fmu.slave(noise=1.0, seed=1.0), 0, 20), noisy[:20])
+    # Noise belongs to the sample, not to the steps of the host.
+    slave = fmu.slave(noise=1.0)
+    for step in range(40):
+        slave.doStep(currentCommunicationPoint=step * STEP_S / 2, communicationStepSize=STEP_S / 2)
+    assert np.allclose(fmu.read(slave), noisy[19], rtol=1e-3, atol=1e-6)
+
+
+def assert_refuses_impossible_steps(slave, time):
+    infinite, not_a_number = float("inf"), float("nan")
+    steps = [(time, infinite), (time, not_a_number), (time, -0.01), (time, 1e300), (infinite, 0.01)]
+    for at, length in [*steps, (time + 1.0, 0.01), (time - 0.01, 0.01), (not_a_number, 0.01)]:
+        with pytest.raises(FMICallException):
+            slave.doStep(currentCommunicationPoint=at, communicationStepSize=length)
+    slave.doStep(currentCommunicationPoint=time, communicationStepSize=0.01)
+
+
+def test_a_step_from_another_time_or_without_an_end_is_refused(fmu):
+    slave = fmu.slave()
+    fmu.run(slave, 0, 5)
+    assert_refuses_impossible_steps(slave, 0.05)
+
+
+def test_every_output_and_input_is_described_in_a_unit_that_people_read(fmu, hybrid):
+    for one in (fmu, hybrid):
+        for variable in one.description.modelVariables:
+            assert variable.description or variable.causality == "independent", variable.name
+    units = {v.name: v.displayUnit for v in fmu.description.modelVariables}
+    assert units.get("altitude") != "mm"
+    assert units["actuator_1.cylinder.position_m"] == "mm"
 
 
 def test_ten_instances_at_once_and_a_second_run_give_the_same_bits(fmu):
@@ -188,6 +237,7 @@ def test_ten_instances_at_once_and_a_second_run_give_the_same_bits(fmu):
     first.reset()
     if fmu.version == 2:
         first.setupExperiment(startTime=0.0)
+    fmu.set(first, "sensors.noise", 0.0)
     first.enterInitializationMode()
     first.exitInitializationMode()
     assert np.array_equal(fmu.run(first, 0, 20, changes), right)
@@ -261,7 +311,15 @@ def test_two_thousand_instances_leave_no_memory_and_no_handle(fmu):
 
 def test_what_cannot_be_set_is_refused_with_a_reason(fmu):
     slave = fmu.slave()
-    for name, value in [(f"fault.{FAULT}", 2.0), ("command", float("nan")), (fmu.outputs[0].name, 1.0)]:
+    refused = [(f"fault.{FAULT}", 2.0), ("command", float("nan")), (fmu.outputs[0].name, 1.0)]
+    refused += [("sensors.noise", 0.5), ("sensors.noise_seed", 0.5), ("sensors.noise_seed", -1.0)]
+    for variable in fmu.description.modelVariables:
+        if variable.causality in ("input", "parameter"):
+            for limit, beyond in [(variable.min, -1.0), (variable.max, 1.0)]:
+                if limit is not None:
+                    refused.append((variable.name, float(limit) + beyond * max(1e-9, abs(float(limit)))))
+    assert len(refused) > 1000
+    for name, value in refused:
         with pytest.raises(FMICallException):
             fmu.set(slave, name, value)
     slave.guid = "another"
@@ -304,6 +362,11 @@ def test_the_sources_compile_without_a_warning(compiler, fmu, hybrid):
     for folder in (fmu.folder, hybrid.folder):
         sources = glob.glob(os.path.join(folder, "sources", "*.c"))
         subprocess.run([compiler, *STRICT, *sources], check=True)
+    # Names for programs that link several FMUs.
+    interface = os.path.join(fmu.folder, "sources", f"fmi{fmu.version}.c")
+    prefix = f"-DFMI{fmu.version}_FUNCTION_PREFIX=own_"
+    found = subprocess.run([compiler, "-E", prefix, interface], check=True, capture_output=True, text=True)
+    assert f"own_fmi{fmu.version}DoStep(" in found.stdout
 
 
 def test_steps_of_any_length_take_each_sample_once(hybrid):
@@ -319,11 +382,21 @@ def test_steps_of_any_length_take_each_sample_once(hybrid):
     assert np.array_equal(ends[0], ends[1]) and np.array_equal(ends[0], ends[2])
 
 
+def test_steps_longer_than_a_sample_draw_one_warning(hybrid, capfd):
+    slave = hybrid.slave()
+    assert_refuses_impossible_steps(slave, 0.0)
+    slave.doStep(currentCommunicationPoint=0.01, communicationStepSize=0.02)
+    assert "longer" not in capfd.readouterr().out
+    for step in range(3):
+        slave.doStep(currentCommunicationPoint=0.03 + 0.04 * step, communicationStepSize=0.04)
+    assert capfd.readouterr().out.count("a step is longer than the time between samples") == 1
+
+
 def test_a_hybrid_twin_refuses_what_is_no_value_of_a_variable(hybrid):
     slave = hybrid.slave()
     actuator = next(name for name in hybrid.references if name.startswith("switched_off."))
     parameter = next(name for name in hybrid.references if name.startswith("parameter."))
-    for name, value in [(actuator, 0.5), (parameter, float("nan")), ("diagnosis.alarm", 1.0)]:
+    for name, value in [(actuator, 0.5), (parameter, float("nan")), (parameter, 1e300), ("diagnosis.alarm", 1.0)]:
         with pytest.raises(FMICallException):
             hybrid.set(slave, name, value)
     hybrid.set(slave, actuator, 1.0)

@@ -139,6 +139,16 @@ pub fn files_with_twin(
     Ok([files(diagnoser)?, own_files_of_twin(twin)?, hybrid.collect()].concat())
 }
 
+/// The hand-written files of random numbers.
+pub(crate) fn files_of_random() -> impl Iterator<Item = SourceFile> {
+    let all = arithmetic(Precision::F64).chain(DIAGNOSIS.iter().copied());
+    written(all.filter(|(name, _)| {
+        ["servotwin_real", "servotwin_math", "servotwin_random"]
+            .iter()
+            .any(|own| name.starts_with(own))
+    }))
+}
+
 /// The files of a twin alone.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! Readable text: identifiers as words, numbers, and text in HTML.
 
-/// Escapes text for HTML and drops the characters U+0001 to U+0004.
+/// Escapes text for HTML and XML, within quotes too, and drops the characters that XML has no spelling for.
 pub fn escaped(text: &str) -> String {
     let mut html = String::with_capacity(text.len());
     for character in text.chars() {
@@ -9,7 +9,8 @@ pub fn escaped(text: &str) -> String {
             '<' => html += "&lt;",
             '>' => html += "&gt;",
             '"' => html += "&quot;",
-            '\u{1}'..='\u{4}' => {}
+            '\t' | '\n' | '\r' => html.push(character),
+            '\0'..='\u{1f}' | '\u{7f}'..='\u{9f}' | '\u{fffe}' | '\u{ffff}' => {}
             other => html.push(other),
         }
     }
@@ -37,6 +38,18 @@ pub fn number(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn escaped_text_has_no_character_that_xml_forbids() {
+        let all: String = (0..0x2_0000).filter_map(char::from_u32).collect();
+        let allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='~' | '\u{a0}'..='\u{fffd}' | '\u{10000}'..);
+        let text = escaped(&all);
+        assert!(text.chars().all(allowed));
+        assert!(!text.contains(['<', '>', '"']));
+        let kept = all.chars().filter(|c| allowed(*c) && !['&', '<', '>', '"'].contains(c));
+        assert_eq!(text.chars().count(), kept.count() + "&amp;&lt;&gt;&quot;".len());
+        assert_eq!(escaped("bell\u{7}, A & B"), "bell, A &amp; B");
+    }
 
     #[test]
     fn numbers_have_three_significant_digits() {

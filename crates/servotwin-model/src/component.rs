@@ -25,6 +25,12 @@ pub trait Component: Sync {
         Vec::new()
     }
 
+    /// The least and the largest position at which every chamber of a cylinder has a volume, m; `None` for other
+    /// components.
+    fn travel_m(&self, _parameters: &[f64]) -> Option<(f64, f64)> {
+        None
+    }
+
     /// Checks whether the parameters fit together. Each one alone is already
     /// checked against its declared range.
     ///

@@ -8,7 +8,8 @@ use std::fmt::Write;
 use resvg::usvg::roxmltree::{Document, Error, Node};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
-use super::svg::{escaped, number};
+use super::svg::number;
+use servotwin_io::text::escaped;
 
 /// Replaces every text of an SVG document by its outline.
 pub(super) fn outlined(svg: &str) -> Result<String, Error> {

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::Figure;
 use super::style::INK;
+use servotwin_io::text::escaped;
 
 /// A rectangle in SVG units; `y` grows downwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -223,21 +224,4 @@ pub(super) fn number(value: f64) -> String {
     let rounded = (value * 100.0).round() / 100.0;
     // Adding zero turns negative zero into positive zero.
     if rounded.is_finite() { format!("{}", rounded + 0.0) } else { "0".to_owned() }
-}
-
-/// Escapes XML's special characters, replaces control characters by spaces, and removes what XML forbids.
-pub(super) fn escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\u{fffe}' | '\u{ffff}' => {}
-            letter if letter.is_control() => out.push(' '),
-            letter => out.push(letter),
-        }
-    }
-    out
 }

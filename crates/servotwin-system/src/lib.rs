@@ -10,8 +10,8 @@
 //! | help a writer of files | [`catalogue`] (components as documents), [`template`] (files to start with), [`built_in`] (files that names select) |
 //! | read files | [`system`] (components and connections), [`signal`] (functions of time), [`study`] (faults, operating cases, scenarios) |
 //! | run variants | [`compiled`] (steps made by the machine's C compiler), [`ensemble`] (threads × lanes), [`parallel`] (other work on threads) |
-//! | simulate by names | [`simulate`] (names in, a table out), [`recording`] (what a run records), [`shown`] (display units), [`validity`] (pressures outside the model) |
-//! | analyze the steady state | [`rest`] (states and description), [`eigenvalues`] |
+//! | simulate by names | [`simulate`] (names in, a table out), [`recording`] (what a run records), [`shown`] (display units), [`validity`] (pressures and pistons outside the model) |
+//! | analyze the steady state | [`rest`] (states and description), [`eigenvalues`], [`plausibility`] (warnings) |
 //!
 //! ```
 //! use servotwin_system::simulate::Simulation;
@@ -37,6 +37,7 @@ pub mod ensemble;
 pub mod format;
 pub mod kind;
 pub mod parallel;
+pub mod plausibility;
 pub mod recording;
 pub mod rest;
 pub mod schema;

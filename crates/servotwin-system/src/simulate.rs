@@ -31,7 +31,7 @@ use crate::signal::bus::Bus;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
 use crate::table::{Column, Table, TableError};
-use crate::validity::{PressureFinding, PressureMonitor};
+use crate::validity::{ValidityFinding, ValidityMonitor};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::{CurveError, Piecewise};
@@ -47,6 +47,8 @@ pub const MAX_VALUES: f64 = 2e8;
 pub const MAX_DURATION_S: f64 = 1e6;
 /// Minimum and maximum time between samples, s.
 pub const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
+/// Onset of a fault that the initial steady state has, s.
+const BEFORE_THE_RUN_S: f64 = -1.0;
 /// Maximum number of runs in a sweep.
 pub const MAX_SWEEP_RUNS: usize = 1000;
 
@@ -202,7 +204,7 @@ impl<'s> Simulation<'s> {
         self
     }
 
-    /// Injects a fault that begins at a time within the run, s.
+    /// Injects a fault that begins at a time within the run, s; also at 0 the run starts in the steady state without it.
     #[must_use]
     pub fn fault_from(mut self, id: &str, intensity: f64, at_s: f64) -> Self {
         self.onsets.push((id.to_owned(), at_s));
@@ -451,10 +453,11 @@ impl Resolver<'_, '_> {
         for part in parts {
             for (id, intensity) in &part.faults {
                 let onset = self.simulation.onsets.iter().find(|(known, _)| known == id);
-                let at_s = onset.map_or(0.0, |(_, at_s)| *at_s);
-                within(id, at_s, (0.0, self.simulation.duration_s), Unit::Second)?;
+                if let Some((_, at_s)) = onset {
+                    within(id, *at_s, (0.0, self.simulation.duration_s), Unit::Second)?;
+                }
                 run.add_fault(system, id, *intensity)?;
-                run.onsets_s.push(at_s);
+                run.onsets_s.push(onset.map_or(BEFORE_THE_RUN_S, |(_, at_s)| *at_s));
             }
             for (id, value) in &part.parameters {
                 run.add_parameter(system, id, *value)?;
@@ -483,17 +486,18 @@ impl Resolver<'_, '_> {
         let id = || system.network().inputs[input].id.clone();
         let bad_samples = |error| SimulationError::Samples { input: id(), error };
         let bad_signal = |error| SimulationError::Signal { input: id(), error };
+        let duration_s = self.simulation.duration_s;
         let build = |signal: &Signal| {
-            let curve = system.driven(input, signal, self.simulation.duration_s);
+            system.driven(input, signal, duration_s).map(Arc::new).map_err(bad_signal)
+        };
+        let admit = |curve: Result<Piecewise, CurveError>| {
+            let curve = system.admitted(input, curve.map_err(bad_samples)?, duration_s);
             curve.map(Arc::new).map_err(bad_signal)
         };
         Ok(match signal {
-            InputSignal::Constant(value) => {
-                Arc::new(Piecewise::constant(*value).map_err(bad_samples)?)
-            }
+            InputSignal::Constant(value) => admit(Piecewise::constant(*value))?,
             InputSignal::Samples(values) => {
-                let period_s = self.simulation.sample_period_s;
-                Arc::new(bus_curve(values, period_s).map_err(bad_samples)?)
+                admit(bus_curve(values, self.simulation.sample_period_s))?
             }
             InputSignal::Parsed(signal) => build(signal)?,
             InputSignal::Text(text) => {
@@ -524,7 +528,7 @@ fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
 pub struct PreparedRun {
     /// The faults with their intensities.
     pub faults: Vec<FaultAt>,
-    /// Onset of each fault, s; at 0 the run starts with the fault.
+    /// Onset of each fault, s; below 0 the run starts in the steady state with the fault.
     pub onsets_s: Vec<f64>,
     /// Parameters that differ from the system's: (component, parameter, SI value).
     pub parameters: Vec<(usize, usize, f64)>,
@@ -575,12 +579,12 @@ impl PreparedRun {
         let begun_by = |time_s: f64| -> Vec<FaultAt> {
             with_onset().filter(|(_, at_s)| *at_s <= time_s).map(|(fault, _)| fault).collect()
         };
-        let mut times_s: Vec<f64> = self.onsets_s.iter().copied().filter(|t| *t > 0.0).collect();
+        let mut times_s: Vec<f64> = self.onsets_s.iter().copied().filter(|t| *t >= 0.0).collect();
         times_s.sort_by(f64::total_cmp);
         times_s.dedup();
         let later = |time_s: f64| Later { time_s, faults: begun_by(time_s), ..Later::default() };
         Variant {
-            faults: begun_by(0.0),
+            faults: begun_by(BEFORE_THE_RUN_S),
             later: times_s.into_iter().map(later).collect(),
             overrides: self.parameters.clone(),
             inputs: self.curves.iter().map(Arc::as_ref).collect(),
@@ -636,17 +640,20 @@ impl<'s> PreparedSimulation<'s> {
         cancel: Option<&AtomicBool>,
     ) -> Result<SimulationResults<'s>, SimulationError> {
         let mut ensemble = self.ensemble(cancel);
-        let monitor = PressureMonitor::new(self.simulation.system, ensemble.sample_period_s);
-        ensemble.record.extend(monitor.slots());
+        let period_s = ensemble.sample_period_s;
+        let monitor = |overrides: &[(usize, usize, f64)]| {
+            ValidityMonitor::new(self.simulation.system, period_s, overrides)
+        };
+        ensemble.record.extend(monitor(&[]).slots());
         let times_s = recording::times_s(&ensemble);
         let mut results: Vec<Option<Result<RunResult, solver::SolverFailure>>> = vec![];
         results.resize_with(self.runs.len(), || None);
         ensemble.run(
             self.runs.len(),
             |run| self.runs[run].variant(),
-            |_| Recorder {
+            |run| Recorder {
                 values: vec![Vec::new(); self.recorded.len()],
-                monitor: monitor.clone(),
+                monitor: monitor(&self.runs[run].parameters),
                 progress,
             },
             |run, recorder, outcome| {
@@ -682,7 +689,7 @@ impl<'s> PreparedSimulation<'s> {
 /// Keeps the samples of one run and reports each.
 struct Recorder<'r> {
     values: Vec<Vec<f64>>,
-    monitor: PressureMonitor,
+    monitor: ValidityMonitor,
     progress: &'r (dyn Fn(SimulationProgress) + Sync),
 }
 
@@ -702,8 +709,8 @@ pub struct RunResult {
     pub values: Vec<Vec<f64>>,
     /// Statistics of the solver.
     pub statistics: Statistics,
-    /// The pressures that left the range of validity, recorded or not.
-    pub outside_validity: Vec<PressureFinding>,
+    /// The pressures and pistons that left the range of validity, recorded or not.
+    pub outside_validity: Vec<ValidityFinding>,
 }
 
 impl RunResult {

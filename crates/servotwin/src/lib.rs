@@ -91,6 +91,6 @@ pub use servotwin_io::{
 pub use servotwin_plot as figure;
 #[doc(no_inline)]
 pub use servotwin_system::{
-    built_in, catalogue, compiled, eigenvalues, ensemble, format, kind, parallel, recording, rest,
-    schema, shown, signal, simulate, study, system, template, units, validity,
+    built_in, catalogue, compiled, eigenvalues, ensemble, format, kind, parallel, plausibility,
+    recording, rest, schema, shown, signal, simulate, study, system, template, units, validity,
 };

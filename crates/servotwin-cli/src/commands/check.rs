@@ -9,14 +9,16 @@ use serde_json::{Value, json};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
 use servotwin::document::{Diagnostic, counted};
 use servotwin::kind::FileType;
+use servotwin::plausibility;
 use servotwin::study::{Setting, Study, StudyError};
 use servotwin::system::{System, SystemError};
 use std::path::PathBuf;
 
 /// Check a system or a study file, and show each mistake at its place.
 ///
-/// The check reports every mistake for which 'study' would reject the file. For a study, it also warns about valid
-/// entries that are probably not intended, such as a fault that changes nothing.
+/// The check reports every mistake for which 'study' would reject the file. It also warns about what is valid but
+/// probably not intended: a fault that changes nothing, a pump without a relief valve, a system that is unstable or in an
+/// end stop at its default inputs.
 ///
 /// The content decides whether a file is a system or a study: a study names its system. The output shows the first 20
 /// mistakes, or all of them with --json. If a built-in name stands for a system and a study, both are checked, and
@@ -33,13 +35,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         FileType::System => {
             let system = System::read(&options.file);
             let system = system.map_err(|error| told(StudyError::System(error), global))?;
-            Ok(of_system(options, &system))
+            let implausible = plausibility::warnings(&system);
+            warn(global, &implausible);
+            Ok(of_system(options, &system, &implausible))
         }
         FileType::Study => {
             let study = Study::read(&options.file).map_err(|error| told(error, global))?;
             study.complete().map_err(|error| told(error, global))?;
-            warn(global, &study.warnings_in_words());
-            Ok(of_study(options, &study))
+            let implausible = plausibility::warnings(&study.system);
+            warn(global, &[study.warnings_in_words(), implausible.clone()].concat());
+            Ok(of_study(options, &study, &implausible))
         }
         FileType::Traces => of_traces(options),
     });
@@ -106,7 +111,7 @@ fn report(path: &str, mistakes: &[Diagnostic]) -> Value {
     json!({ "file": path, "valid": false, "mistakes": list.collect::<Vec<_>>() })
 }
 
-fn of_system(options: &Options, system: &System) -> Checked {
+fn of_system(options: &Options, system: &System, implausible: &[String]) -> Checked {
     let components = &system.network().components;
     let faults: usize = components.iter().map(|c| c.component.spec().faults.len()).sum();
     let (states, inputs) = (system.program.states().len(), system.network().inputs.len());
@@ -115,6 +120,7 @@ fn of_system(options: &Options, system: &System) -> Checked {
             "file": options.file, "kind": "system", "valid": true, "mistakes": [],
             "name": system.name, "components": components.len(), "states": states,
             "faults": faults, "inputs": inputs, "sensors": system.sensors.len(),
+            "warnings": implausible.iter().map(|doubt| json!({ "message": doubt })).collect::<Vec<_>>(),
         }),
         text: format!(
             "{}: no mistakes: {}, {}, {}, {}, {}, {}\n",
@@ -129,7 +135,7 @@ fn of_system(options: &Options, system: &System) -> Checked {
     }
 }
 
-fn of_study(options: &Options, study: &Study) -> Checked {
+fn of_study(options: &Options, study: &Study, implausible: &[String]) -> Checked {
     let (cases, faults) = (study.cases.len(), study.faults.len());
     let settings = Setting::groups(study, |_| true).concat();
     let settings: Vec<&str> = settings.into_iter().map(Setting::name).collect();
@@ -148,16 +154,16 @@ fn of_study(options: &Options, study: &Study) -> Checked {
             "file": options.file, "kind": "study", "valid": true, "mistakes": [],
             "name": study.name, "system": study.system.name, "units": study.units,
             "cases": cases, "faults": faults, "sensors": study.measured.len(),
-            "settings": settings, "warnings": warnings(study),
+            "settings": settings, "warnings": warnings(study, implausible),
         }),
     }
 }
 
-fn warnings(study: &Study) -> Value {
+fn warnings(study: &Study, implausible: &[String]) -> Value {
     let warnings = study.warnings().into_iter().map(|Diagnostic { line, column, message, .. }| {
         json!({ "line": line, "column": column, "message": message })
     });
-    warnings.collect()
+    warnings.chain(implausible.iter().map(|doubt| json!({ "message": doubt }))).collect()
 }
 
 /// Checks a study of traces. It names columns of a table instead of a system.

@@ -419,7 +419,7 @@ impl<'s> Plan<'s> {
         });
         let faults = self.prepared.base.faults.iter().zip(&self.prepared.base.onsets_s);
         let faults = faults.map(|(fault, at_s)| {
-            json!({ "id": self.fault_id(fault), "intensity": fault.intensity, "from_s": at_s })
+            json!({ "id": self.fault_id(fault), "intensity": fault.intensity, "from_s": at_s.max(0.0) })
         });
         let set = self.prepared.base.parameters.iter().map(|&(component, parameter, value)| {
             let (id, unit) = self.parameter(component, parameter);
@@ -470,7 +470,7 @@ impl<'s> Plan<'s> {
         }
         let base = &self.prepared.base;
         for (fault, at_s) in base.faults.iter().zip(&base.onsets_s) {
-            let from = if *at_s > 0.0 { format!(" from {at_s} s on") } else { String::new() };
+            let from = if *at_s >= 0.0 { format!(" from {at_s} s on") } else { String::new() };
             text += &format!("fault {} at {}{from}\n", self.fault_id(fault), fault.intensity);
         }
         if let Some(sweep) = &results.sweep {
@@ -529,10 +529,14 @@ fn add_run(to: &mut Value, recorded: &[Recorded], result: &RunResult) {
     to["starts_at_rest"] = json!(result.starts_at_steady_state());
     to["limit_cycle_measured"] = json!(result.has_limit_cycle());
     let outside = result.outside_validity.iter().map(|finding| {
+        let (limit, extreme) = match finding.limit {
+            CrossedLimit::Vapor => ("vapor", "extreme_pa"),
+            CrossedLimit::High => ("high", "extreme_pa"),
+            CrossedLimit::Travel => ("travel", "extreme_m"),
+        };
         json!({
-            "name": finding.name, "first_s": finding.first_s,
-            "duration_s": finding.duration_s, "extreme_pa": finding.extreme_pa,
-            "limit": match finding.limit { CrossedLimit::Vapor => "vapor", CrossedLimit::High => "high" },
+            "name": finding.name, "first_s": finding.first_s, "duration_s": finding.duration_s,
+            extreme: finding.extreme, "limit": limit,
         })
     });
     to["outside_validity"] = outside.collect();

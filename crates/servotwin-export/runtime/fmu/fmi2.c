@@ -6,9 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* An interface has arguments that an implementation does not need. */
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-
 typedef void *fmi2Component;
 typedef void *fmi2ComponentEnvironment;
 typedef void *fmi2FMUstate;
@@ -46,14 +43,21 @@ typedef struct {
     servotwin_fmu fmu;
     fmi2CallbackFunctions callbacks;
     char name[64];
+    bool has_warned;
 } instance;
+
+static fmi2Status logged(const instance *of, fmi2Status status, const char *why)
+{
+    if (of->callbacks.logger != NULL) {
+        const char *category = (status == fmi2Warning) ? "warning" : "error";
+        of->callbacks.logger(of->callbacks.componentEnvironment, of->name, status, category, "%s", why);
+    }
+    return status;
+}
 
 static fmi2Status failed(const instance *of, const char *why)
 {
-    if (of->callbacks.logger != NULL) {
-        of->callbacks.logger(of->callbacks.componentEnvironment, of->name, fmi2Error, "error", "%s", why);
-    }
-    return fmi2Error;
+    return logged(of, fmi2Error, why);
 }
 
 static fmi2Status well(const instance *of, bool is_well, const char *why)
@@ -106,8 +110,7 @@ FUNCTION(fmi2Status, fmi2SetupExperiment,
     fmi2Real stop)
 {
     instance *of = c;
-    of->fmu.start_s = start;
-    return fmi2OK;
+    return well(of, servotwin_fmu_start_at(&of->fmu, start), SERVOTWIN_FMU_NO_TIME);
 }
 
 FUNCTION(fmi2Status, fmi2EnterInitializationMode, fmi2Component c)
@@ -173,7 +176,7 @@ FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate from)
 {
     instance *of = c;
     (void)servotwin_fmu_copied(from, &of->fmu);
-    return fmi2OK;
+    return well(of, from != NULL, SERVOTWIN_FMU_NO_STATE);
 }
 
 FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *saved)
@@ -185,7 +188,7 @@ FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *saved)
 
 FUNCTION(fmi2Status, fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate saved, size_t *size)
 {
-    *size = sizeof(servotwin_fmu);
+    *size = SERVOTWIN_FMU_BYTES;
     return fmi2OK;
 }
 
@@ -196,10 +199,11 @@ FUNCTION(fmi2Status, fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate saved,
 
 FUNCTION(fmi2Status, fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *into)
 {
-    if (size != sizeof(servotwin_fmu)) {
+    const void *state = servotwin_fmu_state_in(bytes, size);
+    if (state == NULL) {
         return failed(c, SERVOTWIN_FMU_NO_STATE);
     }
-    *into = servotwin_fmu_copied(bytes, *into);
+    *into = servotwin_fmu_copied(state, *into);
     return well(c, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
@@ -244,14 +248,13 @@ FUNCTION(fmi2Status, fmi2CompletedIntegratorStep,
 FUNCTION(fmi2Status, fmi2SetTime, fmi2Component c, fmi2Real time_s)
 {
     instance *of = c;
-    servotwin_fmu_set_time(&of->fmu, time_s);
-    return fmi2OK;
+    return well(of, servotwin_fmu_set_time(&of->fmu, time_s), SERVOTWIN_FMU_NO_TIME);
 }
 
 FUNCTION(fmi2Status, fmi2SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t count)
 {
     instance *of = c;
-    return well(of, servotwin_fmu_set_states(&of->fmu, x, count), SERVOTWIN_FMU_OTHER_LENGTH);
+    return well(of, servotwin_fmu_set_states(&of->fmu, x, count), SERVOTWIN_FMU_NO_STATES);
 }
 
 FUNCTION(fmi2Status, fmi2GetDerivatives, fmi2Component c, fmi2Real derivatives[], size_t count)
@@ -282,7 +285,7 @@ FUNCTION(fmi2Status, fmi2GetNominalsOfContinuousStates, fmi2Component c, fmi2Rea
 FUNCTION(fmi2Status, fmi2SetRealInputDerivatives,
     fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Integer order[], const fmi2Real value[])
 {
-    return well(c, count == 0U, "inputs are constant over a step");
+    return well(c, count == 0U, "inputs are held over a step");
 }
 
 FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives,
@@ -294,7 +297,14 @@ FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives,
 FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time_s, fmi2Real step_s, fmi2Boolean no_set_before)
 {
     instance *of = c;
-    return well(of, servotwin_fmu_advance(&of->fmu, time_s, step_s), SERVOTWIN_FMU_NO_STEP);
+    const char *warning = servotwin_fmu_step_warning(step_s);
+    const char *refusal = servotwin_fmu_step(&of->fmu, time_s, step_s);
+    fmi2Status status = well(of, refusal == NULL, refusal);
+    if ((status == fmi2OK) && (warning != NULL) && !of->has_warned) {
+        of->has_warned = true;
+        status = logged(of, fmi2Warning, warning);
+    }
+    return status;
 }
 
 FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)

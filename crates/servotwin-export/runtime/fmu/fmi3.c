@@ -6,9 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* An interface has arguments that an implementation does not need. */
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-
 typedef void *fmi3Instance;
 typedef void *fmi3InstanceEnvironment;
 typedef void *fmi3FMUState;
@@ -43,14 +40,20 @@ typedef struct {
     servotwin_fmu fmu;
     fmi3LogMessageCallback log;
     fmi3InstanceEnvironment environment;
+    bool has_warned;
 } instance;
+
+static fmi3Status logged(const instance *of, fmi3Status status, const char *why)
+{
+    if (of->log != NULL) {
+        of->log(of->environment, status, (status == fmi3Warning) ? "warning" : "error", why);
+    }
+    return status;
+}
 
 static fmi3Status failed(const instance *of, const char *why)
 {
-    if (of->log != NULL) {
-        of->log(of->environment, fmi3Error, "error", why);
-    }
-    return fmi3Error;
+    return logged(of, fmi3Error, why);
 }
 
 static fmi3Status well(const instance *of, bool is_well, const char *why)
@@ -114,8 +117,7 @@ FUNCTION(fmi3Status, fmi3EnterInitializationMode, fmi3Instance c, fmi3Boolean ha
     fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
     instance *of = c;
-    of->fmu.start_s = start;
-    return fmi3OK;
+    return well(of, servotwin_fmu_start_at(&of->fmu, start), SERVOTWIN_FMU_NO_TIME);
 }
 
 FUNCTION(fmi3Status, fmi3ExitInitializationMode, fmi3Instance c)
@@ -233,7 +235,7 @@ FUNCTION(fmi3Status, fmi3SetFMUState, fmi3Instance c, fmi3FMUState from)
 {
     instance *of = c;
     (void)servotwin_fmu_copied(from, &of->fmu);
-    return fmi3OK;
+    return well(of, from != NULL, SERVOTWIN_FMU_NO_STATE);
 }
 
 FUNCTION(fmi3Status, fmi3FreeFMUState, fmi3Instance c, fmi3FMUState *saved)
@@ -245,7 +247,7 @@ FUNCTION(fmi3Status, fmi3FreeFMUState, fmi3Instance c, fmi3FMUState *saved)
 
 FUNCTION(fmi3Status, fmi3SerializedFMUStateSize, fmi3Instance c, fmi3FMUState saved, size_t *size)
 {
-    *size = sizeof(servotwin_fmu);
+    *size = SERVOTWIN_FMU_BYTES;
     return fmi3OK;
 }
 
@@ -256,10 +258,11 @@ FUNCTION(fmi3Status, fmi3SerializeFMUState, fmi3Instance c, fmi3FMUState saved, 
 
 FUNCTION(fmi3Status, fmi3DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *into)
 {
-    if (size != sizeof(servotwin_fmu)) {
+    const void *state = servotwin_fmu_state_in(bytes, size);
+    if (state == NULL) {
         return failed(c, SERVOTWIN_FMU_NO_STATE);
     }
-    *into = servotwin_fmu_copied(bytes, *into);
+    *into = servotwin_fmu_copied(state, *into);
     return well(c, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
@@ -327,14 +330,13 @@ FUNCTION(fmi3Status, fmi3CompletedIntegratorStep, fmi3Instance c, fmi3Boolean no
 FUNCTION(fmi3Status, fmi3SetTime, fmi3Instance c, fmi3Float64 time_s)
 {
     instance *of = c;
-    servotwin_fmu_set_time(&of->fmu, time_s);
-    return fmi3OK;
+    return well(of, servotwin_fmu_set_time(&of->fmu, time_s), SERVOTWIN_FMU_NO_TIME);
 }
 
 FUNCTION(fmi3Status, fmi3SetContinuousStates, fmi3Instance c, const fmi3Float64 states[], size_t count)
 {
     instance *of = c;
-    return well(of, servotwin_fmu_set_states(&of->fmu, states, count), SERVOTWIN_FMU_OTHER_LENGTH);
+    return well(of, servotwin_fmu_set_states(&of->fmu, states, count), SERVOTWIN_FMU_NO_STATES);
 }
 
 FUNCTION(fmi3Status, fmi3GetContinuousStateDerivatives, fmi3Instance c, fmi3Float64 derivatives[], size_t count)
@@ -387,7 +389,13 @@ FUNCTION(fmi3Status, fmi3DoStep, fmi3Instance c, fmi3Float64 time_s, fmi3Float64
     *needs_event = false;
     *terminate = false;
     *returns_early = false;
-    const bool is_well = servotwin_fmu_advance(&of->fmu, time_s, step_s);
-    *last_time_s = is_well ? (time_s + step_s) : servotwin_fmu_time_s(&of->fmu);
-    return well(of, is_well, SERVOTWIN_FMU_NO_STEP);
+    const char *warning = servotwin_fmu_step_warning(step_s);
+    const char *refusal = servotwin_fmu_step(&of->fmu, time_s, step_s);
+    fmi3Status status = well(of, refusal == NULL, refusal);
+    *last_time_s = (status == fmi3OK) ? (time_s + step_s) : servotwin_fmu_time_s(&of->fmu);
+    if ((status == fmi3OK) && (warning != NULL) && !of->has_warned) {
+        of->has_warned = true;
+        status = logged(of, fmi3Warning, warning);
+    }
+    return status;
 }

@@ -86,6 +86,9 @@ impl Description<'_> {
                 self.name
             );
             if self.version == Version::Three {
+                if !is_model {
+                    let _ = write!(xml, " fixedInternalStepSize=\"{}\"", self.period_s);
+                }
                 *xml += "/>\n";
                 continue;
             }
@@ -223,7 +226,7 @@ fn of_type(variable: &Variable, derivative: Option<usize>) -> String {
     if !unit.is_empty() {
         let _ = write!(text, " unit=\"{unit}\"");
     }
-    if let Some(display) = units::display(variable.unit) {
+    if let Some(display) = variable.display {
         let _ = write!(text, " displayUnit=\"{display}\"");
     }
     let [least, largest] = variable.range;

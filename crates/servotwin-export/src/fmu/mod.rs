@@ -5,6 +5,7 @@
 //! values, and its outputs are those of the diagnosis.
 
 mod description;
+mod tables;
 mod units;
 mod variables;
 
@@ -102,13 +103,14 @@ fn sources(
         Some(diagnoser) => (c::files_with_twin(diagnoser, twin)?, OF_HYBRID),
         None => {
             let mut files = c::files_of_twin(twin)?;
-            files.push(SourceFile {
-                name: "servotwin_tangent.c",
-                text: write_tangent(twin.program),
-            });
+            let text = write_tangent(twin.program);
+            files.push(SourceFile { name: "servotwin_tangent.c", text });
+            files.extend(c::files_of_random());
             (files, OF_SYSTEM)
         }
     };
+    let text = tables::text(twin, diagnoser.is_none());
+    files.push(SourceFile { name: "servotwin_fmu_tables.c", text });
     // The program that reads standard input has no place in a library.
     files.retain(|file| file.name != "main.c");
     let written = COMMON.into_iter().chain(core).chain([interface]);

@@ -1,5 +1,6 @@
 //! Units for a model description: exponents of SI base units, and what people read.
 
+use servotwin::shown::Shown;
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
 
@@ -68,9 +69,9 @@ pub(super) fn element(unit: Unit) -> Option<String> {
     Some(text + "    </Unit>\n")
 }
 
-/// The name of the unit that people read, where it is another one.
-pub(super) fn display(unit: Unit) -> Option<&'static str> {
-    (unit.shown() != unit.symbol()).then(|| unit.shown())
+/// The name of the unit that people read values up to `largest` in, where it is another one.
+pub(super) fn display(unit: Unit, largest: f64) -> Option<&'static str> {
+    Some(Shown::of(unit, largest).symbol()).filter(|shown| *shown != unit.symbol())
 }
 
 #[cfg(test)]

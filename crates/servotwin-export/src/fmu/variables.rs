@@ -1,6 +1,8 @@
 //! The variables of an FMU. The reference of a variable is its place in the arrays of the C code.
 
+use super::units;
 use crate::twin::ExportedTwin;
+use servotwin::shown::Shown;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::spec::Unit;
@@ -9,6 +11,11 @@ use std::collections::BTreeMap;
 /// `SERVOTWIN_FMU_PARAMETER` and `SERVOTWIN_FMU_FAULT` of the C code.
 const FIRST_PARAMETER: usize = 100_000;
 const FIRST_FAULT: usize = 200_000;
+
+/// `SERVOTWIN_FMU_NOISE`, `SERVOTWIN_FMU_SEED` and `SERVOTWIN_FMU_LARGEST_SEED`.
+const NOISE: usize = 300_001;
+const SEED: usize = 300_002;
+const LARGEST_SEED: f64 = 4_294_967_295.0;
 
 /// `SERVOTWIN_FMU_MEASURED` and its kin for a hybrid twin.
 const FIRST_MEASURED: usize = 10_000;
@@ -35,6 +42,8 @@ pub(super) struct Variable {
     pub reference: usize,
     pub kind: VariableKind,
     pub unit: Unit,
+    /// The unit that people read, where it is another one.
+    pub display: Option<&'static str>,
     pub description: String,
     pub start: Option<f64>,
     /// The least and the largest value, as far as there are limits.
@@ -64,10 +73,13 @@ impl Variables {
             states: program.states().len(),
             first_derivative: program.derivatives().start,
         };
-        variables.add_inputs(program);
+        variables.add_inputs(program, true);
         for slot in twin.sensors.iter().map(|&slot| slot as usize) {
             if let Some(measured) = program.observables().iter().find(|o| o.slot as usize == slot) {
                 variables.add_slot(slot, &measured.name, measured.unit, VariableKind::Output);
+                let output = &mut variables.all[variables.of_slots[&slot]];
+                output.description = summary(program, &measured.name)
+                    + ", with noise and the steps of its converter unless sensors.noise is 0";
             }
         }
         for (slot, state) in program.states().iter().enumerate() {
@@ -76,15 +88,21 @@ impl Variables {
                 program.observable(&state.name).is_some_and(|read| read.slot as usize != slot);
             let name = if is_taken { format!("state.{}", state.name) } else { state.name.clone() };
             variables.add_slot(slot, &name, state.unit, VariableKind::Local);
+            variables.describe(slot, || summary(program, &state.name));
         }
         for observable in program.observables() {
             let slot = observable.slot as usize;
             variables.add_slot(slot, &observable.name, observable.unit, VariableKind::Local);
+            variables.describe(slot, || summary(program, &observable.name));
         }
         for (state, slot) in program.derivatives().enumerate() {
             let name = format!("der({})", program.states()[state].name);
             // The unit of a derivative is that of the state over a second, which has no name of its own.
             variables.add_slot(slot, &name, Unit::None, VariableKind::Local);
+            let rate = || {
+                format!("rate of {}, in its SI unit over a second", program.states()[state].name)
+            };
+            variables.describe(slot, rate);
             variables.all[variables.of_slots[&slot]].derivative_of = Some(state);
         }
         for (state, declared) in program.states().iter().enumerate() {
@@ -92,6 +110,7 @@ impl Variables {
         }
         variables.add_parameters(program);
         variables.add_faults(program);
+        variables.add_noise();
         variables
     }
 
@@ -103,7 +122,7 @@ impl Variables {
             states: 0,
             first_derivative: 0,
         };
-        variables.add_inputs(twin.program);
+        variables.add_inputs(twin.program, false);
         variables.add_sensors(diagnoser, twin);
         for (actuator, name) in diagnoser.names().actuators.iter().enumerate() {
             let reference = FIRST_SWITCH + actuator;
@@ -165,6 +184,7 @@ impl Variables {
             reference,
             kind,
             unit,
+            display: units::display(unit, 0.0),
             description,
             range,
             start: None,
@@ -183,14 +203,50 @@ impl Variables {
         }
     }
 
-    fn add_inputs(&mut self, program: &Program) {
-        let inputs = program.network().inputs.iter().enumerate();
-        for ((place, input), slot) in inputs.zip(program.externals()) {
+    /// Describes the variable of a slot that has no description yet.
+    fn describe(&mut self, slot: usize, text: impl Fn() -> String) {
+        let description = &mut self.all[self.of_slots[&slot]].description;
+        if description.is_empty() {
+            *description = text();
+        }
+    }
+
+    /// Adds the inputs. A diagnosis judges those that it receives itself, so only a system refuses values out of range.
+    fn add_inputs(&mut self, program: &Program, is_checked: bool) {
+        let network = program.network();
+        for ((place, input), slot) in network.inputs.iter().enumerate().zip(program.externals()) {
             self.of_slots.insert(slot, self.all.len());
-            let (least, largest) = program.network().input_range(place);
+            let (least, largest) = network.input_range(place);
+            let shown = Shown::of_input(network, place).symbol();
+            let port = input
+                .targets
+                .first()
+                .map(|to| network.components[to.component].component.spec().ports[to.port].summary);
             let variable = self.add(input.id.clone(), slot, VariableKind::Input, input.unit);
+            variable.description = format!("{}; held during a step", port.unwrap_or("input"));
             variable.start = Some(input.default);
-            variable.range = [least, largest].map(finite);
+            variable.display = Some(shown).filter(|shown| *shown != input.unit.symbol());
+            if is_checked {
+                variable.range = [least, largest].map(finite);
+            }
+        }
+    }
+
+    /// Whether the outputs of a system are what real sensors show.
+    fn add_noise(&mut self) {
+        let texts = [
+            (
+                "sensors.noise",
+                NOISE,
+                "1: the outputs have the noise of the sensors and the steps of their converters; 0: neither",
+            ),
+            ("sensors.noise_seed", SEED, "a whole number; other noise with the same statistics"),
+        ];
+        for (place, (name, reference, description)) in texts.into_iter().enumerate() {
+            let added = self.add(name.into(), reference, VariableKind::Tunable, Unit::None);
+            added.description = description.into();
+            added.start = Some([1.0, 0.0][place]);
+            added.range = [Some(0.0), Some([1.0, LARGEST_SEED][place])];
         }
     }
 
@@ -203,14 +259,13 @@ impl Variables {
         for (place, (sensor, &slot)) in diagnoser.sensors.iter().zip(&twin.sensors).enumerate() {
             let (name, unit) = (&sensor.name, unit_of(slot));
             let reference = FIRST_MEASURED + place;
-            self.add(format!("measured.{name}"), reference, VariableKind::Input, unit).start =
-                Some(0.0);
-            self.add(
-                format!("expected.{name}"),
-                FIRST_EXPECTED + place,
-                VariableKind::Sampled,
-                unit,
-            );
+            let measured =
+                self.add(format!("measured.{name}"), reference, VariableKind::Input, unit);
+            measured.start = Some(0.0);
+            measured.description = "what the sensor measures; NaN is a missing value".into();
+            let (name, reference) = (format!("expected.{name}"), FIRST_EXPECTED + place);
+            self.add(name, reference, VariableKind::Sampled, unit).description =
+                "what the twin expects of the sensor".into();
         }
     }
 
@@ -257,6 +312,7 @@ impl Variables {
                 let variable = self.add(name, reference, VariableKind::Tunable, parameter.unit);
                 variable.description = parameter.summary.into();
                 variable.start = Some(value);
+                variable.display = units::display(parameter.unit, value);
                 variable.range = [parameter.min, parameter.max].map(finite);
                 reference += 1;
             }
@@ -274,6 +330,17 @@ impl Variables {
             variable.range = [Some(0.0), Some(1.0)];
         }
     }
+}
+
+/// What the declaration of a port or a state says about an observable.
+fn summary(program: &Program, observable: &str) -> String {
+    let summary = program.network().components.iter().find_map(|instance| {
+        let own = observable.strip_prefix(&instance.id)?.strip_prefix('.')?;
+        let (spec, port) = (instance.component.spec(), own.split('.').next()?);
+        let state = spec.states.iter().find(|state| state.name == own).map(|state| state.summary);
+        state.or_else(|| spec.port(port).map(|port| spec.ports[port].summary))
+    });
+    summary.unwrap_or_default().to_owned()
 }
 
 fn finite(limit: f64) -> Option<f64> {

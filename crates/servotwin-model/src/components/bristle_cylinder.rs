@@ -16,7 +16,7 @@
 
 use super::cylinder::{
     FAULTS, PARAMETERS as SHARED, PORTS, STATES, check_volumes, connect_all_but_friction, index,
-    seal_friction, seal_load, seal_load_constants,
+    seal_friction, seal_load, seal_load_constants, travel_m,
 };
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -83,6 +83,10 @@ impl Component for BristleCylinder {
             Output::subtract(wiring.derivative("velocity_m_s")),
         ];
         wiring.equation::<BristleFriction, 4, 3, BRISTLE_CONSTANTS>(0, inputs, outputs);
+    }
+
+    fn travel_m(&self, parameters: &[f64]) -> Option<(f64, f64)> {
+        Some(travel_m(parameters))
     }
 
     fn check(&self, parameters: &[f64]) -> Result<(), String> {

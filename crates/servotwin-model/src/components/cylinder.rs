@@ -18,8 +18,8 @@
 //! above `F_c`. Pressure presses the seals onto rod and bore: a share `g` of the Coulomb friction grows with the
 //! mean chamber pressure, and `F_c` is reached at `p_n`. Cold seals are stiffer (`β`). `F_c`, `B` and `C_li` hold
 //! at `T_r` = 40 °C, where the dynamic viscosity `μ` is `μ_r`. The damping of the stop fades in over the first
-//! thousandth of the stroke (`d`), and the stop never pulls. The end stops keep the piston away from the lower
-//! limit of (Y1) (see `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the share of the
+//! thousandth of the stroke (`d`), and the stop never pulls. End stops that are stiff enough keep the piston away
+//! from the lower limit of (Y1) (see `check`); a run reports a piston that reaches it. The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the share of the
 //! cavity in a chamber, which is zero above the vapor pressure `p_v` (equations (F4)–(F6) of [`crate::fluid`]).
 //!
 //! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; Stribeck friction as
@@ -209,6 +209,10 @@ impl Component for Cylinder {
         wiring.equation::<PistonFriction, 3, 2, FRICTION_CONSTANTS>(0, friction, [shift, slower]);
     }
 
+    fn travel_m(&self, parameters: &[f64]) -> Option<(f64, f64)> {
+        Some(travel_m(parameters))
+    }
+
     fn check(&self, parameters: &[f64]) -> Result<(), String> {
         check_volumes(parameters)
     }
@@ -241,6 +245,13 @@ pub(super) fn connect_all_but_friction(wiring: &mut Wiring) -> [Variable; 3] {
     wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
     wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
     [velocity, p_a, p_b]
+}
+
+/// The positions between which no volume of (Y1) is at its lower limit.
+pub(super) fn travel_m(parameters: &[f64]) -> (f64, f64) {
+    let most =
+        |volume: usize, area: usize| parameters[volume] * (1.0 - SMALLEST) / parameters[area];
+    (-most(index::volume_a_m3, index::area_a_m2), most(index::volume_b_m3, index::area_b_m2))
 }
 
 /// Checks that the end stops keep the piston within the volumes of (Y1).

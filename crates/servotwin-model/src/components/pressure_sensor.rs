@@ -21,7 +21,8 @@ use crate::wiring::{Output, Variable, Wiring};
 pub struct PressureSensor;
 
 parameters! {
-    full_scale_pa: parameter(Unit::Pascal, 20.684e6, (1e3, 1e9), "range p_FS"),
+    // 5000 psi: chambers exceed a supply of 3000 psi, and a sensor at its end shows a constant.
+    full_scale_pa: parameter(Unit::Pascal, 34.474e6, (1e3, 1e9), "range p_FS"),
     bandwidth_hz: parameter(Unit::Hertz, 125.0, (1e-3, 1e5), "corner frequency f"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),

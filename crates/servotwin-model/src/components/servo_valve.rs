@@ -8,8 +8,10 @@
 //! σ    = √(max(p_p − p_t, 0)/Δp_N), smooth at zero                         (W2)
 //! d    = x_max u_c − x,   d_s = d − clamp(d, −d_0, d_0)
 //! x'   = σ v_max tanh(v / v_max)                                           (W3)
-//! v'   = σ (ω² d_s − 2 ζ ω v) − stop(x, v)
+//! v'   = σ (ω² d_s − 2 ζ ω v − 20 ω e_v) − stop(x, v),   e_v = v − clamp(v, −2 v_max, 2 v_max)
 //! ```
+//!
+//! `e_v` keeps the velocity before its limit from winding up while the pilot stage is saturated.
 //!
 //! Of the edges PA, PB, AT and BT, a positive stroke opens PA and BT (`s_e` = 1) and closes PB and AT
 //! (`s_e` = −1). Each has an overlap `o`, a radial clearance `c`, an edge radius `r`, a width `w` and a
@@ -392,8 +394,21 @@ mod tests {
         assert_eq!(saturated, motion(&[], [1.0, 0.0, 0.0], 20e6));
     }
 
+    #[test]
+    fn a_saturated_velocity_does_not_wind_up() {
+        // A spool without damping that crosses its stroke at its limit would reach 12 times the limit before it.
+        let changes = [("damping_ratio", 0.02)];
+        let (step_s, mut x, mut v, mut largest) = (1e-6, -1e-3, 0.0, 0.0_f64);
+        while x < 1e-3 {
+            let [rate, acceleration] = motion(&changes, [1.0, x, v], 20e6);
+            (x, v) = (x + step_s * rate, v + step_s * acceleration);
+            largest = largest.max(v);
+        }
+        assert!((0.3..0.45).contains(&largest), "{largest}");
+    }
+
     fn motion(changes: &[(&str, f64)], [current, x, v]: [f64; 3], drop: f64) -> [f64; 2] {
-        let c = constants::<SpoolMotion, 5, 2, 13>(&ServoValve, changes, 0);
+        let c = constants::<SpoolMotion, 5, 2, 15>(&ServoValve, changes, 0);
         SpoolMotion::evaluate(&c, [current, x, v, 1e5 + drop, 1e5])
     }
 

@@ -137,7 +137,13 @@ pub struct Spool<S> {
 }
 
 /// Number of constants of [`spool_motion`].
-pub const SPOOL_CONSTANTS: usize = 8 + END_STOP_CONSTANTS;
+pub const SPOOL_CONSTANTS: usize = 10 + END_STOP_CONSTANTS;
+
+/// The velocity before its limit up to which nothing but damping brakes it, over the limit; there tanh is 0.96.
+const FREE: f64 = 2.0;
+
+/// The rate at which an excess velocity decays, over the natural frequency ω.
+const DECAY: f64 = 20.0;
 
 /// The constants of [`spool_motion`].
 pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
@@ -156,6 +162,8 @@ pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTA
         spool.slew_rate_m_s,
         S::constant(1.0) / spool.slew_rate_m_s,
         largest_m * spool.breakaway,
+        spool.slew_rate_m_s * S::constant(FREE),
+        omega * S::constant(DECAY),
         a,
         b,
         c,
@@ -170,13 +178,27 @@ pub fn spool_motion<S: Scalar>(
     [current, x, v]: [S; 3],
     speed: S,
 ) -> [S; 2] {
-    let [gain, bias, stroke, square, damping, slew, per_slew, breakaway, ref stop @ ..] = *c;
+    let [
+        gain,
+        bias,
+        stroke,
+        square,
+        damping,
+        slew,
+        per_slew,
+        breakaway,
+        free,
+        decay,
+        ref stop @ ..,
+    ] = *c;
     let one = S::constant(1.0);
     let command = (current * gain + bias).clamp(-one, one);
     let difference = command * stroke - x;
     let held = S::from_base(breakaway);
     let driving = difference - difference.clamp(-held, held);
-    let acceleration = (driving * square - v * damping) * speed;
+    let free = S::from_base(free);
+    let excess = v - v.clamp(-free, free);
+    let acceleration = (driving * square - v * damping - excess * decay) * speed;
     let rate = (v * per_slew).tanh() * slew * speed;
     [rate, acceleration - end_stop(x, v, stop)]
 }

@@ -152,8 +152,9 @@ impl<'a> ActiveJob<'a> {
     /// Updates the input pieces to the lane's current time.
     #[inline(always)]
     fn find_pieces(&mut self, lane_state: &mut LaneState) {
+        // The steady state is that before the run: an input that jumps at time zero moves the system.
         let running = matches!(lane_state.phase, Phase::Running);
-        let time = if running { lane_state.time_s } else { 0.0 } + SAME_TIME_S;
+        let time = if running { lane_state.time_s + SAME_TIME_S } else { -SAME_TIME_S };
         if time < lane_state.next_break_s {
             return;
         }

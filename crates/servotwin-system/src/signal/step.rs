@@ -24,7 +24,6 @@ static SPEC: Spec = Spec {
             name: "at",
             sort: Sort::Time,
             range: Range::NotNegative,
-            // The default is after time zero: a step at zero would be part of the initial steady state.
             fallback: Fallback::Number(0.1),
             summary: "time of the step",
         },
@@ -38,8 +37,8 @@ impl SignalKind for StepSignal {
 
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
         let (size, at_s) = (given.number("size"), given.number("at"));
-        // A step at time zero must still start from the state before it. A point at −1 s, before every run, keeps the
-        // first value at zero.
+        // A step at time zero starts from the steady state before it. A point at −1 s, before every run, keeps the first
+        // value at zero.
         let rest_s = if at_s > 0.0 { 0.0 } else { -1.0 };
         Ok(Piecewise::steps(&[rest_s, at_s], &[0.0, size])?)
     }

@@ -237,7 +237,20 @@ impl System {
         duration_s: f64,
     ) -> Result<Piecewise, SignalError> {
         let unit = self.network().inputs[input].unit;
-        let curve = signal.build(unit, duration_s)?;
+        self.admitted(input, signal.build(unit, duration_s)?, duration_s)
+    }
+
+    /// The course of an input, checked against its range.
+    ///
+    /// # Errors
+    /// The course leaves the range.
+    pub fn admitted(
+        &self,
+        input: usize,
+        curve: Piecewise,
+        duration_s: f64,
+    ) -> Result<Piecewise, SignalError> {
+        let unit = self.network().inputs[input].unit;
         let (min, max) = self.network().input_range(input);
         let (least, largest) = curve.bounds(0.0, duration_s);
         if least >= min && largest <= max {

@@ -7,7 +7,7 @@ use servotwin_system::ensemble::Ensemble;
 use servotwin_system::ensemble::Variant;
 use servotwin_system::signal::Signal;
 use servotwin_system::system::System;
-use servotwin_system::validity::{CrossedLimit, PressureMonitor};
+use servotwin_system::validity::{CrossedLimit, ValidityMonitor};
 
 const BAR: f64 = 1e5;
 const PERIOD_S: f64 = 5e-5;
@@ -157,18 +157,20 @@ fn mass_is_conserved_over_a_cavitation_cycle() {
 
 #[test]
 fn a_parted_column_returns() {
-    let samples = parting_column().run(&["line.pressure_pa", "line.flow_m3_s"]);
+    let record = ["line.pressure_pa", "line.flow_to_b_m3_s", "line.flow_m3_s"];
+    let samples = parting_column().run(&record);
     let (pressure, flow) = (&samples[0], &samples[1]);
     let cavity = cavity(pressure);
     assert!(lowest(pressure) >= VAPOR_PRESSURE_PA);
     let after = highest(&pressure[cavity.end..]);
-    assert!((20.0 * BAR..=60.5 * BAR).contains(&after), "{}", after / BAR);
-    // The cavity lasts as long as the supply pressure needs to turn the column round: t = 2 L_h q/Δp, with 20 m of oil of
-    // 864.6 kg/m³ in a bore of 20 mm. Friction takes 5 % of it.
+    assert!((20.0 * BAR..=80.0 * BAR).contains(&after), "{}", after / BAR);
+    // The cavity lasts about as long as the supply pressure needs to turn the column round: t = 2 L_h q/Δp, with 20 m of oil
+    // of 864.6 kg/m³ in a bore of 20 mm. A column that is elastic takes longer.
     let inertia = 864.6 * 20.0 / (std::f64::consts::FRAC_PI_4 * 4e-4);
-    let expected_s = 2.0 * inertia * -flow[cavity.start] / 20e5;
+    let mean_flow = (samples[2][cavity.start] + 2.0 * flow[cavity.start]) / 3.0;
+    let expected_s = 2.0 * inertia * -mean_flow / 20e5;
     let lasted_s = cavity.len() as f64 * PERIOD_S;
-    assert!((lasted_s / expected_s - 1.0).abs() < 0.1, "{lasted_s} s, expected {expected_s} s");
+    assert!((1.0..1.3).contains(&(lasted_s / expected_s)), "{lasted_s} s, expected {expected_s} s");
     // It closes when as much oil is back as has left it.
     let left: f64 = flow[cavity.clone()].iter().map(|q| q * PERIOD_S).sum();
     let moved: f64 = flow[cavity.clone()].iter().map(|q| q.abs() * PERIOD_S).sum();
@@ -179,20 +181,22 @@ fn a_parted_column_returns() {
 fn a_column_that_does_not_part_rings_at_its_first_mode() {
     let case = Case { set: &[], duration_s: 0.8, ..parting_column() };
     let pressure = &case.run(&["line.pressure_pa"])[0];
-    assert!((89.8..91.6).contains(&(highest(pressure) / BAR)), "{}", highest(pressure) / BAR);
+    // Two modes reach 1.468 times the rise ρ c v, which is 30.8 bar.
+    assert!((104.5..106.0).contains(&(highest(pressure) / BAR)), "{}", highest(pressure) / BAR);
     let after = &pressure[(0.11 / PERIOD_S) as usize..];
     let middle = 60.0 * BAR;
     let crossings: Vec<usize> =
         (1..after.len()).filter(|&k| after[k - 1] < middle && after[k] >= middle).collect();
     let (first, last) = (crossings[0], crossings[crossings.len() - 1]);
     let hertz = (crossings.len() - 1) as f64 / ((last - first) as f64 * PERIOD_S);
-    assert!((hertz - 10.2).abs() < 0.1, "{hertz}");
+    // The quarter wave of a sound speed of 1281 m/s has 16.0 Hz.
+    assert!((hertz - 15.3).abs() < 0.15, "{hertz}");
 }
 
 #[test]
 fn a_cavity_is_reported_with_its_place_and_time() {
     let system = System::parse(HAMMER, "hammer.toml").unwrap();
-    let mut monitor = PressureMonitor::new(&system, PERIOD_S);
+    let mut monitor = ValidityMonitor::new(&system, PERIOD_S, &[]);
     let names: Vec<String> = monitor
         .slots()
         .map(|slot| {
@@ -208,8 +212,10 @@ fn a_cavity_is_reported_with_its_place_and_time() {
         monitor.sample(index, &values);
     }
     let findings = monitor.findings();
-    assert_eq!(findings.len(), 1, "{findings:?}");
-    let finding = &findings[0];
+    // The column parts in its middle too.
+    let names: Vec<&str> = findings.iter().map(|finding| finding.name.as_str()).collect();
+    assert_eq!(names, ["line.middle_pressure_pa", "line.pressure_pa"]);
+    let finding = &findings[1];
     assert_eq!((finding.limit, finding.name.as_str()), (CrossedLimit::Vapor, "line.pressure_pa"));
-    assert!((finding.first_s - 0.159).abs() < 1e-3 && finding.duration_s > 0.04, "{finding:?}");
+    assert!((finding.first_s - 0.1411).abs() < 1e-3 && finding.duration_s > 0.04, "{finding:?}");
 }

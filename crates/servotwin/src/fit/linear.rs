@@ -111,13 +111,16 @@ impl Symmetric {
     }
 
     /// The minimum of ½ xᵀAx − gᵀx with every x within its bounds, by active sets: unknowns that would leave are held,
-    /// and released when their slope points inwards again.
+    /// and released when their slope points inwards again. Where that goes in circles, one unknown changes at a time, the
+    /// first that must, which ends for every positive definite matrix (Murty 1974). `None` if the matrix is not positive
+    /// definite, or no minimum was found.
     pub fn minimum_within(&self, g: &[f64], bounds: &[(f64, f64)]) -> Option<Vec<f64>> {
-        const MOST_TURNS: usize = 100;
+        const MOST_TURNS: usize = 10_000;
+        const TURNS_AT_ONCE: usize = 50;
         let n = self.size;
         let mut held: Vec<Option<f64>> = vec![None; n];
         let mut x = vec![0.0; n];
-        for _ in 0..MOST_TURNS {
+        for turn in 0..MOST_TURNS {
             let free: Vec<usize> = (0..n).filter(|&i| held[i].is_none()).collect();
             for i in 0..n {
                 x[i] = held[i].unwrap_or(0.0);
@@ -129,7 +132,7 @@ impl Symmetric {
                 x[i] = value;
             }
             let pull = self.times(&x);
-            let next: Vec<Option<f64>> = (0..n)
+            let mut next: Vec<Option<f64>> = (0..n)
                 .map(|i| {
                     let (low, high) = bounds[i];
                     match held[i] {
@@ -138,17 +141,18 @@ impl Symmetric {
                         None => None,
                         Some(at) => {
                             let outwards = if at == high { g[i] - pull[i] } else { pull[i] - g[i] };
-                            Some(at).filter(|_| outwards >= 0.0)
+                            Some(at).filter(|_| outwards >= 0.0 || low == high)
                         }
                     }
                 })
                 .collect();
-            if next == held {
-                break;
+            let Some(first) = (0..n).find(|&i| next[i] != held[i]) else { return Some(x) };
+            if turn >= TURNS_AT_ONCE {
+                next[first + 1..].copy_from_slice(&held[first + 1..]);
             }
             held = next;
         }
-        Some(x.iter().zip(bounds).map(|(x, (low, high))| x.clamp(*low, *high)).collect())
+        None
     }
 }
 
@@ -233,6 +237,17 @@ mod tests {
                 assert!((product - f64::from(u8::from(i == j))).abs() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn a_minimum_is_found_where_active_sets_go_in_circles() {
+        let rows = [[14.1, -15.0, 10.0], [-15.0, 18.1, -12.0], [10.0, -12.0, 8.1]];
+        let a = Symmetric::new(3, |row, column| rows[row][column]);
+        let best = a.minimum_within(&[9.0, 5.0, -6.0], &[(-1.0, 1.0); 3]).unwrap();
+        assert_eq!((best[0], best[2]), (1.0, -1.0));
+        assert!((best[1] - 8.0 / 18.1).abs() < 1e-12, "{best:?}");
+        let fixed = a.minimum_within(&[9.0, 5.0, -6.0], &[(0.0, 0.0); 3]);
+        assert_eq!(fixed, Some(vec![0.0; 3]));
     }
 
     /// Against many random points between the bounds.

@@ -1,5 +1,5 @@
-//! Runs an FMU in co-simulation: `fmi-rs-host FMU VERSION INPUT AT_STEP VALUE OUTPUT…`, each variable by its reference.
-//! The input gets its value before that step. Prints the outputs after each of 200 steps of 10 ms.
+//! Runs an FMU in co-simulation: `fmi-rs-host FMU VERSION NOISE INPUT AT_STEP VALUE OUTPUT…`, each variable by its
+//! reference. The parameter NOISE becomes 0; the input gets its value before that step. Prints the outputs after each of 200 steps of 10 ms.
 
 use fmi::fmi2::import::Fmi2Import;
 use fmi::fmi2::instance::{CoSimulation as _, Common as _};
@@ -12,6 +12,7 @@ const STEPS: usize = 200;
 const STEP_S: f64 = 0.01;
 
 struct Run {
+    noise: u32,
     input: u32,
     at_step: usize,
     value: f64,
@@ -27,6 +28,7 @@ fn run_two(path: &str, run: &Run) -> Result<(), Failure> {
     let import: Fmi2Import = fmi::import::from_path(path)?;
     let mut slave = import.instantiate_cs("slave", false, true)?;
     slave.setup_experiment(None, 0.0, None)?;
+    slave.set_real(&[run.noise], &[0.0])?;
     slave.enter_initialization_mode()?;
     slave.exit_initialization_mode()?;
     let mut values = vec![0.0; run.outputs.len()];
@@ -44,6 +46,7 @@ fn run_two(path: &str, run: &Run) -> Result<(), Failure> {
 fn run_three(path: &str, run: &Run) -> Result<(), Failure> {
     let import: Fmi3Import = fmi::import::from_path(path)?;
     let mut slave = import.instantiate_cs("slave", false, true, false, false, &[])?;
+    slave.set_float64(&[run.noise], &[0.0])?;
     slave.enter_initialization_mode(None, 0.0, None)?;
     slave.exit_initialization_mode()?;
     let mut values = vec![0.0; run.outputs.len()];
@@ -62,11 +65,12 @@ fn run_three(path: &str, run: &Run) -> Result<(), Failure> {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [path, version, input, at_step, value, outputs @ ..] = arguments.as_slice() else {
-        return Err("FMU VERSION INPUT AT_STEP VALUE OUTPUT…".into());
+    let [path, version, noise, input, at_step, value, outputs @ ..] = arguments.as_slice() else {
+        return Err("FMU VERSION NOISE INPUT AT_STEP VALUE OUTPUT…".into());
     };
     let outputs: Result<Vec<u32>, _> = outputs.iter().map(|output| output.parse()).collect();
     let run = Run {
+        noise: noise.parse()?,
         input: input.parse()?,
         at_step: at_step.parse()?,
         value: value.parse()?,

@@ -22,6 +22,7 @@ void servotwin_fmu_reset(servotwin_fmu *fmu)
 bool servotwin_fmu_begin(servotwin_fmu *fmu)
 {
     fmu->time_s = fmu->start_s;
+    fmu->is_started = fmu->is_exact;
     return fmu->is_exact;
 }
 
@@ -77,7 +78,8 @@ bool servotwin_fmu_change(servotwin_fmu *fmu, uint32_t reference, double value)
         fmu->measured[measured] = value;
     } else if ((actuator < (uint32_t)SERVOTWIN_ACTUATORS) && ((value == 0.0) || (value == 1.0))) {
         switch_actuator(&fmu->hybrid.session, (int32_t)actuator, value == 1.0);
-    } else if ((parameter < (uint32_t)SERVOTWIN_TWIN_PARAMETERS) && (isfinite(value) != 0)) {
+    } else if ((parameter < (uint32_t)SERVOTWIN_TWIN_PARAMETERS)
+        && servotwin_fmu_is_within(value, servotwin_fmu_parameter_ranges[parameter])) {
         servotwin_hybrid_set_parameter(&fmu->hybrid, (int32_t)parameter, value);
     } else {
         is_set = false;
@@ -118,7 +120,7 @@ bool servotwin_fmu_advance(servotwin_fmu *fmu, double time_s, double step_s)
 {
     const double period_s = servotwin_tuning.period_s;
     const double samples_at_end = ((time_s + step_s) - fmu->start_s) / period_s;
-    const bool is_well = step_s >= 0.0;
+    const bool is_well = fmu->is_started;
     while (is_well && ((double)fmu->samples < (samples_at_end - EARLY))) {
         take_sample(fmu);
     }
@@ -126,12 +128,20 @@ bool servotwin_fmu_advance(servotwin_fmu *fmu, double time_s, double step_s)
     return is_well;
 }
 
+const char *servotwin_fmu_step_warning(double step_s)
+{
+    const bool is_long = step_s > (servotwin_tuning.period_s * (1.0 + EARLY));
+    return is_long ? "a step is longer than the time between samples: measured values are held over several samples, which "
+                     "the diagnosis takes for faults of sensors or for something unknown; use the stepSize of DefaultExperiment"
+                   : NULL;
+}
+
 /* Model exchange is not provided. */
 
-void servotwin_fmu_set_time(servotwin_fmu *fmu, double time_s)
+bool servotwin_fmu_set_time(servotwin_fmu *fmu, double time_s)
 {
     (void)fmu;
-    (void)time_s;
+    return isfinite(time_s) != 0;
 }
 
 bool servotwin_fmu_set_states(servotwin_fmu *fmu, const double *states, size_t count)

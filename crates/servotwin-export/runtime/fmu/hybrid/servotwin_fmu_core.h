@@ -9,7 +9,7 @@
 #define SERVOTWIN_FMU_STATES 0
 
 #define SERVOTWIN_FMU_NO_BEGINNING "this build rounds otherwise than in training: compile it with -ffp-contract=off"
-#define SERVOTWIN_FMU_NO_STEP "a step cannot have a negative length"
+#define SERVOTWIN_FMU_NO_STEP "the simulation has not begun"
 
 /*
  * References of variables: inputs as in the FMU of the system, then measured values, whether an actuator is switched off,
@@ -50,6 +50,10 @@ typedef struct {
     double start_s; /* the host's time at the beginning, at which the first sample is taken */
     double time_s; /* the host's time */
     bool is_exact; /* this build rounds as in training */
+    bool is_started; /* the host has left the initialization */
 } servotwin_fmu;
+
+/* servotwin_fmu_tables.c holds the range of each parameter of the twin. */
+extern const servotwin_fmu_range servotwin_fmu_parameter_ranges[SERVOTWIN_TWIN_PARAMETERS];
 
 #endif

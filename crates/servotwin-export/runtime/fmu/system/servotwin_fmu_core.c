@@ -1,11 +1,19 @@
 #include "servotwin_fmu.h"
 
+#include "servotwin_random.h"
+
 #include <math.h>
 #include <string.h>
 
 #define FIRST_INPUT SERVOTWIN_TWIN_STATES
 #define END_OF_INPUTS (SERVOTWIN_TWIN_STATES + SERVOTWIN_TWIN_INPUTS)
 #define FIRST_DERIVATIVE (SERVOTWIN_TWIN_SUMS_END - SERVOTWIN_TWIN_STATES)
+
+/* The noise of a sample begins this part of a period early, because a host adds up its steps. */
+#define EARLY 1e-6
+
+/* A double of this size has no digits behind the point. */
+#define TO_WHOLE 6755399441055744.0
 
 void servotwin_fmu_reset(servotwin_fmu *fmu)
 {
@@ -14,6 +22,7 @@ void servotwin_fmu_reset(servotwin_fmu *fmu)
     for (int32_t input = 0; input < SERVOTWIN_TWIN_INPUTS; input++) {
         fmu->inputs[input] = servotwin_twin_defaults[input].value;
     }
+    fmu->noise = 1.0;
     fmu->is_stale = true;
 }
 
@@ -77,6 +86,43 @@ double servotwin_fmu_time_s(const servotwin_fmu *fmu)
     return fmu->twin.time_s + fmu->start_s;
 }
 
+/* What a sensor shows of a value: noise that is new at each sample, in the steps of its converter. */
+static double shown_by(const servotwin_fmu *fmu, int32_t number, double value)
+{
+    const servotwin_fmu_sensor *sensor = &servotwin_fmu_sensors[number];
+    const double samples = (fmu->twin.time_s / servotwin_twin_control.period_s) + EARLY;
+    const uint64_t sample = (samples > 0.0) ? (uint64_t)samples : 0U;
+    const uint64_t stream = (sample * (uint64_t)servotwin_fmu_sensor_count) + (uint64_t)number;
+    double shown = value;
+    if (sensor->noise_parameter >= 0) {
+        const double deviation = fmu->parameters[sensor->noise_parameter] * sensor->full_scale;
+        const double deviate = servotwin_normal((uint64_t)fmu->seed, stream);
+        shown = shown + (deviation * deviate);
+    }
+    const double bits = (sensor->bits_parameter >= 0) ? fmu->parameters[sensor->bits_parameter] : 0.0;
+    if (bits > 0.0) {
+        const double step = sensor->range / (double)((uint64_t)1U << (uint32_t)bits);
+        /* No digit behind the point is left: the nearest step, of two as near the even one. */
+        const double whole = (shown / step) + TO_WHOLE;
+        shown = (whole - TO_WHOLE) * step;
+    }
+    return shown;
+}
+
+/* The value of a variable of the twin; that of an output is what its sensor shows. */
+static double variable_of(const servotwin_fmu *fmu, uint32_t reference)
+{
+    double value = fmu->twin.variables[reference];
+    if (fmu->noise != 0.0) {
+        int32_t number = 0;
+        while ((number < servotwin_fmu_sensor_count) && (servotwin_fmu_sensors[number].variable != reference)) {
+            number++;
+        }
+        value = (number < servotwin_fmu_sensor_count) ? shown_by(fmu, number, value) : value;
+    }
+    return value;
+}
+
 bool servotwin_fmu_value(servotwin_fmu *fmu, uint32_t reference, double *value)
 {
     bool is_known = true;
@@ -85,7 +131,11 @@ bool servotwin_fmu_value(servotwin_fmu *fmu, uint32_t reference, double *value)
     } else if (reference < (uint32_t)SERVOTWIN_TWIN_SUMS_END) {
         const bool is_input = (reference >= (uint32_t)FIRST_INPUT) && (reference < (uint32_t)END_OF_INPUTS);
         is_known = is_input || refresh(fmu);
-        *value = is_input ? fmu->inputs[reference - (uint32_t)FIRST_INPUT] : fmu->twin.variables[reference];
+        *value = is_input ? fmu->inputs[reference - (uint32_t)FIRST_INPUT] : variable_of(fmu, reference);
+    } else if (reference == SERVOTWIN_FMU_NOISE) {
+        *value = fmu->noise;
+    } else if (reference == SERVOTWIN_FMU_SEED) {
+        *value = fmu->seed;
     } else if ((reference - SERVOTWIN_FMU_PARAMETER) < (uint32_t)SERVOTWIN_TWIN_PARAMETERS) {
         *value = fmu->parameters[reference - SERVOTWIN_FMU_PARAMETER];
     } else if ((reference - SERVOTWIN_FMU_FAULT) < (uint32_t)SERVOTWIN_TWIN_FAULTS) {
@@ -109,10 +159,18 @@ bool servotwin_fmu_change(servotwin_fmu *fmu, uint32_t reference, double value)
         is_set = fmu->is_started;
         fmu->twin.states[reference] = is_set ? value : fmu->twin.states[reference];
     } else if (input < (uint32_t)SERVOTWIN_TWIN_INPUTS) {
-        fmu->inputs[input] = value;
+        is_set = servotwin_fmu_is_within(value, servotwin_fmu_input_ranges[input]);
+        fmu->inputs[input] = is_set ? value : fmu->inputs[input];
     } else if (parameter < (uint32_t)SERVOTWIN_TWIN_PARAMETERS) {
-        fmu->parameters[parameter] = value;
+        is_set = servotwin_fmu_is_within(value, servotwin_fmu_parameter_ranges[parameter]);
+        fmu->parameters[parameter] = is_set ? value : fmu->parameters[parameter];
         fmu->has_new_parameters = true;
+    } else if (reference == SERVOTWIN_FMU_NOISE) {
+        is_set = (value == 0.0) || (value == 1.0);
+        fmu->noise = is_set ? value : fmu->noise;
+    } else if (reference == SERVOTWIN_FMU_SEED) {
+        is_set = (value >= 0.0) && (value <= SERVOTWIN_FMU_LARGEST_SEED) && ((double)(uint64_t)value == value);
+        fmu->seed = is_set ? value : fmu->seed;
     } else if (fault < (uint32_t)SERVOTWIN_TWIN_FAULTS) {
         is_set = (value >= 0.0) && (value <= 1.0);
         fmu->intensities[fault] = is_set ? value : fmu->intensities[fault];
@@ -126,18 +184,23 @@ bool servotwin_fmu_change(servotwin_fmu *fmu, uint32_t reference, double value)
 
 bool servotwin_fmu_advance(servotwin_fmu *fmu, double time_s, double step_s)
 {
-    bool is_well = step_s >= 0.0;
-    if (is_well) {
-        take_parameters(fmu);
-        is_well = servotwin_twin_advance(&fmu->twin, fmu->inputs, (time_s + step_s) - fmu->start_s);
-        fmu->is_stale = !is_well;
-    }
+    take_parameters(fmu);
+    const bool is_well = servotwin_twin_advance(&fmu->twin, fmu->inputs, (time_s + step_s) - fmu->start_s);
+    fmu->is_stale = !is_well;
     return is_well;
 }
 
-void servotwin_fmu_set_time(servotwin_fmu *fmu, double time_s)
+const char *servotwin_fmu_step_warning(double step_s)
 {
-    fmu->twin.time_s = time_s - fmu->start_s;
+    (void)step_s;
+    return NULL;
+}
+
+bool servotwin_fmu_set_time(servotwin_fmu *fmu, double time_s)
+{
+    const bool is_time = isfinite(time_s) != 0;
+    fmu->twin.time_s = is_time ? (time_s - fmu->start_s) : fmu->twin.time_s;
+    return is_time;
 }
 
 static bool is_of_states(size_t count)
@@ -147,7 +210,10 @@ static bool is_of_states(size_t count)
 
 bool servotwin_fmu_set_states(servotwin_fmu *fmu, const double *states, size_t count)
 {
-    const bool fits = is_of_states(count);
+    bool fits = is_of_states(count);
+    for (size_t i = 0U; fits && (i < count); i++) {
+        fits = isfinite(states[i]) != 0;
+    }
     if (fits) {
         (void)memcpy(fmu->twin.states, states, sizeof fmu->twin.states);
         fmu->is_stale = true;

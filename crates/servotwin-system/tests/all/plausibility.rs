@@ -1,0 +1,65 @@
+//! A valid system that is hardly meant draws a warning; those of the toolkit draw none.
+
+use servotwin_system::built_in::SYSTEMS;
+use servotwin_system::plausibility::warnings;
+use servotwin_system::system::System;
+
+const PRESS: &str = include_str!("../../../../systems/press_axis.toml");
+
+/// The warnings about the press axis with parts of its text replaced.
+fn of_press(changes: &[(&str, &str)]) -> Vec<String> {
+    let mut text = PRESS.to_owned();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    warnings(&System::parse(&text, "press.toml").unwrap_or_else(|e| panic!("{e}")))
+}
+
+#[track_caller]
+fn assert_one_with(found: &[String], words: &str) {
+    assert!(found.iter().any(|warning| warning.contains(words)), "{words}: {found:?}");
+}
+
+#[test]
+fn the_systems_of_the_toolkit_draw_no_warning() {
+    for (name, _) in SYSTEMS {
+        let found = warnings(&System::read(name).unwrap());
+        assert!(found.is_empty(), "{name}: {found:?}");
+    }
+}
+
+const FIXED_PUMP: (&str, &str) = (
+    "kind = \"variable_pump\"\nflow_m3_s = 1.0e-3                # 60 L/min\nset_pa = 21e6\nrange_pa = 1e6",
+    "kind = \"flow_source\"\nflow_m3_s = 1.0e-3",
+);
+
+#[test]
+fn a_fixed_pump_needs_a_relief_valve_that_its_flow_reaches() {
+    let relieved = of_press(&[FIXED_PUMP]);
+    assert!(!relieved.iter().any(|warning| warning.contains("relief")), "{relieved:?}");
+    let without = [("\"relief.b\", ", ""), ("\"relief.a\", ", "")];
+    let component = ("[components.relief]\nkind = \"relief_valve\"\nset_pa = 24e6", "");
+    let found = of_press(&[FIXED_PUMP, without[0], without[1], component]);
+    assert_one_with(&found, "the outlet of the pump 'pump' has no relief valve");
+    assert_one_with(&found, "20000 bar");
+    // A relief valve that opens the other way, or that never opens, is none.
+    let swapped = [("\"relief.b\"", "\"relief.c\""), ("\"relief.a\"", "\"relief.b\"")];
+    let found = of_press(&[FIXED_PUMP, swapped[0], swapped[1], ("\"relief.c\"", "\"relief.a\"")]);
+    assert_one_with(&found, "has no relief valve");
+    let found = of_press(&[FIXED_PUMP, ("set_pa = 24e6", "set_pa = 1e8")]);
+    assert_one_with(&found, "has no relief valve");
+}
+
+#[test]
+fn exchanged_chambers_and_too_large_a_gain_are_seen_at_the_default_inputs() {
+    let exchanged = [
+        ("[\"valve.a\"", "[\"valve.x\""),
+        ("[\"valve.b\"", "[\"valve.a\""),
+        ("[\"valve.x\"", "[\"valve.b\""),
+    ];
+    let found = of_press(&exchanged);
+    assert_one_with(&found, "exchanged ports A and B");
+    let found = of_press(&[("gain_per_m = 40", "gain_per_m = 1500")]);
+    assert_one_with(&found, "default inputs");
+}
