@@ -9,6 +9,7 @@ use servotwin::figure::lines::{Curve, Lines};
 use servotwin::files::write_atomically;
 use servotwin::flight::worst_case::space::SearchSpace;
 use servotwin::flight::worst_case::{INTENSITY, SearchObjective};
+use servotwin::shown::shown;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table};
 use std::path::PathBuf;
@@ -192,8 +193,9 @@ fn held_fixed(study: &Study, space: &SearchSpace) -> Vec<String> {
     let is_searched = |name: &str| space.environment().any(|(_, dimension)| dimension.name == name);
     let kept =
         inputs.filter(|(place, input)| *place != study.command_input && !is_searched(&input.id));
-    let kept: Vec<String> =
-        kept.map(|(_, input)| format!("{} {}", input.id, input.default)).collect();
+    let kept: Vec<String> = kept
+        .map(|(_, input)| format!("{} {}", input.id, shown(input.default, input.unit)))
+        .collect();
     if !kept.is_empty() {
         fixed.push(format!("inputs {}", kept.join(", ")));
     }
