@@ -34,6 +34,36 @@ pub struct Node {
     pub shares: Vec<f64>,
     /// The children from left to right.
     pub children: Vec<Branch>,
+    /// The symbol of a fault tree.
+    pub symbol: Option<TreeSymbol>,
+}
+
+/// A symbol of fault trees, drawn between a node and what leads to it (IEC 61025). The root stands at the left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TreeSymbol {
+    /// All children.
+    And,
+    /// At least one child.
+    Or,
+    /// A basic event.
+    BasicEvent,
+    /// An event whose causes are not drawn.
+    Undeveloped,
+    /// A gate that is drawn elsewhere.
+    Transfer,
+}
+
+impl TreeSymbol {
+    /// The outline in SVG's path language, for a root at the left: from the node at (0, 0) to its children at (14, 0).
+    fn path(self) -> &'static str {
+        match self {
+            TreeSymbol::And => "M14,-7 H7 A7,7 0 0 0 7,7 H14 Z",
+            TreeSymbol::Or => "M14,-7 Q4,-7 0,0 Q4,7 14,7 Q10,0 14,-7 Z",
+            TreeSymbol::BasicEvent => "M0,0 A7,7 0 0 1 14,0 A7,7 0 0 1 0,0 Z",
+            TreeSymbol::Undeveloped => "M0,0 L7,7 L14,0 L7,-7 Z",
+            TreeSymbol::Transfer => "M0,0 L14,7 L14,-7 Z",
+        }
+    }
 }
 
 /// A child with the label of the edge to it.
@@ -48,13 +78,14 @@ pub struct Branch {
 impl Node {
     /// A node without children.
     pub fn leaf(lines: Vec<String>, shares: Vec<f64>) -> Self {
-        Self { lines, shares, children: Vec::new() }
+        Self { lines, shares, ..Self::default() }
     }
 
     /// A node with a test: the left child for `yes`, the right one for `no`.
     pub fn split(lines: Vec<String>, shares: Vec<f64>, yes: Node, no: Node) -> Self {
         let branch = |label: &str, node| Branch { label: label.to_owned(), node };
-        Self { lines, shares, children: vec![branch("yes", yes), branch("no", no)] }
+        let children = vec![branch("yes", yes), branch("no", no)];
+        Self { lines, shares, children, symbol: None }
     }
 
     /// The wrapped lines, and whether each is bold.
@@ -75,6 +106,10 @@ impl Node {
     fn height(&self) -> f64 {
         let bar = if self.shares.is_empty() { 0.0 } else { BAR };
         LINE * self.set_lines().len() as f64 + bar + 2.0 * PADDING
+    }
+
+    fn has_symbols(&self) -> bool {
+        self.symbol.is_some() || self.children.iter().any(|branch| branch.node.has_symbols())
     }
 
     /// The class with the largest share.
@@ -99,6 +134,8 @@ const BAR: f64 = 8.0;
 const MIN_WIDTH: f64 = 44.0;
 const SIBLING_GAP: f64 = 7.0;
 const LEVEL_GAP: f64 = 32.0;
+/// Length of a symbol; the edges from level to level bend behind it.
+const SYMBOL: f64 = 14.0;
 const LEGEND_WIDTH: f64 = 900.0;
 
 impl TreeFigure {
@@ -110,7 +147,9 @@ impl TreeFigure {
         let mut sizes = Vec::new();
         level_sizes(&self.root, 0, view, &mut sizes);
         let (first, last) = placed.extent();
-        let long = sizes.iter().map(|size| size + LEVEL_GAP).sum::<f64>() - LEVEL_GAP;
+        // The last level may have symbols, too.
+        let end = if self.root.has_symbols() { SYMBOL } else { 0.0 };
+        let long = sizes.iter().map(|size| size + LEVEL_GAP).sum::<f64>() - LEVEL_GAP + end;
         let wide = if self.sideways { long } else { last - first };
         let title_width = font::width(&self.title, 13.0, true);
         let width = wide.max(title_width).max(320.0) + 2.0 * MARGIN;
@@ -271,6 +310,10 @@ impl Levels<'_> {
         canvas.titled(&placed.node.lines.join(", "), |canvas| {
             draw_node(canvas, placed.node, Area { x, y, width, height }, self.looks);
         });
+        if let Some(symbol) = placed.node.symbol {
+            let at = format!(" transform=\"translate({:.1} {across:.1})\"", x + width);
+            canvas.shape(symbol.path(), &format!("{at} fill=\"#ffffff\" stroke=\"{FRAME}\""));
+        }
         for (shift, child) in &placed.children {
             self.draw_nodes(canvas, child, across + shift, level + 1);
         }

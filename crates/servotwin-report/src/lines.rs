@@ -4,13 +4,16 @@
 //! allows. A row is one measure and one classifier; the settings are its columns.
 
 use crate::vocabulary::Vocabulary;
-use crate::words::spoken;
+use crate::words::{number, spoken};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::bands::Band;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
+use servotwin::flight::judge::{FlightMetrics, HealthyMetrics};
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
+use servotwin::shown::{Shown, shown};
+use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
 
 /// The accuracies that the seed paper reports for stages A and B, with a random third of the variants held out.
@@ -78,6 +81,46 @@ pub fn right(words: &Vocabulary) -> Vec<Measure> {
             rate: |result| result.end_to_end.and_then(counted),
         },
     ]
+}
+
+/// What the flights of a scenario show, over all faults and intensities, also those that no sensor shows.
+pub fn in_flight(merit: &FlightMetrics, study: &Study, words: &Vocabulary) -> Vec<(String, Rate)> {
+    let mut lines = vec![(format!("right {} first", words.action()), merit.right_actions())];
+    if words.has_off() {
+        let missed = merit.missed_shutdowns(&study.shutdowns());
+        lines.push((format!("{} missed (of all)", words.off()), missed));
+    }
+    if words.has_off() && words.has_several() {
+        let wrong = Rate::new(merit.wrong_shutdowns, merit.flights);
+        lines.push((format!("wrong {} {}", words.unit(), words.switched_off()), wrong));
+    }
+    lines.retain(|(_, rate)| rate.of > 0);
+    lines
+}
+
+/// False alarms per hour, with their upper limit and counts.
+pub fn alarms_per_hour(healthy: &HealthyMetrics) -> String {
+    let HealthyMetrics { alarms, hours, alarms_per_h, alarms_per_h_upper, .. } = healthy;
+    format!(
+        "{} per hour (95 %: at most {}), {alarms} in {hours:.1} h without a fault",
+        number(*alarms_per_h),
+        number(*alarms_per_h_upper)
+    )
+}
+
+/// What the flights cover: the ranges of inputs and of the parameters of one actuator, with their units.
+pub fn flown_ranges(study: &Study) -> Option<String> {
+    let ranges = study.environment_ranges()?.ranges;
+    let other =
+        |name: &str| study.units.iter().skip(1).any(|unit| name.starts_with(&format!("{unit}.")));
+    let own = ranges.iter().filter(|(name, _)| !other(name)).map(|(name, [low, high])| {
+        let short = study.units.first().and_then(|unit| name.strip_prefix(&format!("{unit}.")));
+        let unit = study.system.unit_of(name);
+        let low = Shown::of(unit, *high).value(*low);
+        format!("{} {} … {}", spoken(short.unwrap_or(name)), number(low), shown(*high, unit))
+    });
+    let own: Vec<String> = own.collect();
+    (!own.is_empty()).then(|| own.join(", "))
 }
 
 /// Whether a stage decides between classes. The actuator stage does not if its counts contain one class only.

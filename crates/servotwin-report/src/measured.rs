@@ -124,7 +124,7 @@ impl Measured {
             version: env!("CARGO_PKG_VERSION"),
             commands: commands(study, results, flights),
             variants: variants.collect(),
-            flights: flights.map_or_else(Vec::new, |flights| all_scenarios(flights, &words)),
+            flights: flights.map_or_else(Vec::new, |flights| all_scenarios(study, flights, &words)),
             sealed: None,
             healthy: vec![],
         }
@@ -144,7 +144,7 @@ impl Measured {
 
     /// Adds the results in sealed environments. `known` are the openings on record now, where the record is at hand.
     pub fn add_sealed(&mut self, study: &Study, sealed: &SealedResults, known: Option<Openings>) {
-        let mut flights = all_scenarios(&sealed.results, &Vocabulary::of(study));
+        let mut flights = all_scenarios(study, &sealed.results, &Vocabulary::of(study));
         flights.iter_mut().for_each(|flights| flights.scenario += ", sealed environments");
         self.sealed = Some(MeasuredSealed { opening: sealed.in_words(known), flights });
     }
@@ -197,11 +197,15 @@ Nobody tuned anything on these environments: their seed was drawn after the diag
 Every opening is on record, also those without a result.\n";
 
 /// The measures of every scenario of the flights.
-fn all_scenarios(flights: &FlightResults, words: &Vocabulary) -> Vec<MeasuredFlights> {
+fn all_scenarios(
+    study: &Study,
+    flights: &FlightResults,
+    words: &Vocabulary,
+) -> Vec<MeasuredFlights> {
     let foreign =
         |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
     let merits = flights.merits.iter().chain(&flights.other_plant);
-    merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), words)).collect()
+    merits.map(|merit| MeasuredFlights::new(study, merit, foreign(merit), words)).collect()
 }
 
 /// Trees, committee and training rows together, where a fault may stay not isolated.
@@ -289,6 +293,7 @@ fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
 
 impl MeasuredFlights {
     fn new(
+        study: &Study,
         merit: &FlightMetrics,
         foreign: Option<&UnseenFaultMetrics>,
         words: &Vocabulary,
@@ -298,7 +303,7 @@ impl MeasuredFlights {
         MeasuredFlights {
             scenario: merit.setting.clone(),
             flights: merit.flights,
-            rates: of_flights(merit, foreign, words),
+            rates: of_flights(study, merit, foreign, words),
             actions,
             healthy: merit.healthy.clone(),
         }
@@ -332,6 +337,7 @@ impl MeasuredFlights {
 
 /// The rates counted in flights.
 fn of_flights(
+    study: &Study,
     merit: &FlightMetrics,
     foreign: Option<&UnseenFaultMetrics>,
     words: &Vocabulary,
@@ -347,6 +353,13 @@ fn of_flights(
             });
         }
     };
+    for (measure, rate) in lines::in_flight(merit, study, words) {
+        push(
+            measure,
+            "all faults and intensities, also those that never become visible",
+            Some(rate),
+        );
+    }
     if words.has_off() {
         let faults =
             format!("{} faults of intensity {STRONG} and more that become visible", words.off());
@@ -357,9 +370,6 @@ fn of_flights(
         push(format!("visible {limit} of the onset"), &faults, Some(merit.visible_in_time));
     }
     let (unit, off) = (words.unit(), words.switched_off());
-    let is_judged = words.has_off() && words.has_several();
-    let wrong = counted(merit.wrong_shutdowns, merit.flights).filter(|_| is_judged);
-    push(format!("healthy {unit} {off}"), "faults known to training", wrong);
     if merit.setting == OTHER_PLANT {
         let strong = merit.strong();
         let faults = format!("all faults of intensity {STRONG} and more that become visible");

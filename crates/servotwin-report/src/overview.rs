@@ -36,6 +36,16 @@ struct Card {
     target: Target,
 }
 
+/// A card without a target.
+fn plain_card(name: &str, value: &str, note: &str) -> String {
+    format!(
+        "<div class=\"card open\"><p>{}</p><p class=\"value\">{}</p><p class=\"note\">{}</p></div>\n",
+        escaped(name),
+        escaped(value),
+        escaped(note)
+    )
+}
+
 impl Card {
     /// Whether the target is met. If the interval contains the target, the verdict stays open.
     fn verdict(&self) -> (&'static str, &'static str) {
@@ -102,12 +112,39 @@ fn missing(material: &Material) -> Option<String> {
 }
 
 fn scenario(material: &Material, result: &SubjectResult, words: &Vocabulary) -> String {
-    let cards: String = cards(result, words).iter().map(Card::html).collect();
+    let mut cards: String = cards(result, words).iter().map(Card::html).collect();
+    let flown = in_flight(material, result, words);
+    cards += flown.as_deref().unwrap_or_default();
+    let covered = flown.and_then(|_| lines::flown_ranges(material.study)).map(|ranges| {
+        let run = begun(words.run());
+        format!("<p class=\"note\">{run}s cover {}.</p>\n", escaped(&ranges))
+    });
     format!(
-        "<div class=\"overview\">\n<div><div class=\"cards\">\n{cards}</div>\n{}</div>\n{}</div>\n",
+        "<div class=\"overview\">\n<div><div class=\"cards\">\n{cards}</div>\n{}{}</div>\n{}</div>\n",
+        covered.unwrap_or_default(),
         weakest(material, result),
         heat_map(result),
     )
+}
+
+/// The cards of the flights in a scenario; `None` without any.
+fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Option<String> {
+    let merits = &material.flights?.merits;
+    let merit = merits.iter().find(|merit| merit.setting == result.subject.setting().name())?;
+    let run = words.run();
+    let rates = lines::in_flight(merit, material.study, words).into_iter().map(|(title, rate)| {
+        let interval = format!("{:.2} … {:.2} %", 100.0 * rate.low, 100.0 * rate.high);
+        let note = format!("{} of {} {run}s, {interval}", rate.count, rate.of);
+        plain_card(&format!("In {run}: {title}"), &percent(rate.share), &note)
+    });
+    let mut cards: String = rates.collect();
+    if merit.healthy.hours > 0.0 {
+        let alarms = lines::alarms_per_hour(&merit.healthy);
+        let (value, note) = alarms.split_once(" (").unwrap_or((&alarms, ""));
+        let note = note.replace(')', "");
+        cards += &plain_card(&format!("In {run}: false alarms"), value, &note);
+    }
+    Some(cards)
 }
 
 fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
@@ -128,9 +165,18 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
             Target::Never,
         );
     }
+    // Undetected faults count, too, where every fault was tested.
+    let missed = safety.map(|safety| match safety.missed_shutdown_of_all {
+        Some(of_all) => (of_all, "all"),
+        None => (safety.missed_shutdown, "the detected"),
+    });
     push(
-        format!("Missed {}, of the detected faults that need one", words.off()),
-        safety.map(|safety| safety.missed_shutdown),
+        format!(
+            "Missed {}, of {} faults that need one",
+            words.off(),
+            missed.map_or("all", |(_, which)| which)
+        ),
+        missed.map(|(rate, _)| rate),
         Target::Never,
     );
     push(
@@ -182,21 +228,19 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
         material.results.of(Subject::Noise).filter(|perfect| perfect.subject != result.subject);
     let of_perfect = perfect.and_then(|perfect| {
         let all = seen(material, perfect);
-        all.into_iter().find(|seen| seen.kind == weak.kind).and_then(|seen| seen.rate.share)
+        all.into_iter().find(|seen| seen.kind == weak.kind).map(|seen| seen.rate)
     });
-    let own = weak.rate.share.unwrap_or(0.0);
-    match of_perfect {
-        Some(share) if share >= own + 0.1 => {
-            let measure = match Setting::Fitted.is_possible(material.study) {
-                true => "; servotwin study --fitted measures the gain",
-                false => "",
-            };
-            return format!(
-                "Tolerances hide it ({} without them): fit the twin to its specimen with servotwin fit{measure}.",
-                percent(Some(share))
-            );
-        }
-        _ => {}
+    // Different bands detect differently, so only a difference beyond both intervals counts.
+    if let Some(rate) = of_perfect.filter(|rate| rate.low > weak.rate.high) {
+        let measure = match Setting::Fitted.is_possible(material.study) {
+            true => "; servotwin study --fitted measures the gain",
+            false => "",
+        };
+        return format!(
+            "In the scenario noise, without tolerances and with its own bands, it is detected in {}: a twin fitted \
+             to its specimen (servotwin fit) may show it{measure}.",
+            percent(rate.share)
+        );
     }
     if weak.rate.count == 0 {
         return "Add a command that moves the part, or a sensor nearer to it ([extra_sensor] measures the gain)."

@@ -1,4 +1,4 @@
-//! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance and rates per flight hour.
+//! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance, probabilities in a flight and rates per flight hour.
 
 use crate::error::SafetyError;
 use crate::interval::CountedValue;
@@ -137,10 +137,13 @@ impl FaultTreeArtefact {
         let text = |name: &str, of: &dyn Fn(&TopNumbers, &CutSet) -> String| {
             Column::new(name, "", all().map(|(top, set)| of(top, set)).collect::<Vec<String>>())
         };
-        let numbers = all().map(|(_, set)| set.probability).collect::<Vec<f64>>();
+        let numbers = |name: &str, of: fn(&CutSet) -> f64| {
+            Column::new(name, "1", all().map(|(_, set)| of(set)).collect::<Vec<f64>>())
+        };
         Ok(Table::from_columns(vec![
             text("top_event", &|top, _| top.id.clone()),
-            Column::new("probability", "1", numbers),
+            numbers("probability", |set| set.probability),
+            numbers("probability_upper", |set| set.upper),
             Column::new(
                 "order",
                 "1",
@@ -164,6 +167,7 @@ impl FaultTreeArtefact {
             text("top_event", &|top, _| top.id.clone()),
             text("event", &|_, own| own.event.clone()),
             numbers("probability", |own| own.probability),
+            numbers("probability_upper", |own| own.upper),
             numbers("birnbaum", |own| own.birnbaum),
             numbers("fussell_vesely", |own| own.fussell_vesely),
             text("title", &|_, own| own.title.clone()),

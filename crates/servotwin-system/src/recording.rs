@@ -96,7 +96,9 @@ fn named(system: &System, name: &str) -> Vec<Recorded> {
 
 fn all_names(system: &System) -> Vec<String> {
     let sensors = system.sensors.iter().map(|sensor| sensor.id.clone());
+    // A component without a quantity would be refused, too.
     let components = system.network().components.iter().map(|c| c.id.clone());
+    let components = components.filter(|id| !named(system, id).is_empty());
     let observables = system.program.observables().iter().map(|o| o.name.clone());
     sensors.chain(components).chain(observables).collect()
 }

@@ -92,11 +92,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
+/// A counted number with its interval; what was never seen has a bound alone.
+pub fn band(value: CountedValue) -> String {
+    match value.point > 0.0 {
+        true => format!("{} ({} … {})", number(value.point), number(value.low), number(value.high)),
+        false => format!("never seen, at most {}", number(value.high)),
+    }
+}
+
 /// The numbers of a top event for people.
 fn text_of(top: &TopNumbers) -> String {
-    let band = |value: CountedValue| {
-        format!("{} ({} … {})", number(value.point), number(value.low), number(value.high))
-    };
     let orders: Vec<String> = top
         .cut_set_orders
         .iter()
@@ -112,11 +117,14 @@ fn text_of(top: &TopNumbers) -> String {
     let widest = top.band_drivers.first().map_or(String::new(), |driver| {
         format!("  the band is widest by {} ({})\n", driver.parameter, driver.evidence)
     });
+    let begins = top.per_flight_hour.map_or(String::new(), |rate| {
+        format!("  begins, per flight hour: {} on average\n", band(rate))
+    });
     format!(
-        "{}\n  per flight hour: {} on average, {} in the last flight before a check\n{widest}  minimal cut sets: {}\n{}",
+        "{}\n  probability: {} on average, {} in the last flight before a check\n{begins}{widest}  minimal cut sets: {}\n{}",
         top.title,
-        band(top.mean_per_flight_hour),
-        band(top.per_flight_hour),
+        band(top.mean_probability),
+        band(top.probability),
         orders.join(", "),
         most.collect::<String>()
     )

@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
+use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::healthy::HealthyPlants;
 use servotwin::flight::judge::{
@@ -22,8 +23,9 @@ use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
 use servotwin_diagnosis::diagnoser::{HealthyEvidence, ShutdownMargin};
+use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{by_environment, by_environment_and_tail, number};
+use servotwin_report::words::{by_environment, by_environment_and_tail, number, rate};
 use std::fmt::Write;
 
 /// Train the diagnosis on flights in which faults begin, and measure how fast and how reliable it is.
@@ -123,7 +125,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => text(&results, &words),
+        _ => text(&results, &study, &words),
     })
 }
 
@@ -177,7 +179,7 @@ fn sealed(
         Global { json: true, .. } => json(&json!(sealed)),
         Global { quiet: true, .. } => String::new(),
         _ => {
-            let text = text(&sealed.results, &Vocabulary::of(study));
+            let text = text(&sealed.results, study, &Vocabulary::of(study));
             let recorded = format!("Recorded in {}.", record.path().display());
             format!("{}\n{recorded}\n{text}", sealed.in_words(None))
         }
@@ -278,7 +280,7 @@ pub fn with_crew<T, E>(
 where
     Failure: From<E>,
 {
-    let stages = Stages::new(global);
+    let stages = Stages::in_lines(global);
     let crew =
         Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
     let done = work(&crew);
@@ -314,9 +316,9 @@ fn of_missing(merit: &MissingSensorMetrics, words: &Vocabulary) -> String {
     )
 }
 
-/// Describes the results for readers.
-pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
-    let mut out = String::new();
+/// Describes the results for readers: a summary of about ten lines, then the details.
+fn text(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
+    let mut out = summary(results, study, words);
     for merit in &results.merits {
         setting(&mut out, merit, words);
         for merit in results.foreign.iter().filter(|other| other.setting == merit.setting) {
@@ -330,6 +332,28 @@ pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
         of_fitted_plants(&mut out, judged, words);
     }
     out
+}
+
+/// What every scenario shows, over all faults and intensities.
+fn summary(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
+    let mut out = format!(
+        "summary, of all {}s with a fault, whether a sensor shows it or not\n",
+        words.run()
+    );
+    for merit in results.merits.iter().chain(results.of_other_plants()) {
+        let _ = writeln!(out, "  {}", merit.setting);
+        let rates = lines::in_flight(merit, study, words);
+        let of_rate = |(title, own): (String, Rate)| {
+            format!("{title} {} ({} of {})", rate(Some(own)), own.count, own.of)
+        };
+        let rates: Vec<String> = rates.into_iter().map(of_rate).collect();
+        let _ = writeln!(out, "    {}", rates.join("; "));
+        let _ = writeln!(out, "    false alarms {}", lines::alarms_per_hour(&merit.healthy));
+    }
+    if let Some(ranges) = lines::flown_ranges(study) {
+        let _ = writeln!(out, "  flown: {ranges}");
+    }
+    out + "\n"
 }
 
 /// Describes the same flights beside twins that are fitted to these plants.

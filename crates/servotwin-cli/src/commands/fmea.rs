@@ -13,7 +13,7 @@ use servotwin::job::{Among, Folder};
 use servotwin::study::Study;
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::FmeaSheet;
-use servotwin_safety::fmea::{self, FlyFaults, format, weighted_coverage};
+use servotwin_safety::fmea::{self, FlyFaults, WeightedCoverage, format, weighted_coverage};
 use servotwin_safety::results::{FOLDER, StudyResultsFolder};
 use std::path::{Path, PathBuf};
 
@@ -150,15 +150,14 @@ struct FmeaSummary {
     without_evidence: usize,
     by_person: usize,
     stale: usize,
-    coverage: Option<f64>,
+    coverage: Option<WeightedCoverage>,
 }
 
 impl FmeaSummary {
     fn of(sheet: &FmeaSheet, sources: &FmeaSources) -> Self {
         let cells = sheet.rows.iter().flat_map(|row| &row.texts);
-        let is_missing = |text: &&String| text.starts_with("not ") || text.starts_with("none: not");
-        let filled = cells.clone().filter(|text| !text.is_empty()).count();
-        let without_evidence = cells.filter(is_missing).count();
+        let filled = cells.filter(|text| !text.is_empty()).count();
+        let without_evidence = sheet.rows.iter().map(|row| row.missing).sum();
         FmeaSummary {
             rows: sheet.rows.len(),
             filled: filled - without_evidence,
@@ -179,10 +178,10 @@ impl FmeaSummary {
             self.by_person,
             self.stale
         );
-        if let Some(coverage) = self.coverage {
+        if let Some(WeightedCoverage { share, flown, rated }) = self.coverage {
             text += &format!(
-                "diagnostic coverage, weighted by failure rates: {:.1} %\n",
-                100.0 * coverage
+                "diagnostic coverage, weighted by failure rates: {:.1} % ({flown} of {rated} rated faults flown)\n",
+                100.0 * share
             );
         }
         text
@@ -196,7 +195,7 @@ impl FmeaSummary {
             "cells_without_evidence": self.without_evidence,
             "cells_by_person": self.by_person,
             "rows_stale": self.stale,
-            "diagnostic_coverage": self.coverage,
+            "diagnostic_coverage": self.coverage.map(|coverage| coverage.share),
         })
     }
 }

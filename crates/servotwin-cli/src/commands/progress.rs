@@ -1,38 +1,58 @@
-//! Progress on a terminal; a pipe gets none.
+//! Progress: a bar on a terminal, and for the longest jobs a line for each stage in a pipe.
 
 use crate::{Global, out};
 use indicatif::{ProgressBar, ProgressStyle};
 use servotwin::sanitize;
 use std::io::Write;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// The resolution of the progress bar.
 const PARTS: u64 = 1000;
 
 /// The progress of a long job in one line.
-pub struct Stages(ProgressBar);
+pub struct Stages {
+    bar: ProgressBar,
+    /// The stage that was written last, where every stage gets a line.
+    written: Option<Mutex<String>>,
+}
 
 impl Stages {
     /// Starts the line, which stays hidden unless standard error is a terminal and `--quiet` is not set.
     pub fn new(global: Global) -> Self {
         if !is_shown(global) {
-            return Stages(ProgressBar::hidden());
+            return Stages { bar: ProgressBar::hidden(), written: None };
         }
         let style = ProgressStyle::with_template("{msg} {wide_bar} {eta} left");
         let bar = ProgressBar::new(PARTS).with_style(style.expect("a correct template"));
         bar.enable_steady_tick(Duration::from_millis(200));
-        Stages(bar)
+        Stages { bar, written: None }
+    }
+
+    /// As [`Stages::new`]; where no bar is shown, every stage gets a line on standard error, unless `--quiet` or
+    /// `--json` is set.
+    pub fn in_lines(global: Global) -> Self {
+        let has_lines = !is_shown(global) && !global.quiet && !global.json;
+        Stages { written: has_lines.then(Mutex::default), ..Stages::new(global) }
     }
 
     /// Shows the current task, and the share of all work that is done, from 0 to 1.
     pub fn show(&self, what: &str, share: f64) {
-        self.0.set_message(sanitize::printable(what).into_owned());
-        self.0.set_position((PARTS as f64 * share) as u64);
+        if let Some(written) = &self.written {
+            let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+            if *written != what {
+                // If standard error is closed, there is no way to report that.
+                let _ = writeln!(out::stderr(), "{what} …");
+                what.clone_into(&mut written);
+            }
+        }
+        self.bar.set_message(sanitize::printable(what).into_owned());
+        self.bar.set_position((PARTS as f64 * share) as u64);
     }
 
     /// Removes the line.
     pub fn end(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }
 

@@ -12,7 +12,7 @@ use servotwin_report::words::number;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::worst_case::finding_line::FindingLine;
 use servotwin_safety::worst_case::summary::{MethodSummary, ObjectiveSummary, WorstCaseFinding};
-use servotwin_safety::worst_case::{MAX_RUNS, WorstCaseSearch, replay};
+use servotwin_safety::worst_case::{MAX_RUNS, WorstCaseSearch, replay, stored_line};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ use std::path::PathBuf;
 ///
 /// Command, load, air speed, pressures, temperatures, tolerances, fault and onset are searched for the shutdown of a
 /// healthy actuator, the missed shutdown, the false alarm and the largest transient, with the diagnoser in the folder.
-/// As many random flights are flown for comparison. Every finding is a line that --replay flies again. The command ends
+/// As many random flights are flown for comparison. Every finding is said in words, and --replay flies it again. The command ends
 /// with what was not searched. It writes safety/worst-case.csv with every flight, safety/worst-case-cells.csv and a
 /// figure for each objective. An interrupted search goes on where it was last stored.
 #[derive(clap::Args)]
@@ -43,8 +43,9 @@ pub struct Options {
     /// The scenario: noise or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
     setting: Option<String>,
-    /// Fly one finding again. The command fails if its margin is not that of the line to the bit.
-    #[arg(long, value_name = "LINE", conflicts_with_all = ["objective", "runs", "seed", "setting"])]
+    /// Fly one finding again: the number of its row in safety/worst-case.csv, or the line that stands there. The command
+    /// fails if its margin is not that of the line to the bit.
+    #[arg(long, value_name = "ROW", conflicts_with_all = ["objective", "runs", "seed", "setting"])]
     replay: Option<String>,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
@@ -55,8 +56,12 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
-    if let Some(line) = &options.replay {
-        return again(options, &line.parse()?, global);
+    if let Some(text) = &options.replay {
+        let line = match text.parse() {
+            Ok(row) => stored_line(&folder, row)?,
+            Err(_) => text.parse()?,
+        };
+        return again(options, &line, global);
     }
     let wanted = options.setting.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
@@ -116,7 +121,8 @@ fn text(options: &Options, summaries: &[ObjectiveSummary]) -> String {
     let findings = || summaries.iter().flat_map(|summary| &summary.findings);
     for finding in findings() {
         if let Some(name) = &finding.wrong_shutdown {
-            let _ = writeln!(out, "{}, fault {}", shut_down(name), finding.fault);
+            let _ = writeln!(out, "{}", shut_down(name));
+            let _ = writeln!(out, "  {}", finding.flight);
             let _ = writeln!(out, "  {}", replayed(options, finding));
         }
     }
@@ -127,9 +133,8 @@ fn text(options: &Options, summaries: &[ObjectiveSummary]) -> String {
         let _ = writeln!(out, "  random: {}", of_method(random));
         for finding in findings {
             let kind = if finding.is_error { "finding" } else { "closest" };
-            let WorstCaseFinding { margin, fault, method, .. } = finding;
-            let _ =
-                writeln!(out, "  {kind}: margin {} with fault {fault} ({method})", number(*margin));
+            let WorstCaseFinding { margin, flight, method, .. } = finding;
+            let _ = writeln!(out, "  {kind}: margin {} ({method}): {flight}", number(*margin));
             let _ = writeln!(out, "    {}", replayed(options, finding));
         }
         not_searched(&mut out, summary);
@@ -139,7 +144,7 @@ fn text(options: &Options, summaries: &[ObjectiveSummary]) -> String {
 
 /// The command that flies a finding again.
 fn replayed(options: &Options, finding: &WorstCaseFinding) -> String {
-    format!("servotwin worst-case {} --replay '{}'", options.folder.display(), finding.line)
+    format!("servotwin worst-case {} --replay {}", options.folder.display(), finding.row)
 }
 
 fn of_method(method: &MethodSummary) -> String {

@@ -21,6 +21,7 @@ pub fn learned(folder: &Folder) -> [String; 2] {
         let output = servotwin(&["flights", study, "--out", out]);
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::write(path.join("said.txt"), stdout(&output)).unwrap();
+        std::fs::write(path.join("noted.txt"), stderr(&output)).unwrap();
     });
     copy_folder(learned, &folder.0);
     [folder.file("tiny.toml"), folder.file("out/diagnoser-realistic.json")]
@@ -36,12 +37,25 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
     assert!(!Path::new(&none).exists());
     let text = std::fs::read_to_string(folder.file("said.txt")).unwrap();
+    let (summary, details) = text.split_once("\n\n").unwrap();
+    assert!(summary.starts_with("summary, of all runs with a fault"), "{summary}");
+    assert!(summary.lines().count() <= 10, "{summary}");
+    let measures =
+        ["right actuator and command first", "missed (of all)", "per hour (95 %: at most"];
+    for measure in measures.into_iter().chain(["flown: "]) {
+        assert!(summary.contains(measure), "{measure}: {summary}");
+    }
     assert!(
-        text.starts_with(
+        details.starts_with(
             "noise: 6 flights with a fault, 0 not finished (0 of those to learn from)\n"
         ),
         "{text}"
     );
+    // Without a terminal, every stage has a line.
+    for stage in ["noise: flights to learn from …", "realistic: flights to be judged in …"] {
+        let noted = std::fs::read_to_string(folder.file("noted.txt")).unwrap();
+        assert!(noted.lines().any(|line| line == stage), "{noted}");
+    }
     assert!(text.contains("\nrealistic: 6 flights with a fault"), "{text}");
     assert!(text.contains("spool jams where it is: of 2 "), "{text}");
     let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).unwrap();

@@ -74,6 +74,33 @@ fn the_results_of_the_readme_stand_among_the_measured_ones() {
 }
 
 #[test]
+fn the_flights_of_the_readme_are_sums_of_the_measured_ones() {
+    let (readme, measured) = (read("README.md"), read("docs/measured.md"));
+    let flights = section(&measured, "Flights, scenario realistic");
+    // An action's row: visible of flown, then right of visible in the third column.
+    let row = |line: &str| -> Option<[u32; 2]> {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let [_, action, visible, _, isolated, ..] = cells[..] else { return None };
+        let number = |text: &str, place: usize| text.split(" of ").nth(place)?.parse().ok();
+        (!action.is_empty()).then_some([number(isolated, 0)?, number(visible, 1)?])
+    };
+    let rows: Vec<[u32; 2]> = flights.lines().filter_map(row).collect();
+    let sum = |of: usize| rows.iter().map(|row| row[of]).sum::<u32>();
+    let [right, shutdowns] = rows[0];
+    let hours = flights.lines().find(|line| line.contains(" hours without a fault")).unwrap();
+    for text in [
+        format!("the right action comes first in {} of {}", sum(0), sum(1)),
+        format!("{} of {shutdowns} shutdowns are missed", shutdowns - right),
+        format!("no false alarm in {} hours", hours.split_whitespace().nth(1).unwrap()),
+    ] {
+        assert!(section(&readme, "A log in one command").contains(&text), "{text}");
+    }
+    assert!(hours.contains(" raised 0 false alarms"), "{hours}");
+    let speeds = "inputs.air_speed = [110, 165]";
+    assert!(include_str!("../../../../studies/paper.toml").contains(speeds));
+}
+
+#[test]
 fn a_percentage_is_found_as_it_is_written() {
     assert_eq!(percentages("It is 99.5 %, not 0 % (1 of 3)."), ["99.5", "0"]);
 }

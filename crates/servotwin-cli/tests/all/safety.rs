@@ -40,7 +40,7 @@ fn fault_trees_are_written_and_the_same_twice() {
     let (_folder, out, rates) = flown("faulttree");
     let arguments = [&["faulttree", &out, "--rates", &rates][..], &HOURS].concat();
     let text = succeeds(&arguments);
-    assert!(text.contains("Loss of both lanes in a flight\n  per flight hour: "), "{text}");
+    assert!(text.contains("Loss of both lanes in a flight\n  probability: "), "{text}");
     let safety = Path::new(&out).join("safety");
     let read = || {
         let mut files: Vec<_> = fs::read_dir(&safety).unwrap().map(|e| e.unwrap().path()).collect();
@@ -67,7 +67,8 @@ fn the_rate_of_the_function_is_that_of_the_counts_and_the_same_twice() {
     let arguments = [&["function-rate", &out, "--rates", &rates][..], &HOURS].concat();
     let text = succeeds(&arguments);
     assert!(
-        text.starts_with("failures of the function per flight hour\n  all intensities\n"),
+        text.starts_with("the function: failures that begin per flight hour")
+            && text.contains("\n  all intensities\n    hybrid twin: begins "),
         "{text}"
     );
     assert!(
@@ -81,11 +82,11 @@ fn the_rate_of_the_function_is_that_of_the_counts_and_the_same_twice() {
     let whole = &found["function_rate"]["conditions"][0];
     let number = |of: &str, name: &str| whole[of][name].as_f64().unwrap();
     // Two kinds of fault in each of two actuators need a shutdown, at 100 FIT each.
-    assert!((number("nobody", "begins") / 4e-7 - 1.0).abs() < 1e-3, "{whole}");
+    assert!((number("nobody", "begins_per_h") / 4e-7 - 1.0).abs() < 1e-3, "{whole}");
     let hidden = |hours: f64| 4e-7 * (2.0 + hours / 2.0);
-    assert!((number("nobody", "failure") / (hidden(98.0) / 2.0) - 1.0).abs() < 1e-3, "{whole}");
-    let [low, point, high] = ["low", "point", "high"].map(|end| number("twin", end));
-    assert!(low <= point && point <= high && point <= number("nobody", "failure"), "{whole}");
+    assert!((number("nobody", "failed") / hidden(98.0) - 1.0).abs() < 1e-3, "{whole}");
+    let [low, point, high] = ["low", "point", "high"].map(|end| number("twin_failed", end));
+    assert!(low <= point && point <= high && point <= number("nobody", "failed"), "{whole}");
     let inputs = texts::read(&Path::new(&out).join("safety/function-rate-inputs.csv")).unwrap();
     assert!(
         inputs.rows.iter().any(|row| row.cells[0] == "failure rate: servo_valve.bias_positive")
@@ -125,6 +126,15 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
             .contains("safety/fmea-flights.csv rows 2, 3")
     );
     assert_eq!(cell(&sheet, fault, "failure_rate_per_h"), "1e-7");
+    let severity = cell(&sheet, fault, "severity");
+    let lost = cell(&sheet, fault, "effect_on_system");
+    assert_eq!(
+        severity.contains("lanes switched off"),
+        lost.contains("lanes off at"),
+        "{severity}"
+    );
+    let coverage = cell(&sheet, fault, "diagnostic_coverage");
+    assert!(coverage.contains(" above false alarms: right action in "), "{coverage}");
     let latency = cell(&sheet, fault, "detection_latency");
     assert!(latency.contains("of 2 own flights"), "{latency}");
     assert!(latency.contains("; judged flights, all intensities: visible after "), "{latency}");
@@ -150,6 +160,57 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     let message = fails(&["fmea", &out], 3);
     assert!(message.contains("there is no manifest.json here"), "{message}");
     drop(folder);
+}
+
+/// A number as a program for sheets shows and saves it, in English or with a decimal comma; other texts as they are.
+fn as_shown(cell: &str, has_comma: bool) -> String {
+    let Ok(number) = cell.trim().parse::<f64>() else { return cell.to_owned() };
+    let text = match number.abs() {
+        small if small > 0.0 && small < 1e-4 => {
+            let text = format!("{number:.5E}");
+            let (digits, exponent) = text.split_once('E').unwrap();
+            let exponent: i32 = exponent.parse().unwrap();
+            format!("{}E-{:02}", digits.trim_end_matches('0').trim_end_matches('.'), -exponent)
+        }
+        _ => format!("{number}"),
+    };
+    if has_comma { text.replace('.', ",") } else { text }
+}
+
+#[test]
+fn a_spreadsheet_that_only_saves_the_sheet_makes_no_cell_a_persons() {
+    let folder = Folder::new("fmea-spreadsheet");
+    let [rates, sheet] = ["rates.csv", "fmea.csv"].map(|name| folder.file(name));
+    let table = |low: &str, leak: &str| {
+        format!(
+            "fault,rate,unit,source\n\
+             valve.clogging_pa,{low},FIT,\"=HYPERLINK(\"\"http://127.0.0.1/\"\"&A2)\"\n\
+             cylinder.internal_leakage,{leak},1/(1e6 h),+49 30 1234 (call of 3 May)\n\
+             valve.gain_low,1.23456789e-7,1/h,\"@handbook\nsecond line\"\n\
+             pump.flow_loss,55,FIT,-1+2\n"
+        )
+    };
+    for has_comma in [false, true] {
+        fs::write(&rates, table("120", "0.4321987")).unwrap();
+        let _ = fs::remove_file(&sheet);
+        succeeds(&["fmea", "press_axis", "--rates", &rates, "--out", &sheet]);
+        let text = fs::read_to_string(&sheet).unwrap();
+        for formula in ["'=HYPERLINK", "'+49", "'@handbook", "'-1+2"] {
+            assert!(text.contains(&format!("\"{formula}")), "{formula} may be computed");
+        }
+        let mut saved = texts::read(Path::new(&sheet)).unwrap();
+        assert_eq!(cell(&saved, "pump.flow_loss", "failure_rate_source"), "-1+2");
+        let cells = saved.rows.iter_mut().flat_map(|row| &mut row.cells);
+        cells.for_each(|cell| *cell = as_shown(cell, has_comma));
+        write(Path::new(&sheet), &saved);
+        fs::write(&rates, table("9000", "7.7")).unwrap();
+        let printed = succeeds(&["fmea", "press_axis", "--rates", &rates, "--out", &sheet]);
+        assert!(printed.contains(" 0 filled in by people, 0 rows stale"), "{printed}");
+        let again = texts::read(Path::new(&sheet)).unwrap();
+        assert_eq!(again.separator, b';', "the separator of the saved sheet stays");
+        assert_eq!(cell(&again, "valve.clogging_pa", "failure_rate_per_h"), "9e-6");
+        assert_eq!(cell(&again, "valve.clogging_pa", "status"), "generated");
+    }
 }
 
 #[test]

@@ -38,7 +38,10 @@ static SPEC: Spec = Spec {
         Category::ExternalLeakage,
         "a seal or a line leaks to the outside",
     )],
-    ports: &[hydraulic("port", "node that leaks")],
+    ports: &[
+        hydraulic("port", "node that leaks"),
+        output("flow_m3_s", Unit::CubicMetrePerSecond, "flow that leaks away"),
+    ],
     states: &[],
     reference: false,
 };
@@ -52,6 +55,9 @@ impl Component for ExternalLeakage {
         let pressure = wiring.pressure("port");
         let leaving = Output::subtract(wiring.flow("port"));
         wiring.equation::<LeakageFlow, 1, 1, 4>(0, [pressure], [leaving]);
+        let flow = wiring.internal();
+        wiring.equation::<LeakageFlow, 1, 1, 4>(0, [pressure], [Output::add(flow)]);
+        wiring.set("flow_m3_s", flow.variable());
     }
 }
 

@@ -36,7 +36,8 @@ pub(super) fn all(
     list.extend(confused(hardest, words));
     list.extend(additional_sensor(material));
     list.extend(limits(material, hardest, words));
-    let at_work = material.flights.and_then(|results| flights::finding(results, words));
+    let at_work =
+        material.flights.and_then(|results| flights::finding(material.study, results, words));
     list.extend(at_work.map(|text| ("At work".to_owned(), text)));
     list
 }
@@ -151,8 +152,8 @@ fn unseen(material: &Material, result: &SubjectResult) -> Finding {
 /// A band wider than this share of the scale makes its sensor useless.
 const BLIND: f64 = 0.3;
 
-/// Ways to detect more: fitted twins if tolerances hide faults, and other commands or sensors if faults stay hidden on
-/// perfect specimens too.
+/// Ways to detect more: fitted twins if specimens without tolerances show more, and other commands or sensors if neither
+/// scenario shows a fault. Each scenario has bands of its own, so a sentence names both and compares counts alone.
 fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
     let of = |subject| material.results.of(subject);
     let detected = |result: &SubjectResult| result.evaluation.detection.detected;
@@ -165,13 +166,13 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
         let seen_by = percent(detected(perfect).share);
         acts.push(match of(Subject::Fitted) {
             Some(fitted) => format!(
-                "tolerances hide what perfect specimens show ({seen_by}): beside twins that are fitted to their \
-                 specimens (servotwin fit) {} leave the bands",
+                "without tolerances {seen_by} leave the bands of the scenario noise: beside twins that are fitted to \
+                 their specimens (servotwin fit) {} leave theirs",
                 rate(Some(detected(fitted)))
             ),
             None => format!(
-                "tolerances hide what perfect specimens show ({seen_by}): a twin that is fitted to its specimen \
-                 (servotwin fit) shows more; {}'servotwin study --fitted' measures how much",
+                "without tolerances {seen_by} leave the bands of the scenario noise: a twin that is fitted to its \
+                 specimen (servotwin fit) may show more; {}'servotwin study --fitted' measures it",
                 match Setting::Fitted.is_possible(material.study) {
                     true => "",
                     false => "with a section [fitted] in the study ",
@@ -181,11 +182,13 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
     }
     acts.extend(blind(material, hardest));
     let hidden = perfect.map(|perfect| seen(material, perfect)).unwrap_or_default();
-    let hidden = hidden.iter().filter(|seen| seen.rate.count == 0);
+    let own = seen(material, hardest);
+    let is_shown = |kind: &str| own.iter().any(|seen| seen.kind == kind && seen.rate.count > 0);
+    let hidden = hidden.iter().filter(|seen| seen.rate.count == 0 && !is_shown(seen.kind));
     let hidden: Vec<String> = hidden.map(|seen| spoken(seen.kind)).collect();
     if !hidden.is_empty() {
         acts.push(format!(
-            "not even perfect specimens show {}: that takes another command, or a sensor nearer to it \
+            "no test of either scenario shows {}: that takes another command, or a sensor nearer to it \
              ([extra_sensor] measures what one buys)",
             named(hidden, "kinds")
         ));

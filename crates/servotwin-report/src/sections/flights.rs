@@ -2,6 +2,7 @@
 //! with the limits.
 
 use crate::Material;
+use crate::lines;
 use crate::looks;
 use crate::looks::Looks;
 use crate::page::{Alignment, HtmlTable, Page};
@@ -624,10 +625,17 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
 }
 
 /// The finding for the first screen: one sentence about the hardest setting.
-pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<String> {
+pub(super) fn finding(
+    study: &Study,
+    results: &FlightResults,
+    words: &Vocabulary,
+) -> Option<String> {
     let merit = results.merits.last()?;
     let (unit, run) = (words.unit(), words.run());
-    let mut parts = vec![];
+    let all = lines::in_flight(merit, study, words).into_iter().take(2);
+    let mut parts: Vec<String> = all
+        .map(|(title, own)| format!("{title} in {} of all {}", rate(Some(own)), own.of))
+        .collect();
     if words.has_off() && merit.in_time.of > 0 {
         parts.push(format!(
             "{} of the visible {} faults of intensity {STRONG} and more are isolated within {} s",
@@ -656,12 +664,7 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
         ));
     }
     if merit.healthy.hours > 0.0 {
-        parts.push(format!(
-            "there are {} false alarms in {:.1} healthy hours (95 %: at most {} per hour)",
-            merit.healthy.alarms,
-            merit.healthy.hours,
-            number(merit.healthy.alarms_per_h_upper)
-        ));
+        parts.push(format!("false alarms are {}", lines::alarms_per_hour(&merit.healthy)));
     }
     (!parts.is_empty()).then(|| {
         let other_plants: String =

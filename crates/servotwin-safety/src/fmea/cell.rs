@@ -9,17 +9,19 @@ pub struct FmeaCell {
     pub text: String,
     /// The file and row, run or figure behind it. Empty if the text is.
     pub evidence: String,
+    /// Whether the cell has no evidence: its text says what is missing.
+    pub is_missing: bool,
 }
 
 impl FmeaCell {
     /// A filled cell.
     pub fn new(text: impl Into<String>, evidence: impl Into<String>) -> Self {
-        FmeaCell { text: text.into(), evidence: evidence.into() }
+        FmeaCell { text: text.into(), evidence: evidence.into(), is_missing: false }
     }
 
     /// A cell without evidence: what is missing, and what would fill it.
     pub fn missing(what: &str, remedy: impl Into<String>) -> Self {
-        FmeaCell { text: what.into(), evidence: remedy.into() }
+        FmeaCell { text: what.into(), evidence: remedy.into(), is_missing: true }
     }
 }
 

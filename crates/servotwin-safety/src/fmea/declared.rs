@@ -2,6 +2,7 @@
 
 use super::cell::FmeaCell;
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use super::sheet::rounded;
 use crate::rates::RatedFault;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
@@ -108,7 +109,9 @@ fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
 pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     // Without a table the cell stays empty: a rate is never invented.
     rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
-        FmeaCell::new(format!("{:e}", rate.per_h), rate_evidence(sources, rate.line))
+        // Spreadsheets keep six digits of a number.
+        let per_h: f64 = rounded(rate.per_h).parse().unwrap_or(rate.per_h);
+        FmeaCell::new(format!("{per_h:e}"), rate_evidence(sources, rate.line))
     })
 }
 

@@ -8,11 +8,15 @@ use servotwin::flight::judge::KindLatency;
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{number, shown};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
-use servotwin_learning::metrics::MedianTime;
+use servotwin_learning::metrics::{MedianTime, Rate};
 use servotwin_model::program::FaultAt;
 
 /// The most sensors that a cell names.
 const MAX_SENSORS: usize = 5;
+
+/// The remedy where flights are missing.
+const NO_FLIGHTS: &str =
+    "no flights: 'servotwin flights FOLDER --out FOLDER', then 'servotwin fmea FOLDER'";
 
 /// The remedy where a campaign is missing.
 const NO_RUNS: &str =
@@ -203,15 +207,21 @@ pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
             evidence,
         );
     };
+    let tested = sources.study.faults.iter().filter(|case| case.id == subject.fault.id);
+    let least = tested.map(|case| case.at.intensity).fold(f64::INFINITY, f64::min);
+    // Nothing weaker was tested, so the true limit may be anywhere below.
+    let bound = |intensity: f64| if intensity <= least + 1e-9 { "≤ " } else { "" };
+    let below = bound(found.iter().copied().fold(largest, f64::min));
     let span = span_in_words(found.into_iter(), "").unwrap_or_default();
     let missed = match of - detected {
         0 => String::new(),
         missed => format!("; not detected at the largest intensity in {missed} of {of} cases"),
     };
     let text = format!(
-        "intensity {} in {detected} of {of} cases ({} at {largest}){missed}",
+        "intensity {below}{} in {detected} of {of} cases ({} at {}{largest}){missed}",
         span.trim(),
-        physical(sources, subject, largest)
+        physical(sources, subject, largest),
+        bound(largest)
     );
     FmeaCell::new(text, evidence)
 }
@@ -231,32 +241,78 @@ fn physical(sources: &FmeaSources, subject: &FmeaSubject, intensity: f64) -> Str
     )
 }
 
+/// How often a fault gets its right action, in flights that were judged or else in its own closed-loop flights.
+struct RightActions {
+    /// Of all flights with the fault, at all intensities.
+    of_all: Rate,
+    /// Of the flights in which it is visible; the own flights do not count these.
+    of_visible: Option<Rate>,
+    /// Flights without a fault in which any action was raised.
+    false_alarms: Rate,
+    /// Which flights, in words.
+    flights: &'static str,
+    evidence: String,
+}
+
+impl RightActions {
+    fn of(sources: &FmeaSources, subject: &FmeaSubject) -> Option<Self> {
+        if let Some((own, evidence)) = kind_latencies(sources, subject)
+            && let Some(all) = own.first()
+        {
+            let [flown, with_alarm] = sources.results?.flown()?.healthy.flights;
+            let (right, visible) = (all.isolation.events, all.detection.events);
+            return Some(RightActions {
+                of_all: Rate::new(right, all.isolation.of),
+                of_visible: Some(Rate::new(right, visible)),
+                false_alarms: Rate::new(with_alarm, flown),
+                flights: "judged flights with this kind of fault",
+                evidence,
+            });
+        }
+        let (flights, own) = own_flights(sources, subject)?;
+        let right = own.iter().filter(|(_, flown)| flown.is_right).count() as u64;
+        let alarmed = flights.healthy().is_some_and(|flown| !flown.action.is_empty());
+        Some(RightActions {
+            of_all: Rate::new(right, own.len() as u64),
+            of_visible: None,
+            false_alarms: Rate::new(u64::from(alarmed), u64::from(flights.healthy().is_some())),
+            flights: "own flights",
+            evidence: flight_evidence(flights, &own),
+        })
+    }
+
+    /// The cell without any flight.
+    fn missing(subject: &FmeaSubject) -> FmeaCell {
+        match subject.case {
+            None => not_in_study("not flown"),
+            Some(_) => FmeaCell::missing("not flown", NO_FLIGHTS),
+        }
+    }
+
+    /// The share of faults with the right action above the share of false alarms: of the faults that no false alarm
+    /// would have answered, those that are answered.
+    fn coverage(&self) -> Option<f64> {
+        let by_chance = self.false_alarms.share.unwrap_or(0.0);
+        let above = self.of_all.share? - by_chance;
+        Some(if above > 0.0 { above / (1.0 - by_chance) } else { 0.0 })
+    }
+}
+
 pub(super) fn isolation(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let (result, place) = match evaluated(sources, subject) {
-        Ok(found) => found,
-        Err(cell) => return cell,
+    let Some(right) = RightActions::of(sources, subject).filter(|_| subject.case.is_some()) else {
+        return RightActions::missing(subject);
     };
-    let component = subject.kind.rsplit_once('.').map_or(subject.kind.as_str(), |(own, _)| own);
-    let protocols = result.evaluation.committee.iter().chain(&result.evaluation.protocols);
-    let headline = result.evaluation.headline();
-    let found = headline.into_iter().chain(protocols).find_map(|protocol| {
-        let own = protocol.components.iter().find(|score| score.component == component)?;
-        Some((protocol, own))
-    });
-    let Some((protocol, score)) = found else {
-        return FmeaCell::missing(
-            "not evaluated",
-            format!("{place}: no detected run of {component}"),
-        );
+    let (rate, which) = match &right.of_visible {
+        Some(rate) => (rate, "in which it is visible"),
+        None => (&right.of_all, "at all flown intensities"),
     };
     FmeaCell::new(
         format!(
-            "actuator, action and fault class right for {component}: {}; wrong actuator {}; shutdown of a healthy one {}",
-            rate_in_words(&score.right),
-            rate_in_words(&score.wrong_actuator),
-            rate_in_words(&score.wrong_actuator_shutdown)
+            "right action for the right actuator first: {}, {} {which}",
+            rate_in_words(rate),
+            right.flights
         ),
-        format!("{place} protocols '{}', components {component}", protocol.title),
+        right.evidence,
     )
 }
 
@@ -297,22 +353,23 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fme
 }
 
 pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let runs = match runs(sources, subject) {
-        Ok(runs) => runs,
-        Err(cell) => return cell,
+    let right = RightActions::of(sources, subject).filter(|_| subject.case.is_some());
+    let Some((coverage, right)) = right.and_then(|own| Some((own.coverage()?, own))) else {
+        return RightActions::missing(subject);
     };
-    let rate = runs.detected(&subject.fault.id);
-    let first = runs.of(&subject.fault.id).first().map_or(0, |run| run.row);
     FmeaCell::new(
-        format!("detected in {}", rate_in_words(&rate)),
         format!(
-            "{}: {} runs of all intensities in equal shares, first in row {first}; interval over intensities",
-            runs.file, rate.of
+            "{:.1} % above false alarms: right action in {}, {}; an action without a fault in {}",
+            100.0 * coverage,
+            rate_in_words(&right.of_all),
+            right.flights,
+            rate_in_words(&right.false_alarms)
         ),
+        right.evidence,
     )
 }
 
-/// The detected share of a fault as a number.
-pub fn detected_share(sources: &FmeaSources, fault: &str) -> Option<f64> {
-    sources.runs.as_ref()?.detected(fault).share
+/// The diagnostic coverage of a fault as a number.
+pub fn coverage_share(sources: &FmeaSources, subject: &FmeaSubject) -> Option<f64> {
+    RightActions::of(sources, subject)?.coverage()
 }

@@ -5,7 +5,7 @@ use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::flights::{FILE, FlownFault, FmeaFlights};
 use super::severity::{SeverityInputs, level};
 use servotwin::flight::tracking::{TrackedQuantities, command_unit};
-use servotwin::study::Study;
+use servotwin::study::{FaultCase, Study};
 use servotwin::text::spoken;
 use servotwin_model::spec::Unit;
 
@@ -149,7 +149,7 @@ pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCel
 fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
     let lanes = study.units.len();
     let each = own.iter().map(|(_, flown)| {
-        let off = flown.lanes_off.split_whitespace().count();
+        let off = flown.lane_count();
         match off {
             0 => format!("no lane lost at {}", flown.intensity),
             off => {
@@ -161,33 +161,45 @@ fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
 }
 
 pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let study = sources.study;
-    let mut known = SeverityInputs { lanes: study.units.len(), ..SeverityInputs::default() };
-    if let Some(case) = subject.case {
-        let class = &study.classes[case.class];
-        let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
-        known.switches_off = reaction.switches_off;
-        known.changes_mode = !reaction.inputs.is_empty() || !reaction.parameters.is_empty();
-    }
+    let lanes = sources.study.units.len();
     let Some((flights, own)) = own_flights(sources, subject) else {
-        return match subject.case {
-            None => not_in_study("not assessed"),
-            Some(_) => FmeaCell::new(
-                format!("at least {} (not flown)", level(known)),
-                "rule of docs/safety.md, from the action alone",
-            ),
-        };
+        return subject.case.map_or_else(
+            || not_in_study("not assessed"),
+            |case| by_action_alone(sources.study, case),
+        );
     };
     let growth = growth(flights, &own);
-    let off = own.iter().map(|(_, flown)| flown.lanes_off.split_whitespace().count()).max();
-    let inputs = SeverityInputs { growth, lanes_off: off, ..known };
+    let flown = || own.iter().map(|(_, flown)| flown);
+    let inputs = SeverityInputs {
+        growth,
+        lanes_off: flown().map(|own| own.lane_count()).max().unwrap_or(0),
+        lanes,
+        changes_mode: flown().any(|own| own.changes_mode),
+    };
     let measured = match growth {
         Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),
         None => "g is not measured".into(),
     };
+    let (level, clause) = level(inputs);
     FmeaCell::new(
-        level(inputs),
+        format!("{level}: {clause}"),
         format!("rule of docs/safety.md, {measured}; {}", flight_evidence(flights, &own)),
+    )
+}
+
+/// What the level would be if the study's action were raised.
+fn by_action_alone(study: &Study, case: &FaultCase) -> FmeaCell {
+    let class = &study.classes[case.class];
+    let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
+    let (level, clause) = level(SeverityInputs {
+        growth: None,
+        lanes_off: usize::from(reaction.switches_off),
+        lanes: study.units.len(),
+        changes_mode: reaction.changes_mode(),
+    });
+    FmeaCell::new(
+        format!("at least {level} if the action is raised (not flown): {clause}"),
+        "rule of docs/safety.md, from the action alone",
     )
 }
 

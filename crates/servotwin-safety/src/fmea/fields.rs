@@ -33,6 +33,14 @@ pub struct FmeaSubject<'s> {
     pub kind: String,
 }
 
+impl<'s> FmeaSubject<'s> {
+    /// The row of a fault.
+    pub fn of(study: &'s Study, fault: &'s ListedFault) -> Self {
+        let case = study.faults.iter().find(|case| case.id == fault.id);
+        FmeaSubject { fault, case, kind: kind_of(study, &fault.id) }
+    }
+}
+
 /// A field of the sheet.
 pub struct FmeaField {
     /// The column's name.
@@ -71,13 +79,17 @@ pub const FIELDS: [FmeaField; 18] = [
         diagnosis::latency,
     ),
     field("smallest_detectable", "the least detected intensity", diagnosis::smallest),
-    field("isolation", "whether the component is found", diagnosis::isolation),
+    field("isolation", "whether this fault gets its right action", diagnosis::isolation),
     field("confused_with", "the faults that it is taken for", diagnosis::confused_with),
     field("action", "what the flight control computer does", declared::action),
     field("severity", "by the rule of docs/safety.md, for this system alone", effects::severity),
     field("failure_rate_per_h", "λ of the user's table", declared::failure_rate),
     field("failure_rate_source", "where λ comes from", declared::failure_rate_source),
-    field("diagnostic_coverage", "the detected share, with its interval", diagnosis::coverage),
+    field(
+        "diagnostic_coverage",
+        "the share with the right action, above false alarms",
+        diagnosis::coverage,
+    ),
     field("remarks", "for people", declared::remarks),
 ];
 
@@ -96,9 +108,7 @@ pub fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
     let study = sources.study;
     let list = study.system.fault_list();
     let row = |fault: &ListedFault| {
-        let case = study.faults.iter().find(|case| case.id == fault.id);
-        let kind = kind_of(study, &fault.id);
-        let subject = FmeaSubject { fault, case, kind };
+        let subject = FmeaSubject::of(study, fault);
         let cells = FIELDS.iter().map(|field| (field.fill)(sources, &subject)).collect();
         FmeaRow { fault: fault.id.clone(), cells }
     };

@@ -68,6 +68,8 @@ pub struct FlownFault {
     pub is_right: bool,
     /// The actuators that were switched off, separated by spaces.
     pub lanes_off: String,
+    /// Whether an action changed inputs or parameters.
+    pub changes_mode: bool,
     /// Root mean square of the command since the onset, SI.
     pub command_rms: f64,
     /// Root mean square and largest tracking error without the diagnosis, SI.
@@ -98,7 +100,7 @@ pub struct FmeaFlights {
 }
 
 /// The columns of numbers, in the order of [`numbers`].
-const NUMBERS: [&str; 13] = [
+const NUMBERS: [&str; 14] = [
     "intensity",
     "report_s",
     "action_s",
@@ -112,9 +114,10 @@ const NUMBERS: [&str; 13] = [
     "largest_force_difference_n",
     "largest_travel_difference_m",
     "is_right",
+    "changes_mode",
 ];
 
-fn numbers(flown: &FlownFault) -> [f64; 13] {
+fn numbers(flown: &FlownFault) -> [f64; 14] {
     [
         flown.intensity,
         flown.report_s,
@@ -129,6 +132,7 @@ fn numbers(flown: &FlownFault) -> [f64; 13] {
         flown.force_difference_n,
         flown.travel_difference_m,
         f64::from(u8::from(flown.is_right)),
+        f64::from(u8::from(flown.changes_mode)),
     ]
 }
 
@@ -258,6 +262,7 @@ fn from_table(table: &Table) -> Result<Vec<FlownFault>, TableError> {
             force_difference_n: value(10),
             travel_difference_m: value(11),
             is_right: value(12) > 0.5,
+            changes_mode: value(13) > 0.5,
             action: action[row].clone(),
             lanes_off: off[row].clone(),
             failure: failure[row].clone(),
@@ -392,6 +397,7 @@ impl FaultFlyer<'_> {
                 .map(|name| if name.is_empty() { "all" } else { name })
                 .collect::<Vec<_>>()
                 .join(" "),
+            changes_mode: with.actions.iter().any(|action| action.reaction.changes_mode()),
             command_rms: rms(&with.inputs[self.study.command_input][since..]),
             error_alone: error(alone),
             error_reacting: error(with),
@@ -440,6 +446,11 @@ fn pistons(study: &Study) -> Vec<(String, Slot)> {
 }
 
 impl FlownFault {
+    /// Number of actuators that were switched off.
+    pub fn lane_count(&self) -> usize {
+        self.lanes_off.split_whitespace().count()
+    }
+
     fn empty() -> Self {
         FlownFault {
             fault: String::new(),
@@ -449,6 +460,7 @@ impl FlownFault {
             action: String::new(),
             is_right: false,
             lanes_off: String::new(),
+            changes_mode: false,
             command_rms: f64::NAN,
             error_alone: [f64::NAN; 2],
             error_reacting: [f64::NAN; 2],

@@ -2,7 +2,7 @@
 
 use super::sheet::FmeaSheet;
 use crate::error::SafetyError;
-use servotwin::table;
+use servotwin::table::csv;
 use servotwin::table::csv::texts::{self, Texts};
 use std::path::Path;
 
@@ -49,7 +49,7 @@ pub fn read(path: &Path) -> Result<Texts, SafetyError> {
 /// The file cannot be written.
 pub fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
     match format_of(path)? {
-        SheetFormat::Csv => Ok(table::write(path, &sheet.table()?)?),
+        SheetFormat::Csv => Ok(csv::write_separated(path, &sheet.table()?, sheet.separator)?),
         SheetFormat::Xlsx => xlsx::write(path, sheet),
     }
 }
@@ -145,7 +145,7 @@ mod xlsx {
             line: place + 2,
             cells: cells.iter().map(text_of).collect(),
         };
-        Ok(Texts { columns, rows: rows.enumerate().map(row).collect() })
+        Ok(Texts { columns, rows: rows.enumerate().map(row).collect(), separator: b',' })
     }
 
     fn text_of(cell: &Data) -> String {

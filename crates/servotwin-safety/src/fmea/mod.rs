@@ -21,7 +21,7 @@ pub mod sheet;
 use crate::error::SafetyError;
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{EvidenceBasis, StudyResultsFolder};
-use fields::{FmeaSources, rows};
+use fields::{FmeaSources, FmeaSubject, rows};
 use flights::{FlightPlan, FmeaFlights};
 use residuals::ResidualRuns;
 use servotwin::parallel::Workers;
@@ -130,18 +130,33 @@ pub fn sheet(sources: &FmeaSources, earlier: Option<&Path>) -> Result<FmeaSheet,
     FmeaSheet::new(&rows(sources), &basis, earlier.zip(texts.as_ref()))
 }
 
-/// The diagnostic coverage over all faults with a rate: Σ λ · detected share / Σ λ, as IEC 61508-2 weighs it.
-pub fn weighted_coverage(sources: &FmeaSources) -> Option<f64> {
+/// The diagnostic coverage of all rated faults.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WeightedCoverage {
+    /// Σ λ · coverage / Σ λ over the flown faults, as IEC 61508-2 weighs it.
+    pub share: f64,
+    /// Number of rated faults that were flown.
+    pub flown: usize,
+    /// Number of rated faults.
+    pub rated: usize,
+}
+
+/// Weighs the diagnostic coverage by the user's rates; `None` without rates or without flights.
+pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
     let rates = sources.rates.as_ref()?;
-    let (mut detected, mut all) = (0.0, 0.0);
-    for fault in rated_faults(sources.study) {
-        let known = rates.of(&fault).zip(diagnosis::detected_share(sources, &fault.id));
-        if let Some((rate, share)) = known {
-            detected += rate.per_h * share;
+    let (mut covered, mut all, mut flown, mut rated) = (0.0, 0.0, 0, 0);
+    for fault in &sources.study.system.fault_list() {
+        let subject = FmeaSubject::of(sources.study, fault);
+        let name = RatedFault { id: fault.id.clone(), kind: subject.kind.clone() };
+        let Some(rate) = rates.of(&name) else { continue };
+        rated += 1;
+        if let Some(share) = diagnosis::coverage_share(sources, &subject) {
+            flown += 1;
+            covered += rate.per_h * share;
             all += rate.per_h;
         }
     }
-    (all > 0.0).then(|| detected / all)
+    (all > 0.0).then(|| WeightedCoverage { share: covered / all, flown, rated })
 }
 
 #[cfg(test)]
@@ -186,15 +201,21 @@ mod tests {
         let range = cell(&sheet, fault, "physical_range");
         assert!(range.starts_with("width_pa_m: 2.38 mm … 0.119 mm"), "{range}");
         assert!(cell(&sheet, fault, "action").starts_with("shut down: switches the actuator off"));
-        assert_eq!(cell(&sheet, fault, "severity"), "at least S3 (not flown)");
-        for name in ["local_effect", "diagnostic_coverage"] {
-            assert_eq!(cell(&sheet, fault, name), "not simulated");
+        assert_eq!(
+            cell(&sheet, fault, "severity"),
+            "at least S3 if the action is raised (not flown): 1 of 2 lanes switched off"
+        );
+        assert_eq!(cell(&sheet, fault, "local_effect"), "not simulated");
+        for name in ["effect_on_system", "isolation", "diagnostic_coverage"] {
+            assert_eq!(cell(&sheet, fault, name), "not flown");
         }
-        assert_eq!(cell(&sheet, fault, "effect_on_system"), "not flown");
         // The machine's only lane is its function.
         let press = Study::parse(servotwin::built_in::STUDIES[2].1, "press_axis").unwrap();
         let sheet = super::sheet(&declared_sources(&press, None).unwrap(), None).unwrap();
-        assert_eq!(cell(&sheet, "valve.clogging_pa", "severity"), "at least S4 (not flown)");
+        assert_eq!(
+            cell(&sheet, "valve.clogging_pa", "severity"),
+            "at least S4 if the action is raised (not flown): no lane is left"
+        );
         assert_eq!(cell(&sheet, "valve.clogging_pa", "actuator"), "the only one");
     }
 }

@@ -4,7 +4,6 @@ use crate::error::SafetyError;
 use crate::results::{StudyResultsFolder, read_residual_columns};
 use servotwin::table::Table;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_learning::metrics::{Rate, Trial};
 use std::collections::BTreeMap;
 
 /// The least intensity of a strong fault, whose residuals the sheet names.
@@ -106,20 +105,6 @@ impl ResidualRuns {
         moved.retain(|(_, moved)| moved.beyond > 0 && 2 * moved.beyond >= strong.len());
         moved.sort_by(|a, b| b.0.total_cmp(&a.0));
         moved.into_iter().map(|(_, moved)| moved).collect()
-    }
-
-    /// The share of a fault's runs, of all intensities, in which some residual leaves its band. Runs of one intensity
-    /// are alike, so the interval is over whole intensities.
-    pub fn detected(&self, fault: &str) -> Rate {
-        let mut grades: Vec<f64> = self.of(fault).iter().map(|run| run.grade).collect();
-        grades.sort_by(f64::total_cmp);
-        grades.dedup();
-        let trial = |run: &FaultRun| Trial {
-            cluster: grades.iter().position(|grade| *grade == run.grade).unwrap_or(0) as u32,
-            kind: 0,
-            holds: (0..self.sensors.len()).any(|sensor| self.is_beyond(run, sensor)),
-        };
-        Rate::clustered(&self.of(fault).iter().map(trial).collect::<Vec<_>>())
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! Every row carries a *seal*: a short hash of every generated cell. A cell whose text no longer fits its hash was changed
 //! by a person. It keeps its text, and the column `filled_by_person` names it. A person's cell that is emptied is
-//! generated again. So a sheet needs no file beside it and may travel.
+//! generated again. So a sheet needs no file beside it and may travel. A program that only opens and saves the sheet changes
+//! no hash, although it writes numbers in its own form and may know Windows-1252 alone.
 //!
 //! The column `basis` holds the hashes of system, study and model for which a person's cells were written. When they
 //! change, the row's `status` becomes *stale* and stays so until a person writes `confirmed` into it. Generated cells
@@ -12,6 +13,7 @@ use super::fields::{FIELDS, FmeaRow};
 use crate::error::SafetyError;
 use crate::results::EvidenceBasis;
 use servotwin::manifest::sha256_of_text;
+use servotwin::table::csv::encoding::is_latin;
 use servotwin::table::csv::texts::{TextRow, Texts};
 use servotwin::table::{Column, Table};
 use std::path::Path;
@@ -29,8 +31,8 @@ pub const SEAL: &str = "seal";
 /// The start of the columns with evidence.
 pub const EVIDENCE: &str = "evidence: ";
 
-/// The version of the seal: it changes with [`FIELDS`].
-const SEAL_VERSION: &str = "1";
+/// The version of the seal: it changes with [`FIELDS`] and with what is hashed.
+const SEAL_VERSION: &str = "2";
 /// Digits of a hash in a seal.
 const SEAL_DIGITS: usize = 6;
 /// What a person writes into the status to accept a row for the present evidence.
@@ -51,6 +53,8 @@ pub struct SheetRow {
     pub status: String,
     /// Whether they do not.
     pub is_stale: bool,
+    /// Number of cells without evidence that nobody filled in.
+    pub missing: usize,
     basis: EvidenceBasis,
     seal: String,
     /// The cells of columns that a person added.
@@ -64,6 +68,8 @@ pub struct FmeaSheet {
     pub rows: Vec<SheetRow>,
     /// The names of columns that a person added.
     pub other_columns: Vec<String>,
+    /// The byte between two cells of a CSV file: that of the earlier sheet.
+    pub separator: u8,
 }
 
 /// A sheet as it was read.
@@ -81,24 +87,39 @@ struct EarlierRow {
     others: Vec<String>,
 }
 
-/// The hash of a text. Programs for sheets may write a number in another form, change spaces, and replace letters that
-/// their encoding lacks; these are no changes.
+/// The hash of a text.
 fn hash(text: &str) -> String {
     sha256_of_text(&canonical(text))[..SEAL_DIGITS].to_owned()
 }
 
+/// What of a text survives a program for sheets that only saves it: spaces may change, and a number may come back with
+/// a decimal comma, in another form, and with six digits.
 fn canonical(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    let text: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() => format!("{number:e}"),
+    match text.replacen(',', ".", 1).parse::<f64>() {
+        Ok(number) if number.is_finite() => rounded(number),
         _ => text,
     }
 }
 
+/// A number with the six digits that a program for sheets keeps.
+pub(super) fn rounded(number: f64) -> String {
+    format!("{number:.5e}")
+}
+
+/// The seal of a generated text: its hash, and the hash of what Windows-1252 makes of it if that differs.
+fn seal_of(text: &str) -> String {
+    let replaced: String =
+        text.chars().map(|letter| if is_latin(letter) { letter } else { '?' }).collect();
+    match replaced == text {
+        true => hash(text),
+        false => format!("{}/{}", hash(text), hash(&replaced)),
+    }
+}
+
 fn seal(row: &FmeaRow) -> String {
-    let hashes: Vec<String> = row.cells.iter().map(|cell| hash(&cell.text)).collect();
-    format!("{SEAL_VERSION}: {}", hashes.join(" "))
+    let seals: Vec<String> = row.cells.iter().map(|cell| seal_of(&cell.text)).collect();
+    format!("{SEAL_VERSION}: {}", seals.join(" "))
 }
 
 impl FmeaSheet {
@@ -111,6 +132,7 @@ impl FmeaSheet {
         basis: &EvidenceBasis,
         earlier: Option<(&Path, &Texts)>,
     ) -> Result<Self, SafetyError> {
+        let separator = earlier.map_or(b',', |(_, texts)| texts.separator);
         let earlier = match earlier {
             Some((path, texts)) => EarlierSheet::of(path, texts)?,
             None => EarlierSheet { rows: vec![], other_columns: vec![] },
@@ -123,7 +145,7 @@ impl FmeaSheet {
         let mut sheet: Vec<SheetRow> = rows.iter().map(merged).collect();
         let is_gone = |known: &&EarlierRow| rows.iter().all(|row| row.fault != known.fault);
         sheet.extend(earlier.rows.iter().filter(is_gone).filter_map(EarlierRow::orphan));
-        Ok(FmeaSheet { rows: sheet, other_columns: earlier.other_columns })
+        Ok(FmeaSheet { rows: sheet, other_columns: earlier.other_columns, separator })
     }
 
     /// The names of all columns, in their order.
@@ -188,6 +210,12 @@ impl SheetRow {
             evidence: row.cells.iter().enumerate().map(evidence).collect(),
             status,
             is_stale,
+            missing: row
+                .cells
+                .iter()
+                .zip(&by_person)
+                .filter(|(c, by)| c.is_missing && !**by)
+                .count(),
             basis: kept,
             seal: seal(row),
             others: earlier.map_or_else(|| vec![String::new(); others], |e| e.others.clone()),
@@ -305,7 +333,8 @@ impl EarlierRow {
     /// Which fields a person filled in: their text is there and not the generated one.
     fn by_person(&self) -> Vec<bool> {
         let changed = self.texts.iter().zip(&self.seal);
-        changed.map(|(text, seal)| !text.trim().is_empty() && hash(text) != *seal).collect()
+        let is_generated = |text: &str, seal: &str| seal.split('/').any(|own| own == hash(text));
+        changed.map(|(text, seal)| !text.trim().is_empty() && !is_generated(text, seal)).collect()
     }
 
     /// Whether a person filled in cells of columns of their own.
@@ -328,136 +357,10 @@ impl EarlierRow {
                 "stale: the system has no such fault any more; remove the row once nobody needs it"
                     .into(),
             is_stale: true,
+            missing: 0,
             basis: self.basis.clone().unwrap_or_default(),
             seal: format!("{SEAL_VERSION}: {}", self.seal.join(" ")),
             others: self.others.clone(),
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::cell::FmeaCell;
-    use super::*;
-
-    fn generated(mark: &str) -> Vec<FmeaRow> {
-        let cells = |fault: &str| {
-            let cell = |n: usize| FmeaCell::new(format!("{fault} {n} {mark}"), "a file, row 1");
-            let mut cells: Vec<FmeaCell> = (0..FIELDS.len()).map(cell).collect();
-            cells[3] = FmeaCell::new("area 1 … 2 m² → λ", "a file, row 1");
-            cells[14] = FmeaCell::new("1e-7", "rates.csv line 2");
-            cells[FIELDS.len() - 1] = FmeaCell::default();
-            cells
-        };
-        ["a.x", "b.y"].map(|fault| FmeaRow { fault: fault.into(), cells: cells(fault) }).to_vec()
-    }
-
-    fn basis(model: &str) -> EvidenceBasis {
-        EvidenceBasis { system: "s".into(), study: "t".into(), model: model.into() }
-    }
-
-    /// The sheet as a program for sheets would give it back.
-    fn stored(sheet: &FmeaSheet) -> Texts {
-        let row = |(n, row): (usize, &SheetRow)| TextRow { line: n + 2, cells: row.cells() };
-        Texts { columns: sheet.columns(), rows: sheet.rows.iter().enumerate().map(row).collect() }
-    }
-
-    fn again(texts: &Texts, mark: &str, model: &str) -> FmeaSheet {
-        FmeaSheet::new(&generated(mark), &basis(model), Some((Path::new("f.csv"), texts))).unwrap()
-    }
-
-    fn set(texts: &mut Texts, row: usize, column: &str, text: &str) {
-        let at = texts.column(column).unwrap();
-        texts.rows[row].cells[at] = text.into();
-    }
-
-    fn field(sheet: &FmeaSheet, row: usize, name: &str) -> String {
-        let place = FIELDS.iter().position(|field| field.name == name).unwrap();
-        sheet.rows[row].texts[place].clone()
-    }
-
-    fn first() -> Texts {
-        stored(&FmeaSheet::new(&generated("one"), &basis("m"), None).unwrap())
-    }
-
-    #[test]
-    fn a_persons_cell_survives_and_the_others_are_generated_again() {
-        let mut texts = first();
-        set(&mut texts, 1, "severity", "S4, by the safety board");
-        set(&mut texts, 1, "remarks", "see hazard log 7");
-        let sheet = again(&texts, "two", "m");
-        assert_eq!(field(&sheet, 1, "severity"), "S4, by the safety board");
-        assert_eq!(field(&sheet, 1, "remarks"), "see hazard log 7");
-        assert_eq!(field(&sheet, 1, "isolation"), "b.y 10 two");
-        assert_eq!(sheet.rows[1].person_fields(), "severity remarks");
-        assert_eq!(sheet.rows[1].evidence[13], "filled in by a person");
-        assert_eq!((sheet.rows[1].status.as_str(), sheet.stale_rows()), ("current", 0));
-        assert_eq!((sheet.rows[0].status.as_str(), sheet.person_cells()), ("generated", 2));
-        // And once more, from what was just written.
-        let third = again(&stored(&sheet), "three", "m");
-        assert_eq!(field(&third, 1, "severity"), "S4, by the safety board");
-        assert_eq!(field(&third, 0, "severity"), "a.x 13 three");
-    }
-
-    #[test]
-    fn a_row_is_stale_until_a_person_confirms_it() {
-        let mut texts = first();
-        set(&mut texts, 0, "severity", "S1");
-        let changed = again(&texts, "two", "other");
-        assert!(
-            changed.rows[0].status.starts_with("stale: the model changed"),
-            "{}",
-            changed.rows[0].status
-        );
-        assert_eq!(changed.stale_rows(), 1);
-        // Generating again does not make it current; a person does.
-        let mut texts = stored(&again(&stored(&changed), "two", "other"));
-        assert!(texts.rows[0].cells[texts.column(STATUS).unwrap()].starts_with("stale"));
-        set(&mut texts, 0, STATUS, "Confirmed");
-        let confirmed = again(&texts, "two", "other");
-        assert_eq!((confirmed.rows[0].status.as_str(), confirmed.stale_rows()), ("current", 0));
-        assert_eq!(again(&stored(&confirmed), "two", "other").stale_rows(), 0);
-    }
-
-    #[test]
-    fn an_emptied_cell_is_generated_again_and_another_form_of_a_number_is_no_change() {
-        let mut texts = first();
-        set(&mut texts, 0, "severity", "");
-        set(&mut texts, 0, "failure_rate_per_h", "0.0000001");
-        set(&mut texts, 0, "isolation", " a.x  10 one ");
-        // Windows-1252 has no arrow and no Greek letters.
-        set(&mut texts, 0, "physical_range", "area 1 … 2 m² ? ?");
-        let sheet = again(&texts, "one", "m");
-        assert_eq!(sheet.person_cells(), 0, "{}", sheet.rows[0].person_fields());
-        assert_eq!(field(&sheet, 0, "severity"), "a.x 13 one");
-    }
-
-    #[test]
-    fn columns_of_a_person_and_rows_of_removed_faults_stay() {
-        let mut texts = first();
-        texts.columns.insert(3, "compensating provisions".into());
-        texts.rows.iter_mut().for_each(|row| row.cells.insert(3, "none".into()));
-        let mut gone = texts.rows[0].clone();
-        gone.cells[0] = "c.z".into();
-        texts.rows.push(gone);
-        let sheet = again(&texts, "two", "m");
-        assert_eq!(sheet.other_columns, ["compensating provisions"]);
-        assert_eq!(sheet.rows[2].fault, "c.z");
-        assert!(sheet.rows[2].is_stale && sheet.rows[2].others == ["none"]);
-        assert_eq!(sheet.rows[0].status, "current");
-    }
-
-    #[test]
-    fn a_sheet_without_its_seal_is_refused_with_its_place() {
-        let mut texts = first();
-        set(&mut texts, 1, SEAL, "1: abc");
-        let error =
-            FmeaSheet::new(&generated("x"), &basis("m"), Some((Path::new("f.csv"), &texts)));
-        assert!(error.unwrap_err().to_string().starts_with("f.csv: line 3: the seal"));
-        texts.columns[0] = "failure".into();
-        let error =
-            FmeaSheet::new(&generated("x"), &basis("m"), Some((Path::new("f.csv"), &texts)));
-        let error = error.unwrap_err().to_string();
-        assert!(error.contains("there is no column 'fault'; needed are: fault, status"), "{error}");
     }
 }

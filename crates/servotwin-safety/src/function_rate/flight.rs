@@ -47,15 +47,17 @@ impl LaneOnsets {
     }
 }
 
-/// Rates per flight hour.
+/// How often the function fails. What begins is a rate; what is there in a flight is a probability, because a fault that
+/// was hidden before it is there however long the flight is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct FunctionFailure {
-    /// The function fails: a fault that needs a shutdown acts without one, or no lane is on.
-    pub failure: f64,
+    /// Probability that the function is failed in a flight: a fault that needs a shutdown acts without one, or no lane
+    /// is on.
+    pub failed: f64,
     /// The part in which a fault that needs a shutdown acts without one.
     pub uncontained: f64,
-    /// The part that begins in the flight; the rest has been hidden since before it.
-    pub begins: f64,
+    /// Failures that begin, per flight hour: those of flights without a hidden fault, 1/h.
+    pub begins_per_h: f64,
 }
 
 /// The probabilities of [`FunctionFailure`] in a flight that begins without a hidden fault.
@@ -81,16 +83,16 @@ pub struct FlightModel {
 }
 
 impl FlightModel {
-    /// Rates per flight hour, as a mean over flights that begin at any time since the last check.
-    pub fn per_hour(&self) -> FunctionFailure {
+    /// How often the function fails, as a mean over flights that begin at any time since the last check.
+    pub fn function_failure(&self) -> FunctionFailure {
         let hidden: f64 = self.lanes.iter().map(|lane| lane.hidden).sum();
         let before = mean_share(hidden * (self.check_h - self.flight_h));
         let now = self.flight();
-        let either = |now: f64| (before + (1.0 - before) * now) / self.flight_h;
+        let either = |now: f64| before + (1.0 - before) * now;
         FunctionFailure {
-            failure: either(now.failure),
+            failed: either(now.failure),
             uncontained: either(now.uncontained),
-            begins: (1.0 - before) * now.failure / self.flight_h,
+            begins_per_h: (1.0 - before) * now.failure / self.flight_h,
         }
     }
 
@@ -154,124 +156,4 @@ impl FlightModel {
 fn mean_share(x: f64) -> f64 {
     // The closed form cancels for small x; the series is exact to the last digit there.
     if x < 1e-4 { x * (0.5 - x / 6.0) } else { 1.0 + (-x).exp_m1() / x }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use servotwin_diagnosis::random::Random;
-
-    fn model(lanes: &[LaneOnsets]) -> FlightModel {
-        FlightModel {
-            lanes: lanes.to_vec(),
-            keeps_last: true,
-            flight_h: 2.0,
-            repair_h: 0.0,
-            check_h: 100.0,
-        }
-    }
-
-    fn assert_close(found: f64, wanted: f64, relative: f64) {
-        assert!((found / wanted - 1.0).abs() < relative, "{found} instead of {wanted}");
-    }
-
-    #[test]
-    fn with_perfect_detection_both_lanes_must_fail_in_a_flight() {
-        for rate in [1e-9, 1e-3, 0.7, 300.0] {
-            let lane = LaneOnsets { contained: rate, ..Default::default() };
-            let found = model(&[lane, lane]).per_hour();
-            let one = -(-2.0 * rate).exp_m1();
-            assert_close(found.failure, one * one / 2.0, 1e-7);
-        }
-    }
-
-    #[test]
-    fn without_detection_a_fault_fails_every_flight_until_the_check() {
-        let lane = LaneOnsets { hidden: 2e-3, ..Default::default() };
-        let found = model(&[lane, lane]).per_hour();
-        // The mean over flights k of the probability that a fault began since the check or in the flight.
-        let steps = 100_000;
-        let since = |k: usize| 2.0 + 98.0 * (k as f64 + 0.5) / f64::from(steps);
-        let mean: f64 = (0..steps as usize).map(|k| -(-4e-3 * since(k)).exp_m1()).sum();
-        assert_close(found.failure, mean / f64::from(steps) / 2.0, 1e-8);
-        assert_eq!(found.failure, found.uncontained);
-        // What begins in a flight is the other part.
-        let before: f64 = (0..steps as usize).map(|k| -(-4e-3 * (since(k) - 2.0)).exp_m1()).sum();
-        assert_close(found.failure - found.begins, before / f64::from(steps) / 2.0, 1e-8);
-        assert_close(model(&[lane]).per_hour().failure, found.failure / 2.0, 0.1);
-    }
-
-    #[test]
-    fn a_series_continues_the_mean_share() {
-        assert_close(mean_share(0.999_999e-4), mean_share(1.000_001e-4), 3e-6);
-        assert_close(mean_share(2.0), 1.0 - (1.0 - (-2.0_f64).exp()) / 2.0, 1e-12);
-    }
-
-    /// A flight as it happens, event by event. A fault or shutdown comes at its own moment.
-    fn fly(model: &FlightModel, random: &mut Random) -> FlightFailure {
-        let exponential = |random: &mut Random, rate: f64| -(1.0 - random.unit()).ln() / rate;
-        let of = |holds: bool| f64::from(u8::from(holds));
-        let since_check = (model.check_h - model.flight_h) * random.unit();
-        let hidden = model.lanes.iter().map(|lane| exponential(random, lane.hidden));
-        if hidden.collect::<Vec<_>>().into_iter().any(|moment| moment < since_check) {
-            return FlightFailure { failure: 1.0, uncontained: 1.0 };
-        }
-        let mut events = vec![];
-        for (lane, own) in model.lanes.iter().enumerate() {
-            for (kind, rate) in [own.contained, own.uncontained(), own.needless].iter().enumerate()
-            {
-                events.push((exponential(random, *rate), lane, kind));
-            }
-        }
-        events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut on = vec![true; model.lanes.len()];
-        for (_, lane, kind) in events.into_iter().take_while(|event| event.0 < model.flight_h) {
-            let is_last = on.iter().filter(|on| **on).count() == 1;
-            let stays_on = kind == 1 || (is_last && model.keeps_last && kind == 0);
-            if !on[lane] || (kind == 2 && is_last && model.keeps_last) {
-                continue;
-            }
-            if stays_on || is_last {
-                return FlightFailure { failure: 1.0, uncontained: of(stays_on) };
-            }
-            on[lane] = false;
-        }
-        FlightFailure::default()
-    }
-
-    #[test]
-    fn an_independent_simulation_of_flights_agrees() {
-        let first = LaneOnsets { contained: 0.08, reported: 0.01, hidden: 0.002, needless: 0.1 };
-        let second = LaneOnsets { contained: 0.15, reported: 0.02, hidden: 0.001, needless: 0.03 };
-        let mut random = Random::new(6);
-        for (lanes, keeps_last) in
-            [(vec![first, second], true), (vec![first, second], false), (vec![second], false)]
-        {
-            let model = FlightModel { keeps_last, ..model(&lanes) };
-            let flights = 400_000;
-            let (mut failed, mut uncontained) = (0.0, 0.0);
-            for _ in 0..flights {
-                let flight = fly(&model, &mut random);
-                failed += flight.failure;
-                uncontained += flight.uncontained;
-            }
-            let found = model.per_hour();
-            for (count, rate) in [(failed, found.failure), (uncontained, found.uncontained)] {
-                let share = rate * model.flight_h;
-                let deviation = (share * (1.0 - share) / f64::from(flights)).sqrt();
-                let seen = count / f64::from(flights);
-                assert!((seen - share).abs() < 4.0 * deviation, "{seen} instead of {share}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_lane_that_waits_for_its_repair_leaves_the_other_alone() {
-        let lane = LaneOnsets { contained: 1e-4, ..Default::default() };
-        let waiting = FlightModel { repair_h: 50.0, ..model(&[lane, lane]) };
-        let waits = -(-2e-4_f64 * 50.0).exp_m1();
-        let one = -(-2e-4_f64).exp_m1();
-        let wanted = (1.0 - waits) * one * one + waits * one;
-        assert_close(waiting.per_hour().failure, wanted / 2.0, 1e-7);
-    }
 }

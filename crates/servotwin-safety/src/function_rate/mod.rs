@@ -1,4 +1,5 @@
-//! The artefact *function rate*: how often the function fails per flight hour, with the hybrid twin and without.
+//! The artefact *function rate*: how often the function fails, with the hybrid twin and without. Failures that begin are
+//! counted per flight hour. A failed function is counted by flight, also behind a fault that was hidden before it.
 //!
 //! Failure rates are the user's, and what the diagnosis answers was counted in judged flights. The function fails in a
 //! flight if a fault that needs a shutdown acts without one, or no lane is on ([`flight`]). Three kinds of monitoring
@@ -49,24 +50,24 @@ pub enum Monitoring {
     Nobody,
 }
 
-/// The rates of a condition, 1/h.
+/// How often the function fails under a condition, as [`FunctionFailure`] counts it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ConditionRates {
     /// Which flights are counted, or what is changed.
     pub condition: String,
-    /// With the hybrid twin; the band covers the counts.
-    pub twin: CountedValue,
+    /// Flights with a failed function, with the hybrid twin; the band covers the counts.
+    pub twin_failed: CountedValue,
     /// The part in which a fault that needs a shutdown acts without one.
     pub twin_uncontained: CountedValue,
-    /// The part that begins in the flight.
-    pub twin_begins: CountedValue,
+    /// Failures that begin, 1/h.
+    pub twin_begins_per_h: CountedValue,
     /// With a comparison of two lanes; `None` for one lane.
     pub comparison: Option<FunctionFailure>,
     /// Without monitoring.
     pub nobody: FunctionFailure,
 }
 
-/// How the rate with the twin depends on an input.
+/// How the probability of a failed function with the twin depends on an input.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct InputSensitivity {
     /// The input.
@@ -75,15 +76,15 @@ pub struct InputSensitivity {
     pub value: CountedValue,
     /// Where it comes from.
     pub evidence: String,
-    /// Relative change of the rate per relative change of the input.
+    /// Relative change of the probability of a failed function in a flight per relative change of the input.
     pub elasticity: f64,
-    /// The rate with half of the input, 1/h.
+    /// The probability with half of the input.
     pub at_half: f64,
-    /// The rate with twice the input, 1/h.
+    /// The probability with twice the input.
     pub at_double: f64,
-    /// The rate with the input at the lower end of its interval, 1/h.
+    /// The probability with the input at the lower end of its interval.
     pub at_low: f64,
-    /// The rate with the input at the upper end of its interval, 1/h.
+    /// The probability with the input at the upper end of its interval.
     pub at_high: f64,
 }
 
@@ -181,32 +182,34 @@ impl FunctionRate {
     }
 
     fn rates(&self) -> Result<Table, SafetyError> {
-        let column = |name: &str, of: &dyn Fn(&ConditionRates) -> f64| {
-            Column::new(name, "1/h", self.conditions.iter().map(of).collect::<Vec<f64>>())
-        };
         let names =
             self.conditions.iter().map(|own| own.condition.clone()).collect::<Vec<String>>();
-        let compared = |of: fn(&FunctionFailure) -> f64| {
-            move |own: &ConditionRates| own.comparison.as_ref().map_or(f64::NAN, of)
+        let mut columns = vec![Column::new("condition", "", names)];
+        let mut column = |name: &str, unit: &str, of: &dyn Fn(&ConditionRates) -> f64| {
+            let values = self.conditions.iter().map(of).collect::<Vec<f64>>();
+            columns.push(Column::new(name, unit, values));
         };
-        Ok(Table::from_columns(vec![
-            Column::new("condition", "", names),
-            column("twin_per_h", &|own| own.twin.point),
-            column("twin_low_per_h", &|own| own.twin.low),
-            column("twin_high_per_h", &|own| own.twin.high),
-            column("twin_uncontained_per_h", &|own| own.twin_uncontained.point),
-            column("twin_uncontained_low_per_h", &|own| own.twin_uncontained.low),
-            column("twin_uncontained_high_per_h", &|own| own.twin_uncontained.high),
-            column("twin_begins_per_h", &|own| own.twin_begins.point),
-            column("twin_begins_low_per_h", &|own| own.twin_begins.low),
-            column("twin_begins_high_per_h", &|own| own.twin_begins.high),
-            column("comparison_per_h", &compared(|own| own.failure)),
-            column("comparison_uncontained_per_h", &compared(|own| own.uncontained)),
-            column("comparison_begins_per_h", &compared(|own| own.begins)),
-            column("none_per_h", &|own| own.nobody.failure),
-            column("none_uncontained_per_h", &|own| own.nobody.uncontained),
-            column("none_begins_per_h", &|own| own.nobody.begins),
-        ])?)
+        let mut twin = |name: &str, unit: &str, of: fn(&ConditionRates) -> CountedValue| {
+            column(&format!("twin_{name}"), unit, &|own| of(own).point);
+            column(&format!("twin_low_{name}"), unit, &|own| of(own).low);
+            column(&format!("twin_high_{name}"), unit, &|own| of(own).high);
+        };
+        twin("begins_per_h", "1/h", |own| own.twin_begins_per_h);
+        twin("failed_in_flight", "1", |own| own.twin_failed);
+        twin("uncontained_in_flight", "1", |own| own.twin_uncontained);
+        let mut other = |name: &str, of: fn(&ConditionRates) -> Option<FunctionFailure>| {
+            let value = |own: &ConditionRates, of_failure: fn(&FunctionFailure) -> f64| {
+                of(own).as_ref().map_or(f64::NAN, of_failure)
+            };
+            column(&format!("{name}_begins_per_h"), "1/h", &|own| value(own, |f| f.begins_per_h));
+            column(&format!("{name}_failed_in_flight"), "1", &|own| value(own, |f| f.failed));
+            column(&format!("{name}_uncontained_in_flight"), "1", &|own| {
+                value(own, |f| f.uncontained)
+            });
+        };
+        other("comparison", |own| own.comparison);
+        other("none", |own| Some(own.nobody));
+        Ok(Table::from_columns(columns)?)
     }
 
     fn inputs(&self) -> Result<Table, SafetyError> {
@@ -223,10 +226,10 @@ impl FunctionRate {
             column("low", |own| own.value.low),
             column("high", |own| own.value.high),
             column("elasticity", |own| own.elasticity),
-            column("rate_at_half", |own| own.at_half),
-            column("rate_at_double", |own| own.at_double),
-            column("rate_at_low", |own| own.at_low),
-            column("rate_at_high", |own| own.at_high),
+            column("failed_in_flight_at_half", |own| own.at_half),
+            column("failed_in_flight_at_double", |own| own.at_double),
+            column("failed_in_flight_at_low", |own| own.at_low),
+            column("failed_in_flight_at_high", |own| own.at_high),
             text("evidence", |own| &own.evidence),
         ])?)
     }
@@ -382,7 +385,7 @@ impl FunctionModel {
     ) -> FunctionFailure {
         let ExposureHours { flight_h, repair_h, check_h } = *hours;
         let (lanes, keeps_last) = (self.onsets(monitoring, values), self.keeps_last);
-        FlightModel { lanes, keeps_last, flight_h, repair_h, check_h }.per_hour()
+        FlightModel { lanes, keeps_last, flight_h, repair_h, check_h }.function_failure()
     }
 
     /// The rates of all kinds of monitoring; `wear` multiplies the failure rates.
@@ -405,9 +408,9 @@ impl FunctionModel {
         };
         ConditionRates {
             condition,
-            twin: band(|own| own.failure),
+            twin_failed: band(|own| own.failed),
             twin_uncontained: band(|own| own.uncontained),
-            twin_begins: band(|own| own.begins),
+            twin_begins_per_h: band(|own| own.begins_per_h),
             comparison: (self.faults.len() == 2).then(|| rate_at(Monitoring::Comparison, points)),
             nobody: rate_at(Monitoring::Nobody, points),
         }
@@ -417,7 +420,7 @@ impl FunctionModel {
     fn sensitivities(&self, hours: &ExposureHours) -> Vec<InputSensitivity> {
         let points = self.values(BandEnd::Point, BandEnd::Point);
         let rate = |values: &[f64], hours: &ExposureHours| {
-            self.rate(Monitoring::Twin, values, hours).failure
+            self.rate(Monitoring::Twin, values, hours).failed
         };
         let mut found: Vec<InputSensitivity> = vec![];
         // Only the comparison of two lanes reads what is not visible.

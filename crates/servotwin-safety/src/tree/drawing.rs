@@ -1,21 +1,23 @@
-//! Fault trees as figures: a box per gate, and one box for a group of like events.
+//! Fault trees as figures: a box for each gate with its symbol, and one box for a group of like events.
 
 use super::decision_diagram::DecisionDiagram;
 use super::lanes::LaneTrees;
 use super::numbers::{BandEnd, ExposureHours, event_probabilities};
-use super::structure::{GateKind, TreeInput};
+use super::structure::{GateKind, TreeGate, TreeInput};
 use servotwin::figure::Figure;
-use servotwin::figure::tree::{Branch, Node, TreeFigure};
+use servotwin::figure::tree::{Branch, Node, TreeFigure, TreeSymbol};
 use servotwin::text::number;
 
-/// A gate with more inputs than this is a list in one box.
+/// A gate with more inputs than this is one box.
 const MAX_BRANCHES: usize = 8;
 
 /// Draws the tree of a top event.
 pub fn draw(trees: &LaneTrees, hours: &ExposureHours, top: usize) -> Figure {
     let mut drawer = FaultTreeDrawer {
         trees,
-        probabilities: event_probabilities(trees, hours, BandEnd::Point),
+        top,
+        points: event_probabilities(trees, hours, BandEnd::Point),
+        bounds: event_probabilities(trees, hours, BandEnd::High),
         drawn: vec![false; trees.tree.gates.len()],
     };
     let root = drawer.node(TreeInput::Gate(top));
@@ -28,45 +30,68 @@ pub fn draw(trees: &LaneTrees, hours: &ExposureHours, top: usize) -> Figure {
 
 struct FaultTreeDrawer<'t> {
     trees: &'t LaneTrees,
-    probabilities: Vec<f64>,
+    /// The gate of the top event.
+    top: usize,
+    /// The estimates of all events, and the upper ends of their intervals.
+    points: Vec<f64>,
+    bounds: Vec<f64>,
     /// Gates that the figure shows already; a second time they are a reference.
     drawn: Vec<bool>,
 }
 
 impl FaultTreeDrawer<'_> {
-    fn probability(&self, input: TreeInput) -> f64 {
-        match input {
-            TreeInput::Event(event) => self.probabilities[event],
-            gate => DecisionDiagram::new(&self.trees.tree, gate).probability(&self.probabilities),
+    /// The probability of an input, and the upper end of its interval; that end alone if it was never seen.
+    fn chance(&self, input: TreeInput) -> String {
+        let of = |events: &[f64]| match input {
+            TreeInput::Event(event) => events[event],
+            gate => DecisionDiagram::new(&self.trees.tree, gate).probability(events),
+        };
+        match (of(&self.points), of(&self.bounds)) {
+            (point, bound) if point > 0.0 && bound > point => {
+                format!("P = {}, at most {}", number(point), number(bound))
+            }
+            (point, _) if point > 0.0 => format!("P = {}", number(point)),
+            (_, bound) => format!("never seen: P ≤ {}", number(bound)),
         }
     }
 
     fn node(&mut self, input: TreeInput) -> Node {
-        let chance = format!("P = {}", number(self.probability(input)));
+        let chance = self.chance(input);
         match input {
             TreeInput::Event(event) => {
-                Node::leaf(vec![self.trees.tree.events[event].title.clone(), chance], vec![])
+                let lines = vec![self.trees.tree.events[event].title.clone(), chance];
+                Node { lines, symbol: Some(TreeSymbol::BasicEvent), ..Node::default() }
             }
             TreeInput::Gate(place) => self.gate(place, chance),
         }
     }
 
     fn gate(&mut self, place: usize, chance: String) -> Node {
-        let gate = &self.trees.tree.gates[place];
-        let kind = if gate.kind == GateKind::And { "AND" } else { "OR" };
+        let trees = self.trees;
+        let gate = &trees.tree.gates[place];
+        let leaf = |lines: Vec<String>, symbol| Node {
+            lines: [vec![gate.title.clone()], lines].concat(),
+            symbol: Some(symbol),
+            ..Node::default()
+        };
         if std::mem::replace(&mut self.drawn[place], true) {
-            return Node::leaf(vec![gate.title.clone(), format!("{chance}, shown above")], vec![]);
+            return leaf(vec![format!("{chance}, shown above")], TreeSymbol::Transfer);
         }
-        if gate.is_folded || gate.inputs.len() > MAX_BRANCHES {
-            let inputs = match gate.inputs.len() {
-                1 => "one fault".to_owned(),
-                count => format!("{kind} of {count}"),
-            };
-            return Node::leaf(vec![gate.title.clone(), inputs, chance], vec![]);
+        if place != self.top && self.is_one_box(gate) {
+            let count = trees.tree.events_below(TreeInput::Gate(place)).len();
+            return leaf(vec![format!("{count} events"), chance], TreeSymbol::Undeveloped);
         }
-        let lines = vec![gate.title.clone(), format!("{kind}, {chance}")];
-        let inputs = gate.inputs.clone();
-        let branch = |input| Branch { label: String::new(), node: self.node(input) };
-        Node { lines, shares: vec![], children: inputs.into_iter().map(branch).collect() }
+        let symbol = match gate.kind {
+            GateKind::And => TreeSymbol::And,
+            GateKind::Or => TreeSymbol::Or,
+        };
+        let branch = |&input: &TreeInput| Branch { label: String::new(), node: self.node(input) };
+        Node { children: gate.inputs.iter().map(branch).collect(), ..leaf(vec![chance], symbol) }
+    }
+
+    /// Whether a gate is a list of like events, or of such lists.
+    fn is_one_box(&self, gate: &TreeGate) -> bool {
+        let is_list = |input: &TreeInput| matches!(input, TreeInput::Gate(of) if self.trees.tree.gates[*of].is_folded);
+        gate.is_folded || gate.inputs.len() > MAX_BRANCHES || gate.inputs.iter().all(is_list)
     }
 }

@@ -349,6 +349,18 @@ impl TreeGrower<'_> {
         self.trees.tree.named_gate(GateKind::And, id, title, vec![one, other])
     }
 
+    /// An OR that figures show as one box; `None` without inputs.
+    fn folded(&mut self, id: &str, title: &str, inputs: Vec<TreeInput>) -> Option<TreeInput> {
+        if inputs.is_empty() {
+            return None;
+        }
+        let gate = self.trees.tree.named_gate(GateKind::Or, id, title, inputs);
+        if let TreeInput::Gate(place) = gate {
+            self.trees.tree.gates[place].is_folded = true;
+        }
+        Some(gate)
+    }
+
     /// An OR of the events of every fault class; figures show a class as one box. `how` is what
     /// its faults do.
     fn by_class(
@@ -368,16 +380,8 @@ impl TreeGrower<'_> {
         for detail in details {
             let own = events.iter().filter(|(of, _)| *of == detail).map(|(_, event)| *event);
             let own: Vec<TreeInput> = own.collect();
-            let gate = self.trees.tree.named_gate(
-                GateKind::Or,
-                &format!("{id}-{}", identifier(&detail)),
-                &format!("{}: {how}", spoken(&detail)),
-                own,
-            );
-            if let TreeInput::Gate(place) = gate {
-                self.trees.tree.gates[place].is_folded = true;
-            }
-            gates.push(gate);
+            let own_id = format!("{id}-{}", identifier(&detail));
+            gates.extend(self.folded(&own_id, &format!("{}: {how}", spoken(&detail)), own));
         }
         self.or(id, title, gates)
     }
@@ -437,6 +441,9 @@ impl TreeGrower<'_> {
             let both_id = format!("{id}-{}", place + 1);
             inputs.push(self.both(&both_id, "a fault and a wrong answer to it", fault, answer));
         }
+        let wrong_id = format!("{id}-by_wrong_answer");
+        let wrong = self.folded(&wrong_id, &format!("{title}: a wrong answer to a fault"), inputs);
+        let mut inputs: Vec<TreeInput> = wrong.into_iter().collect();
         inputs.push(false_alarm);
         self.trees.tree.named_gate(GateKind::Or, id, title, inputs)
     }
@@ -447,7 +454,7 @@ impl TreeGrower<'_> {
             1 => "Loss of the only lane in a flight",
             _ => "Loss of at least one lane in a flight",
         };
-        self.top(GateKind::Or, "loss_of_one_lane", title, lost);
+        self.top("loss_of_one_lane", title, lost, true);
         match lanes.len() {
             1 => self.trees.notes.push(
                 "one actuator: the loss of its lane is the loss of the function, so there is no tree for both lanes"
@@ -468,7 +475,7 @@ impl TreeGrower<'_> {
             undetected.push(self.both(&both_id, title, present, of.answers.missed));
         }
         let title = "A fault without its action in a flight: undetected degradation";
-        self.top(GateKind::Or, "undetected_degradation", title, undetected);
+        self.top("undetected_degradation", title, undetected, false);
     }
 
     fn loss_of_all(&mut self, lanes: &[LaneGates], count: usize) {
@@ -502,265 +509,12 @@ impl TreeGrower<'_> {
             _ => "Loss of all lanes in a flight",
         };
         let id = if count == 2 { "loss_of_both_lanes" } else { "loss_of_all_lanes" };
-        self.top(GateKind::Or, id, title, ways);
+        self.top(id, title, ways, true);
     }
 
-    fn top(&mut self, kind: GateKind, id: &str, title: &str, inputs: Vec<TreeInput>) {
-        if let TreeInput::Gate(gate) = self.trees.tree.named_gate(kind, id, title, inputs) {
-            self.trees.tree.tops.push(TopEvent { gate });
+    fn top(&mut self, id: &str, title: &str, inputs: Vec<TreeInput>, begins: bool) {
+        if let TreeInput::Gate(gate) = self.trees.tree.named_gate(GateKind::Or, id, title, inputs) {
+            self.trees.tree.tops.push(TopEvent { gate, begins });
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::decision_diagram::DecisionDiagram;
-    use super::super::exchange;
-    use super::super::numbers::{BandEnd, ExposureHours, evaluate, event_probabilities};
-    use super::super::structure::{TreeInput, brute_force};
-    use super::*;
-    use crate::rates::FailureRate;
-    use serde_json::json;
-
-    const HEAD: &str = include_str!("../../../servotwin/tests/tiny.toml");
-    const HOURS: ExposureHours = ExposureHours { flight_h: 2.0, repair_h: 10.0, check_h: 100.0 };
-
-    fn study(classes: &str) -> Study {
-        let reactions = "[reactions]\nshut_down = { switches_off = true }\n";
-        Study::parse(&format!("{HEAD}{classes}{reactions}"), "tiny.toml").unwrap()
-    }
-
-    fn class(detail: &str, action: &str, fault: &str) -> String {
-        format!(
-            "[[classes]]\ndetail = \"{detail}\"\ncommand = \"{action}\"\nfaults = [\"{fault}\"]\n"
-        )
-    }
-
-    /// Flights with so many isolated of so many flown, with the other counts beside them.
-    fn metrics(
-        classes: &[(&str, u64, u64, u64, u64)],
-        shutdowns: u64,
-        hours: f64,
-    ) -> FlightMetrics {
-        let rate = |count: u64, of: u64| json!({"count": count, "of": of, "share": null, "low": 0.0, "high": 1.0, "by_kind": null});
-        let class = |&(command, flown, isolated, other, wrong): &(&str, u64, u64, u64, u64)| {
-            json!({
-                "command": command, "intensities": [0.1, 1.0], "flown": flown, "visible": rate(flown, flown),
-                "isolated": rate(isolated, flown), "other_command": rate(other, flown),
-                "wrong_actuator": rate(wrong, flown), "wrong_shutdown": wrong, "silent": rate(0, flown),
-                "detection": null, "isolation": null, "isolation_since_visible": null,
-            })
-        };
-        let healthy = json!({
-            "hours": hours, "alarms": shutdowns, "shutdowns": shutdowns, "alarms_per_h": 0.0, "alarms_per_h_upper": 1.0,
-            "visible_by_chance": 0, "flights": [0, 0],
-            "environments": {"flown": 0, "with_alarm": 0, "share_upper": 1.0},
-        });
-        let text = json!({
-            "setting": "noise", "flights": 1, "failed": 0, "failed_to_learn": 0, "on_the_move_to_learn": [],
-            "limit_s": 1.0, "in_time": rate(0, 0),
-            "visible_in_time": rate(0, 0), "in_time_since_visible": rate(0, 0),
-            "classes": classes.iter().map(class).collect::<Vec<_>>(), "kinds": [], "onsets": [],
-            "healthy": healthy,
-            "wrong_shutdowns": 0, "trade": [], "wrong_kinds": [],
-        });
-        serde_json::from_value(text).unwrap()
-    }
-
-    fn rates(list: &[(&str, f64)]) -> FailureRates {
-        let rate = |&(fault, per_h): &(&str, f64)| FailureRate {
-            fault: fault.into(),
-            per_h,
-            source: "a test".into(),
-            line: 2,
-        };
-        FailureRates { path: "rates.csv".into(), list: list.iter().map(rate).collect() }
-    }
-
-    const VALVE: &str = "servo_valve.bias_positive";
-
-    fn two_lanes() -> LaneTrees {
-        let study = study(&class("valve", "shut_down", VALVE));
-        // Coarse numbers, so that every kind of event matters.
-        let metrics = metrics(&[("shut_down", 20, 15, 2, 3)], 1, 30.0);
-        lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)])).unwrap()
-    }
-
-    #[test]
-    fn the_trees_of_two_lanes_are_those_of_brute_force() {
-        let trees = two_lanes();
-        assert_eq!(trees.tree.events.len(), 14);
-        for end in BandEnd::ALL {
-            let of_events = event_probabilities(&trees, &HOURS, end);
-            for top in &trees.tree.tops {
-                let input = TreeInput::Gate(top.gate);
-                let exact = brute_force::probability(&trees.tree, input, &of_events);
-                let own = DecisionDiagram::new(&trees.tree, input).probability(&of_events);
-                assert!(
-                    (own - exact).abs() < 1e-12,
-                    "{}: {own} {exact}",
-                    trees.tree.gates[top.gate].id
-                );
-            }
-        }
-        let both = TreeInput::Gate(trees.tree.tops[1].gate);
-        let sets = DecisionDiagram::new(&trees.tree, both).cut_sets();
-        let of_events = event_probabilities(&trees, &HOURS, BandEnd::Point);
-        let mut own: Vec<_> =
-            sets.most_probable(&of_events, usize::MAX).into_iter().map(|s| s.1).collect();
-        own.sort();
-        assert_eq!(own, brute_force::cut_sets(&trees.tree, both));
-    }
-
-    #[test]
-    fn both_lanes_are_lost_by_the_sets_that_an_engineer_names() {
-        let trees = two_lanes();
-        let tops = evaluate(&trees, &HOURS);
-        let ids: Vec<&str> = tops.iter().map(|top| top.id.as_str()).collect();
-        assert_eq!(ids, ["loss_of_one_lane", "loss_of_both_lanes", "undetected_degradation"]);
-        let has = |events: &[&str]| {
-            tops[1].cut_sets.iter().any(|set| {
-                set.events.len() == events.len()
-                    && events.iter().all(|e| set.events.iter().any(|own| own == e))
-            })
-        };
-        let (one, two) =
-            ("actuator_1-servo_valve-bias_positive", "actuator_2-servo_valve-bias_positive");
-        assert!(has(&[&format!("{one}-begins"), &format!("{two}-begins")]));
-        // One fault and a wrong answer to it.
-        let wrong = "actuator_1-shut_down-shuts_down-actuator_2";
-        assert!(has(&[&format!("{one}-begins"), wrong]));
-        // A fault hidden in one lane, and one that begins in the other.
-        assert!(has(&[
-            &format!("{one}-begins"),
-            &format!("{two}-hidden"),
-            "actuator_2-shut_down-missed"
-        ]));
-        assert!(has(&[&format!("{one}-begins"), "actuator_2-false_shutdown-waits"]));
-        // The alarm never shuts down the last lane: two false alarms are not enough.
-        let alarms = ["actuator_1-false_shutdown-begins", "actuator_2-false_shutdown-begins"];
-        assert!(
-            !tops[1]
-                .cut_sets
-                .iter()
-                .any(|set| set.events.iter().all(|e| alarms.contains(&e.as_str())))
-        );
-    }
-
-    #[test]
-    fn one_lane_by_hand() {
-        let trees = two_lanes();
-        let tops = evaluate(&trees, &HOURS);
-        let q = 1.0 - (-0.01_f64 * 2.0).exp();
-        // One shutdown in 30 h of two lanes.
-        let a = 1.0 - (-2.0_f64 / 60.0).exp();
-        let expected = 1.0 - (1.0 - q).powi(2) * (1.0 - a).powi(2);
-        assert!((tops[0].probability.point - expected).abs() < 1e-14);
-        assert!((tops[0].per_flight_hour.point - expected / 2.0).abs() < 1e-14);
-        // Undetected: a fault begins now or is hidden, and is missed in 5 of 20 flights.
-        let present = 1.0 - (1.0 - q) * (-0.01_f64 * 100.0).exp();
-        let expected = 1.0 - (1.0 - 0.25 * present).powi(2);
-        assert!((tops[2].probability.point - expected).abs() < 1e-14);
-    }
-
-    #[test]
-    fn bands_hold_the_estimate_and_shrink_with_more_flights() {
-        let study = study(&class("valve", "shut_down", VALVE));
-        let width = |times: u64| {
-            let classes = [("shut_down", 20 * times, 15 * times, 2 * times, times)];
-            let metrics = metrics(&classes, times, 30.0 * times as f64);
-            let trees = lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)])).unwrap();
-            let top = &evaluate(&trees, &HOURS)[1];
-            let band = top.per_flight_hour;
-            assert!(band.low < band.point && band.point < band.high, "{band:?}");
-            assert!(
-                top.mean_per_flight_hour.point < band.point,
-                "nothing is hidden in the first flight"
-            );
-            band.high / band.low
-        };
-        assert!(width(100) < 0.3 * width(1), "{} {}", width(100), width(1));
-    }
-
-    #[test]
-    fn the_only_lane_of_a_machine_has_no_tree_for_both() {
-        let study = Study::parse(servotwin::built_in::STUDIES[2].1, "press_axis").unwrap();
-        let faults = rated_faults(&study);
-        let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-6)).collect();
-        let metrics = metrics(&[("stop", 64, 60, 1, 0), ("maintenance", 40, 38, 1, 0)], 0, 2.0);
-        let trees = lane_trees(&study, &metrics, &rates(&list)).unwrap();
-        let tops = evaluate(&trees, &HOURS);
-        let ids: Vec<&str> = tops.iter().map(|top| top.id.as_str()).collect();
-        assert_eq!(ids, ["loss_of_one_lane", "undetected_degradation"]);
-        assert!(trees.notes[0].contains("one actuator"), "{:?}", trees.notes);
-        // A false alarm alone stops a machine with one lane, even if none was counted.
-        assert!(
-            tops[0].probability.high > 0.5 && tops[0].probability.point < 1e-3,
-            "{:?}",
-            tops[0].probability
-        );
-    }
-
-    #[test]
-    fn a_fault_without_a_rate_and_a_study_without_a_shutdown_are_refused() {
-        let classes = class("valve", "shut_down", VALVE)
-            + &class("sensor", "change_mode", "sensor_ram.bias_positive");
-        let metrics = metrics(&[], 0, 1.0);
-        let error = lane_trees(&study(&classes), &metrics, &rates(&[(VALVE, 0.01)])).unwrap_err();
-        let error = error.to_string();
-        assert!(
-            error.starts_with(
-                "rates.csv: 2 faults of the tree have no rate: actuator_1.sensor_ram.bias_positive"
-            ),
-            "{error}"
-        );
-        let text = format!("{HEAD}{}", class("valve", "shut_down", VALVE));
-        let without = Study::parse(&text, "tiny.toml").unwrap();
-        let error =
-            lane_trees(&without, &metrics, &rates(&[(VALVE, 0.01)])).unwrap_err().to_string();
-        assert!(error.contains("no action switches an actuator off"), "{error}");
-    }
-
-    #[test]
-    fn an_action_that_was_not_flown_is_missed_for_certain_or_not_at_all() {
-        let study = study(&class("valve", "shut_down", VALVE));
-        let trees = lane_trees(&study, &metrics(&[], 0, 1.0), &rates(&[(VALVE, 0.01)])).unwrap();
-        let missed =
-            trees.constants.iter().find(|constant| constant.id == "missed-shut_down").unwrap();
-        assert_eq!(missed.value, CountedValue { point: 1.0, low: 0.0, high: 1.0 });
-        assert!(missed.evidence.contains("not flown"), "{}", missed.evidence);
-    }
-
-    #[test]
-    fn a_document_defines_what_it_uses_once() {
-        let trees = two_lanes();
-        let text = exchange::document("tiny study", &trees, &HOURS, BandEnd::High);
-        assert!(text.contains("<define-fault-tree name=\"tiny-study\">"));
-        for (used, defined) in [
-            ("<gate name=\"", "<define-gate name=\""),
-            ("<basic-event name=\"", "<define-basic-event name=\""),
-            ("<parameter name=\"", "<define-parameter name=\""),
-        ] {
-            let names = |mark: &str| {
-                let parts = text.split(mark).skip(1);
-                parts.map(|rest| rest.split('"').next().unwrap().to_owned()).collect::<Vec<_>>()
-            };
-            let mut definitions = names(defined);
-            let count = definitions.len();
-            definitions.sort();
-            definitions.dedup();
-            assert_eq!(definitions.len(), count, "{defined} twice");
-            let unknown: Vec<_> =
-                names(used).into_iter().filter(|n| !definitions.contains(n)).collect();
-            assert_eq!(unknown, Vec::<String>::new(), "{used}");
-        }
-        // Only the top events are used by nobody.
-        let roots = text.matches("<define-gate").count();
-        let used: std::collections::BTreeSet<&str> = text
-            .split("<gate name=\"")
-            .skip(1)
-            .map(|rest| rest.split('"').next().unwrap())
-            .collect();
-        assert_eq!(roots - used.len(), 3);
     }
 }

@@ -7,7 +7,7 @@
 
 use super::decision_diagram::{CutSets, DecisionDiagram};
 use super::lanes::{LaneTrees, TreeParameter};
-use super::structure::{EventLaw, Exposure, TreeInput};
+use super::structure::{EventLaw, Exposure, TopEvent, TreeInput};
 use crate::error::SafetyError;
 use crate::interval::CountedValue;
 use serde::Serialize;
@@ -117,8 +117,8 @@ pub struct BandDriver {
     pub parameter: String,
     /// Where its counts stand.
     pub evidence: String,
-    /// The rate per flight hour with this parameter at its upper end and all others at their estimates, 1/h.
-    pub per_flight_hour: f64,
+    /// The probability in the last flight with this parameter at its upper end and all others at their estimates.
+    pub probability: f64,
 }
 
 /// The counted parameters, the one that widens the band most first.
@@ -134,15 +134,11 @@ fn band_drivers(
             false => parameter.value.point,
         };
         let probability = diagram.probability(&probabilities_with(trees, hours, &value));
-        BandDriver {
-            parameter: driver.id.clone(),
-            evidence: driver.evidence.clone(),
-            per_flight_hour: probability / hours.flight_h,
-        }
+        BandDriver { parameter: driver.id.clone(), evidence: driver.evidence.clone(), probability }
     };
     let counted = all.filter(|parameter| parameter.value.high > parameter.value.point);
     let mut drivers: Vec<BandDriver> = counted.map(driver).collect();
-    drivers.sort_by(|a, b| b.per_flight_hour.total_cmp(&a.per_flight_hour));
+    drivers.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     drivers
 }
 
@@ -155,6 +151,8 @@ pub struct EventImportance {
     pub title: String,
     /// Its probability.
     pub probability: f64,
+    /// The upper end of its interval; the bound of an event that was never seen.
+    pub upper: f64,
     /// ∂P/∂q.
     pub birnbaum: f64,
     /// The share of the top event's probability that disappears if the event never happens: 1 − P(q = 0)/P.
@@ -166,6 +164,8 @@ pub struct EventImportance {
 pub struct CutSet {
     /// The product of its events' probabilities.
     pub probability: f64,
+    /// The same at the upper ends of their intervals.
+    pub upper: f64,
     /// The identifiers of its events.
     pub events: Vec<String>,
 }
@@ -179,10 +179,11 @@ pub struct TopNumbers {
     pub title: String,
     /// Its probability in the last flight before a check, where hidden faults are most probable.
     pub probability: CountedValue,
-    /// The same divided by the duration of a flight, 1/h.
-    pub per_flight_hour: CountedValue,
-    /// The mean over all flights between two checks, 1/h.
-    pub mean_per_flight_hour: CountedValue,
+    /// The mean over all flights between two checks.
+    pub mean_probability: CountedValue,
+    /// That mean divided by the duration of a flight, 1/h. `None` for an event that may be there since before the flight:
+    /// its probability does not grow with the flight's duration.
+    pub per_flight_hour: Option<CountedValue>,
     /// Number of minimal cut sets with one event, two events and so on.
     pub cut_set_orders: Vec<u64>,
     /// The most probable minimal cut sets.
@@ -204,10 +205,11 @@ const MAX_FLIGHTS: f64 = 1000.0;
 /// Evaluates every top event.
 pub fn evaluate(trees: &LaneTrees, hours: &ExposureHours) -> Vec<TopNumbers> {
     let tops = trees.tree.tops.iter();
-    tops.map(|top| top_numbers(trees, hours, top.gate)).collect()
+    tops.map(|top| top_numbers(trees, hours, top)).collect()
 }
 
-fn top_numbers(trees: &LaneTrees, hours: &ExposureHours, gate: usize) -> TopNumbers {
+fn top_numbers(trees: &LaneTrees, hours: &ExposureHours, event: &TopEvent) -> TopNumbers {
+    let gate = event.gate;
     let top = TreeInput::Gate(gate);
     let diagram = DecisionDiagram::new(&trees.tree, top);
     let of_ends = |value: &dyn Fn(BandEnd) -> f64| CountedValue {
@@ -216,14 +218,13 @@ fn top_numbers(trees: &LaneTrees, hours: &ExposureHours, gate: usize) -> TopNumb
         high: value(BandEnd::High),
     };
     let probability = of_ends(&|end| diagram.probability(&event_probabilities(trees, hours, end)));
+    let mean = of_ends(&|end| mean_probability(&diagram, trees, hours, end));
     let cut_sets = diagram.cut_sets();
     TopNumbers {
         id: trees.tree.gates[gate].id.clone(),
         title: trees.tree.gates[gate].title.clone(),
-        per_flight_hour: of_ends(&|end| end.of(probability) / hours.flight_h),
-        mean_per_flight_hour: of_ends(&|end| {
-            mean_probability(&diagram, trees, hours, end) / hours.flight_h
-        }),
+        per_flight_hour: event.begins.then(|| of_ends(&|end| end.of(mean) / hours.flight_h)),
+        mean_probability: mean,
         probability,
         cut_set_orders: cut_sets.count_by_order(),
         cut_sets: listed_cut_sets(&cut_sets, trees, hours),
@@ -253,10 +254,12 @@ fn mean_probability(
 
 fn listed_cut_sets(sets: &CutSets, trees: &LaneTrees, hours: &ExposureHours) -> Vec<CutSet> {
     let probabilities = event_probabilities(trees, hours, BandEnd::Point);
+    let uppers = event_probabilities(trees, hours, BandEnd::High);
     let found = sets.most_probable(&probabilities, LISTED_CUT_SETS);
     let id = |event: &usize| trees.tree.events[*event].id.clone();
     let set = |(probability, events): (f64, Vec<usize>)| CutSet {
         probability,
+        upper: events.iter().map(|&event| uppers[event]).product(),
         events: events.iter().map(id).collect(),
     };
     found.into_iter().map(set).collect()
@@ -269,12 +272,14 @@ fn importances(
     top: TreeInput,
 ) -> Vec<EventImportance> {
     let probabilities = event_probabilities(trees, hours, BandEnd::Point);
+    let uppers = event_probabilities(trees, hours, BandEnd::High);
     let whole = diagram.probability(&probabilities);
     let birnbaum = diagram.birnbaum(&probabilities);
     let importance = |event: usize| EventImportance {
         event: trees.tree.events[event].id.clone(),
         title: trees.tree.events[event].title.clone(),
         probability: probabilities[event],
+        upper: uppers[event],
         birnbaum: birnbaum[event],
         // P is linear in every q, so q · ∂P/∂q is what disappears.
         fussell_vesely: match whole > 0.0 {

@@ -11,6 +11,7 @@ pub mod log;
 pub mod summary;
 
 use crate::error::SafetyError;
+use crate::rates::find_columns;
 use crate::results::{FOLDER, StudyResultsFolder};
 use finding_line::{FindingLine, mistake};
 use log::{Method, SearchBasis, SearchLog, SearchRow};
@@ -20,9 +21,10 @@ use servotwin::flight::worst_case::space::{SearchPoint, SearchSpace};
 use servotwin::flight::worst_case::{
     MAX_POINTS, PointFlyer, SearchError, SearchObjective, SearchOutcome,
 };
-use servotwin::job::JobError;
 use servotwin::job::flights::{Crew, diagnoser};
+use servotwin::job::{Folder, JobError};
 use servotwin::signal::random::NormalDeviates;
+use servotwin::table::csv::texts;
 use servotwin_diagnosis::diagnoser::Session;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -92,7 +94,7 @@ impl<'s> WorstCaseSearch<'s> {
             let space = self.space(objective)?.clone();
             self.search(&space, runs)?;
             self.draw(&space, runs)?;
-            summaries.push(ObjectiveSummary::new(&self.results.study, &space, &self.log, runs));
+            summaries.push(ObjectiveSummary::new(&self.results.study, &space, &self.log, runs)?);
         }
         let mut written = vec![self.results.artefact(FILE)];
         written.push(summary::write_cells(self.results, &summaries)?);
@@ -177,6 +179,21 @@ impl<'s> WorstCaseSearch<'s> {
     fn store(&self) -> Result<(), SafetyError> {
         self.log.write(&self.results.artefact(FILE), |objective| self.space(objective))
     }
+}
+
+/// The line of a row of [`FILE`], counted from 1.
+///
+/// # Errors
+/// There is no such file, row, or line in it.
+pub fn stored_line(folder: &Folder, row: usize) -> Result<FindingLine, SafetyError> {
+    let path = folder.path().join(FOLDER).join(FILE);
+    let table = texts::read(&path)?;
+    let [line] = find_columns(&path, &table, ["line"])?;
+    let found = row.checked_sub(1).and_then(|place| table.rows.get(place));
+    let found = found.ok_or_else(|| {
+        mistake(format!("row {row} is none of 1 to {} of {}", table.rows.len(), path.display()))
+    })?;
+    found.cells[line].parse()
 }
 
 /// Flies the flight of a line once more. The folder must have been opened with the scenario of the line.

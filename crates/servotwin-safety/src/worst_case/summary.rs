@@ -9,6 +9,7 @@ use servotwin::figure::lines::{Curve, Lines};
 use servotwin::files::write_atomically;
 use servotwin::flight::worst_case::space::SearchSpace;
 use servotwin::flight::worst_case::{INTENSITY, SearchObjective};
+use servotwin::shown::shown;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table};
 use std::path::PathBuf;
@@ -40,6 +41,11 @@ pub struct WorstCaseFinding {
     pub method: &'static str,
     /// The fault, or `none`.
     pub fault: String,
+    /// The flight in words.
+    pub flight: String,
+    /// Its row in the file of all flights, from 1. A search that goes on later stores its rows in another order.
+    #[serde(skip)]
+    pub row: usize,
     /// The margin.
     pub margin: f64,
     /// The first action since the onset, with its actuator; empty without one.
@@ -73,22 +79,30 @@ pub struct ObjectiveSummary {
 
 impl ObjectiveSummary {
     /// The results of the first `runs` flights of each method.
-    pub fn new(study: &Study, space: &SearchSpace, log: &SearchLog, runs: usize) -> Self {
+    ///
+    /// # Errors
+    /// The command of a finding cannot be read.
+    pub fn new(
+        study: &Study,
+        space: &SearchSpace,
+        log: &SearchLog,
+        runs: usize,
+    ) -> Result<Self, SafetyError> {
         let objective = space.objective;
         let of = |method: Method| -> Vec<&SearchRow> {
             log.of(objective, method).filter(|row| row.run <= runs).collect()
         };
         let [searched, random] = Method::ALL.map(of);
         let all = [&searched[..], &random[..]].concat();
-        ObjectiveSummary {
+        Ok(ObjectiveSummary {
             objective,
             search: method(&searched),
             random: method(&random),
-            findings: findings(space, &all),
+            findings: findings((study, space), log, &all)?,
             joint_cells: envelope::joint_cells(space, &all),
             held_fixed: held_fixed(study, space),
             cells: envelope::cells(space, &searched, &random),
-        }
+        })
     }
 
     /// Draws the smallest margin so far over the number of flights, and returns the file.
@@ -134,7 +148,11 @@ fn method(rows: &[&SearchRow]) -> MethodSummary {
 }
 
 /// The worst flight with each fault, those with the error if there are any, else the closest one.
-fn findings(space: &SearchSpace, rows: &[&SearchRow]) -> Vec<WorstCaseFinding> {
+fn findings(
+    (study, space): (&Study, &SearchSpace),
+    log: &SearchLog,
+    rows: &[&SearchRow],
+) -> Result<Vec<WorstCaseFinding>, SafetyError> {
     let mut worst: Vec<&SearchRow> = rows.iter().copied().filter(|row| is_flown(row)).collect();
     worst.sort_by(|a, b| {
         let key = |row: &SearchRow| (row.outcome.wrong_shutdown.is_none(), row.outcome.rank());
@@ -153,13 +171,15 @@ fn findings(space: &SearchSpace, rows: &[&SearchRow]) -> Vec<WorstCaseFinding> {
             is_error: row.outcome.is_error,
             method: row.method.name(),
             fault,
+            flight: space.flight_in_words(study, row.line.seed, &row.line.point)?,
+            row: 1 + log.rows.iter().position(|own| std::ptr::eq(own, row)).unwrap_or_default(),
             margin: row.outcome.margin,
             action: row.outcome.action.clone(),
             wrong_shutdown: row.outcome.wrong_shutdown.clone(),
             line: row.line.to_string(),
         });
     }
-    findings
+    Ok(findings)
 }
 
 /// What is the same in all flights.
@@ -173,8 +193,9 @@ fn held_fixed(study: &Study, space: &SearchSpace) -> Vec<String> {
     let is_searched = |name: &str| space.environment().any(|(_, dimension)| dimension.name == name);
     let kept =
         inputs.filter(|(place, input)| *place != study.command_input && !is_searched(&input.id));
-    let kept: Vec<String> =
-        kept.map(|(_, input)| format!("{} {}", input.id, input.default)).collect();
+    let kept: Vec<String> = kept
+        .map(|(_, input)| format!("{} {}", input.id, shown(input.default, input.unit)))
+        .collect();
     if !kept.is_empty() {
         fixed.push(format!("inputs {}", kept.join(", ")));
     }

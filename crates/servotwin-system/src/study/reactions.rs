@@ -3,18 +3,16 @@
 //! ```toml
 //! [reactions]
 //! shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
-//! "change_mode/displacement_sensor" = { unit_parameters = { "position_selector.select" = 1 }, takes_out = ["ram"] }
+//! "change_mode/displacement_sensor" = { unit_parameters = { "position_selector.select" = 1 }, takes_out = ["x_p_1", "x_p_2"] }
 //! ```
 //!
 //! A reaction belongs to an action, or to an action for one fault class, which takes precedence. Keys with `unit_`
 //! refer to the faulty actuator.
 
 use super::faults::full_name;
-use super::keys::QUANTITY;
-use super::reader::{Noted, OF_A_CLASS, Reader};
+use super::reader::{Noted, OF_A_CLASS, OF_THE_STUDY, Reader};
 use crate::document::KeyPath;
-use crate::format::{Value, section};
-use servotwin_diagnosis::features::Quantity;
+use crate::format::section;
 use std::collections::BTreeMap;
 
 section! {
@@ -26,8 +24,8 @@ section! {
         may unit_inputs: BTreeMap<String, f64>, "values for inputs of the faulty channel";
         may unit_parameters: BTreeMap<String, f64>, "values for parameters of the faulty channel";
         may parameters: BTreeMap<String, f64>, "values for parameters of the system";
-        may takes_out: Vec<String> = Value::List(0, &QUANTITY),
-            "quantities whose sensors are ignored after the action";
+        may takes_out: Vec<String>,
+            "sensors that are ignored after the action: of these, those of the faulty channel and of none";
     }
 }
 
@@ -42,6 +40,13 @@ pub struct Reaction {
     pub parameters: Vec<(usize, usize, f64)>,
     /// Sensors to ignore afterwards, as indices into the study's list.
     pub takes_out: Vec<usize>,
+}
+
+impl Reaction {
+    /// Whether it sets inputs or parameters.
+    pub fn changes_mode(&self) -> bool {
+        !self.inputs.is_empty() || !self.parameters.is_empty()
+    }
 }
 
 /// The reactions of a study.
@@ -112,15 +117,37 @@ impl Text {
             reader.parameter(&at, (component, place), value)?;
             reaction.parameters.push((component, place, value));
         }
-        let (_, sensors) = reader.sensors()?;
-        for (n, word) in self.takes_out.iter().enumerate() {
+        let (measured, sensors) = reader.sensors()?;
+        let ids = || measured.iter().map(|&place| reader.system.sensors[place].id.as_str());
+        for (n, id) in self.takes_out.iter().enumerate() {
             let at = section.key("takes_out").element(n);
-            let known = || Quantity::ALL.iter().map(|(_, word)| *word);
-            let found = Quantity::ALL.iter().find(|(_, known)| known == word);
-            let (quantity, _) =
-                found.ok_or_else(|| reader.unknown(&at, "quantity", word, known()))?;
-            reaction.takes_out.extend(sensors.find(*quantity, unit));
+            let found = ids().position(|known| known == id);
+            let place = found.ok_or_else(|| reader.unknown(&at, OF_THE_STUDY, id, ids()))?;
+            if sensors.0[place].actuator.is_none_or(|own| own == unit) {
+                reaction.takes_out.push(place);
+            }
         }
         Ok(reaction)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::study::Study;
+
+    #[test]
+    fn a_reaction_takes_out_the_named_sensors_of_the_faulty_actuator() {
+        let study = Study::default();
+        let named = |unit: usize, class: &str| {
+            let reaction = study.reactions.of(unit, "change_mode", Some(class));
+            let name = |&sensor: &usize| study.sensors.0[sensor].name.clone();
+            reaction.takes_out.iter().map(name).collect::<Vec<_>>()
+        };
+        assert_eq!(named(0, "displacement_sensor"), ["x_p1"]);
+        assert_eq!(named(1, "cylinder_pressure_sensor"), ["p_A2", "p_B2"]);
+        let wrong = study.text.replace("[\"x_p_1\", \"x_p_2\"]", "[\"x_p_1\", \"ram\"]");
+        let error =
+            Study::parse(&wrong, "wrong.toml").err().expect("a quantity is no sensor").to_string();
+        assert!(error.contains("ram") && error.contains("sensor of the study"), "{error}");
     }
 }

@@ -34,6 +34,8 @@ pub(super) struct Reader<'a> {
 pub(super) const OF_A_CLASS: &str = "command, or command/detail, of a class";
 /// Describes sensors that a sensor may follow.
 pub(super) const OTHER_SENSOR: &str = "other sensor";
+/// Describes sensors that a reaction may take out.
+pub(super) const OF_THE_STUDY: &str = "sensor of the study";
 
 /// Stop computing suggestions after this many mistakes.
 const TOLD: usize = 100;
@@ -59,7 +61,9 @@ impl<'a> Reader<'a> {
             // Apart from the actuators' names, lookups in the system do not depend on the study.
             StudyMistake::Unknown { name, .. } if name.is_empty() => false,
             StudyMistake::Unknown { what: OF_A_CLASS, .. } => self.is_sound(&["classes"]),
-            StudyMistake::Unknown { what: OTHER_SENSOR, .. } => self.is_sound(&["sensors"]),
+            StudyMistake::Unknown { what: OTHER_SENSOR | OF_THE_STUDY, .. } => {
+                self.is_sound(&["sensors"])
+            }
             StudyMistake::Unknown { .. } => self.is_sound(&["units"]),
             _ => false,
         }

@@ -112,6 +112,19 @@ pub enum SystemError {
 }
 
 impl System {
+    /// The unit of an input or a parameter by its full name; none for other names.
+    pub fn unit_of(&self, name: &str) -> Unit {
+        let network = self.network();
+        let input = network.inputs.iter().find(|input| input.id == name).map(|input| input.unit);
+        let parameter = || {
+            let (id, own) = name.rsplit_once('.')?;
+            let part = network.components.iter().find(|part| part.id == id)?;
+            let spec = part.component.spec();
+            spec.parameter(own).map(|place| spec.parameters[place].unit)
+        };
+        input.or_else(parameter).unwrap_or(Unit::None)
+    }
+
     /// Parses a system; `path` appears only in messages.
     ///
     /// # Errors

@@ -209,7 +209,7 @@ fn studies_that_are_read_keep_to_the_schema_and_slips_do_not() {
         ("load = [0.4, 1.1]", "load = [0.4]"),
         ("windows_s = [0.5, 2]", "windows_s = []"),
         ("switches_off = true", "switch_off = true"),
-        ("takes_out = [\"ram\"]", "takes_out = [\"x_p\"]"),
+        ("takes_out = [\"x_p_1\", \"x_p_2\"]", "takes_out = \"x_p_1\""),
     ];
     for (from, to) in slips {
         let wrong = changed(paper, from, to);

@@ -77,7 +77,8 @@ pub struct KindLatency {
     pub least_intensity: f64,
     /// From the onset until the fault was visible.
     pub detection: MedianTime,
-    /// From the onset to the right action.
+    /// From the onset to the right action for the right actuator, where it was the first one and the fault was visible:
+    /// the flights that [`ClassMetrics::isolated`] counts.
     pub isolation: MedianTime,
 }
 
@@ -87,7 +88,10 @@ impl KindLatency {
             kind: kind.into(),
             least_intensity,
             detection: MedianTime::of(outcomes.iter().map(|outcome| outcome.seen_s)),
-            isolation: MedianTime::of(outcomes.iter().map(|outcome| outcome.isolated_s)),
+            isolation: MedianTime::of(outcomes.iter().map(|outcome| {
+                let is_isolated = outcome.is_isolated() && outcome.seen_s.is_some();
+                outcome.isolated_s.filter(|_| is_isolated)
+            })),
         }
     }
 }
@@ -176,6 +180,31 @@ impl FlightMetrics {
             count: sum.count + class.isolated.count,
             of: sum.of + class.isolated.of,
         })
+    }
+
+    /// Flights, of all with a fault, in which the right action for the right actuator came first. A fault that never
+    /// became visible counts as missed.
+    pub fn right_actions(&self) -> Rate {
+        let sum = |of: fn(&ClassMetrics) -> u64| self.of_all_intensities().map(of).sum();
+        Rate::new(sum(|class| class.isolated.count), sum(|class| class.flown))
+    }
+
+    /// Flights, of all with a fault that needs one of these shutdowns, in which it was not the first action.
+    pub fn missed_shutdowns(&self, shutdowns: &[String]) -> Rate {
+        let own = self.of_all_intensities().filter(|class| shutdowns.contains(&class.command));
+        let (missed, flown) = own.fold((0, 0), |(missed, flown), class| {
+            (missed + class.flown - class.isolated.count, flown + class.flown)
+        });
+        Rate::new(missed, flown)
+    }
+
+    /// The first entry of every action, which has all intensities.
+    fn of_all_intensities(&self) -> impl Iterator<Item = &ClassMetrics> {
+        let is_first = |place: usize, class: &ClassMetrics| {
+            self.classes[..place].iter().all(|other| other.command != class.command)
+        };
+        let classes = self.classes.iter().enumerate();
+        classes.filter(move |(place, class)| is_first(*place, class)).map(|(_, class)| class)
     }
 
     /// Names the training flights that began without a steady state; `None` if there are none.
@@ -567,6 +596,11 @@ impl FlightOutcome {
     fn waited_s(&self) -> Option<f64> {
         Some((self.isolated_s? - self.seen_s?).max(0.0))
     }
+
+    /// Whether the right command for the right actuator was raised first.
+    fn is_isolated(&self) -> bool {
+        self.first == Some((true, true))
+    }
 }
 
 struct Judged<'j> {
@@ -721,7 +755,7 @@ impl Judged<'_> {
             intensities: ends,
             flown: outcomes.len() as u64,
             visible: self::rate(&all, &|outcome| outcome.seen_s.is_some()),
-            isolated: rate(&|outcome| outcome.first == Some((true, true))),
+            isolated: rate(&|outcome| outcome.is_isolated()),
             other_command: rate(&|outcome| outcome.first == Some((true, false))),
             wrong_actuator: rate(&|outcome| outcome.first == Some((false, false))),
             wrong_shutdown: wrong_shutdowns(&outcomes),
@@ -873,6 +907,28 @@ mod tests {
         assert_eq!(seen, [(20, 15)]);
         // A window over all samples needs no second one.
         assert_eq!(OutOfBand::default().take(7, true, None), Some(7));
+    }
+
+    #[test]
+    fn a_late_correction_and_an_action_for_an_invisible_fault_are_no_isolation() {
+        let outcome = |seen_s: Option<f64>, first: Option<(bool, bool)>| FlightOutcome {
+            kind: "leak".into(),
+            cluster: 0,
+            kind_number: 0,
+            seen_s,
+            isolated_s: Some(2.0),
+            first,
+            is_wrong_shutdown: false,
+        };
+        let right = Some((true, true));
+        let outcomes = [
+            outcome(Some(1.0), right),
+            outcome(Some(1.0), Some((false, false))),
+            outcome(None, right),
+        ];
+        let kind = KindLatency::of("leak", 0.0, &outcomes);
+        assert_eq!((kind.isolation.events, kind.isolation.of), (1, 3));
+        assert_eq!(kind.detection.events, 2);
     }
 
     #[test]

@@ -55,6 +55,11 @@ pub fn text(bytes: &[u8], encoding: Encoding) -> Option<String> {
     }
 }
 
+/// Whether Windows-1252 has a character.
+pub fn is_latin(letter: char) -> bool {
+    (0..=u8::MAX).any(|byte| latin1(byte) == letter)
+}
+
 /// A character of Windows-1252; the five undefined bytes keep their own value.
 fn latin1(byte: u8) -> char {
     const HIGH: [char; 32] = [

@@ -3,7 +3,8 @@
 //! The kind of a column is inferred. It is text if any of its cells is quoted, otherwise the kind of its first nonempty
 //! cell. Whole numbers become floats if a later row needs it. The writer therefore quotes every text. It writes a float
 //! with a point or an exponent, in the shortest form that reads back to the same bits. CSV loses metadata, units, the
-//! difference between `u32` and `i64`, and the kinds of a table without rows.
+//! difference between `u32` and `i64`, and the kinds of a table without rows. A text that a spreadsheet would compute
+//! stands behind an apostrophe, which the reader takes away.
 //!
 //! The reader also accepts other dialects, and reports them in [`Origin::dialect`](super::Origin). These are semicolons
 //! or tabs between cells, with commas in numbers ([`dialect`]), UTF-16 and Latin-1 ([`encoding`]). Empty cells and
@@ -44,20 +45,31 @@ pub fn read(path: &Path) -> Result<Table, TableError> {
 
 /// Writes a CSV file atomically.
 pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
-    Ok(write_atomically(path, |out| write_to(out, table))?)
+    write_separated(path, table, b',')
+}
+
+/// Writes a CSV file atomically, with a separator of one byte between two cells.
+pub fn write_separated(path: &Path, table: &Table, separator: u8) -> Result<(), TableError> {
+    Ok(write_atomically(path, |out| write_cells(out, table, separator))?)
 }
 
 /// Writes a table as CSV text.
 pub fn write_to(out: &mut dyn Write, table: &Table) -> io::Result<()> {
+    write_cells(out, table, b',')
+}
+
+fn write_cells(out: &mut dyn Write, table: &Table, separator: u8) -> io::Result<()> {
+    let separator = [separator];
     for (place, name) in table.names().enumerate() {
-        out.write_all(if place == 0 { b"" } else { b"," })?;
-        let plain = name.chars().all(|letter| !matches!(letter, ',' | '"' | '\n' | '\r'));
-        if plain && name.trim() == name { write!(out, "{name}")? } else { write_quoted(out, name)? }
+        out.write_all(if place == 0 { b"" } else { &separator })?;
+        let marks = [',', ';', '\t', '"', '\n', '\r'];
+        let plain = !name.contains(marks) && name.trim() == name && !is_formula(name);
+        if plain { write!(out, "{name}")? } else { write_quoted(out, name)? }
     }
     out.write_all(b"\n")?;
     for row in 0..table.row_count() {
         for (place, column) in table.columns().iter().enumerate() {
-            out.write_all(if place == 0 { b"" } else { b"," })?;
+            out.write_all(if place == 0 { b"" } else { &separator })?;
             write_cell(out, &column.values, row)?;
         }
         out.write_all(b"\n")?;
@@ -77,7 +89,22 @@ fn write_cell(out: &mut dyn Write, values: &Values, row: usize) -> io::Result<()
 }
 
 fn write_quoted(out: &mut dyn Write, text: &str) -> io::Result<()> {
-    write!(out, "\"{}\"", text.replace('"', "\"\""))
+    let guard = if is_formula(text) { "'" } else { "" };
+    write!(out, "\"{guard}{}\"", text.replace('"', "\"\""))
+}
+
+/// Whether a spreadsheet would compute a text, or the writer has put apostrophes before such a text.
+fn is_formula(text: &str) -> bool {
+    let text = text.trim_start_matches('\'');
+    text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err()
+}
+
+/// A text without the apostrophe that [`write_quoted`] puts before a formula.
+fn unguarded(text: String) -> String {
+    match text.strip_prefix('\'') {
+        Some(rest) if is_formula(rest) => rest.to_owned(),
+        _ => text,
+    }
 }
 
 /// Reads CSV text.
@@ -143,7 +170,8 @@ fn attempt(mut reader: impl BufRead, encoding: Encoding, mut known: Known) -> Re
     if !records.advance()? {
         return Err(ContentError::Empty.into());
     }
-    let decoded = |bytes: &[u8], line| match encoding::text(bytes, encoding) {
+    let decode = |bytes: &[u8]| encoding::text(bytes, encoding).map(unguarded);
+    let decoded = |bytes: &[u8], line| match decode(bytes) {
         Some(text) if text.contains('\0') => Err(Stop::Content(ContentError::ZeroByte { line })),
         Some(text) => Ok(Some(text)),
         None => Ok(None),
@@ -166,8 +194,7 @@ fn attempt(mut reader: impl BufRead, encoding: Encoding, mut known: Known) -> Re
             return Err(ContentError::RaggedRow { line, found, expected: names.len() }.into());
         }
         for (place, (cell, quoted)) in records.cells().enumerate() {
-            let text = |bytes: &[u8]| encoding::text(bytes, encoding);
-            match columns[place].push(cell, quoted, &mut numbers, &text) {
+            match columns[place].push(cell, quoted, &mut numbers, &decode) {
                 Ok(()) => {}
                 Err(Refused::NoUtf8) => return Err(Stop::Again(Known { latin: true, ..known })),
                 Err(Refused::Contradiction(expected)) => {

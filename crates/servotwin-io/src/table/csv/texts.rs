@@ -4,7 +4,7 @@
 use super::dialect::Dialect;
 use super::encoding::{self, Encoding};
 use super::records::Records;
-use super::{ContentError, Stop, TableError, column_names};
+use super::{ContentError, Stop, TableError, column_names, unguarded};
 use crate::files::FileError;
 use std::io::BufRead;
 use std::path::Path;
@@ -16,6 +16,8 @@ pub struct Texts {
     pub columns: Vec<String>,
     /// The rows in the order of the file.
     pub rows: Vec<TextRow>,
+    /// The byte between two cells.
+    pub separator: u8,
 }
 
 /// A row of texts.
@@ -80,7 +82,7 @@ fn attempt(mut reader: impl BufRead, encoding: Encoding) -> Result<Texts, Stop> 
         }
         rows.push(TextRow { line, cells });
     }
-    Ok(Texts { columns, rows })
+    Ok(Texts { columns, rows, separator: dialect.separator })
 }
 
 /// The cells of the current record. Spaces around an unquoted cell do not count.
@@ -88,7 +90,7 @@ fn texts_of<R: BufRead>(records: &Records<R>, encoding: Encoding) -> Result<Vec<
     let line = records.line();
     let text = |(bytes, is_quoted): (&[u8], bool)| match encoding::text(bytes, encoding) {
         Some(text) if text.contains('\0') => Err(ContentError::ZeroByte { line }.into()),
-        Some(text) => Ok(if is_quoted { text } else { text.trim().to_owned() }),
+        Some(text) => Ok(unguarded(if is_quoted { text } else { text.trim().to_owned() })),
         None => Err(Stop::Again(super::Known::default())),
     };
     records.cells().map(text).collect()

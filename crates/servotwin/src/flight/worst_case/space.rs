@@ -1,6 +1,7 @@
 //! The space of a search: everything that varies between flights, as a list of numbers.
 
 use super::{SearchError, SearchObjective};
+use crate::shown::shown;
 use crate::signal::random::NormalDeviates;
 use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Setting, Study};
 
@@ -105,6 +106,10 @@ pub struct SearchSpace {
     begins: [usize; 3],
 }
 
+/// A tolerance of so many standard deviations is named in words, and the most that are.
+const LARGE: f64 = 2.0;
+const MAX_TOLERANCES: usize = 4;
+
 /// The places of the first dimensions.
 const FAULT: usize = 0;
 const ONSET: usize = 1;
@@ -182,6 +187,40 @@ impl SearchSpace {
         point.values.len() == self.dimensions.len()
             && self.dimensions.iter().zip(&point.values).all(is_inside)
             && point.number < super::MAX_POINTS
+    }
+
+    /// A flight in words: fault and onset, the command, the environment with its units, and the largest tolerances. `seed`
+    /// is that of the search.
+    ///
+    /// # Errors
+    /// The command cannot be flown, or the study has no flights.
+    pub fn flight_in_words(
+        &self,
+        study: &Study,
+        seed: u64,
+        point: &SearchPoint,
+    ) -> Result<String, SearchError> {
+        let flown = study.chosen_environments(&[self.chosen(seed, point)]).map_err(Box::new)?;
+        let flown = flown.and_then(|all| all.into_iter().next()).ok_or(SearchError::NoFlights)?;
+        let fault = match self.fault(point) {
+            Some(fault) => {
+                format!("{} from {:.2} s", study.faults[fault].id, self.onset_s(point))
+            }
+            None => "no fault".into(),
+        };
+        let mut parts = vec![fault, format!("command {}", flown.command)];
+        parts.extend(self.environment().map(|(place, dimension)| {
+            let [low, high] = dimension.range.unwrap_or_default();
+            let value = low + (high - low) * point.values[place];
+            format!("{} {}", dimension.name, shown(value, study.system.unit_of(&dimension.name)))
+        }));
+        let begins = self.begins[2];
+        let tolerances = self.dimensions[begins..].iter().zip(self.deviations(point));
+        let mut largest: Vec<_> = tolerances.filter(|(_, size)| size.abs() >= LARGE).collect();
+        largest.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        largest.truncate(MAX_TOLERANCES);
+        parts.extend(largest.into_iter().map(|(own, size)| format!("{} {size:+.1} σ", own.name)));
+        Ok(parts.join("; "))
     }
 
     /// The dimensions of the environment with their places: inputs and parameters.
