@@ -1,5 +1,6 @@
 //! The virtual twin that an export takes along.
 
+use servotwin::flight::runtime::place_of;
 use servotwin::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};
@@ -44,10 +45,7 @@ impl ExportedReaction {
     /// All reactions of a study to what a diagnoser raises.
     pub fn all(study: &Study, diagnoser: &Diagnoser) -> Vec<ExportedReaction> {
         let names = diagnoser.names();
-        let sensor = |&place: &usize| {
-            let label = &study.system.sensors[place].label;
-            diagnoser.sensors.iter().position(|sensor| sensor.name == *label)
-        };
+        let sensor = |&place: &usize| place_of(place, study, diagnoser);
         let mut all = Vec::new();
         for actuator in 0..names.actuators.len() {
             for (action, command) in names.actions.iter().enumerate() {

@@ -149,6 +149,6 @@ mod tests {
     fn a_twin_that_never_fails_gives_no_quotient() {
         assert_eq!(beside_twin(0.0, 0.0), "as with the twin");
         assert_eq!(beside_twin(1e-6, 0.0), "the twin's is 0");
-        assert_eq!(beside_twin(3e-6, 1.5e-6), "2 times the twin's");
+        assert_eq!(beside_twin(3e-6, 1.5e-6), "2.00 times the twin's");
     }
 }

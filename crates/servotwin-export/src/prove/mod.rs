@@ -12,7 +12,6 @@ mod single;
 mod twin;
 
 pub use library::Build;
-pub(crate) use samples::center;
 pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 
 use crate::error::ExportError;

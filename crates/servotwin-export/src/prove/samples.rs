@@ -3,6 +3,7 @@
 //! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading or
 //! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then values are missing, wild or frozen.
 
+use crate::tables::center;
 use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
 use servotwin_diagnosis::random::Random;
 
@@ -208,27 +209,4 @@ impl<'d> Samples<'d> {
         }
         self.broken = (left > 1).then_some((what, left - 1));
     }
-}
-
-/// Inputs that are plausible alone and together, as far as some are found.
-pub(crate) fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
-    let environment = &diagnoser.environment;
-    let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
-    let mut values = Vec::new();
-    for _ in 0..1000 {
-        let inside = |input: &servotwin_diagnosis::diagnoser::environment::InputRange,
-                      share: f64| {
-            input.least + share * (input.largest - input.least)
-        };
-        values = environment.inputs.iter().map(|i| inside(i, random.between(0.1, 0.9))).collect();
-        let holds = environment.differences.iter().all(|difference| {
-            let pair = place(&difference.of).zip(place(&difference.minus));
-            let of = pair.map_or(0.0, |(of, minus)| values[of] - values[minus]);
-            of > difference.least && of < difference.largest
-        });
-        if holds {
-            break;
-        }
-    }
-    values
 }

@@ -5,7 +5,6 @@
 use crate::error::ExportError;
 use crate::notation::{write_list, write_public};
 use crate::precision::Precision;
-use crate::prove::center;
 use crate::twin::ExportedTwin;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::random::Random;
@@ -124,4 +123,27 @@ pub(super) fn of_twin(twin: &ExportedTwin) -> String {
         slots.for_each(|slot| mixture.add(own.value(slot as Slot)));
     }
     literal(mixture.0)
+}
+
+/// Inputs that are plausible alone and together, as far as some are found.
+pub(crate) fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
+    let environment = &diagnoser.environment;
+    let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
+    let mut values = Vec::new();
+    for _ in 0..1000 {
+        let inside = |input: &servotwin_diagnosis::diagnoser::environment::InputRange,
+                      share: f64| {
+            input.least + share * (input.largest - input.least)
+        };
+        values = environment.inputs.iter().map(|i| inside(i, random.between(0.1, 0.9))).collect();
+        let holds = environment.differences.iter().all(|difference| {
+            let pair = place(&difference.of).zip(place(&difference.minus));
+            let of = pair.map_or(0.0, |(of, minus)| values[of] - values[minus]);
+            of > difference.least && of < difference.largest
+        });
+        if holds {
+            break;
+        }
+    }
+    values
 }

@@ -7,6 +7,8 @@ mod stage;
 mod system;
 pub(crate) mod twin;
 
+pub(crate) use known_answer::center;
+
 use crate::error::ExportError;
 use crate::notation::{sizes_text, write_list};
 use crate::precision::Precision;

@@ -101,6 +101,12 @@ pub fn slots<'n>(
     names.map(slot).collect()
 }
 
+/// The place of a sensor of the system among those of a diagnoser; `None` if the diagnosis does not use it.
+pub fn place_of(sensor: usize, study: &Study, diagnoser: &Diagnoser) -> Option<usize> {
+    let label = &study.system.sensors[sensor].label;
+    diagnoser.sensors.iter().position(|known| known.name == *label)
+}
+
 impl<'s> Runtime<'s> {
     /// Creates a twin of the study's system with parameter overrides (component, parameter, value), and a diagnosis,
     /// both before the first sample.
@@ -244,14 +250,12 @@ impl<'s> Runtime<'s> {
     /// parameters of the reaction. Its inputs come with the samples.
     ///
     /// # Errors
-    /// The reaction names an actuator or a sensor that the diagnoser does not have.
+    /// The actuator does not exist.
     pub fn follow(&mut self, unit: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
         if reaction.switches_off {
             self.session.switched_off(unit)?;
         }
-        for &sensor in &reaction.takes_out {
-            self.session.take_out(sensor, true)?;
-        }
+        reaction.takes_out.iter().try_for_each(|&sensor| self.take_out(sensor, true))?;
         let stands = (unit, reaction.clone());
         if !self.reactions.contains(&stands) {
             self.reactions.push(stands);
@@ -272,9 +276,16 @@ impl<'s> Runtime<'s> {
         self.reactions = stand;
         for sensor in undone.iter().flat_map(|(_, reaction)| &reaction.takes_out) {
             let is_out = self.reactions.iter().any(|(_, stands)| stands.takes_out.contains(sensor));
-            self.session.take_out(*sensor, is_out)?;
+            self.take_out(*sensor, is_out)?;
         }
         self.load();
+        Ok(())
+    }
+
+    fn take_out(&mut self, sensor: usize, is_out: bool) -> Result<(), RuntimeError> {
+        if let Some(place) = place_of(sensor, self.study, self.session.diagnoser()) {
+            self.session.take_out(place, is_out)?;
+        }
         Ok(())
     }
 

@@ -196,7 +196,7 @@ fn input(id: &str) -> usize {
 /// The study with a reaction that changes parameters, as a flight control computer may do it.
 fn with_parameters() -> &'static Study {
     static MADE: OnceLock<Study> = OnceLock::new();
-    let changed = r#"unit_inputs = { mode = 0 }, unit_parameters = { "controller.gain_per_m" = 100 }, takes_out = ["spool"]"#;
+    let changed = r#"unit_inputs = { mode = 0 }, unit_parameters = { "controller.gain_per_m" = 100 }, takes_out = ["x_v_1", "x_v_2"]"#;
     let text = study().text.replace("unit_inputs = { mode = 0 }", changed);
     MADE.get_or_init(|| Study::parse(&text, "tiny.toml").unwrap())
 }
