@@ -43,8 +43,10 @@ async function visit(browser) {
   await page.waitForSelector('body[data-action=""][data-finding="not judged"]');
   await page.waitForSelector('body[data-action=""][data-finding="healthy"]');
 
-  // A fault, by keyboard alone: Tab to the leak in the drawing, Enter, then the form.
-  await page.evaluate(() => document.querySelector('[data-component="actuator_1.leakage_a"]').focus());
+  // A fault, by keyboard alone: Tab to the drawing, an arrow to the leak, Enter, then the form.
+  assert.equal(await page.$$eval("svg .touch[tabindex='0']", (list) => list.length), 1, "the drawing is one stop");
+  await page.evaluate(() => document.querySelector('[data-component="actuator_1.mode_valve"]').focus());
+  await page.keyboard.press("ArrowRight");
   await page.keyboard.press("Enter");
   assert.equal(await page.evaluate(() => document.activeElement.id), "fault");
   assert.equal(await page.$eval("#fault", (list) => list.value), "actuator_1.leakage_a.leakage");
@@ -55,6 +57,10 @@ async function visit(browser) {
   const events = await page.evaluate(async () => (await fetch("events" + location.search)).json());
   const action = events.findLast((event) => event.kind === "action");
   assert.equal(action.command, "shut_down");
+  // The headline stays when the diagnosis has nothing new to say, and the chart shows the sensor that was farthest out.
+  await page.waitForSelector('body[data-finding="healthy"]');
+  assert.match(await page.$eval("#alarm", (one) => one.textContent), /^Actuator 1 shut down: /);
+  assert.match(await page.$eval("#choices input:checked", (box) => box.parentNode.textContent), /_[AB]1/);
   assert.ok(Math.abs(Number(latency) - action.after_s) < 0.02, `${latency} ${action.after_s}`);
   await page.screenshot({ path: `${out}/${name}-1280.png` });
   const bytes = await page.evaluate(async () => {

@@ -81,8 +81,8 @@ class InputError(Error, ValueError):
     """A value is not allowed."""
 
 
-class UnknownNameError(Error, ValueError):
-    """The system has no such name.
+class UnknownNameError(Error, ValueError, KeyError):
+    """The system, or the table, has no such name.
 
     Attributes
     ----------
@@ -93,6 +93,8 @@ class UnknownNameError(Error, ValueError):
     known : list of str
         All known names.
     """
+
+    __str__ = Exception.__str__  # KeyError shows its message in quotes
 
     given: str = ""
     nearest: Optional[str] = None

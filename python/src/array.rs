@@ -2,6 +2,7 @@
 
 use crate::errors::Failure;
 use crate::table;
+use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use servotwin::table::Values;
@@ -84,6 +85,68 @@ pub fn places(py: Python<'_>, values: Vec<i64>) -> PyResult<Bound<'_, PyAny>> {
     as_array(py, Numbers { owner: Owner::Places(values), shape })
 }
 
+/// A number of Python's, also if it is too large for any float.
+///
+/// # Errors
+/// It is no number, or too large.
+pub fn real(given: &Bound<'_, PyAny>) -> PyResult<f64> {
+    given.extract().map_err(|error| too_large(given, error))
+}
+
+/// The same of a number that may be None.
+pub fn real_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    if given.is_none() { Ok(None) } else { Ok(Some(real(given)?)) }
+}
+
+/// The same of several numbers.
+pub fn reals(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    given.extract().map_err(|error| too_large(given, error))
+}
+
+/// A whole number from 0, or None.
+///
+/// # Errors
+/// It is negative or too large, or no whole number.
+pub fn count_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<u64>> {
+    given.extract().map_err(|error| too_large(given, error))
+}
+
+/// As [`count_or_none`], for a number of threads.
+pub fn threads_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<usize>> {
+    Ok(count_or_none(given)?.map(|count| count as usize))
+}
+
+/// An overflow as an error of this package.
+fn too_large(given: &Bound<'_, PyAny>, error: PyErr) -> PyErr {
+    match error.is_instance_of::<PyOverflowError>(given.py()) {
+        true => Failure::value(error.value(given.py())).into(),
+        false => error,
+    }
+}
+
+/// What NumPy takes for an array, without a mask: a masked number is a missing one, NaN.
+fn unmasked<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = given.py().import("numpy")?;
+    let masks = numpy.getattr("ma")?;
+    if !masks.call_method1("isMaskedArray", (given,))?.extract::<bool>()? {
+        return numpy.call_method1("asarray", (given,));
+    }
+    if !masks.call_method1("is_masked", (given,))?.extract::<bool>()? {
+        return given.getattr("data");
+    }
+    match kind_of(given)?.as_str() {
+        "f" | "i" | "u" => {
+            given.call_method1("astype", ("float64",))?.call_method1("filled", (f64::NAN,))
+        }
+        _ => Err(Failure::value("only numbers can be masked").into()),
+    }
+}
+
+/// NumPy's letter for the kind of an array's elements.
+fn kind_of(array: &Bound<'_, PyAny>) -> PyResult<String> {
+    array.getattr("dtype")?.getattr("kind")?.extract()
+}
+
 /// The numbers of anything that NumPy takes for an array of numbers, row by row, and its shape.
 ///
 /// # Errors
@@ -123,7 +186,12 @@ fn interface<'py>(
     kind: &str,
 ) -> PyResult<(Bound<'py, PyAny>, usize, Vec<usize>)> {
     let numpy = values.py().import("numpy")?;
-    let array = numpy.call_method1("ascontiguousarray", (values, kind))?;
+    let given = unmasked(values)?;
+    if kind_of(&given)? == "c" {
+        return Err(Failure::value("complex numbers are no real ones").into());
+    }
+    let array = numpy.call_method1("ascontiguousarray", (&given, kind));
+    let array = array.map_err(|error| too_large(values, error))?;
     let interface = array.getattr("__array_interface__")?;
     let (address, _): (usize, bool) = interface.get_item("data")?.extract()?;
     let shape = array.getattr("shape")?.extract()?;
@@ -135,26 +203,40 @@ fn interface<'py>(
 /// # Errors
 /// It has more than one dimension, or holds neither numbers nor truth values nor texts.
 pub fn values(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Values> {
-    let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
+    let array = unmasked(given)?;
     let dimensions: usize = array.getattr("ndim")?.extract()?;
     if dimensions != 1 {
         let text = format!("column '{name}' has {dimensions} dimensions, but must have one");
         return Err(Failure::value(text).into());
     }
-    let dtype = array.getattr("dtype")?;
-    let kind: String = dtype.getattr("kind")?.extract()?;
-    let size: usize = dtype.getattr("itemsize")?.extract()?;
-    Ok(match (kind.as_str(), size) {
-        ("f", _) => Values::Float(numbers(&array)?.0),
+    let size: usize = array.getattr("itemsize")?.extract()?;
+    let wrong = |problem: &str| Failure::value(format!("column '{name}' {problem}"));
+    Ok(match (kind_of(&array)?.as_str(), size) {
+        ("f", _) => {
+            let values = numbers(&array)?.0;
+            let isinf = given.py().import("numpy")?.call_method1("isinf", (&array,))?;
+            let infinite: usize = isinf.call_method0("sum")?.extract()?;
+            if values.iter().filter(|value| value.is_infinite()).count() != infinite {
+                return Err(wrong("has numbers beyond those of 64 bits").into());
+            }
+            Values::Float(values)
+        }
         ("u", 1..=4) => {
             let values = whole_numbers(&array)?;
             Values::Unsigned(values.into_iter().map(|value| value as u32).collect())
         }
+        ("u", _) if whole_numbers(&array)?.iter().any(|value| *value < 0) => {
+            return Err(wrong("has whole numbers that do not fit in 63 bits").into());
+        }
         ("i" | "u", _) => Values::Integer(whole_numbers(&array)?),
         ("b", _) => Values::Flag(array.call_method0("tolist")?.extract()?),
-        _ => Values::Text(array.call_method0("tolist")?.extract().map_err(|_| {
-            Failure::value(format!("column '{name}' holds neither numbers nor texts only"))
-        })?),
+        ("M" | "m", _) => {
+            return Err(wrong("holds dates or durations, but must hold numbers, such as s").into());
+        }
+        _ => Values::Text(
+            (array.call_method0("tolist")?.extract())
+                .map_err(|_| wrong("holds neither numbers nor texts only"))?,
+        ),
     })
 }
 

@@ -122,7 +122,7 @@ impl Diagnoser {
     /// Diagnoser
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
-        let diagnoser = serde_json::from_str(text).map_err(Failure::value)?;
+        let diagnoser = model_file::parse("the text".as_ref(), text).map_err(Failure::value)?;
         Ok(Self::fresh(diagnoser)?)
     }
 
@@ -147,9 +147,9 @@ impl Diagnoser {
     ///     If a sequence has another length.
     fn push(
         &mut self,
-        inputs: Vec<f64>,
-        measured: Vec<f64>,
-        expected: Vec<f64>,
+        #[pyo3(from_py_with = array::reals)] inputs: Vec<f64>,
+        #[pyo3(from_py_with = array::reals)] measured: Vec<f64>,
+        #[pyo3(from_py_with = array::reals)] expected: Vec<f64>,
     ) -> PyResult<Outcome> {
         let pushed = self.session.try_push(&inputs, &measured, &expected).map(drop);
         pushed.map_err(Failure::from)?;
@@ -216,7 +216,7 @@ impl Diagnoser {
         Ok(table.into())
     }
 
-    /// The sensors, in the order of `measured` and `expected`.
+    /// The sensors, in the order of `measured` and `expected`: names that `Twin` and `simulate` take as `record`.
     #[getter]
     fn sensors(&self) -> Vec<String> {
         self.session.diagnoser().sensors.iter().map(|sensor| sensor.name.clone()).collect()

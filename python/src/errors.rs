@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use servotwin::document::Diagnostic;
 use servotwin::files::FileError;
-use servotwin::nearest::UnknownName;
+use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
@@ -68,6 +68,14 @@ impl Failure {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let text = format!("{name} is {value}{unit}, but must be within {least} … {largest}{unit}");
         Self::value(text).within((least, largest))
+    }
+
+    /// A column that a table does not have.
+    pub fn no_column(given: &str, known: Vec<String>) -> Self {
+        let near = nearest(given, known.iter().map(String::as_str)).map(str::to_owned);
+        let hint =
+            near.as_ref().map_or_else(String::new, |name| format!("; did you mean '{name}'?"));
+        unknown(format!("the table has no column '{given}'{hint}"), given.into(), near, known)
     }
 
     /// The same error with what is allowed.

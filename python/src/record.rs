@@ -109,7 +109,7 @@ pub fn fit_record(
     py: Python<'_>,
     study: &Study,
     log: &Table,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<Fitted> {
     let (study, log) = (&*study.inner, &*log.inner);
     let (parameters, fitted) = long(py, None, |watch| -> Result<_, Failure> {

@@ -143,7 +143,7 @@ pub fn run_study(
     out: PathBuf,
     fitted: bool,
     replace: bool,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Results> {
     let result = long(py, progress.as_ref(), |watch| -> Result<_, JobError> {

@@ -64,7 +64,7 @@ pub fn resolve(
 
 fn numbers(given: Mapping) -> PyResult<Vec<(String, f64)>> {
     let pairs = given.into_iter().flatten();
-    pairs.map(|(id, value)| Ok((id.extract()?, value.extract()?))).collect()
+    pairs.map(|(id, value)| Ok((id.extract()?, array::real(&value)?))).collect()
 }
 
 fn variant(inputs: Mapping, faults: Mapping, parameters: Mapping) -> PyResult<VariantSpec> {
@@ -167,6 +167,8 @@ fn run(
 ///     The allowed error of a step, in parts of a state's scale.
 /// step_s : float, optional
 ///     A fixed step instead of error control, s; "rk4" needs one.
+/// noise : int, optional
+///     Record sensors as they read, with their declared noise and resolution; a seed from 0.
 ///
 /// Returns
 /// -------
@@ -190,7 +192,8 @@ fn run(
 #[pyfunction]
 #[pyo3(signature = (
     system, *, inputs = None, faults = None, parameters = None, duration_s = 5.0,
-    sample_period_s = 0.01, record = None, method = "rodas4p2", tolerance = None, step_s = None
+    sample_period_s = 0.01, record = None, method = "rodas4p2", tolerance = None, step_s = None,
+    noise = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
 pub fn simulate(
@@ -199,19 +202,23 @@ pub fn simulate(
     inputs: Option<&Bound<'_, PyDict>>,
     faults: Option<&Bound<'_, PyDict>>,
     parameters: Option<&Bound<'_, PyDict>>,
-    duration_s: f64,
-    sample_period_s: f64,
+    #[pyo3(from_py_with = array::real)] duration_s: f64,
+    #[pyo3(from_py_with = array::real)] sample_period_s: f64,
     record: Option<Vec<String>>,
     method: &str,
-    tolerance: Option<f64>,
-    step_s: Option<f64>,
+    #[pyo3(from_py_with = array::real_or_none)] tolerance: Option<f64>,
+    #[pyo3(from_py_with = array::real_or_none)] step_s: Option<f64>,
+    #[pyo3(from_py_with = array::count_or_none)] noise: Option<u64>,
 ) -> PyResult<Table> {
-    let simulation = Simulation::new(&system.inner)
+    let mut simulation = Simulation::new(&system.inner)
         .threads(1)
         .duration_s(duration_s)
         .sample_period_s(sample_period_s)
         .record(record.unwrap_or_default())
         .variant(variant(inputs, faults, parameters)?);
+    if let Some(seed) = noise {
+        simulation = simulation.noise(seed);
+    }
     let simulation = Steps { method, tolerance, step_s }.apply(simulation)?;
     let prepared = simulation.prepare(None).map_err(Failure::from)?;
     let mut tables = run(py, &system.inner, &prepared, None)?;
@@ -257,13 +264,13 @@ pub fn simulate_many(
     py: Python<'_>,
     system: &System,
     variants: Vec<Bound<'_, PyDict>>,
-    duration_s: f64,
-    sample_period_s: f64,
+    #[pyo3(from_py_with = array::real)] duration_s: f64,
+    #[pyo3(from_py_with = array::real)] sample_period_s: f64,
     record: Option<Vec<String>>,
     method: &str,
-    tolerance: Option<f64>,
-    step_s: Option<f64>,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = array::real_or_none)] tolerance: Option<f64>,
+    #[pyo3(from_py_with = array::real_or_none)] step_s: Option<f64>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Table>> {
     let variants = variants.iter().map(variant_of).collect::<PyResult<Vec<_>>>()?;

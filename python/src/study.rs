@@ -178,7 +178,7 @@ impl Study {
         out: PathBuf,
         fitted: bool,
         replace: bool,
-        threads: Option<usize>,
+        #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         // The bar of progress is Python's.
@@ -284,7 +284,7 @@ pub fn run_campaign(
     study: &Study,
     out: PathBuf,
     settings: Option<Vec<String>>,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     part: Option<&str>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Done>> {
@@ -363,7 +363,7 @@ pub fn run_calibration(
     study: &Study,
     out: PathBuf,
     training: bool,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<()> {
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(), Failure> {
@@ -384,7 +384,7 @@ pub fn run_task(
     settings: Vec<String>,
     training: bool,
     shards: Vec<usize>,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<(usize, usize)> {
     let (settings, folder) = (chosen(Some(settings))?, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(usize, usize), Failure> {
@@ -466,7 +466,7 @@ pub fn make_features(
 pub fn train_folder(
     py: Python<'_>,
     out: PathBuf,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<(String, PathBuf)>> {
     let folder = Folder::new(out);
@@ -490,7 +490,7 @@ pub fn train_folder(
 pub fn evaluate_folder(
     py: Python<'_>,
     out: PathBuf,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let folder = Folder::new(out);

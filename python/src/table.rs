@@ -2,9 +2,8 @@
 
 use crate::errors::Failure;
 use crate::{array, arrow};
-use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::{PyCapsule, PyDict, PyList};
+use pyo3::types::{PyCapsule, PyDict, PyList, PyTuple};
 use servotwin::recording::{self, Recorded};
 use servotwin::table::{self as tables, Column, ColumnKind, Values};
 use std::collections::BTreeMap;
@@ -27,7 +26,7 @@ pub struct Drawing {
 /// Parameters
 /// ----------
 /// columns : mapping
-///     Arrays by name, such as a dict or a data frame.
+///     Arrays by name, such as a dict or a data frame of pandas, Polars or pyarrow. A masked number becomes NaN.
 /// units : dict of str, optional
 ///     The units of the columns.
 /// metadata : dict of str, optional
@@ -45,9 +44,24 @@ impl Table {
         Table { inner: Arc::new(table), drawing: drawing.map(Arc::new) }
     }
 
-    fn place(&self, name: &str) -> PyResult<usize> {
-        self.inner.place(name).ok_or_else(|| PyKeyError::new_err(name.to_owned()))
+    fn place(&self, name: &str) -> Result<usize, Failure> {
+        let known = || self.inner.names().map(str::to_owned).collect();
+        let unknown = || Failure::no_column(name, known());
+        self.inner.place(name).ok_or_else(unknown)
     }
+}
+
+/// The names of the columns of a mapping, or of a frame of Polars or pyarrow.
+fn names_of<'py>(columns: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    if let Some(keys) = columns.getattr_opt("keys")? {
+        return keys.call0();
+    }
+    for names in ["column_names", "columns"] {
+        if let Some(names) = columns.getattr_opt(names)? {
+            return Ok(names);
+        }
+    }
+    Err(Failure::value("a table is made of arrays by name, such as a dict or a data frame").into())
 }
 
 /// A column as it is pickled: name, unit and description, kind, values.
@@ -65,7 +79,7 @@ impl Table {
         let units = units.unwrap_or_default();
         let mut table = tables::Table::new();
         table.metadata = metadata.unwrap_or_default();
-        for name in columns.call_method0("keys")?.try_iter()? {
+        for name in names_of(columns)?.try_iter()? {
             let name: String = name?.extract()?;
             let values = array::values(&name, &columns.get_item(&name)?)?;
             let unit = units.get(&name).cloned().unwrap_or_default();
@@ -150,6 +164,17 @@ impl Table {
     /// A column as a NumPy array that shares the table's memory.
     fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         array::column(py, &self.inner, self.place(name)?)
+    }
+
+    /// A table is no single array: without this, NumPy and pandas would take it for the list of its names.
+    #[pyo3(signature = (*_arguments, **_options))]
+    fn __array__(
+        &self,
+        _arguments: &Bound<'_, PyTuple>,
+        _options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        let text = "a table is no array: table[name] is one, and table.to_pandas() is a data frame";
+        Err(Failure::value(text).into())
     }
 
     #[pyo3(signature = (requested_schema = None))]

@@ -74,10 +74,10 @@ impl Twin {
             for (id, value) in named {
                 let id: String = id.extract()?;
                 let place = self.system().find_input(&id).map_err(Failure::from)?;
-                self.knots[place].value = value.extract()?;
+                self.knots[place].value = array::real(&value)?;
             }
         } else {
-            let values: Vec<f64> = inputs.extract()?;
+            let values = array::reals(inputs)?;
             self.take_values(&values)?;
         }
         Ok(self.check()?)
@@ -150,14 +150,14 @@ impl Twin {
     #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn new(
         system: &System,
-        sample_period_s: f64,
+        #[pyo3(from_py_with = array::real)] sample_period_s: f64,
         record: Option<Vec<String>>,
         between: Option<BTreeMap<String, String>>,
         faults: Option<&Bound<'_, PyDict>>,
         parameters: Option<&Bound<'_, PyDict>>,
         method: &str,
-        tolerance: Option<f64>,
-        step_s: Option<f64>,
+        #[pyo3(from_py_with = array::real_or_none)] tolerance: Option<f64>,
+        #[pyo3(from_py_with = array::real_or_none)] step_s: Option<f64>,
     ) -> PyResult<Self> {
         let inner = &system.inner;
         let period_s = sample_period_s;

@@ -9,12 +9,10 @@ def flight(diagnoser, fault=None, samples=300):
     """Inputs, what the plant's sensors show and what its twin expects."""
     system = servotwin.System()
     period = diagnoser.sample_period_s
-    labels = dict(zip(system.sensors["label"], system.sensors["id"]))
-    record = [labels[name] for name in diagnoser.sensors]
     command = 0.05 * np.sin(2 * np.pi * 0.5 * period * np.arange(samples))
     inputs = np.tile(system.inputs["default"], (samples, 1))
     inputs[:, list(system.inputs["id"]).index("command")] = command
-    options = {"record": record, "sample_period_s": period, "between": {"command": "cubic"}}
+    options = {"record": diagnoser.sensors, "sample_period_s": period, "between": {"command": "cubic"}}
     tables = [
         servotwin.Twin(system, faults=faults, **options).run(inputs) for faults in (fault, None)
     ]

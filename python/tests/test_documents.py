@@ -50,8 +50,24 @@ def test_the_lines_of_python_run(root, file, tmp_path, monkeypatch, capsys):
     assert blocks
     known = {}
     for block in blocks:
-        if "Results(" in block or "study.run" in block or "Client" in block:
+        if "study.run" in block or "flights(" in block or "Client" in block:
             compile(block, file, "exec")
             continue
         exec(block, known)
     assert known["leak"].units["p_a_1_pa"] == "Pa"
+
+
+def test_the_lines_about_a_log_run_beside_a_diagnoser(root, learned, monkeypatch, capsys):
+    text = (root / "python/README.md").read_text(encoding="utf-8")
+    block = text.split("## A log\n\n```python\n")[1].split("```")[0]
+    monkeypatch.chdir(learned.parent.parent)
+    study = servotwin.Study("tiny.toml")
+    servotwin.simulate(
+        study.system,
+        inputs={"command": "noise:rms=5deg,bandwidth=1Hz,seed=7"},
+        sample_period_s=servotwin.Diagnoser(learned).sample_period_s,
+        noise=1,
+    ).write("log.csv")
+    block = block.replace("Study()", 'Study("tiny.toml")').replace("realistic", "noise")
+    exec(re.sub("servotwin.flights.*", "", block), {"servotwin": servotwin})
+    assert "healthy" in capsys.readouterr().out

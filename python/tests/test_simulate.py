@@ -128,8 +128,6 @@ def test_a_run_that_fails_says_when_and_where(system):
 
 def test_other_threads_go_on_during_a_long_run_and_ctrl_c_ends_it(system):
     main = threading.main_thread().ident
-    # A shell starts what it leaves in the background with interrupts ignored.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     counted = []
 
     def count_and_press():
@@ -178,3 +176,15 @@ def test_threads_simulate_at_the_same_time(system):
         thread.join()
     for k in range(5):
         assert results[k] == servotwin.simulate(system, faults={FAULT: k / 4}, duration_s=0.1)
+
+
+def test_sensors_read_with_their_noise_from_a_seed(system):
+    runs = [servotwin.simulate(system, duration_s=0.5, noise=seed) for seed in (None, 1, 1, 2)]
+    quiet, one, again, other = [run["p_a_1_pa"] for run in runs]
+    assert np.ptp(quiet) < np.ptp(one)
+    assert np.array_equal(one, again) and not np.array_equal(one, other)
+
+
+def test_a_sensor_has_one_name_for_all(system):
+    for name in ("p_a_1", "p_a_1_pa", "p_A1"):
+        assert servotwin.Twin(system, record=[name]).record == ["p_a_1_pa"]

@@ -119,6 +119,64 @@ def test_tables_can_be_pickled():
     assert pickle.loads(pickle.dumps(empty)) == empty
 
 
+def test_a_masked_number_is_missing_and_nothing_else_can_be_masked():
+    mask = [False, True, False]
+    for values in ([1.0, 2.0, 3.0], [1, 999_999, 3], np.array([1, 2, 3], "u2")):
+        column = servotwin.Table({"x": np.ma.MaskedArray(values, mask=mask)})["x"]
+        assert column.tolist()[::2] == [1.0, 3.0] and np.isnan(column[1])
+    whole = servotwin.Table({"x": np.ma.MaskedArray([1, 2], mask=[False, False])})["x"]
+    assert whole.dtype == np.int64
+    for values in (["a", "b", "c"], [True, False, True]):
+        with pytest.raises(servotwin.InputError, match="only numbers can be masked"):
+            servotwin.Table({"x": np.ma.MaskedArray(values, mask=mask)})
+
+
+def test_a_number_that_does_not_fit_is_refused():
+    largest = servotwin.Table({"x": np.array([2**63 - 1, 1], "u8")})["x"]
+    assert largest.tolist() == [2**63 - 1, 1]
+    wrong = [np.array([1, 2**64 - 1], "u8"), [2**63], [2**70], [10**400], np.array([1 + 2j])]
+    if np.finfo(np.longdouble).max > np.finfo(np.float64).max:
+        wrong.append(np.array([1.0, np.longdouble("1e400")]))
+    for values in wrong:
+        with pytest.raises(servotwin.InputError):
+            servotwin.Table({"x": values})
+    for dates in (np.array(["2026-11-21"], "M8[ms]"), np.array([10], "m8[ms]")):
+        with pytest.raises(servotwin.InputError, match="dates or durations"):
+            servotwin.Table({"time_s": dates})
+
+
+def test_every_data_frame_becomes_a_table_and_no_table_becomes_its_names():
+    import pandas
+    import polars
+    import pyarrow as pa
+
+    columns = {"x": [1.5, 2.5], "n": [1, 2], "t": ["a", "b"]}
+    plain = servotwin.Table(columns)
+    for frame in (pandas.DataFrame(columns), polars.DataFrame(columns), pa.table(columns), plain):
+        table = servotwin.Table(frame)
+        assert table.columns == ["x", "n", "t"]
+        assert [table[name].tolist() for name in table] == list(columns.values())
+    assert dict(plain)["n"].tolist() == [1, 2]
+    for wrong in (pandas.DataFrame, np.asarray):
+        with pytest.raises(servotwin.InputError, match="to_pandas"):
+            wrong(plain)
+    with pytest.raises(servotwin.InputError, match="made of arrays by name"):
+        servotwin.Table(3.0)
+
+
+def test_every_error_is_of_the_package(system):
+    with pytest.raises(servotwin.UnknownNameError, match="did you mean 'float'") as raised:
+        mixed()["flot"]
+    assert isinstance(raised.value, KeyError) and str(raised.value).startswith("the table has")
+    for options in ({"duration_s": 10**400}, {"noise": -1}, {"faults": {"a": 10**400}}):
+        with pytest.raises(servotwin.Error):
+            servotwin.simulate(system, **options)
+    with pytest.raises(servotwin.Error):
+        servotwin.simulate_many(system, [{}], threads=-1)
+    with pytest.raises(servotwin.Error):
+        servotwin.Twin(system).step({"command": 10**400})
+
+
 def test_columns_that_do_not_fit_are_refused():
     with pytest.raises(servotwin.InputError):
         servotwin.Table({"a": [1.0, 2.0], "b": [1.0]})

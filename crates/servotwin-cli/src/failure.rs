@@ -338,6 +338,7 @@ fn of_file(error: &FileError) -> u8 {
         FileError::MissingFolder { .. }
         | FileError::DiskFull { .. }
         | FileError::ReadOnly { .. }
+        | FileError::SizeLimit { .. }
         | FileError::System { .. } => 1,
         _ => 3,
     }

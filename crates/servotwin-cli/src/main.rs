@@ -202,6 +202,7 @@ impl Command {
 
 fn main() -> ExitCode {
     stop::listen();
+    report_full_files();
     let cli = Cli::parse();
     cli.global.compile.set(cli.global.quiet);
     let paths = cli.command.paths();
@@ -225,6 +226,16 @@ fn main() -> ExitCode {
             let _ = writeln!(out::stderr(), "{failure}");
             ExitCode::from(failure.exit_code())
         }
+    }
+}
+
+/// Lets a write beyond the limit on the size of files (`ulimit -f`) fail as on a full disk, instead of ending the
+/// program by a signal.
+fn report_full_files() {
+    // SAFETY: no handler is installed; the signal is ignored before any thread starts.
+    #[cfg(unix)]
+    unsafe {
+        libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
     }
 }
 

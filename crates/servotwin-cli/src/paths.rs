@@ -6,7 +6,7 @@
 
 use crate::failure::{Failure, Named};
 use servotwin::figure::{FigureError, PngError};
-use servotwin::files::check_writable;
+use servotwin::files::{check_writable, resolve_links};
 use servotwin::leftovers::remove_abandoned_files;
 use servotwin::study::Study;
 use servotwin::table;
@@ -101,7 +101,7 @@ impl Paths {
     pub fn remove_leftovers(&self) {
         let beside = self.writes.iter().filter_map(|(written, _)| {
             // For a link, the file that it points to is replaced.
-            let target = fs::canonicalize(&written.path).unwrap_or_else(|_| written.path.clone());
+            let target = resolve_links(&written.path);
             let folder = target.parent()?.to_path_buf();
             Some(if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder })
         });
@@ -159,9 +159,7 @@ fn leads(one: &Path, other: &Path) -> bool {
 
 /// Resolves the links of a path. If the file does not exist yet, those of its folder are resolved.
 fn resolved(path: &Path) -> Option<PathBuf> {
-    if let Ok(found) = fs::canonicalize(path) {
-        return Some(found);
-    }
+    let path = resolve_links(path);
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = fs::canonicalize(folder.unwrap_or(Path::new("."))).ok()?;
     Some(folder.join(path.file_name()?))

@@ -3,6 +3,7 @@
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
 use servotwin_io::files::create_folder;
+use servotwin_io::leftovers::temporary_folder;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -41,7 +42,7 @@ impl Workplace {
         let workplace = match kept {
             Some(path) => Workplace { path: path.into(), _temporary: None },
             None => {
-                let folder = tempfile::tempdir()
+                let folder = temporary_folder()
                     .map_err(|cause| ExportError::from_io(&std::env::temp_dir(), cause))?;
                 Workplace { path: folder.path().into(), _temporary: Some(folder) }
             }

@@ -174,8 +174,10 @@ pub struct Diagnostic {
     pub column: usize,
     /// The number of marked characters, at least 1.
     pub width: usize,
-    /// The line's text.
+    /// The line's text, or the surroundings of the mistake in a long line.
     pub source: String,
+    /// The number of characters of the line before `source`.
+    pub skipped: usize,
     /// The mistake, in one line.
     pub message: String,
     /// The advice, in one line.
@@ -194,13 +196,17 @@ impl Diagnostic {
         let begin = before.checked_sub(1).map_or(0, |last| breaks[last] + 1);
         let end = breaks.get(before).copied().unwrap_or(text.len());
         let stop = floor(text, span.end).clamp(start, end);
+        let column = 1 + text[begin..start].chars().count();
+        let skipped = if column - 1 > MAX_EXCERPT - 20 { column - 21 } else { 0 };
+        let line = text[begin..end].trim_end().chars();
         Self {
             line: 1 + before,
-            column: 1 + text[begin..start].chars().count(),
+            column,
             width: text[start..stop].chars().count().max(1),
-            source: text[begin..end].trim_end().to_owned(),
-            message: mistake.to_string(),
-            help: mistake.help(),
+            source: line.skip(skipped).take(MAX_EXCERPT).collect(),
+            skipped,
+            message: clip(mistake.to_string()),
+            help: mistake.help().map(clip),
             range: mistake.range(),
             allowed: mistake.allowed(),
         }
@@ -213,25 +219,31 @@ fn floor(text: &str, byte: usize) -> usize {
     (0..=byte).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
 
-/// Maximum length of a source line in a message, in characters.
-const SHOWN: usize = 100;
+/// The most characters of a source line in a message.
+const MAX_EXCERPT: usize = 100;
+/// The most characters of a message or of advice. A name in the file may be as long as the file.
+const MAX_MESSAGE: usize = 2000;
+
+fn clip(text: String) -> String {
+    match text.char_indices().nth(MAX_MESSAGE) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text,
+    }
+}
 
 impl Diagnostic {
     /// Writes the message with its source line.
     fn write(&self, out: &mut fmt::Formatter<'_>, path: &str) -> fmt::Result {
-        let Self { line, column, message, .. } = self;
+        let Self { line, column, message, source, skipped, .. } = self;
         writeln!(out, "{path}:{line}:{column}: {message}")?;
         let number = line.to_string();
         let margin = " ".repeat(number.len() + 1);
-        // For a very long line, show the surroundings of the mistake.
-        let skipped = if column - 1 > SHOWN - 20 { column - 21 } else { 0 };
-        let shown: String = self.source.chars().skip(skipped).take(SHOWN).collect();
         // Keep tabs, so that the caret stands below its character.
-        let before = shown.chars().take(column - 1 - skipped);
+        let before = source.chars().take(column - 1 - skipped);
         let indent: String = before.map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
-        let room = (SHOWN + skipped + 1).saturating_sub(*column).max(1);
+        let room = (MAX_EXCERPT + skipped + 1).saturating_sub(*column).max(1);
         writeln!(out, "{margin}|")?;
-        writeln!(out, "{number} | {shown}")?;
+        writeln!(out, "{number} | {source}")?;
         writeln!(out, "{margin}| {indent}{}", "^".repeat(self.width.min(room)))?;
         match &self.help {
             Some(help) => writeln!(out, "{margin}= {help}"),
@@ -261,7 +273,10 @@ pub fn write_mistakes(
     write!(out, ", of which the first {MAX_SHOWN} are shown")
 }
 
-/// The mistakes found so far.
+/// A collector takes no more mistakes than this: a damaged file may have one at every byte.
+const MAX_FOUND: usize = 100;
+
+/// The first mistakes found.
 #[derive(Clone, Debug)]
 pub struct Collector<M> {
     found: Vec<(TextSpan, M)>,
@@ -277,6 +292,9 @@ impl<M: PartialEq> Collector<M> {
 
     /// Adds a mistake; the same one at the same place only once.
     pub fn note(&mut self, span: &TextSpan, mistake: impl Into<M>) {
+        if self.found.len() == MAX_FOUND {
+            return;
+        }
         let mistake = mistake.into();
         let here = self.at.entry((span.start, span.end)).or_default();
         if here.iter().all(|&known| self.found[known].1 != mistake) {
@@ -320,6 +338,19 @@ impl<M: PartialEq> Default for Collector<M> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Parses a text as far as it is TOML, and notes where it is not.
+pub fn parse<'t, M>(text: &'t str, mistakes: &mut Collector<M>) -> Spanned<DeTable<'t>>
+where
+    M: PartialEq + From<TomlMistake>,
+{
+    let (root, errors) = DeTable::parse_recoverable(text);
+    for error in errors.iter().take(MAX_FOUND) {
+        let message = error.message().trim().replace('\n', ", ");
+        mistakes.note(&error.span().unwrap_or(0..0), TomlMistake::Syntax { message });
+    }
+    root
 }
 
 /// A key with its value.

@@ -5,6 +5,7 @@
 //! If it is dropped without a commit, on an error or during a panic, it removes the temporary file.
 //!
 //! A target that is no regular file (`/dev/stdout`, a pipe) cannot be replaced by renaming, so it is written directly.
+//! A file that is mounted by itself, as in a container, is overwritten when the new content is complete.
 
 use crate::leftovers::{is_being_written, own_prefix};
 use std::fs::{self, File, OpenOptions};
@@ -49,6 +50,15 @@ pub enum FileError {
     /// The content changed since it was written: by damage or by hand.
     #[error("{path}: damaged, or changed since: {remedy}")]
     Altered { path: PathBuf, remedy: String },
+    /// The operating system limits the size of files.
+    #[error("{path}: the file would exceed the limit of size for this process (ulimit -f)")]
+    SizeLimit { path: PathBuf },
+    /// The path names a device where a file is needed.
+    #[error("{path}: this is a device, a file is needed")]
+    Device { path: PathBuf },
+    /// The file is longer than such a file can be.
+    #[error("{path}: longer than {} MiB, the limit for such a file", limit >> 20)]
+    TooLong { path: PathBuf, limit: u64 },
     /// Any other failure reported by the operating system.
     #[error("{path}: {source}")]
     System { path: PathBuf, source: io::Error },
@@ -66,6 +76,7 @@ impl FileError {
             Kind::PermissionDenied => FileError::Denied { path },
             Kind::ReadOnlyFilesystem => FileError::ReadOnly { path },
             Kind::StorageFull | Kind::QuotaExceeded => FileError::DiskFull { path },
+            Kind::FileTooLarge => FileError::SizeLimit { path },
             _ => FileError::System { path, source },
         }
     }
@@ -83,6 +94,9 @@ impl FileError {
             | FileError::DiskFull { path }
             | FileError::NotText { path, .. }
             | FileError::Altered { path, .. }
+            | FileError::SizeLimit { path }
+            | FileError::Device { path }
+            | FileError::TooLong { path, .. }
             | FileError::System { path, .. } => path,
         }
     }
@@ -110,9 +124,8 @@ pub struct AtomicFile {
 impl AtomicFile {
     /// Opens a temporary file in the folder of `path`.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
         // For a symbolic link, the target file is replaced and the link stays.
-        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        let target = resolve_links(path.as_ref());
         let existing = fs::metadata(&target).ok();
         match &existing {
             Some(found) if found.is_dir() => Err(FileError::IsFolder { path: target }),
@@ -179,8 +192,17 @@ impl AtomicFile {
         };
         writer.get_ref().sync_all()?;
         drop(writer);
-        fs::rename(temporary, &self.target)?;
-        self.temporary = None;
+        match fs::rename(temporary, &self.target) {
+            // A mounted file cannot be replaced by another; `drop` removes the temporary one.
+            Err(cause) if cause.kind() == io::ErrorKind::ResourceBusy => {
+                fs::copy(temporary, &self.target)?;
+                File::open(&self.target)?.sync_all()?;
+            }
+            renamed => {
+                renamed?;
+                self.temporary = None;
+            }
+        }
         // Only a synchronized folder makes the rename durable; not every file system supports it.
         if let Ok(folder) = File::open(folder_of(&self.target)) {
             let _ = folder.sync_all();
@@ -244,17 +266,54 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<(), FileError> {
     }
 }
 
-/// Reads a whole file.
-pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
+/// Opens a file for reading. A device is refused: it may have no end.
+pub fn open(path: impl AsRef<Path>) -> Result<File, FileError> {
     let path = path.as_ref();
-    fs::read(path).map_err(|cause| FileError::from_io(path, cause))
+    let file = File::open(path).map_err(|cause| FileError::from_io(path, cause))?;
+    match file.metadata() {
+        Ok(data) if is_device(data.file_type()) => {
+            Err(FileError::Device { path: path.to_path_buf() })
+        }
+        _ => Ok(file),
+    }
+}
+
+#[cfg(unix)]
+fn is_device(kind: fs::FileType) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    kind.is_char_device() || kind.is_block_device()
+}
+
+#[cfg(not(unix))]
+fn is_device(_: fs::FileType) -> bool {
+    false
+}
+
+/// The most bytes of a file that is read whole: the largest models have a tenth of it.
+const MAX_WHOLE: u64 = 1 << 30;
+/// The most bytes of a file that a person writes: the largest systems have a tenth of it.
+const MAX_DOCUMENT: u64 = 1 << 20;
+
+/// Reads a whole file of at most 1 GiB.
+pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
+    read_at_most(MAX_WHOLE, path.as_ref())
+}
+
+fn read_at_most(limit: u64, path: &Path) -> Result<Vec<u8>, FileError> {
+    let mut bytes = vec![];
+    let read = open(path)?.take(limit + 1).read_to_end(&mut bytes);
+    read.map_err(|cause| FileError::from_io(path, cause))?;
+    match bytes.len() as u64 > limit {
+        true => Err(FileError::TooLong { path: path.to_path_buf(), limit }),
+        false => Ok(bytes),
+    }
 }
 
 /// Passes the bytes of a file to a function, part by part.
 pub fn read_through(path: impl AsRef<Path>, mut take: impl FnMut(&[u8])) -> Result<(), FileError> {
     let path = path.as_ref();
     let in_file = |cause| FileError::from_io(path, cause);
-    let mut file = fs::File::open(path).map_err(in_file)?;
+    let mut file = open(path)?;
     let mut buffer = vec![0; 1 << 16];
     loop {
         match file.read(&mut buffer) {
@@ -266,10 +325,18 @@ pub fn read_through(path: impl AsRef<Path>, mut take: impl FnMut(&[u8])) -> Resu
     }
 }
 
-/// Reads a whole UTF-8 text file, without a byte order mark at its start.
+/// Reads a whole UTF-8 text file of at most 1 GiB, without a byte order mark at its start.
 pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
-    let path = path.as_ref();
-    let text = String::from_utf8(read_bytes(path)?).map_err(|cause| {
+    text_of(read_bytes(&path)?, path.as_ref())
+}
+
+/// As [`read_text`], for a file that a person writes: at most 1 MiB.
+pub fn read_document(path: impl AsRef<Path>) -> Result<String, FileError> {
+    text_of(read_at_most(MAX_DOCUMENT, path.as_ref())?, path.as_ref())
+}
+
+fn text_of(bytes: Vec<u8>, path: &Path) -> Result<String, FileError> {
+    let text = String::from_utf8(bytes).map_err(|cause| {
         let valid = cause.utf8_error().valid_up_to();
         let line = 1 + cause.as_bytes()[..valid].iter().filter(|byte| **byte == b'\n').count();
         FileError::NotText { path: path.to_path_buf(), line }
@@ -303,6 +370,21 @@ pub fn remove_leftovers(folder: impl AsRef<Path>) -> Result<(), FileError> {
         }
     }
     Ok(())
+}
+
+/// The file that a path leads to through symbolic links, also if that file does not exist yet.
+pub fn resolve_links(path: &Path) -> PathBuf {
+    /// As many links as Linux follows.
+    const MAX_LINKS: usize = 40;
+    let mut target = path.to_path_buf();
+    for _ in 0..MAX_LINKS {
+        if fs::metadata(&target).is_ok() {
+            break;
+        }
+        let Ok(next) = fs::read_link(&target) else { break };
+        target = folder_of(&target).join(next);
+    }
+    fs::canonicalize(&target).unwrap_or(target)
 }
 
 fn folder_of(path: &Path) -> &Path {

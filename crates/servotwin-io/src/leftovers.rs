@@ -5,13 +5,15 @@
 //! Linux) remove nothing.
 
 use std::fs;
+use std::io;
 use std::path::Path;
+use tempfile::TempDir;
 
 /// The prefix of every temporary name; a dot precedes it beside results.
 const PREFIX: &str = "servotwin-";
 
 /// The prefix of this process's temporary names.
-pub fn own_prefix() -> String {
+pub(crate) fn own_prefix() -> String {
     format!("{PREFIX}{}-{}-", mark().unwrap_or_default(), std::process::id())
 }
 
@@ -57,25 +59,54 @@ pub fn remove_abandoned_files(folder: &Path) {
 }
 
 /// Removes folders for temporary files of ended processes, if they belong to this user. Ignores errors.
-pub fn remove_abandoned_folders(folder: &Path) {
+fn remove_abandoned_folders(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let is_ours = entry.file_type().is_ok_and(|kind| kind.is_dir()) && belongs_to_us(&entry);
+        let data = fs::symlink_metadata(entry.path());
+        let is_ours = data.is_ok_and(|data| data.is_dir() && belongs_to_us(&data));
         if is_ours && is_abandoned(&entry.file_name().to_string_lossy()) {
             let _ = fs::remove_dir_all(entry.path());
         }
     }
 }
 
+/// A folder for temporary files that nobody else can read or guess, removed on drop. A later program removes those of
+/// killed ones.
+///
+/// # Errors
+/// The folder for temporary files cannot be written.
+pub fn temporary_folder() -> io::Result<TempDir> {
+    let parent = std::env::temp_dir();
+    remove_abandoned_folders(&parent);
+    let prefix = own_prefix();
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
+    builder.tempdir_in(parent)
+}
+
+/// Whether only this user can change what is in a folder: it belongs to no other, and neither its group nor everybody
+/// can write into it.
 #[cfg(unix)]
-fn belongs_to_us(entry: &fs::DirEntry) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let user = fs::metadata("/proc/self").map(|own| own.uid());
-    let owner = fs::symlink_metadata(entry.path()).map(|found| found.uid());
-    matches!((user, owner), (Ok(user), Ok(owner)) if user == owner)
+pub fn is_private(folder: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    let is_closed = |data: &fs::Metadata| data.permissions().mode() & 0o022 == 0;
+    fs::metadata(folder).is_ok_and(|data| data.is_dir() && belongs_to_us(&data) && is_closed(&data))
 }
 
 #[cfg(not(unix))]
-fn belongs_to_us(_: &fs::DirEntry) -> bool {
+pub fn is_private(folder: &Path) -> bool {
+    folder.is_dir()
+}
+
+#[cfg(unix)]
+fn belongs_to_us(data: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    fs::metadata("/proc/self").is_ok_and(|own| own.uid() == data.uid())
+}
+
+#[cfg(not(unix))]
+fn belongs_to_us(_: &fs::Metadata) -> bool {
     false
 }
 

@@ -14,13 +14,13 @@ function row({ title, age_s: age, state }, place) {
   const link = document.createElement("a");
   link.href = `${place + 1}/${query}`;
   link.textContent = title;
-  const action = state?.actions?.at(-1);
-  made.dataset.alarm = alarmOf(state) || "no_data";
+  const now = alarmOf(state) || "no_data";
+  made.dataset.alarm = headline(state) ? "raised" : now;
   made.append(
     cell(link),
-    cell(words(made.dataset.alarm)),
+    cell(words(now)),
     cell(words(state?.finding || "")),
-    cell(action ? words(`${action.actuator} ${action.command}`) : "—"),
+    cell(headline(state) || "—"),
     cell(age === null ? "none so far" : age < 1 ? "now" : `${age.toFixed(0)} s ago`),
   );
   return made;

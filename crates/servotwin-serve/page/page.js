@@ -117,7 +117,7 @@ function chart(title, signals, { band = null, limit = null, isCentered = true, c
     width: 1.5,
     dash: about.signals[signal].id.endsWith("ghost") ? [6, 4] : undefined,
     points: { show: (u, series, from, to, gaps) => (to - from < 3 ? true : false) },
-    value: (u, value) => (value === null ? "—" : value.toPrecision(4)),
+    value: (u, value) => (value === null ? "—" : rounded(value, 4)),
   }));
   const hooks = {
     draw: [(u) => {
@@ -226,6 +226,9 @@ function draw() {
   requestAnimationFrame(draw);
 }
 
+/** A number with a few digits; what rounding left of a zero is one. */
+const rounded = (value, digits) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(digits))));
+
 let compared = null;
 
 /** Compares at most once a second of the flight: nobody reads numbers that change with every frame. */
@@ -252,11 +255,18 @@ function compare(from) {
     ["force fight", "fight", shown],
   ].filter(([, id]) => about.signals.some((signal) => signal.id === `${id}_ghost`));
   const told = pairs.map(([name, id, of]) => {
-    const [own, ghost] = [id, `${id}_ghost`].map((which) => rms(of(which)).toPrecision(2));
+    const [own, ghost] = [id, `${id}_ghost`].map((which) => rounded(rms(of(which)), 2));
     return `${name} ${own} ${unit(id)} (${ghost} ${unit(id)} without diagnosis)`;
   });
+  const fluids = about.signals.filter(({ group, id }) => group === "fluid" && !id.endsWith("_ghost"));
+  const left = fluids.map(({ id, label, unit: litres }) => {
+    const [own, ghost] = [id, `${id}_ghost`].map((which) => (shown(which).at(-1) ?? NaN).toFixed(2));
+    return `${label} ${own} ${litres} (${ghost} ${litres} without diagnosis)`;
+  });
+  const sentences = [["Root mean square of the time shown", told], ["Fluid left", left]];
   $("comparison").hidden = !told.length;
-  $("comparison").textContent = `Root mean square of the time shown: ${told.join(", ")}.`;
+  $("comparison").textContent = sentences.filter(([, list]) => list.length)
+    .map(([what, list]) => `${what}: ${list.join(", ")}.`).join(" ");
 }
 
 // ---------------------------------------------------------------- schematic
@@ -299,6 +309,21 @@ const schematic = {
       const view = this.actuator(name, actuator);
       if (view) this.views.push(view);
     });
+    this.walk(this.views.flatMap(({ parts }) => parts));
+  },
+
+  /** The drawing is one stop of the Tab key; arrows lead from part to part. */
+  walk(parts) {
+    const steps = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1, Home: -Infinity, End: Infinity };
+    parts.forEach((part, place) => {
+      part.setAttribute("tabindex", place ? -1 : 0);
+      part.addEventListener("focus", () => parts.forEach((one) => one.setAttribute("tabindex", one === part ? 0 : -1)));
+      part.addEventListener("keydown", (event) => {
+        if (!(event.key in steps)) return;
+        event.preventDefault();
+        parts[Math.max(0, Math.min(parts.length - 1, place + steps[event.key]))].focus();
+      });
+    });
   },
 
   actuator(name, actuator) {
@@ -309,7 +334,7 @@ const schematic = {
     svg.append(element("text", { x: 10, y: 16, "font-weight": 700 }, name.replace("_", " ") || "actuator"));
     svg.append(element("path", { class: "pipe", d: "M60 56V92M240 56V92M90 126V194M210 126V194" }));
     const parts = known.map(([part, x, y, width, height, words]) => {
-      const touch = element("g", { class: "touch", tabindex: 0, role: "button", "data-component": id(part),
+      const touch = element("g", { class: "touch", role: "button", "data-component": id(part),
         "aria-label": `${name} ${part}`.replaceAll("_", " ") });
       touch.append(element("rect", { class: "part", x, y, width, height, rx: 3 }));
       touch.append(element("text", { x: x + 5, y: y + 14 }, words));
@@ -385,6 +410,20 @@ function fillForm() {
   fillChooser();
 }
 
+/** Whether the viewer has chosen charts: then no other choice is made for it. */
+let isChosenByHand = false;
+
+/** Chooses the residual of the sensor that is farthest outside of its band. */
+function showWorst({ worst_sensor: worst, finding }) {
+  if (isChosenByHand || !worst || finding === "healthy") return;
+  const boxes = [...$("choices").querySelectorAll("input")];
+  const isWorst = ({ value }) => about.signals[value].group === "residual" && about.signals[value].label === worst;
+  const box = boxes.find(isWorst);
+  if (!box || box.checked) return;
+  boxes.forEach((one) => { one.checked = one === box; });
+  makeCharts();
+}
+
 /** A box for each residual and each reading; the first residual is chosen. */
 function fillChooser() {
   const fields = [["residual", "Residuals"], ["reading", "Readings"]].map(([group, title]) => {
@@ -397,7 +436,7 @@ function fillChooser() {
       box.type = "checkbox";
       box.value = k;
       box.checked = group === "residual" && place === 0;
-      box.addEventListener("change", makeCharts);
+      box.addEventListener("change", () => { isChosenByHand = true; makeCharts(); });
       label.append(box, ` ${about.signals[k].label}`);
       return label;
     });
@@ -426,15 +465,17 @@ function ask(request) {
 function showState(next) {
   state = next;
   const alarm = alarmOf(state);
-  document.body.dataset.alarm = alarm || "unknown";
-  document.body.dataset.finding = state.finding || "";
-  $("alarm").textContent = (alarm || "…").replaceAll("_", " ");
-  const isQuiet = alarm === "normal" && state.finding === "healthy" && (state.actions || []).length > 0;
-  $("finding").textContent = isQuiet ? "nothing new; an action stands" : words(state.finding || "");
   const actions = state.actions || [];
+  document.body.dataset.alarm = actions.length ? "raised" : alarm || "unknown";
+  document.body.dataset.finding = state.finding || "";
+  // What an action found stays, though the diagnosis has nothing new to say after it.
+  const now = words(alarm || "…");
+  $("alarm").textContent = headline(state) || now;
+  $("finding").textContent = words(`${actions.length ? `now ${now}, ` : ""}${state.finding || ""}`);
   const last = actions[actions.length - 1];
   document.body.dataset.action = last ? `${last.actuator} ${last.command}` : "";
-  showActions(actions);
+  showActions();
+  showWorst(state);
   const injected = state.injected || [];
   const onset = Math.min(...injected.map((one) => one.since_s));
   const latency = last && Number.isFinite(onset) && last.time_s >= onset ? last.time_s - onset : null;
@@ -449,9 +490,8 @@ function showState(next) {
 }
 
 /** Each action of an actuator stands until a new flight, whatever the diagnosis says of the present. */
-function showActions(actions) {
-  const standing = new Map(actions.map((action) => [`${action.actuator} ${action.command}`, action]));
-  const items = [...standing.values()].map(({ actuator, command, detail, time_s: time }) => {
+function showActions() {
+  const items = standing(state).map(({ actuator, command, detail, time_s: time }) => {
     const item = document.createElement("p");
     const strong = document.createElement("strong");
     strong.textContent = `${words(actuator) || "the actuator"}: ${words(command)}`;
@@ -465,9 +505,6 @@ function showActions(actions) {
 
 /** The rows of faults that act, by name: a row stays, so that it can be clicked while the state changes. */
 const rows = new Map();
-
-/** An action and its cause in words. */
-const answerInWords = ({ command, detail }) => `${words(command)}${detail ? `, because of ${words(detail)}` : ""}`;
 
 /** What became of a fault: the answer of its actuator beside the one of the study, or for how long there is none. */
 function outcomeOf({ fault, since_s: since }) {
@@ -645,6 +682,9 @@ async function begin() {
   }
   $("title").textContent = about.title;
   $("save-mcap").href = `session.mcap${query}`;
+  const isShown = (end) => about.signals.some(({ id }) => id.endsWith(end));
+  $("ghost-hint").hidden = !isShown("_ghost");
+  $("fight-hint").hidden = !isShown("fight");
   $("fleet").hidden = !/^\/\d+\/$/.test(location.pathname);
   $("fleet").href = `../${query}`;
   document.title = `servotwin: ${about.title}`;

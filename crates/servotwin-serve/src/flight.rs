@@ -190,7 +190,8 @@ impl Flown<'_> {
         }
         let change = self.flight.sample()?;
         self.ghost.sample()?;
-        if let Some(action) = self.flight.react()? {
+        let action = self.flight.react()?;
+        if let Some(action) = &action {
             let act = Act { time_s: action.time_s, raised: action.raised };
             self.tell_action(&act);
             self.actions.push(act);
@@ -202,7 +203,8 @@ impl Flown<'_> {
             });
             self.event("finding", about);
         }
-        let sample = ShownSample::of_flights(&self.flight, &self.ghost);
+        let raised = action.map(|action| action.raised);
+        let sample = ShownSample::of_flights(&self.flight, &self.ghost, raised);
         let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));
         if is_sent && self.known.is_new(Some(self.flight.session().outcome())) {
             self.tell_state();

@@ -198,6 +198,7 @@ impl Screen<'_, '_> {
             measured: self.watcher.measured(),
             expected: runtime.expected(),
             session: runtime.session(),
+            raised: self.watcher.outcome().and_then(|outcome| outcome.raised),
             beside: Beside::Twin(runtime),
         };
         let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));

@@ -19,7 +19,10 @@
 //! | `/fleet` | state and age of each source |
 //!
 //! A browser states where a page comes from. Requests from any other page than this server's are refused, so no other
-//! page that the user has open can inject a fault. Beyond this machine a token is needed as well.
+//! page that the user has open can inject a fault or ask for a session. Behind a proxy that ends TLS the page has
+//! another scheme, so hosts are compared. Beyond this machine a token is needed as well.
+//!
+//! A connection that sends no request within [`PATIENCE`] ends, as does a viewer that takes nothing for so long.
 
 use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
 use crate::page::{FLEET, HTML, PARTS, saved_page};
@@ -27,19 +30,26 @@ use crate::request::{LONGEST, Refused, Request, Requests, requests};
 use crate::session::{SavedSession, SessionError};
 use crate::state::event;
 use axum::Router;
-use axum::body::Bytes;
+use axum::body::{Body, Bytes};
 use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
 use axum::http::header::{
-    CONTENT_DISPOSITION, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN,
+    CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN,
 };
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{AppendHeaders, IntoResponse, Response};
 use axum::routing::get;
-use futures_util::stream::SplitSink;
+use futures_util::stream::{SplitSink, unfold};
 use futures_util::{SinkExt, StreamExt};
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use servotwin::files::{FileError, write_atomically};
+use servotwin::leftovers::temporary_folder;
+use std::fs::File;
+use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -47,8 +57,9 @@ use std::sync::mpsc::Receiver;
 use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc};
+use tokio::time::{sleep, timeout};
 
 /// The number of requests that one viewer may have refused before it is sent away.
 const MOST_REFUSED: u64 = 100;
@@ -56,6 +67,14 @@ const MOST_REFUSED: u64 = 100;
 const STOP_CHECK: Duration = Duration::from_millis(100);
 /// Viewers at the same time.
 const MOST_VIEWERS: u64 = 256;
+/// Connections at the same time that are no viewers; a browser opens about six.
+const MAX_CONNECTIONS: usize = 128;
+/// Sessions that are saved at the same time: each takes memory and a file.
+const MAX_SAVING: usize = 2;
+/// How long a connection may take to send a request, or to take a part of an answer.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// The bytes of a file that are sent at once.
+const PIECE: usize = 1 << 16;
 
 /// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -110,15 +129,25 @@ impl Access {
         name == "localhost" || bare.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
     }
 
-    /// Why a request may not come in; `None` if it may.
-    fn refusal(&self, headers: &HeaderMap, given: Option<&str>) -> Option<&'static str> {
+    /// Why a request may not come in; `None` if it may. A link on another page may lead to a page, and to nothing else.
+    fn refusal(
+        &self,
+        asked: Asked,
+        headers: &HeaderMap,
+        given: Option<&str>,
+    ) -> Option<&'static str> {
         let header = |name| headers.get(name).and_then(|value| value.to_str().ok());
         let host = header(HOST).unwrap_or_default();
         if !self.is_own_host(host) {
             return Some("the request names another host");
         }
-        let own = format!("http://{host}");
-        if header(ORIGIN).is_some_and(|origin| origin != own) {
+        let is_own = |origin: &str| {
+            let named = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
+            named == Some(host)
+        };
+        let site = header(HeaderName::from_static("sec-fetch-site"));
+        let is_own_site = site.is_none_or(|site| ["same-origin", "none"].contains(&site));
+        if !header(ORIGIN).is_none_or(is_own) || (asked == Asked::Data && !is_own_site) {
             return Some("the request comes from another page");
         }
         match &self.token {
@@ -128,10 +157,17 @@ impl Access {
     }
 }
 
+/// What a request asks for.
+#[derive(Clone, Copy, PartialEq)]
+enum Asked {
+    Page,
+    Data,
+}
+
 /// Sixteen random bytes as hexadecimal digits.
 fn token() -> std::io::Result<String> {
     let mut bytes = [0u8; 16];
-    std::io::Read::read_exact(&mut std::fs::File::open("/dev/urandom")?, &mut bytes)?;
+    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
@@ -177,14 +213,13 @@ struct Shared {
     feed: Feed,
     requests: Requests,
     about: Value,
-    /// One session is saved at a time: each takes memory and a file.
-    saving: tokio::sync::Mutex<()>,
+    saving: Arc<Semaphore>,
     counts: Counts,
 }
 
 impl Shared {
     fn new(
-        access: &Arc<Access>,
+        (access, saving): &(Arc<Access>, Arc<Semaphore>),
         number: usize,
         source: &dyn LiveSource,
     ) -> (Arc<Self>, Receiver<Request>) {
@@ -197,7 +232,7 @@ impl Shared {
             feed: Feed::default(),
             requests,
             about,
-            saving: tokio::sync::Mutex::default(),
+            saving: saving.clone(),
             counts: Counts::default(),
         };
         (Arc::new(shared), waiting)
@@ -249,9 +284,9 @@ impl Server {
     /// # Errors
     /// A source ended early, or the system gives no thread. In a fleet the others go on first.
     pub fn run(self, sources: &[&dyn LiveSource], stop: &AtomicBool) -> Result<(), ServeError> {
-        let access = Arc::new(self.access);
+        let common = (Arc::new(self.access), Arc::new(Semaphore::new(MAX_SAVING)));
         let (members, waiting): (Vec<_>, Vec<_>) =
-            sources.iter().zip(1..).map(|(source, k)| Shared::new(&access, k, *source)).unzip();
+            sources.iter().zip(1..).map(|(source, k)| Shared::new(&common, k, *source)).unzip();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(ServeError::System)?;
         let under_way = &AtomicUsize::new(members.len());
@@ -302,15 +337,37 @@ async fn serve(
     must_stop: impl Fn() -> bool,
 ) -> std::io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let server = axum::serve(listener, router(members));
     let stopped = async {
         while !must_stop() {
-            tokio::time::sleep(STOP_CHECK).await;
+            sleep(STOP_CHECK).await;
         }
     };
     tokio::select! {
-        served = server => served,
-        () = stopped => Ok(()),
+        () = accept(listener, router(members)) => {}
+        () = stopped => {}
+    }
+    Ok(())
+}
+
+/// Serves connections without end; one more than [`MAX_CONNECTIONS`] is closed at once.
+async fn accept(listener: TcpListener, router: Router) {
+    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(PATIENCE);
+    loop {
+        let Ok((stream, _)) = listener.accept().await else {
+            // The process has too many open files, for example.
+            sleep(STOP_CHECK).await;
+            continue;
+        };
+        let Ok(place) = room.clone().try_acquire_owned() else { continue };
+        let service = TowerToHyperService::new(router.clone());
+        let connection = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
+        tokio::spawn(async move {
+            // A connection that breaks concerns its viewer alone.
+            let _ = connection.await;
+            drop(place);
+        });
     }
 }
 
@@ -348,8 +405,13 @@ fn refused(shared: &Shared, why: &'static str) -> Response {
 }
 
 /// Lets a visit in, or answers why not.
-fn let_in(shared: &Shared, pass: &Pass, headers: &HeaderMap) -> Result<(), Box<Response>> {
-    match shared.access.refusal(headers, pass.token.as_deref()) {
+fn let_in(
+    shared: &Shared,
+    asked: Asked,
+    pass: &Pass,
+    headers: &HeaderMap,
+) -> Result<(), Box<Response>> {
+    match shared.access.refusal(asked, headers, pass.token.as_deref()) {
         Some(why) => Err(Box::new(refused(shared, why))),
         None => Ok(()),
     }
@@ -360,7 +422,7 @@ async fn page(
     Query(pass): Query<Pass>,
     headers: HeaderMap,
 ) -> Response {
-    match let_in(&shared, &pass, &headers) {
+    match let_in(&shared, Asked::Page, &pass, &headers) {
         Ok(()) => framed(&shared.access, typed("text/html; charset=utf-8", HTML)),
         Err(refused) => *refused,
     }
@@ -373,7 +435,7 @@ async fn fleet_page(
     Query(pass): Query<Pass>,
     headers: HeaderMap,
 ) -> Response {
-    match let_in(&members[0], &pass, &headers) {
+    match let_in(&members[0], Asked::Page, &pass, &headers) {
         Ok(()) => typed("text/html; charset=utf-8", FLEET),
         Err(refused) => *refused,
     }
@@ -388,7 +450,7 @@ async fn fleet_file(
     if let Some(public) = public(&name) {
         return public;
     }
-    if let Err(refused) = let_in(&members[0], &pass, &headers) {
+    if let Err(refused) = let_in(&members[0], Asked::Data, &pass, &headers) {
         return *refused;
     }
     match name.as_str() {
@@ -425,7 +487,7 @@ fn framed(access: &Access, page: Response) -> Response {
     (AppendHeaders([(CONTENT_SECURITY_POLICY, ancestors)]), page).into_response()
 }
 
-fn typed(kind: &'static str, text: impl Into<axum::body::Body>) -> Response {
+fn typed(kind: &'static str, text: impl Into<Body>) -> Response {
     // The page asks for nothing elsewhere, and a browser must not let it.
     let policy = "default-src 'self'; style-src 'self' 'unsafe-inline'";
     ([(CONTENT_TYPE.as_str(), kind), ("content-security-policy", policy)], text.into())
@@ -441,7 +503,7 @@ async fn file(
     if let Some(public) = public(&name) {
         return public;
     }
-    if let Err(refused) = let_in(&shared, &pass, &headers) {
+    if let Err(refused) = let_in(&shared, Asked::Data, &pass, &headers) {
         return *refused;
     }
     match name.as_str() {
@@ -485,32 +547,66 @@ impl SavedAs {
         [(CONTENT_TYPE, kind), (CONTENT_DISPOSITION, name)]
     }
 
-    /// The bytes of the file; `name` is that of a temporary file.
-    fn bytes(self, session: &SavedSession, name: &str) -> Result<Vec<u8>, SessionError> {
-        let path = std::env::temp_dir().join(name);
+    /// The file and its length in bytes. It has no name any more, and is gone when it is closed.
+    fn file(self, session: &SavedSession) -> Result<(File, u64), SessionError> {
+        let failed = |cause| FileError::from_io(&std::env::temp_dir(), cause);
+        let folder = temporary_folder().map_err(failed)?;
+        let path = folder.path().join("session");
         match self {
-            SavedAs::Table => session.bytes(&path),
+            SavedAs::Table => session.write(&path)?,
             #[cfg(feature = "mcap")]
-            SavedAs::Mcap => session.mcap(&path),
-            SavedAs::Page => Ok(saved_page(session).into_bytes()),
+            SavedAs::Mcap => session.write_mcap(&path)?,
+            SavedAs::Page => {
+                write_atomically(&path, |out| out.write_all(saved_page(session).as_bytes()))?;
+            }
         }
+        let file = File::open(&path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        Ok((file, length))
     }
 }
 
 /// The present flight as a file. It is made on a thread of its own, so that viewers need not wait.
 async fn session(shared: Arc<Shared>, saved_as: SavedAs) -> Response {
-    let _saving = shared.saving.lock().await;
+    let Ok(place) = shared.saving.clone().try_acquire_owned() else {
+        let why = "two sessions are being saved; try again when one of them is complete";
+        return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    };
     let Some(messages) = shared.feed.session() else {
         let why = "the flight has too many events to be saved; begin a new one";
         return (StatusCode::INSUFFICIENT_STORAGE, why).into_response();
     };
     let session = SavedSession { about: shared.about.clone(), messages };
-    let name = format!("servotwin-session-{}-{}", shared.access.address.port(), shared.number);
-    match tokio::task::spawn_blocking(move || saved_as.bytes(&session, &name)).await {
-        Ok(Ok(bytes)) => (saved_as.headers(), bytes).into_response(),
+    match tokio::task::spawn_blocking(move || saved_as.file(&session)).await {
+        Ok(Ok((file, length))) => {
+            let length = [(CONTENT_LENGTH, length)];
+            (saved_as.headers(), length, streamed(file, place)).into_response()
+        }
         Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
         Err(panic) => std::panic::resume_unwind(panic.into_panic()),
     }
+}
+
+/// Sends a file piece by piece. Its place is free when all is sent, or when the viewer takes nothing any more.
+fn streamed(mut file: File, place: OwnedSemaphorePermit) -> Body {
+    let (send, pieces) = mpsc::channel::<std::io::Result<Bytes>>(1);
+    tokio::spawn(async move {
+        let _place = place;
+        loop {
+            let mut piece = vec![0; PIECE];
+            let read = file.read(&mut piece).map(|count| {
+                piece.truncate(count);
+                Bytes::from(piece)
+            });
+            let is_last = !read.as_ref().is_ok_and(|piece| !piece.is_empty());
+            let sent = timeout(PATIENCE, send.send(read)).await;
+            if is_last || !matches!(sent, Ok(Ok(()))) {
+                return;
+            }
+        }
+    });
+    let next = |mut pieces: mpsc::Receiver<_>| async move { Some((pieces.recv().await?, pieces)) };
+    Body::from_stream(unfold(pieces, next))
 }
 
 async fn join(
@@ -519,7 +615,7 @@ async fn join(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    if let Err(refused) = let_in(&shared, &pass, &headers) {
+    if let Err(refused) = let_in(&shared, Asked::Data, &pass, &headers) {
         return *refused;
     }
     if shared.counts.viewers.load(Ordering::Relaxed) >= MOST_VIEWERS {
@@ -570,10 +666,15 @@ async fn view(socket: WebSocket, shared: &Shared) {
                 Some(Ok(ws::Message::Close(_)) | Err(_)) | None => return,
             },
         };
-        if refused_here > MOST_REFUSED || to_viewer.send(message).await.is_err() {
+        if refused_here > MOST_REFUSED || send(&mut to_viewer, message).await.is_none() {
             return;
         }
     }
+}
+
+/// Sends a message to a viewer; `None` if it has left or takes nothing any more.
+async fn send(to_viewer: &mut ToViewer, message: ws::Message) -> Option<()> {
+    timeout(PATIENCE, to_viewer.send(message)).await.ok()?.ok()
 }
 
 /// What a viewer has seen, and what comes later.
@@ -586,9 +687,9 @@ struct Seen {
 async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Seen> {
     let Begin { frames, events, state, playback, jumps, later } = shared.feed.begin();
     let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":{playback}}}");
-    to_viewer.send(text(&first)).await.ok()?;
+    send(to_viewer, text(&first)).await?;
     for frame in frames {
-        to_viewer.send(binary(&frame)).await.ok()?;
+        send(to_viewer, binary(&frame)).await?;
     }
     Some(Seen { jumps, later })
 }
@@ -605,13 +706,13 @@ async fn catch_up(
     shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
     let Begin { events, state, playback, jumps, later, .. } = shared.feed.begin();
     if jumps != seen.jumps {
-        to_viewer.send(text(&format!("{{\"lost\":{lost}}}"))).await.ok()?;
+        send(to_viewer, text(&format!("{{\"lost\":{lost}}}"))).await?;
         return welcome(to_viewer, shared).await;
     }
     let now = format!(
         "{{\"lost\":{lost},\"all_events\":{events},\"state\":{state},\"playback\":{playback}}}"
     );
-    to_viewer.send(text(&now)).await.ok()?;
+    send(to_viewer, text(&now)).await?;
     Some(Seen { jumps, later })
 }
 
@@ -637,6 +738,27 @@ fn binary(bytes: &Arc<[u8]>) -> ws::Message {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test]
+    async fn a_third_session_is_not_saved_beside_two() {
+        let signals = json!([{ "id": "a", "unit": "kN" }]);
+        let about = json!({ "period_s": 0.01, "signals": signals });
+        let source = SavedSession { about, messages: vec![] };
+        let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
+        let common = (Arc::new(access), Arc::new(Semaphore::new(MAX_SAVING)));
+        let (shared, _waiting) = Shared::new(&common, 1, &source);
+        let save = async || session(shared.clone(), SavedAs::Table).await;
+        let two = [save().await, save().await];
+        assert!(two.iter().all(|answer| answer.status() == StatusCode::OK));
+        // Their bodies are of one piece, so both places are free when it is taken.
+        assert_eq!(save().await.status(), StatusCode::SERVICE_UNAVAILABLE);
+        for answer in two {
+            let length: usize = answer.headers()[CONTENT_LENGTH].to_str().unwrap().parse().unwrap();
+            let body = axum::body::to_bytes(answer.into_body(), usize::MAX).await.unwrap();
+            assert_eq!((&body[..4], body.len()), (&b"PAR1"[..], length));
+        }
+        assert_eq!(save().await.status(), StatusCode::OK);
+    }
 
     #[test]
     fn only_pages_of_this_machine_may_show_the_page_inside() {

@@ -5,7 +5,7 @@ use crate::feed::{Feed, Frame, LiveSource, Message, RunError};
 use crate::request::{Refused, Request, SPEEDS};
 use serde::de::IgnoredAny;
 use serde_json::{Value, json};
-use servotwin::files::{FileError, read_bytes};
+use servotwin::files::FileError;
 use servotwin::table::{Column, Table, TableError, parquet};
 #[cfg(feature = "mcap")]
 use servotwin_watch::sink::mcap::recording::{Note, Recording, Topic};
@@ -53,22 +53,20 @@ pub struct SavedSession {
 }
 
 impl SavedSession {
-    /// The session as the bytes of a Parquet file, written to a path that is removed again.
+    /// Writes the session as a Parquet file.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
-        parquet::write(path, &self.table()?)?;
-        Ok(taken(path)?)
+    pub fn write(&self, path: &Path) -> Result<(), SessionError> {
+        Ok(parquet::write(path, &self.table()?)?)
     }
 
-    /// The session as the bytes of an MCAP file, written to a path that is removed again: a topic for each part of the
-    /// page, and `/events` and `/states`.
+    /// Writes the session as an MCAP file: a topic for each part of the page, and `/events` and `/states`.
     ///
     /// # Errors
     /// The file cannot be written.
     #[cfg(feature = "mcap")]
-    pub fn mcap(&self, path: &Path) -> Result<Vec<u8>, SessionError> {
+    pub fn write_mcap(&self, path: &Path) -> Result<(), SessionError> {
         let groups = Groups::of(&self.about);
         let mut recording = Recording::create(path, &groups.topics)?;
         let (period_s, width) = (period_s(&self.about), groups.width);
@@ -93,8 +91,7 @@ impl SavedSession {
                 Message::Playback(_) | Message::Jump => {}
             }
         }
-        recording.finish()?;
-        Ok(taken(path)?)
+        Ok(recording.finish()?)
     }
 
     /// One row for each sample of the diagnosis up to the last full frame: its time, all signals, and what was sent.
@@ -181,14 +178,6 @@ impl SavedSession {
         };
         self.messages.iter().take_while(is_before).count()
     }
-}
-
-/// The bytes of a temporary file, which is removed.
-fn taken(path: &Path) -> Result<Vec<u8>, FileError> {
-    let bytes = read_bytes(path);
-    // A file that stays behind in the folder of temporary files is overwritten next time.
-    let _ = std::fs::remove_file(path);
-    bytes
 }
 
 /// The topics of the signals, one for each part of the page.
@@ -372,7 +361,7 @@ mod tests {
     #[test]
     fn a_saved_session_is_read_to_the_bit() {
         let (session, path) = (session(), path("bits"));
-        std::fs::write(&path, session.bytes(&path).unwrap()).unwrap();
+        session.write(&path).unwrap();
         let read = SavedSession::read(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!((read.about.clone(), bits(&read)), (session.about.clone(), bits(&session)));
@@ -447,8 +436,7 @@ mod tests {
         let path = path("mcap").with_extension("mcap");
         let mut session = session();
         session.about["signals"][0]["group"] = "fight".into();
-        let bytes = session.mcap(&path).unwrap();
-        std::fs::write(&path, bytes).unwrap();
+        session.write_mcap(&path).unwrap();
         let address = Address::File(path.clone());
         let names: Vec<String> = address.columns().unwrap().into_iter().map(|c| c.name).collect();
         let name = names.iter().find(|name| name.ends_with('a')).expect("the signal is a column");

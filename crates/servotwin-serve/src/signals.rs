@@ -5,7 +5,7 @@ use servotwin::flight::closed_loop::ClosedLoopFlight;
 use servotwin::flight::runtime::Runtime;
 use servotwin::flight::tracking::{TrackedQuantities, force_fight_n};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
@@ -78,6 +78,7 @@ enum Source {
     Residual(usize),
     Evidence(usize, usize),
     Fluid(usize),
+    GhostFluid(usize),
 }
 
 /// A sample of which a frame shows the signals. All values are SI.
@@ -90,6 +91,8 @@ pub struct ShownSample<'s> {
     pub expected: &'s [f64],
     /// The diagnosis.
     pub session: &'s Session,
+    /// The action of this sample. What it reacts to is forgotten, and its evidence with it.
+    pub raised: Option<Raised>,
     /// Where the other quantities come from.
     pub beside: Beside<'s>,
 }
@@ -104,12 +107,17 @@ pub enum Beside<'s> {
 
 impl<'s> ShownSample<'s> {
     /// The last sample of a flight and its ghost.
-    pub fn of_flights(flight: &'s ClosedLoopFlight, ghost: &'s ClosedLoopFlight) -> Self {
+    pub fn of_flights(
+        flight: &'s ClosedLoopFlight,
+        ghost: &'s ClosedLoopFlight,
+        raised: Option<Raised>,
+    ) -> Self {
         ShownSample {
             inputs: flight.inputs(),
             measured: flight.measured(),
             expected: flight.expected(),
             session: flight.session(),
+            raised,
             beside: Beside::Flights(flight, ghost),
         }
     }
@@ -130,11 +138,13 @@ impl<'s> ShownSample<'s> {
         }
     }
 
-    /// The fluid in a reservoir; NaN where none is simulated.
-    fn fluid_m3(&self, reservoir: usize) -> f64 {
+    /// The fluid in a reservoir of the plant and of the ghost; NaN where none is simulated.
+    fn fluid_m3(&self, reservoir: usize) -> [f64; 2] {
         match self.beside {
-            Beside::Flights(flight, _) => flight.fluid_m3().nth(reservoir).unwrap_or(f64::NAN),
-            Beside::Twin(_) => f64::NAN,
+            Beside::Flights(flight, ghost) => {
+                [flight, ghost].map(|flight| flight.fluid_m3().nth(reservoir).unwrap_or(f64::NAN))
+            }
+            Beside::Twin(_) => [f64::NAN; 2],
         }
     }
 }
@@ -259,6 +269,9 @@ impl Signals {
             let (id, label) = (format!("fluid.{}", reservoir.id), reservoir.id.replace('_', " "));
             let signal = Signal::new(&id, &label, "L", PagePart::Fluid);
             self.push(signal, Source::Fluid(place));
+            let ghost =
+                Signal::new(&format!("{id}_ghost"), "without diagnosis", "L", PagePart::Fluid);
+            self.push(ghost, Source::GhostFluid(place));
         }
     }
 
@@ -295,9 +308,14 @@ impl Signals {
             }
             Source::Evidence(actuator, action) => {
                 let of = |length| sample.session.evidence(length, actuator, action);
-                (0..self.lengths).map(of).fold(0.0, f64::max)
+                let raises = |raised: Raised| {
+                    (raised.actuator as usize, raised.action as usize) == (actuator, action)
+                };
+                let least = if sample.raised.is_some_and(raises) { 1.0 } else { 0.0 };
+                (0..self.lengths).map(of).fold(least, f64::max)
             }
-            Source::Fluid(reservoir) => 1e3 * sample.fluid_m3(reservoir),
+            Source::Fluid(reservoir) => 1e3 * sample.fluid_m3(reservoir)[0],
+            Source::GhostFluid(reservoir) => 1e3 * sample.fluid_m3(reservoir)[1],
         };
         out.extend(self.sources.iter().map(|source| value(source) as f32));
     }

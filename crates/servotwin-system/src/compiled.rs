@@ -13,7 +13,7 @@
 
 pub mod cache;
 
-use crate::leftovers::{own_prefix, remove_abandoned_folders};
+use crate::leftovers::temporary_folder;
 use libloading::Library;
 use servotwin_model::c_source;
 use servotwin_model::lanes::{self, Level};
@@ -352,8 +352,15 @@ impl Loaded {
         let entry = cache::CacheEntry::new(&text, &[compiler, iterating]);
         let cached = || {
             let entry = entry.as_ref()?;
-            let paths: Option<Vec<PathBuf>> = levels.iter().map(|l| entry.find(*l)).collect();
-            let libraries = paths?.iter().map(|path| load(path).ok()).collect::<Option<_>>()?;
+            let found = levels.iter().map(|level| Some((*level, entry.find(*level)?)));
+            let found: Vec<(Level, Vec<u8>)> = found.collect::<Option<_>>()?;
+            // What is loaded is a copy of what was hashed.
+            let copies = Folder::new().ok()?;
+            let libraries = found.iter().map(|(level, content)| {
+                fs::write(copies.library(*level), content).ok()?;
+                load(&copies.library(*level)).ok()
+            });
+            let libraries = libraries.collect::<Option<_>>()?;
             Self::checked(program, &levels, libraries, Origin::Cached)
         };
         if let Some(loaded) = cached() {
@@ -681,10 +688,7 @@ struct Folder(TempDir);
 
 impl Folder {
     fn new() -> Result<Self, CompileProblem> {
-        // A killed process could not remove its folder.
-        remove_abandoned_folders(&env::temp_dir());
-        let made = tempfile::Builder::new().prefix(&own_prefix()).tempdir();
-        made.map(Self).map_err(|cause| folder_problem(&cause))
+        temporary_folder().map(Self).map_err(|cause| folder_problem(&cause))
     }
 
     fn source(&self) -> PathBuf {

@@ -62,7 +62,7 @@ impl FileType {
                 return Ok((text.into(), format!("{folder}/{shown}.toml")));
             }
         }
-        let text = files::read_text(path).map_err(|error| self.named(error))?;
+        let text = files::read_document(path).map_err(|error| self.named(error))?;
         Ok((text.into(), shown.to_string()))
     }
 

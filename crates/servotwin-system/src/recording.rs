@@ -76,7 +76,9 @@ pub fn choose(
 /// The quantities that a name selects; empty if unknown.
 fn named(system: &System, name: &str) -> Vec<Recorded> {
     let program = &system.program;
-    if let Some(sensor) = system.sensor(name) {
+    let is_meant =
+        |sensor: &&Sensor| name == sensor.label || name == with_suffix(&sensor.id, sensor.unit);
+    if let Some(sensor) = system.sensor(name).or_else(|| system.sensors.iter().find(is_meant)) {
         let slot = program.observable(&sensor.signal).expect("a checked sensor").slot;
         let (name, label) = (with_suffix(&sensor.id, sensor.unit), sensor.label.clone());
         return vec![Recorded { name, label, unit: sensor.unit, slot }];

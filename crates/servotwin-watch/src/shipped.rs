@@ -2,6 +2,7 @@
 //! `shipped/make.sh` learns it anew.
 
 use flate2::read::GzDecoder;
+use servotwin::evaluation::model_file;
 use servotwin::manifest::sha256_of_text;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -20,7 +21,7 @@ pub fn diagnoser(study: &Study) -> Option<Diagnoser> {
     }
     let mut text = String::new();
     GzDecoder::new(DIAGNOSER).read_to_string(&mut text).ok()?;
-    let diagnoser: Diagnoser = serde_json::from_str(&text).ok()?;
+    let diagnoser: Diagnoser = model_file::parse("the shipped diagnoser".as_ref(), &text).ok()?;
     diagnoser.check().ok().map(|()| diagnoser)
 }
 

@@ -79,7 +79,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             "the study has no [realistic], or no [fitted] for that setting",
         ));
     }
-    stop::listen();
+    stop::heed();
     let folder = options.out.as_ref().map(Folder::new);
     let _hold = folder.as_ref().map(|folder| folder.hold(Among::Nobody)).transpose()?;
     let merit = band::measure(&study, &flights, setting, options.share, workers(options.threads));
@@ -89,7 +89,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         merit.picture(study.system.network()).draw().save(path)?;
     }
     if let Some(folder) = &folder {
-        model_file::write(folder.band(setting), &merit).map_err(JobError::from)?;
+        model_file::write_model(folder.band(setting), &merit).map_err(JobError::from)?;
     }
     Ok(match global {
         Global { json: true, .. } => json(&as_json(&merit)),

@@ -107,7 +107,7 @@ const LIST_HEAD: &str = "# Features\n\n\
 
 /// Reads a study file of traces.
 pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
-    let text = files::read_text(path).map_err(EvaluationError::File)?;
+    let text = files::read_document(path).map_err(EvaluationError::File)?;
     TraceStudy::parse(&text).map_err(|error| Failure::Trace { path: path.clone(), error })
 }
 

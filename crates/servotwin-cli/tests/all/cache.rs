@@ -67,12 +67,23 @@ fn a_run_that_may_only_be_compiled_ends_where_that_fails() {
 
 #[cfg(unix)]
 #[test]
-fn a_folder_into_which_everybody_can_write_is_no_cache() {
-    use std::os::unix::fs::PermissionsExt;
+fn a_folder_that_others_can_change_is_no_cache() {
+    use std::os::unix::fs::{PermissionsExt, chown};
     let folder = Folder::new("open-cache");
     std::fs::create_dir(folder.file("cache")).unwrap();
-    let open = std::fs::Permissions::from_mode(0o777);
-    std::fs::set_permissions(folder.file("cache"), open).unwrap();
-    simulated(&folder, "only");
-    assert!(libraries(&folder).is_empty());
+    let allow = |mode: u32| {
+        let permissions = std::fs::Permissions::from_mode(mode);
+        std::fs::set_permissions(folder.file("cache"), permissions).unwrap();
+    };
+    for mode in [0o777, 0o775] {
+        allow(mode);
+        simulated(&folder, "only");
+        assert!(libraries(&folder).is_empty(), "{mode:o}");
+    }
+    allow(0o755);
+    // Only root can give a folder away.
+    if chown(folder.file("cache"), Some(12_345), None).is_ok() {
+        simulated(&folder, "only");
+        assert!(libraries(&folder).is_empty(), "of another user");
+    }
 }

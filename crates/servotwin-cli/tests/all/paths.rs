@@ -84,3 +84,44 @@ fn a_device_takes_several_outputs() {
     let text = stderr(&servotwin(&[&["watch", &out][..], &null].concat()));
     assert!(!text.contains("same file") && !text.contains("overwrite"), "{text}");
 }
+
+/// A limit on the size of files is met as a full disk is: with the file's name, and without a file left behind.
+#[cfg(unix)]
+#[test]
+fn a_limit_on_the_size_of_files_is_reported() {
+    let folder = Folder::new("file-size");
+    let run = ["simulate", "spring_actuator", "--command", "step:size=5deg", "--duration", "5s"];
+    let out = folder.file("big.csv");
+    let output = std::process::Command::new("sh")
+        .args(["-c", "ulimit -f 20; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_servotwin")])
+        .args(run)
+        .args(["--compile", "never", "--out", &out])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    let expected = format!("{out}: the file would exceed the limit of size");
+    assert!(stderr(&output).contains(&expected), "{}", stderr(&output));
+    assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 0);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_device_is_no_document_no_model_and_no_log() {
+    let folder = Folder::new("devices");
+    let log = folder.file("log.csv");
+    fs::write(&log, "time_s,command_m,p_a_pa,p_b_pa,x_p_m\n0,0,0,0,0\n1,0,0,0,0\n").unwrap();
+    for arguments in [
+        &["check", "/dev/zero"][..],
+        &["describe", "/dev/zero"],
+        &["simulate", "/dev/urandom", "--duration", "1s"],
+        &["watch", &log, "--study", "press_axis", "--map", "/dev/zero"],
+        &["watch", &log, "--study", "press_axis", "--model", "/dev/zero"],
+        &["fit", "/dev/zero", "--study", "press_axis"],
+        &["features", &log, "--study", "/dev/zero", "--out", &folder.file("f.csv")],
+    ] {
+        let output = servotwin(arguments);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {told}");
+        assert!(told.contains("this is a device, a file is needed"), "{arguments:?}: {told}");
+    }
+}

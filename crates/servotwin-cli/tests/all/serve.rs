@@ -15,8 +15,7 @@ fn session(folder: &Folder) -> String {
     frame.values().extend([0.5, 1.0]);
     let session = SavedSession { about, messages: vec![Message::Frame(frame.bytes())] };
     let path = folder.file("session.parquet");
-    let bytes = session.bytes(folder.file("temporary.parquet").as_ref()).unwrap();
-    std::fs::write(&path, bytes).unwrap();
+    session.write(path.as_ref()).unwrap();
     path
 }
 

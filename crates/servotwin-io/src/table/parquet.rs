@@ -52,7 +52,7 @@ use meaning::kind_of;
 
 pub use limits::{Limits, VARIABLE as LIMIT_VARIABLE};
 
-use crate::files::{AtomicFile, FileError};
+use crate::files::{self, AtomicFile, FileError};
 use crate::manifest;
 
 /// The format's entry in [`ALL`](super::ALL).
@@ -536,7 +536,7 @@ fn pages_of(
 /// Opens a file with Parquet's marks at its start and end.
 fn open_marked(path: &Path) -> Result<File, TableError> {
     let system = |cause| TableError::File(FileError::from_io(path, cause));
-    let mut file = File::open(path).map_err(system)?;
+    let mut file = files::open(path)?;
     let length = file.metadata().map_err(system)?.len();
     let problem = if length == 0 { ContentError::Empty } else { ContentError::NotParquet };
     let marked = length >= 12 && has_marks(&mut file).map_err(system)?;

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use crate::folder::Folder;
 use servotwin_io::files::{
-    AtomicFile, FileError, create_folder, read_bytes, read_text, write_atomically,
+    AtomicFile, FileError, create_folder, read_bytes, read_document, read_text, write_atomically,
 };
 
 #[test]
@@ -123,6 +123,38 @@ fn behind_a_link_the_file_is_replaced_and_permissions_stay() {
     assert!(fs::symlink_metadata(folder.file("link")).unwrap().is_symlink());
     let mode = fs::metadata(folder.file("real")).unwrap().permissions().mode();
     assert_eq!(mode & 0o777, 0o640);
+}
+
+#[cfg(unix)]
+#[test]
+fn behind_a_dangling_link_the_file_appears_where_the_link_leads() {
+    use std::os::unix::fs::symlink;
+    let folder = Folder::new("dangling");
+    symlink("second", folder.file("first")).unwrap();
+    symlink(folder.file("real"), folder.file("second")).unwrap();
+    write_atomically(folder.file("first"), |out| out.write_all(b"new")).unwrap();
+    assert_eq!(fs::read(folder.file("real")).unwrap(), b"new");
+    for link in ["first", "second"] {
+        assert!(fs::symlink_metadata(folder.file(link)).unwrap().is_symlink(), "{link}");
+    }
+    symlink("round", folder.file("round")).unwrap();
+    assert!(write_atomically(folder.file("round"), |out| out.write_all(b"new")).is_ok());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_without_end_is_refused() {
+    let message = read_text("/dev/zero").unwrap_err().to_string();
+    assert_eq!(message, "/dev/zero: this is a device, a file is needed");
+    let folder = Folder::new("endless");
+    let sparse = |name: &str, length: u64| {
+        fs::File::create(folder.file(name)).unwrap().set_len(length).unwrap();
+        folder.file(name)
+    };
+    assert_eq!(read_document(sparse("longest", 1 << 20)).unwrap().len(), 1 << 20);
+    let refusal = |error: FileError| error.to_string().split_once(": ").unwrap().1.to_owned();
+    let told = refusal(read_document(sparse("longer", (1 << 20) + 1)).unwrap_err());
+    assert_eq!(told, "longer than 1 MiB, the limit for such a file");
 }
 
 #[test]

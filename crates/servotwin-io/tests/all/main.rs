@@ -1,5 +1,6 @@
 //! The one integration test binary of this crate.
 
+mod document;
 mod files;
 #[allow(dead_code, reason = "shared by several crates")]
 mod folder;

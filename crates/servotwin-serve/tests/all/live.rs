@@ -1,8 +1,8 @@
 //! The server as a viewer meets it: who may come in, what it sends, what it takes, and what a bad viewer cannot do.
 
 use crate::viewer::{
-    FAULT, ask, event_of, frame, get, inject_request, join, live, own, save, served, served_from,
-    wait_for,
+    FAULT, ask, event_of, frame, get, get_bytes, inject_request, join, live, own, save, served,
+    served_from, wait_for,
 };
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
@@ -10,9 +10,10 @@ use servotwin_model::program::FaultAt;
 use servotwin_serve::feed::{Frame, Message as Said};
 use servotwin_serve::signals::{ShownSample, Signals};
 use servotwin_serve::{Access, Live, SavedSession};
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::OnceLock;
+use std::time::Duration;
 use tungstenite::Message;
 
 #[test]
@@ -54,6 +55,63 @@ fn other_pages_and_other_names_are_refused() {
         assert_eq!(own(address, "/counts")["refused_visits"], 4);
         let port = address.port();
         assert_eq!(get(address, "/about", &format!("localhost:{port}"), "").0, 200);
+    });
+}
+
+#[test]
+fn another_page_may_lead_here_and_ask_for_nothing() {
+    served(|address| {
+        let host = address.to_string();
+        let from = |site: &str| format!("Sec-Fetch-Site: {site}\r\n");
+        for (path, more, status) in [
+            ("/session.mcap", from("cross-site"), 403),
+            ("/session", from("same-site"), 403),
+            ("/about", from("cross-site"), 403),
+            ("/about", from("same-origin"), 200),
+            ("/about", from("none"), 200),
+            ("/", from("cross-site"), 200),
+            // A proxy that ends TLS changes the scheme alone.
+            ("/about", format!("Origin: https://{host}\r\n"), 200),
+            ("/about", "Origin: https://evil.example\r\n".into(), 403),
+            ("/about", "Origin: null\r\n".into(), 403),
+        ] {
+            assert_eq!(get_bytes(address, path, &host, &more).0, status, "{path} {more}");
+        }
+    });
+}
+
+#[test]
+fn more_connections_than_there_is_room_for_are_closed_at_once() {
+    served(|address| {
+        let mut waiting: Vec<_> = (0..200).map(|_| TcpStream::connect(address).unwrap()).collect();
+        let mut byte = [0];
+        let last = waiting.last_mut().unwrap();
+        last.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        let closed = last.read(&mut byte);
+        assert!(
+            matches!(&closed, Ok(0))
+                || closed.is_err_and(|e| e.kind() == ErrorKind::ConnectionReset)
+        );
+        waiting[0].set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+        assert_eq!(waiting[0].read(&mut byte).unwrap_err().kind(), ErrorKind::WouldBlock);
+        drop(waiting);
+        // The server sees each of them leave.
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(own(address, "/about")["kind"], "flight");
+    });
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn a_connection_that_asks_for_nothing_is_closed_after_ten_seconds() {
+    served(|address| {
+        let mut half = TcpStream::connect(address).unwrap();
+        half.write_all(b"GET /about HTTP/1.1\r\n").unwrap();
+        half.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let begin = std::time::Instant::now();
+        let mut answer = vec![];
+        half.read_to_end(&mut answer).unwrap();
+        assert!((8..15).contains(&begin.elapsed().as_secs()), "{:?}", begin.elapsed());
     });
 }
 
@@ -202,8 +260,8 @@ fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32
         }
         flight.sample().unwrap();
         ghost.sample().unwrap();
-        flight.react().unwrap();
-        signals.fill(&ShownSample::of_flights(&flight, &ghost), &mut values);
+        let raised = flight.react().unwrap().map(|action| action.raised);
+        signals.fill(&ShownSample::of_flights(&flight, &ghost, raised), &mut values);
     }
     values.into_iter().map(f32::to_bits).collect()
 }
@@ -238,6 +296,12 @@ fn a_session_beside_fifty_viewers_is_the_flight_without_any_and_is_replayed_to_t
     let samples = frames.iter().map(|bytes| Frame::samples_in(bytes) as usize).sum();
     assert!(flown_without_a_server(&live, injected + 1, samples) == bits, "{samples} samples");
     assert!(texts.iter().any(|text| text["actions"][0]["command"] == "shut_down"));
+    let signals = &session.about["signals"];
+    let is_evidence = |signal: &Value| signal["id"] == "evidence.actuator_1.shut_down";
+    let place = signals.as_array().unwrap().iter().position(is_evidence).unwrap();
+    let width = signals.as_array().unwrap().len();
+    let evidence = bits.iter().skip(place).step_by(width).map(|bits| f32::from_bits(*bits));
+    assert!(evidence.reduce(f32::max).unwrap() >= 1.0, "the line reaches the limit");
 
     served_from(&session, |address| {
         let mut viewer = join(address);

@@ -2,9 +2,11 @@
 //!
 //! The folder is `$SERVOTWIN_CACHE`, or else `servotwin` in the user's folder for caches; an empty `$SERVOTWIN_CACHE`
 //! means none. A file is named after the hash of all that it was compiled from and the hash of its content, so a
-//! damaged or half-written one is not loaded. A folder into which everybody can write is not used. Whatever cannot be read or written there is compiled again.
+//! damaged or half-written one is not loaded. A folder of another user, or into which others can write, is not used:
+//! its libraries run as part of this program. Whatever cannot be read or written there is compiled again.
 
 use crate::files::write_atomically;
+use crate::leftovers::is_private;
 use servotwin_model::lanes::Level;
 use sha2::{Digest, Sha256};
 use std::env;
@@ -85,18 +87,16 @@ impl CacheEntry {
         format!("{PREFIX}{}-{}-", self.key, level.name())
     }
 
-    /// The undamaged library of a level.
-    pub fn find(&self, level: Level) -> Option<PathBuf> {
+    /// The content of the undamaged library of a level.
+    pub fn find(&self, level: Level) -> Option<Vec<u8>> {
         let stem = self.stem(level);
         if !is_private(&self.folder) {
             return None;
         }
-        fs::read_dir(&self.folder).ok()?.flatten().map(|entry| entry.path()).find(|path| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let hash = name.strip_prefix(&stem).and_then(|rest| rest.strip_suffix(".so"));
-            hash.is_some_and(|hash| {
-                fs::read(path).is_ok_and(|content| content_hash(&content) == hash)
-            })
+        fs::read_dir(&self.folder).ok()?.flatten().find_map(|entry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let hash = name.strip_prefix(&stem)?.strip_suffix(".so")?;
+            fs::read(entry.path()).ok().filter(|content| content_hash(content) == hash)
         })
     }
 
@@ -120,20 +120,6 @@ fn create(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
     builder.recursive(true).create(folder)
-}
-
-/// Whether not everybody can write into the folder: its libraries run as part of this program.
-fn is_private(folder: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let is_open = |data: fs::Metadata| data.permissions().mode() & 0o002 != 0;
-        !fs::metadata(folder).is_ok_and(is_open)
-    }
-    #[cfg(not(unix))]
-    {
-        folder.is_dir()
-    }
 }
 
 fn content_hash(content: &[u8]) -> String {

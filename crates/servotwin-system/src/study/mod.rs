@@ -541,12 +541,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         return Err(StudyError::Mistakes { path: path.into(), mistakes });
     }
     let mut mistakes = Collector::new();
-    let (root, errors) = DeTable::parse_recoverable(text);
-    for error in &errors {
-        let message = error.message().trim().replace('\n', ", ");
-        let span = error.span().unwrap_or(0..0);
-        mistakes.note(&span, document::TomlMistake::Syntax { message });
-    }
+    let root = document::parse(text, &mut mistakes);
     let mut parsed = None;
     let all = entries(root.get_ref());
     let format = all.iter().find(|entry| entry.key == "format");

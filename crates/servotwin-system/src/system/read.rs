@@ -218,14 +218,9 @@ impl Reader {
 
     /// Reads a whole file.
     pub fn read(&mut self, text: &str) {
-        let (root, errors) = DeTable::parse_recoverable(text);
-        for error in &errors {
-            let message = error.message().trim().replace('\n', ", ");
-            let span = error.span().unwrap_or(0..0);
-            self.mistakes.note(&span, document::TomlMistake::Syntax { message });
-        }
+        let root = document::parse(text, &mut self.mistakes);
         // After a syntax error, the rest of the file cannot be judged.
-        if !errors.is_empty() {
+        if !self.mistakes.is_empty() {
             return;
         }
         let root = entries(root.get_ref());

@@ -99,7 +99,7 @@ impl Map {
     /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>, system: &System) -> Result<Self, MapError> {
         let path = path.as_ref();
-        let text = files::read_text(path).map_err(MapError::File)?;
+        let text = files::read_document(path).map_err(MapError::File)?;
         Self::parse(&text, &path.display().to_string(), system)
     }
 

@@ -64,13 +64,8 @@ impl<'s> Reader<'s> {
     }
 
     fn file(&mut self, text: &str) {
-        let (root, errors) = DeTable::parse_recoverable(text);
-        for error in &errors {
-            let message = error.message().trim().replace('\n', ", ");
-            let span = error.span().unwrap_or(0..0);
-            self.note(&span, document::TomlMistake::Syntax { message });
-        }
-        if !errors.is_empty() {
+        let root = document::parse(text, &mut self.mistakes);
+        if !self.mistakes.is_empty() {
             return;
         }
         let root = entries(root.get_ref());

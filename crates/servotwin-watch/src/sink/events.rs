@@ -49,11 +49,16 @@ impl<W: Write> Events<W> {
         Events { out, file: None }
     }
 
-    fn line(&mut self, line: &str) -> Result<(), SinkError> {
-        let written = writeln!(self.out, "{line}").and_then(|()| self.out.flush());
-        match (written, &mut self.file) {
-            (Ok(()), Some(kept)) => kept.length += line.len() as u64 + 1,
-            (Ok(()), None) => {}
+    fn line(&mut self, event: &impl Serialize) -> Result<(), SinkError> {
+        let mut write = || -> io::Result<u64> {
+            let line = serde_json::to_string(event)?;
+            writeln!(self.out, "{line}")?;
+            self.out.flush()?;
+            Ok(line.len() as u64 + 1)
+        };
+        match (write(), &mut self.file) {
+            (Ok(length), Some(kept)) => kept.length += length,
+            (Ok(_), None) => {}
             // A reader that has closed the pipe is not a failure.
             (Err(error), _) if error.kind() == io::ErrorKind::BrokenPipe => {}
             (Err(error), None) => return Err(SinkError::Output(error)),
@@ -85,10 +90,31 @@ impl<W: Write> Sink for Events<W> {
         let (time_s, place) = (sample.time_s, sample.place);
         let date = moment::date_of(time_s);
         let event = Event { time_s, date, place, finding: sample.observation.finding };
-        self.line(&serde_json::to_string(&event).unwrap_or_default())
+        self.line(&event)
     }
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
-        self.line(&serde_json::to_string(notice).unwrap_or_default())
+        self.line(notice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct NoJson;
+
+    impl Serialize for NoJson {
+        fn serialize<S: serde::Serializer>(&self, _: S) -> Result<S::Ok, S::Error> {
+            Err(serde::ser::Error::custom("no JSON"))
+        }
+    }
+
+    #[test]
+    fn an_event_that_cannot_be_written_is_an_error_and_no_empty_line() {
+        let mut events = Events::new(vec![]);
+        assert!(events.line(&NoJson).is_err());
+        events.line(&1).unwrap();
+        assert_eq!(events.out, b"1\n");
     }
 }

@@ -143,7 +143,7 @@ fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColu
 }
 
 fn open(path: &Path) -> Result<Box<dyn BufRead + Send>, SourceError> {
-    Ok(encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0)
+    Ok(encoding::open(path)?.0)
 }
 
 /// The first `count` lines of a file; an error if they are empty.

@@ -7,7 +7,7 @@
 
 use super::groups::{ColumnGroup, Groups, bytes};
 use super::{LogColumn, Source, SourceError, Wanted};
-use servotwin_io::files::FileError;
+use servotwin_io::files::{self, FileError};
 use servotwin_io::sanitize;
 use std::io::Read as _;
 use std::path::Path;
@@ -118,16 +118,15 @@ type Outcome<T> = Result<T, String>;
 impl Reader<'_> {
     fn file(&mut self, path: &Path) -> Result<(), SourceError> {
         let failed = |cause| FileError::from_io(path, cause);
-        let mut file = std::fs::File::open(path).map_err(failed)?;
         let address = path.display().to_string();
-        if file.metadata().map_err(failed)?.len() > MAX_FILE {
+        let mut data = vec![];
+        files::open(path)?.take(MAX_FILE + 1).read_to_end(&mut data).map_err(failed)?;
+        if data.len() as u64 > MAX_FILE {
             return Err(SourceError::unreadable(
                 &address,
                 "longer than 2 GiB, the longest MAT file of version 5",
             ));
         }
-        let mut data = vec![];
-        file.read_to_end(&mut data).map_err(failed)?;
         self.variables(&data).map_err(|cause| SourceError::unreadable(&address, &cause))
     }
 

@@ -14,7 +14,7 @@ use ::mcap::McapError;
 use ::mcap::read::ChunkReader;
 use ::mcap::records::{ChunkHeader, Record};
 use ::mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use servotwin_io::files::FileError;
+use servotwin_io::files::{self, FileError};
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{self, BufReader, Read as _};
@@ -286,7 +286,7 @@ struct Messages {
 impl Messages {
     fn open(path: &Path) -> Result<Self, SourceError> {
         let failed = |cause| FileError::from_io(path, cause);
-        let file = File::open(path).map_err(failed)?;
+        let file = files::open(path)?;
         let size = file.metadata().map_err(failed)?.len();
         let options = LinearReaderOptions::default()
             .with_emit_chunks(true)

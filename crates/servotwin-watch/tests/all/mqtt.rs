@@ -106,7 +106,13 @@ fn publication(topic: &str, qos: u8, is_retained: bool, number: u16, payload: &s
     }
     body.extend(payload.bytes());
     let first = 0x30 | qos << 1 | u8::from(is_retained);
-    let mut packet = vec![first, body.len() as u8 | 128, (body.len() >> 7) as u8];
+    let mut packet = vec![first];
+    let mut length = body.len();
+    while length > 127 {
+        packet.push(length as u8 | 128);
+        length >>= 7;
+    }
+    packet.push(length as u8);
     packet.extend(body);
     packet
 }
@@ -180,6 +186,16 @@ fn bytes_that_are_no_packet_end_the_connection_and_no_more() {
     let Read::Disconnected { cause } = &found[0].0 else { panic!("{found:?}") };
     assert!(cause.starts_with("a damaged packet"), "{cause}");
     assert_eq!(found[1..], [(Read::Reconnected, vec![]), row(1.0, 2.0)]);
+}
+
+#[test]
+fn a_message_of_more_than_a_mebibyte_is_counted_and_the_connection_stays() {
+    let long: &str = Box::leak("x".repeat(3 << 20).into());
+    let messages = [("a", false, long), ("a", false, "{\"t\": 1, \"p\": 2}")];
+    let (port, _hold) = broker(vec![session(&messages, Then::AnswerPings)]);
+    let mut source = open(&format!("mqtt://127.0.0.1:{port}/a"), &["t", "p"]).unwrap();
+    let expected = [(Read::Flawed(Flaw::TooLong), vec![]), row(1.0, 2.0)];
+    assert_eq!(reads(&mut *source, 2), expected);
 }
 
 #[test]

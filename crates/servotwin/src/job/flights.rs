@@ -188,7 +188,7 @@ pub fn learn_from(
     let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
     let diagnoser = Diagnoser { boundaries, ..trained };
     let diagnoser = held_out::with_margin(study, flights, setting, diagnoser, crew.workers)?;
-    model_file::write(folder.diagnoser(setting), &diagnoser)?;
+    model_file::write_model(folder.diagnoser(setting), &diagnoser)?;
     Ok((diagnoser, left_out))
 }
 

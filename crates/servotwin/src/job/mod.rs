@@ -154,8 +154,8 @@ impl Prepared {
             trees: trained.trees.clone(),
             ..Panel::default()
         };
-        model_file::write(folder.hierarchy(self.subject), &trained.trees)?;
-        model_file::write(folder.panel(self.subject), &panel)?;
+        model_file::write_model(folder.hierarchy(self.subject), &trained.trees)?;
+        model_file::write_model(folder.panel(self.subject), &panel)?;
         Ok(trained)
     }
 }

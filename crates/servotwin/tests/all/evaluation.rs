@@ -282,6 +282,22 @@ fn the_model_is_the_same_after_reading() {
     assert!(matches!(model_file::read_hierarchy(&path), Err(EvaluationError::CorruptModel { .. })));
     std::fs::write(&path, "{").unwrap();
     assert!(matches!(model_file::read_hierarchy(&path), Err(EvaluationError::Model { .. })));
+    // A copy far from its manifest is checked, too: no digit passes, of the checksum or of a number.
+    model_file::write_model(&path, &hierarchy).unwrap();
+    assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy);
+    let whole = std::fs::read(&path).unwrap();
+    let digits: Vec<usize> =
+        (0..whole.len()).filter(|&place| whole[place].is_ascii_digit()).collect();
+    for place in digits.iter().step_by(digits.len().div_ceil(60)) {
+        let mut changed = whole.clone();
+        changed[*place] = if whole[*place] == b'9' { b'8' } else { whole[*place] + 1 };
+        std::fs::write(&path, changed).unwrap();
+        assert!(model_file::read_hierarchy(&path).is_err(), "byte {place}");
+    }
+    let whole = String::from_utf8(whole).unwrap();
+    let (_, unchecked) = whole.split_once("\",\n").unwrap();
+    std::fs::write(&path, format!("{{\n{unchecked}")).unwrap();
+    assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy, "unchecked on purpose");
     std::fs::remove_dir_all(folder).unwrap();
 }
 

@@ -1,7 +1,7 @@
 //! Text encodings: UTF-8, UTF-16 with or without a byte order mark, or else Latin-1 as Windows writes it.
 
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Read};
+use crate::files::{self, FileError};
+use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
 /// Buffer size, bytes; the separator is detected in the first buffer.
@@ -19,9 +19,10 @@ pub enum Encoding {
 }
 
 /// Opens a file at its first character. UTF-16 files are read whole and converted to UTF-8.
-pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead + Send>, Encoding)> {
-    let mut reader = BufReader::with_capacity(BUFFER, File::open(path)?);
-    let beginning = reader.fill_buf()?;
+pub fn open(path: &Path) -> Result<(Box<dyn BufRead + Send>, Encoding), FileError> {
+    let failed = |cause| FileError::from_io(path, cause);
+    let mut reader = BufReader::with_capacity(BUFFER, files::open(path)?);
+    let beginning = reader.fill_buf().map_err(failed)?;
     let (skip, big_endian) = match beginning {
         [0xEF, 0xBB, 0xBF, ..] => (3, None),
         [0xFE, 0xFF, ..] => (2, Some(true)),
@@ -36,7 +37,7 @@ pub fn open(path: &Path) -> io::Result<(Box<dyn BufRead + Send>, Encoding)> {
         return Ok((Box::new(reader), Encoding::Utf8));
     };
     let mut bytes = vec![];
-    reader.read_to_end(&mut bytes)?;
+    reader.read_to_end(&mut bytes).map_err(failed)?;
     let unit = |pair: &[u8; 2]| match big_endian {
         true => u16::from_be_bytes(*pair),
         false => u16::from_le_bytes(*pair),

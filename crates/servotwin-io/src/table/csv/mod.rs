@@ -36,7 +36,7 @@ pub const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write }
 /// Reads a CSV file.
 pub fn read(path: &Path) -> Result<Table, TableError> {
     let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
-    let open = || encoding::open(path).map_err(unreadable);
+    let open = || Ok(encoding::open(path)?);
     read_again(open, unreadable, &|problem| TableError::Content {
         path: path.to_path_buf(),
         problem,

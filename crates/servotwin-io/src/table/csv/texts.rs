@@ -44,7 +44,7 @@ pub fn read(path: &Path) -> Result<Texts, TableError> {
     let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
     let mut is_latin = false;
     loop {
-        let (reader, found) = encoding::open(path).map_err(unreadable)?;
+        let (reader, found) = encoding::open(path)?;
         match attempt(reader, if is_latin { Encoding::Latin1 } else { found }) {
             Ok(texts) => return Ok(texts),
             Err(Stop::Again(_)) if !is_latin => is_latin = true,

@@ -2,7 +2,7 @@
 
 use super::super::SourceError;
 use super::super::groups::bytes;
-use servotwin_io::files::FileError;
+use servotwin_io::files::{self, FileError};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, Read as _, Seek, SeekFrom};
@@ -82,7 +82,7 @@ type Outcome<T> = Result<T, String>;
 impl Mdf {
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let failed = |cause| FileError::from_io(path, cause);
-        let file = File::open(path).map_err(failed)?;
+        let file = files::open(path)?;
         let size = file.metadata().map_err(failed)?.len();
         let mut mdf = Mdf { file, size, groups: vec![], visited: BTreeSet::new() };
         let read = mdf.identify().and_then(|()| mdf.read_groups());

@@ -15,8 +15,11 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The largest packet that is read, bytes.
-const MAX_PACKET: usize = 1 << 20;
+/// The longest message whose lines are read, bytes.
+const MAX_MESSAGE: usize = 1 << 20;
+
+/// The longest packet that MQTT allows, bytes. With a smaller limit, a long message would end the connection.
+const MAX_PACKET: usize = 268_435_455;
 
 /// The most messages that wait to be read; beyond that, the broker waits.
 const WAITING: usize = 1024;
@@ -37,6 +40,8 @@ pub(super) enum News {
     Lost(String),
     /// A message of a subscribed topic.
     Message(Publish),
+    /// A message of more than [`MAX_MESSAGE`], which is dropped.
+    TooLong,
 }
 
 /// Receives the thread's reports; dropping it ends the thread.
@@ -106,16 +111,17 @@ fn options(subscription: &Subscription) -> Result<MqttOptions, String> {
 #[cfg(feature = "mqtt-tls")]
 fn transport(authority: &Authority) -> Result<Transport, String> {
     use rustls::pki_types::{CertificateDer, pem::PemObject};
+    use servotwin_io::files;
     let mut roots = rustls::RootCertStore::empty();
     match authority {
         Authority::System => {
             roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
         }
         Authority::File(path) => {
-            let failed = |cause: &dyn std::fmt::Display| format!("{}: {cause}", path.display());
-            let text = std::fs::read(path).map_err(|cause| failed(&cause))?;
+            let text = files::read_bytes(path).map_err(|error| error.to_string())?;
             let found = CertificateDer::pem_slice_iter(&text).collect::<Result<Vec<_>, _>>();
-            roots.add_parsable_certificates(found.map_err(|cause| failed(&cause))?);
+            let failed = |cause| format!("{}: {cause}", path.display());
+            roots.add_parsable_certificates(found.map_err(failed)?);
         }
     }
     if roots.is_empty() {
@@ -242,6 +248,9 @@ impl Keeper {
                 self.answer_by = None;
                 Ok(None)
             }
+            Packet::Publish(message) if message.payload.len() > MAX_MESSAGE => {
+                Ok(Some(News::TooLong))
+            }
             Packet::Publish(message) => Ok(Some(News::Message(message))),
             Packet::Disconnect => Err("the broker ended the connection".into()),
             _ => Ok(None),
@@ -297,9 +306,6 @@ fn cause(error: &ConnectionError) -> String {
         }
         ConnectionError::MqttState(StateError::Deserialization(error)) => match error {
             mqttbytes::Error::Io(error) => error.to_string(),
-            mqttbytes::Error::PayloadSizeLimitExceeded(size) => {
-                format!("a message of {size} bytes, more than {MAX_PACKET}")
-            }
             error => format!("a damaged packet ({error})"),
         },
         ConnectionError::NotConnAck(_) => "the answer is not that of a broker".into(),

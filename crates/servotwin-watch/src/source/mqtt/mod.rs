@@ -63,6 +63,10 @@ impl Mqtt {
                 Read::Reconnected
             }
             Ok(News::Subscribed) => Read::Nothing,
+            Ok(News::TooLong) => {
+                self.place += 1;
+                Read::Flawed(Flaw::TooLong)
+            }
             Ok(News::Message(message)) => {
                 self.place += 1;
                 if message.retain {
@@ -107,7 +111,7 @@ fn subscribed(subscription: &Subscription) -> Result<Mailbox, SourceError> {
             Ok(News::Subscribed) => return Ok(mailbox),
             Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
             // Messages before the acceptance are either retained or would have been missed anyway.
-            Ok(News::Message(_)) | Err(RecvTimeoutError::Timeout) => {}
+            Ok(News::Message(_) | News::TooLong) | Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
         }
     }
@@ -136,7 +140,7 @@ pub fn columns(subscription: &Subscription) -> Result<Vec<String>, SourceError> 
                 }
             }
             Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
-            Ok(News::Subscribed) | Err(RecvTimeoutError::Timeout) => {}
+            Ok(News::Subscribed | News::TooLong) | Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
         }
     }
