@@ -23,6 +23,7 @@ use servotwin_export::ExportError;
 use servotwin_safety::SafetyError;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
+use servotwin_watch::intake::IntakeError;
 use servotwin_watch::map::MapError;
 use servotwin_watch::sink::SinkError;
 use servotwin_watch::source::SourceError;
@@ -209,6 +210,19 @@ impl Failure {
         match self {
             Failure::Stopped => Failure::StoppedOnTheWay,
             other => other,
+        }
+    }
+
+    /// The failure of a log that cannot be read with its map.
+    pub fn of_intake(name: &str, error: IntakeError) -> Self {
+        match error {
+            IntakeError::Source(error) => error.into(),
+            IntakeError::Map(error) => error.into(),
+            IntakeError::Table(error) => error.into(),
+            IntakeError::Record(error) => {
+                Failure::Fit(FitError::Record { name: name.into(), error })
+            }
+            IntakeError::Refused { log, reason } => Failure::NoSample { log, reason },
         }
     }
 

@@ -1,4 +1,6 @@
-//! Dates and times in readable form: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `08:15:02`.
+//! Dates and times in readable form: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `21-Nov-2026 8:15:02 AM`, `08:15:02`.
+//!
+//! A [`Clock`] decides by the first time of a log what all of its times mean.
 
 use jiff::SignedDuration;
 use jiff::civil::Date;
@@ -10,7 +12,7 @@ pub const CALENDAR_S: f64 = 1e8;
 
 /// A readable time: `2026-11-21 08:15:02.500` if it counts from 1970, else `12.34 s`.
 ///
-/// A date has no zone: it is UTC, or the clock of a log without a zone.
+/// A date is shown on the clock of its log ([`Clock`]).
 pub fn shown(time_s: f64) -> String {
     date_of(time_s).unwrap_or_else(|| format!("{time_s:.2} s"))
 }
@@ -56,43 +58,172 @@ pub fn rounded(step_s: f64) -> f64 {
     format!("{step_s:.2e}").parse().unwrap_or(step_s)
 }
 
-/// A time in seconds: since the start of 1970, or since midnight without a date; `None` for any other text. A zone is
-/// subtracted; without one, the time stays as it is. The form `11/21/2026` is rejected, because the order of month and
-/// day is ambiguous.
+/// One day, s.
+pub const DAY_S: f64 = 86_400.0;
+
+/// A time as it is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// Seconds since the start of 1970, or since midnight without a date, on the clock as written.
+    pub clock_s: f64,
+    /// The offset of this clock from UTC, s; `None` if the text has none.
+    pub zone_s: Option<f64>,
+    /// Whether the text has a date.
+    pub has_date: bool,
+}
+
+impl Moment {
+    /// Reads a text; `None` if it is no time. The forms `11/21/2026` and `21-11-2026` are rejected, because the order
+    /// of month and day is not known ([`refusal`]).
+    pub fn read(text: &str) -> Option<Self> {
+        let (day, time) = split(text.trim());
+        let (seconds, zone_s) = time.map_or(Some((0.0, None)), time_of_day)?;
+        let days = day.map_or(Some(0.0), date)?;
+        Some(Moment { clock_s: DAY_S * days + seconds, zone_s, has_date: day.is_some() })
+    }
+
+    /// The same time on another clock; unchanged if this text has no zone.
+    pub fn on_clock(&self, zone_s: f64) -> f64 {
+        self.clock_s - self.zone_s.map_or(0.0, |own_s| own_s - zone_s)
+    }
+}
+
+/// The clock of a log: the first time decides its zone, and a time of day goes on behind midnight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clock {
+    /// The zone of the first text; `None` before it.
+    zone_s: Option<Option<f64>>,
+    last: f64,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Clock { zone_s: None, last: f64::NAN }
+    }
+}
+
+impl Clock {
+    /// Reads a text as seconds on the clock of the first one; `None` if it is no time.
+    pub fn read(&mut self, text: &str) -> Option<f64> {
+        let moment = Moment::read(text)?;
+        let zone_s = *self.zone_s.get_or_insert(moment.zone_s);
+        let time_s = zone_s.map_or(moment.clock_s, |zone_s| moment.on_clock(zone_s));
+        self.last = if moment.has_date { time_s } else { time_s + self.turns(time_s, DAY_S) };
+        Some(self.last)
+    }
+
+    /// Continues numbers behind midnight, if they begin anew within a minute of it; `day` is a day in their unit.
+    pub fn number(&mut self, value: f64, day: f64) -> f64 {
+        let turned = value + self.turns(value, day);
+        let is_midnight =
+            (0.0..day).contains(&value) && (turned - self.last).abs() < day * (60.0 / DAY_S);
+        let found = if turned > value && is_midnight { turned } else { value };
+        if found.is_finite() {
+            self.last = found;
+        }
+        found
+    }
+
+    /// The whole days that bring a value nearest to the last one.
+    fn turns(&self, value: f64, day: f64) -> f64 {
+        let days = ((self.last - value) / day).round();
+        if days.is_nan() { 0.0 } else { days * day }
+    }
+
+    /// The offset of this clock from UTC, s; `None` before the first text, or if it has no zone.
+    pub fn zone_s(&self) -> Option<f64> {
+        self.zone_s.flatten()
+    }
+}
+
+/// A zone in words: `UTC+02:00`.
+pub fn zone_in_words(zone_s: f64) -> String {
+    let minutes = (zone_s.abs() / 60.0).round() as u32;
+    let sign = if zone_s < 0.0 { '-' } else { '+' };
+    match minutes {
+        0 => "UTC".into(),
+        _ => format!("UTC{sign}{:02}:{:02}", minutes / 60, minutes % 60),
+    }
+}
+
+/// A time in seconds, UTC if the text has a zone; `None` for any other text.
 pub fn seconds(text: &str) -> Option<f64> {
-    let text = text.trim();
-    match text.split_once(['T', ' ']) {
-        Some((day, time)) => Some(86_400.0 * date(day)? + time_of_day(time.trim())?),
-        None if text.contains(':') => time_of_day(text),
-        None => Some(86_400.0 * date(text)?),
+    Moment::read(text).map(|moment| moment.on_clock(0.0))
+}
+
+/// Why a text that looks like a time is none.
+pub fn refusal(text: &str) -> Option<&'static str> {
+    let (day, time) = split(text.trim());
+    let parts: Vec<&str> = day?.split(['/', '-']).collect();
+    let is_number = |part: &&str| !part.is_empty() && number(part).is_some();
+    let is_year_last = parts.len() == 3 && parts[0].len() <= 2 && parts[2].len() >= 2;
+    if is_year_last && parts.iter().all(is_number) {
+        return Some("the order of day and month is not known: write dates as 2026-11-21");
+    }
+    let is_zone = |time: &str| {
+        time_of_day(time).is_none() && time.ends_with(|c: char| c.is_ascii_alphabetic())
+    };
+    let is_zone = date(day?).is_some() && time.is_some_and(is_zone);
+    is_zone.then_some("this zone is not known: write its offset (+01:00) or UTC")
+}
+
+/// The date and the time of day of a text.
+fn split(text: &str) -> (Option<&str>, Option<&str>) {
+    let Some(colon) = text.find(':') else { return (Some(text), None) };
+    match text[..colon].rfind(['T', ' ']) {
+        Some(place) => (Some(text[..place].trim_end()), Some(text[place + 1..].trim())),
+        None => (None, Some(text)),
     }
 }
 
 /// Days since the start of 1970.
 fn date(text: &str) -> Option<f64> {
-    let parts = |mark| {
-        let parts: Vec<&str> = text.split(mark).collect();
+    let parts = |mark: &[char]| {
+        let parts: Vec<&str> = text.split(mark).filter(|part| !part.is_empty()).collect();
         <[&str; 3]>::try_from(parts).ok()
     };
-    let [year, month, day] = match (parts('-'), parts('/'), parts('.')) {
-        (Some(parts), _, _) | (_, Some(parts), _) => parts,
-        (_, _, Some([day, month, year])) => [year, month, day],
+    let [year, month, day] = match (parts(&['-', ' ', ',']), parts(&['/']), parts(&['.'])) {
+        (Some([day, month, year]), ..) if month_of(month).is_some() && year.len() == 4 => {
+            [year, month, day]
+        }
+        (Some([month, day, year]), ..) if month_of(month).is_some() => [year, month, day],
+        (Some(parts), ..) | (_, Some(parts), _) => parts,
+        (.., Some([day, month, year])) => [year, month, day],
         _ => return None,
     };
-    if year.len() != 4 || month.len() > 2 || day.len() > 2 {
+    if year.len() != 4 || day.len() > 2 {
         return None;
     }
-    let month = i8::try_from(number(month)?).ok()?;
-    let day = i8::try_from(number(day)?).ok()?;
+    let month = month_of(month).or_else(|| number(month).filter(|_| month.len() <= 2))?;
+    let (month, day) = (i8::try_from(month).ok()?, i8::try_from(number(day)?).ok()?);
     let date = Date::new(i16::try_from(number(year)?).ok()?, month, day).ok()?;
     Some((date.duration_since(EPOCH).as_hours() / 24) as f64)
 }
 
-/// Seconds since midnight, UTC.
-fn time_of_day(text: &str) -> Option<f64> {
-    let (clock, zone_s) = split_zone(text)?;
+/// The month of an English name or its first three letters, from 1.
+fn month_of(text: &str) -> Option<i64> {
+    const MONTHS: &str = "janfebmaraprmayjunjulaugsepoctnovdec";
+    let begin = text.get(..3)?.to_ascii_lowercase();
+    let place = MONTHS.find(&begin).filter(|place| place % 3 == 0)?;
+    text.bytes().all(|b| b.is_ascii_alphabetic()).then_some(place as i64 / 3 + 1)
+}
+
+/// Seconds since midnight as written, and the zone.
+fn time_of_day(text: &str) -> Option<(f64, Option<f64>)> {
+    let text = text.to_ascii_uppercase();
+    let (clock, zone_s) = split_zone(&text)?;
+    let half = |marks: [&str; 2]| marks.into_iter().find_map(|mark| clock.strip_suffix(mark));
+    let (clock, noon) = match (half(["AM", "A.M."]), half(["PM", "P.M."])) {
+        (Some(clock), _) => (clock.trim_end(), Some(0)),
+        (_, Some(clock)) => (clock.trim_end(), Some(12)),
+        _ => (clock, None),
+    };
     let mut parts = clock.split(':');
     let (hours, minutes) = (number(parts.next()?)?, number(parts.next()?)?);
+    let hours = match noon {
+        Some(noon) => (1..=12).contains(&hours).then_some(hours % 12 + noon)?,
+        None => hours,
+    };
     let seconds = match parts.next() {
         Some(text) if text.starts_with(|c: char| c.is_ascii_digit()) => {
             text.replace(',', ".").parse::<f64>().ok()?
@@ -101,73 +232,29 @@ fn time_of_day(text: &str) -> Option<f64> {
         None => 0.0,
     };
     let sound = hours <= 24 && minutes < 60 && seconds < 61.0 && parts.next().is_none();
-    sound.then(|| (3600 * hours + 60 * minutes) as f64 + seconds - zone_s)
+    sound.then(|| ((3600 * hours + 60 * minutes) as f64 + seconds, zone_s))
 }
 
 /// The time without its zone, and the zone in seconds east of UTC.
-fn split_zone(text: &str) -> Option<(&str, f64)> {
-    if let Some(clock) = text.strip_suffix(['Z', 'z']) {
-        return Some((clock, 0.0));
+fn split_zone(text: &str) -> Option<(&str, Option<f64>)> {
+    let without = |text: &'_ str| {
+        ["UTC", "GMT", "Z"].iter().find_map(|word| text.strip_suffix(word).map(str::len))
+    };
+    if let Some(length) = without(text) {
+        return Some((text[..length].trim_end(), Some(0.0)));
     }
     let Some(place) = text.rfind(['+', '-']) else {
-        return Some((text, 0.0));
+        return Some((text, None));
     };
     let (clock, zone) = text.split_at(place);
+    let clock = &clock[..without(clock).unwrap_or(clock.len())];
     let digits: String = zone[1..].chars().filter(|c| *c != ':').collect();
     let minutes = digits.get(2..).filter(|minutes| !minutes.is_empty()).unwrap_or("0");
     let (hours, minutes) = (number(digits.get(..2)?)?, number(minutes)?);
     let size = (3600 * hours + 60 * minutes) as f64;
-    Some((clock.trim_end(), if zone.starts_with('-') { -size } else { size }))
+    Some((clock.trim_end(), Some(if zone.starts_with('-') { -size } else { size })))
 }
 
 fn number(text: &str) -> Option<i64> {
     text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse().ok())?
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{seconds, shown};
-
-    #[test]
-    fn times_of_many_writers() {
-        // Seconds since 1970 as `date --utc +%s` prints them.
-        let cases = [
-            ("1970-01-01", 0.0),
-            ("2026-11-21T08:15:02.5", 1_795_248_902.5),
-            ("2026-11-21 08:15:02Z", 1_795_248_902.0),
-            ("2026-11-21 09:15:02+01:00", 1_795_248_902.0),
-            ("2026-11-21 02:45:02-0530", 1_795_248_902.0),
-            ("21.11.2026 08:15", 1_795_248_900.0),
-            ("2024/02/29", 1_709_164_800.0),
-            ("1969-12-31 23:59:59", -1.0),
-            ("08:15:02,25", 29_702.25),
-        ];
-        for (text, expected) in cases {
-            assert_eq!(seconds(text), Some(expected), "{text}");
-        }
-        for text in [
-            "",
-            "pump",
-            "1.5",
-            "12",
-            "1-2-3",
-            "25.13.2026",
-            "12:75",
-            "a:b",
-            "11/21/2026",
-            "2025-02-30",
-        ] {
-            assert_eq!(seconds(text), None, "{text}");
-        }
-    }
-
-    #[test]
-    fn a_date_is_shown_as_it_was_written() {
-        for text in ["2025-10-26 02:59:54.010", "2026-02-28 23:59:59.999"] {
-            assert_eq!(shown(seconds(text).unwrap()), text);
-        }
-        assert_eq!(shown(12.344), "12.34 s");
-        assert_eq!(shown(f64::NAN), "NaN s");
-        assert_eq!(shown(1e300), format!("{:.2} s", 1e300), "no calendar goes so far");
-    }
 }

@@ -787,6 +787,3 @@ impl SimulationResults<'_> {
         recording::figure(&self.system.title, &recorded, &self.times_s, &values)
     }
 }
-
-#[cfg(test)]
-mod tests;

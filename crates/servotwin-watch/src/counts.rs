@@ -29,6 +29,8 @@ pub enum Irregularity {
     Reordered,
     /// A sample whose values are all known already.
     Doubled,
+    /// A sample with the time of another, and other values.
+    CoarseTime,
     /// A sample that arrived after its period was passed on.
     Late,
     /// A sample whose time no other sample confirms.
@@ -55,7 +57,7 @@ pub enum Irregularity {
 
 impl Irregularity {
     /// All kinds, in the order of reports.
-    pub const ALL: [Irregularity; 22] = [
+    pub const ALL: [Irregularity; 23] = [
         Irregularity::Noise,
         Irregularity::TooLong,
         Irregularity::CutShort,
@@ -67,6 +69,7 @@ impl Irregularity {
         Irregularity::Impossible,
         Irregularity::Reordered,
         Irregularity::Doubled,
+        Irregularity::CoarseTime,
         Irregularity::Late,
         Irregularity::Outlier,
         Irregularity::Surplus,
@@ -96,6 +99,9 @@ impl Irregularity {
             }
             Irregularity::Reordered => ("reordered", "out of order: put in order"),
             Irregularity::Doubled => ("doubled", "sent twice: dropped"),
+            Irregularity::CoarseTime => {
+                ("coarse_time", "time of another sample, other values: dropped")
+            }
             Irregularity::Late => ("late", "too late: dropped"),
             Irregularity::Outlier => ("outlier", "impossible time: dropped"),
             Irregularity::Surplus => ("surplus", "between two periods: left out"),

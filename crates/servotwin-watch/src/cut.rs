@@ -38,7 +38,7 @@ impl Cut {
             let (log, first) = (self.log.clone(), moment::shown(first_s));
             return Err(SourceError::Cut(CutError::OtherKind { log, first }));
         }
-        Ok(self.span.contains(time_s, first_s))
+        Ok(self.span.contains(time_s, first_s, self.source.zone_s()))
     }
 }
 
@@ -57,8 +57,11 @@ impl Source for Cut {
                 Ok(Read::Nothing)
             }
             (Read::End, Some((first_s, last_s))) if self.is_empty => {
-                let (log, reach) = (self.log.clone(), [first_s, last_s].map(moment::shown));
-                Err(SourceError::Cut(CutError::Empty { log, reach: reach.into() }))
+                let zone = self.source.zone_s().map(moment::zone_in_words);
+                let last =
+                    moment::shown(last_s) + &zone.map_or("".into(), |zone| format!(" {zone}"));
+                let (log, reach) = (self.log.clone(), (moment::shown(first_s), last));
+                Err(SourceError::Cut(CutError::Empty { log, reach }))
             }
             (Read::Flawed(_), _) => {
                 self.rows += 1;
@@ -74,6 +77,10 @@ impl Source for Cut {
 
     fn is_live(&self) -> bool {
         self.source.is_live()
+    }
+
+    fn zone_s(&self) -> Option<f64> {
+        self.source.zone_s()
     }
 
     fn share(&self) -> Option<f64> {

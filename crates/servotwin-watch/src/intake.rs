@@ -6,7 +6,10 @@
 
 use super::counts::{Irregularity, WatchCounts};
 use super::cut::Cut;
-use super::map::{Map, MapError, Trust, guess};
+use super::guard;
+pub use super::guard::IntakeError;
+use super::map::{Map, Trust, guess};
+use super::plausibility::coarse_in_words;
 use super::sequencer::Stamped;
 use super::source::{Address, LogRow, Read, Source, SourceError};
 use super::span::LogSpan;
@@ -32,20 +35,6 @@ pub struct Whole {
     pub counts: WatchCounts,
     /// Columns without a known unit; they are read as SI.
     pub assumed: Vec<String>,
-}
-
-/// Why a log cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub enum IntakeError {
-    /// It cannot be read, or the requested span is empty.
-    Source(#[from] SourceError),
-    /// The map does not fit it.
-    Map(MapError),
-    /// An input and a sensor of the system have the same name.
-    Table(#[from] TableError),
-    /// Without a map: the log has no time, or no sensor of the system.
-    Record(RecordError),
 }
 
 /// Whether a file may be a log, judged by its extension.
@@ -75,6 +64,21 @@ pub fn read(
     }
 }
 
+/// Opens a source, or a part of it, with the map of its columns.
+///
+/// # Errors
+/// The source cannot be opened, or lacks a column of the map.
+pub fn open(address: &Address, map: &Map, span: LogSpan) -> Result<Box<dyn Source>, IntakeError> {
+    let source = address.open(map.wanted()).map_err(|error| match map.explain(error) {
+        Ok(mistakes) => IntakeError::Map(mistakes),
+        Err(error) => IntakeError::Source(error),
+    })?;
+    Ok(match span.is_whole() {
+        true => source,
+        false => Box::new(Cut::new(source, address.to_string(), map, span)),
+    })
+}
+
 fn read_mapped(
     address: &Address,
     map: &Map,
@@ -82,16 +86,19 @@ fn read_mapped(
     study: &Study,
     assumed: Vec<String>,
 ) -> Result<Whole, IntakeError> {
-    let source = address.open(map.wanted()).map_err(|error| match map.explain(error) {
-        Ok(mistakes) => IntakeError::Map(mistakes),
-        Err(error) => IntakeError::Source(error),
-    })?;
-    let source = match span.is_whole() {
-        true => source,
-        false => Box::new(Cut::new(source, address.to_string(), map, span)),
-    };
+    let (log, source) = (address.to_string(), open(address, map, span)?);
+    if map.wanted().columns.is_empty() {
+        guard::require_one_time(&log, &address.columns()?, map)?;
+    }
     let (samples, counts) = samples(source, map)?;
-    Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed })
+    if samples.is_empty() && counts.frames > 0 {
+        return Err(IntakeError::Refused { log, reason: guard::nothing(map, &counts) });
+    }
+    let end = |sample: Option<&Stamped>| sample.map_or((0, f64::NAN), |s| (s.place, s.time_s));
+    match coarse_in_words(&counts, [end(samples.first()), end(samples.last())], map) {
+        Some(reason) => Err(IntakeError::Refused { log, reason }),
+        None => Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed }),
+    }
 }
 
 /// A map guessed from the column names, and the columns without a unit.
@@ -150,14 +157,14 @@ fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Watc
     if let Some(place) = behind
         && samples[place].time_s == sample.time_s
     {
-        let mut is_new = false;
+        let (mut is_new, kind) = (false, samples[place].kind_of_other(&sample));
         for (value, &other) in samples[place].values.iter_mut().zip(&sample.values) {
             if value.is_nan() && !other.is_nan() {
                 (*value, is_new) = (other, true);
             }
         }
         if !is_new {
-            counts.note(Irregularity::Doubled, sample.place);
+            counts.note(kind, sample.place);
         }
         return;
     }

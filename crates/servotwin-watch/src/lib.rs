@@ -14,6 +14,7 @@ pub mod checkpoint;
 mod checkpoint_writer;
 pub mod counts;
 pub mod cut;
+pub mod guard;
 pub mod intake;
 pub mod map;
 pub mod plausibility;
@@ -279,14 +280,14 @@ impl<'w> Watch<'w> {
         let progress = &mut self.progress;
         match read {
             Read::Row => {
-                let mut sample = self.map.sample(row, progress.rows);
+                let sample = self.map.sample(row, progress.rows);
                 progress.begin(row.place);
                 if row.bad > 0 {
                     let detail = row.bad_in_words(self.map.wanted());
                     progress.counts.note_with(Irregularity::BadValue, row.place, &detail);
                 }
                 self.plausibility.sample(&sample);
-                if let Some((id, value)) = self.map.leave_out(&mut sample) {
+                if let Some((id, value)) = self.map.impossible(&sample) {
                     let detail = format_args!("{id} = {} in SI", NumberWithUnit(value, ""));
                     progress.counts.note_with(Irregularity::Impossible, row.place, &detail);
                 }
@@ -347,13 +348,14 @@ impl<'w> Watch<'w> {
             if let Some(watchdog) = &mut self.watchdog {
                 watchdog.note_data(values, &mut self.alerts);
             }
+            let as_logged = &values[self.map.inputs()..];
             let values = complete(self.map, values, held, ages, self.period_s);
             for (channel, (value, count)) in values.iter().zip(&mut counts.missing).enumerate() {
                 *count += u64::from(value.is_nan() && self.map.is_known(channel));
             }
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);
-            self.plausibility.twin(measured, observation.twin);
+            self.plausibility.twin(as_logged, observation.twin);
             counts.judged += u64::from(observation.finding.state.is_judgement());
             let changed = !observation.finding.says_the_same(finding);
             if changed {
@@ -471,8 +473,8 @@ impl Progress {
     }
 }
 
-/// The values of a period with constants, and with held values where the map requests them. `held` keeps the last
-/// values, and stores the result until the next period.
+/// The possible values of a period with constants, and with held values where the map requests them. `held` keeps the
+/// last values, and stores the result until the next period.
 fn complete<'h>(
     map: &Map,
     values: &[f64],
@@ -483,7 +485,7 @@ fn complete<'h>(
     for (channel, &value) in values.iter().enumerate() {
         if let Some(constant) = map.constant(channel) {
             held[channel] = constant;
-        } else if !value.is_nan() {
+        } else if map.can_be(channel, value) {
             (held[channel], ages[channel]) = (value, 0);
         } else {
             ages[channel] += 1;

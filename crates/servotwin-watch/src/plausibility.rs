@@ -1,14 +1,15 @@
 //! Evidence in a log against its map: samples too far apart for the diagnosis, columns with a likely wrong unit or
-//! sign, intermittent inputs.
+//! sign, exchanged columns, gauge pressures, times with too few digits, intermittent inputs.
 //!
 //! It changes and drops no sample. It explains why nothing could be judged, or warns that a log was read with wrong
-//! units (`mm` as `m`): one sentence for each likely reason.
+//! units (`mm` as `m`): one sentence for each likely reason. What explains a log almost completely is a
+//! *contradiction*: findings on such a log are not those of its actuator.
 
-use super::counts::WatchCounts;
+use super::counts::{Irregularity, WatchCounts};
 use super::map::Map;
 use super::sequencer::Stamped;
-use servotwin::beside::{Spread, TwinComparison};
-use servotwin::system::System;
+use servotwin::beside::{self, Comparisons, Spread, TwinComparison};
+use servotwin::system::{Sensor, System};
 use servotwin::units;
 use servotwin_io::document::{NumberWithUnit, Quantities};
 use servotwin_io::moment::{self, rounded};
@@ -22,18 +23,25 @@ const SLOW: f64 = 1.5;
 const FAST: f64 = 0.02;
 /// Columns with fewer values are not judged.
 const LEAST_VALUES: u64 = 20;
-/// A twin signal below this share of its sensor's scale gives no evidence about the unit; a variation below it gives
-/// none about the sign.
+/// A twin signal below this share of its sensor's scale gives no evidence about the unit.
 const LEAST_SHARE: f64 = 0.01;
+/// A column in another unit leaves at most this share of the twin's variance unexplained.
+const OTHER_UNIT: f64 = 0.25;
+/// More rows than this share, and at least as many as the witnesses of a clock, with the time of another row are no
+/// accident.
+pub(crate) const MOST_COARSE: f64 = 0.01;
 /// Evidence gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plausibility {
     last_s: f64,
+    /// The place and the time of the first row, and of the first row with the newest time.
+    ends: [(u64, f64); 2],
     steps_s: Vec<f64>,
     /// The time unit of the log, s.
     unit_s: f64,
     /// The inputs, followed by the sensors.
     columns: Vec<Column>,
+    beside: Comparisons,
 }
 
 /// Evidence about one input or sensor.
@@ -45,7 +53,6 @@ struct Column {
     values: Spread,
     outside: u64,
     largest: f64,
-    beside: TwinComparison,
 }
 
 impl Plausibility {
@@ -54,7 +61,9 @@ impl Plausibility {
         let column = |channel| Column { range: map.possible(channel), ..Column::default() };
         let columns = (0..map.width()).map(column).collect();
         let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
-        Plausibility { last_s: f64::NAN, steps_s: vec![], unit_s, columns }
+        let beside = Comparisons::new(map.width() - map.inputs());
+        let ends = [(0, f64::NAN); 2];
+        Plausibility { last_s: f64::NAN, ends, steps_s: vec![], unit_s, columns, beside }
     }
 
     /// Restricts the accepted ranges of the inputs.
@@ -70,6 +79,11 @@ impl Plausibility {
         if step_s > 0.0 && self.steps_s.len() < STEPS {
             self.steps_s.push(step_s);
         }
+        if self.ends[0].1.is_nan() {
+            self.ends = [(sample.place, sample.time_s); 2];
+        } else if sample.time_s > self.ends[1].1 {
+            self.ends[1] = (sample.place, sample.time_s);
+        }
         self.last_s = sample.time_s;
         for (column, value) in self.columns.iter_mut().zip(&sample.values) {
             if value.is_finite() {
@@ -78,13 +92,9 @@ impl Plausibility {
         }
     }
 
-    /// Adds the sensor values and the twin's values of a period.
+    /// Adds the sensor values, as the log has them, and the twin's values of a period.
     pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
-        let sensors = self.columns.len() - twin.len();
-        let columns = self.columns[sensors..].iter_mut();
-        for (column, (own, twin)) in columns.zip(measured.iter().zip(twin)) {
-            column.beside.take(*own, *twin);
-        }
+        self.beside.take(measured, twin);
     }
 
     /// The typical time between samples, s.
@@ -94,7 +104,7 @@ impl Plausibility {
         sorted.get(sorted.len() / 2).copied()
     }
 
-    /// All evidence as sentences; empty for a log that fits its map.
+    /// All evidence as sentences, contradictions first; empty for a log that fits its map.
     pub fn sentences(
         &self,
         system: &System,
@@ -102,17 +112,17 @@ impl Plausibility {
         period_s: f64,
         counts: &WatchCounts,
     ) -> Vec<String> {
-        let pace = self.pace(period_s);
         let network = system.network();
         let inputs = network.inputs.iter().map(|input| (input.unit, f64::INFINITY));
         let sensors = system.sensors.iter().map(|sensor| (sensor.unit, sensor.scale));
         let signals = inputs.chain(sensors).enumerate();
         let columns = self.columns.iter().zip(signals);
         let columns = columns.filter_map(|(column, (channel, (unit, scale)))| {
-            column.sentence(map.id(channel), unit, scale)
+            let beside = channel.checked_sub(map.inputs()).map(|sensor| self.beside.of(sensor));
+            column.sentence(map.id(channel), unit, scale, beside)
         });
-        let signs = self.signs(system, map);
-        let mut all: Vec<String> = pace.into_iter().chain(columns).chain(signs).collect();
+        let mut all = self.contradictions(system, map, counts);
+        all.extend(self.pace(period_s).into_iter().chain(columns));
         if all.is_empty() {
             // Other problems can also make inputs missing, and holding values would not fix those.
             all.extend(comes_and_goes(map, counts));
@@ -120,12 +130,30 @@ impl Plausibility {
         all
     }
 
-    /// Reports sensors that move against the twin. If most do, the command has the wrong sign.
-    fn signs(&self, system: &System, map: &Map) -> Option<String> {
-        let sensors = self.columns[map.inputs()..].iter().zip(&system.sensors);
-        let signs: Vec<(bool, &str)> = sensors
-            .filter_map(|(column, sensor)| Some((column.is_turned(sensor.scale)?, &*sensor.id)))
-            .collect();
+    /// What contradicts the map beyond doubt, as sentences.
+    pub fn contradictions(&self, system: &System, map: &Map, counts: &WatchCounts) -> Vec<String> {
+        let sensors: Vec<&Sensor> = system.sensors.iter().collect();
+        let id = |sensor: usize| sensors[sensor].id.as_str();
+        let coarse = coarse_in_words(counts, self.ends, map);
+        let mut found: Vec<String> = coarse.into_iter().chain(self.other_units(system)).collect();
+        if let Some((sign, low)) = self.beside.without_atmosphere(&sensors) {
+            let names: Vec<&str> = low.into_iter().map(id).collect();
+            found.push(beside::atmosphere_in_words(sign, &names));
+        }
+        let pairs = self.beside.exchanged(&sensors);
+        let pairs: Vec<_> = pairs.into_iter().map(|(a, b)| (id(a), id(b))).collect();
+        found.extend(match (self.signs(system), pairs.is_empty()) {
+            (Some(turned), _) => Some(turned),
+            (None, false) => Some(beside::exchanged_in_words(&pairs)),
+            (None, true) => self.turned_pressures(system),
+        });
+        found
+    }
+
+    /// Reports positions that move against the twin. If most do, the command has the wrong sign. A pressure has no
+    /// sign: one that moves against its twin is another's, or belongs to a command of the wrong sign.
+    fn signs(&self, system: &System) -> Option<String> {
+        let signs = self.moving(system, |unit| unit != Unit::Pascal);
         let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
         let (ids, verb) = (turned.join(", "), if turned.len() == 1 { "moves" } else { "move" });
         match turned.len() {
@@ -137,6 +165,39 @@ impl Plausibility {
                 "{ids} {verb} against the twin: the sign seems to be wrong, factor = -1 in the map turns it"
             )),
         }
+    }
+
+    /// Reports pressures that move against the twin although nothing else does.
+    fn turned_pressures(&self, system: &System) -> Option<String> {
+        let signs = self.moving(system, |unit| unit == Unit::Pascal);
+        let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
+        let advice = "a pressure has no sign, so look at which column it is";
+        (!turned.is_empty())
+            .then(|| format!("{}: moving against the twin; {advice}", turned.join(", ")))
+    }
+
+    /// The sensors that move, each with whether it moves against the twin.
+    fn moving<'s>(&self, system: &'s System, is_of: fn(Unit) -> bool) -> Vec<(bool, &'s str)> {
+        let sensors = system.sensors.iter().enumerate();
+        let moving = sensors.filter(|(place, sensor)| {
+            is_of(sensor.unit) && self.beside.of(*place).moves(sensor.scale)
+        });
+        moving.map(|(place, sensor)| (self.beside.of(place).is_turned(), &*sensor.id)).collect()
+    }
+
+    /// Reports sensors whose motion another unit explains.
+    fn other_units(&self, system: &System) -> Option<String> {
+        let other = |(place, sensor): (usize, &Sensor)| {
+            let beside = self.beside.of(place);
+            let (factor, unit) = unit_beside(beside, sensor.unit, sensor.scale)?;
+            let left = beside.variance(1.0 / factor) / beside.twin.variance();
+            let is_explained = beside.moves(sensor.scale) && left < OTHER_UNIT;
+            is_explained.then(|| format!("{} seems to be in {unit}", sensor.id))
+        };
+        let found: Vec<String> = system.sensors.iter().enumerate().filter_map(other).collect();
+        let remedy = "give its unit in a map file, which --make-map writes";
+        (!found.is_empty())
+            .then(|| format!("{}, which the twin's motion confirms: {remedy}", found.join(", ")))
     }
 
     fn pace(&self, period_s: f64) -> Option<String> {
@@ -174,15 +235,28 @@ impl Column {
         }
     }
 
-    fn sentence(&self, id: &str, unit: Unit, scale: f64) -> Option<String> {
+    fn sentence(
+        &self,
+        id: &str,
+        unit: Unit,
+        scale: f64,
+        beside: Option<&TwinComparison>,
+    ) -> Option<String> {
         let Column { range: (low, high), outside, largest, .. } = *self;
         let values = self.values.count;
         if values < LEAST_VALUES {
             return None;
         }
-        let looks_like = self.looks_like(unit, scale);
+        let is_outside = 2 * outside > values;
+        // The range decides where the twin is missing or too small.
+        let within = || is_outside.then(|| units::within(unit, largest, self.range)).flatten();
+        let has_twin = beside.is_some_and(|beside| shows_unit(beside, scale));
+        let looks_like = match beside.filter(|_| has_twin) {
+            Some(beside) => unit_beside(beside, unit, scale),
+            None => within(),
+        };
         let seems = |unit| format!("seems to be in {unit}");
-        if 2 * outside > values {
+        if is_outside {
             let range = Quantities(rounded(low), rounded(high), unit.symbol());
             let largest = NumberWithUnit(rounded(largest), unit.symbol());
             let seems =
@@ -195,23 +269,42 @@ impl Column {
         let twin = format!("{factor:.1e} times what the twin shows in {}", unit.symbol());
         Some(format!("{id} {}: it is {twin}", seems(unit_of_log)))
     }
+}
 
-    /// Whether its sign is wrong; `None` where the twin hardly moves.
-    fn is_turned(&self, scale: f64) -> Option<bool> {
-        let moves = self.beside.twin.variance().sqrt() > LEAST_SHARE * scale;
-        (moves && self.beside.both() >= LEAST_VALUES).then(|| self.beside.is_turned())
-    }
+/// Whether the twin's values are large enough to tell the unit of a sensor.
+fn shows_unit(beside: &TwinComparison, scale: f64) -> bool {
+    beside.twin.count >= LEAST_VALUES && beside.twin.mean_square().sqrt() > LEAST_SHARE * scale
+}
 
-    /// The unit that fits its values: judged by the twin, or by the range where the twin is missing or too small.
-    fn looks_like(&self, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
-        let rms = |spread: &Spread| spread.mean_square().sqrt();
-        let (own, twin) = (rms(&self.values), rms(&self.beside.twin));
-        if self.beside.twin.count >= LEAST_VALUES && twin > LEAST_SHARE * scale {
-            return units::other(unit, own / twin);
-        }
-        let is_outside = 2 * self.outside > self.values.count;
-        is_outside.then(|| units::within(unit, self.largest, self.range)).flatten()
-    }
+/// The unit in which a sensor agrees with its twin, with its number per SI unit.
+fn unit_beside(beside: &TwinComparison, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
+    let ratio = (beside.own.mean_square() / beside.twin.mean_square()).sqrt();
+    shows_unit(beside, scale).then(|| units::other(unit, ratio)).flatten()
+}
+
+/// Says that times have too few digits, and what to do; `None` for a few rows with the time of another. `ends` are the
+/// places and times of the first row and of the first row with the last time.
+pub(crate) fn coarse_in_words(
+    counts: &WatchCounts,
+    [(first, first_s), (last, last_s)]: [(u64, f64); 2],
+    map: &Map,
+) -> Option<String> {
+    let rate_hz = last.abs_diff(first) as f64 / (last_s - first_s);
+    // The ends of such times are inexact, too: 99.6 rows in a second are a hundred.
+    let digits = format!("{rate_hz:.1e}").parse::<f64>().unwrap_or(rate_hz);
+    let rate_hz = if (digits / rate_hz - 1.0).abs() < 0.01 { digits } else { rate_hz };
+    let tally = counts.of(Irregularity::CoarseTime);
+    let accident = (MOST_COARSE * counts.frames as f64).max(map.rules.witnesses as f64);
+    let (column, _) = map.time_column().filter(|_| tally.count as f64 > accident)?;
+    Some(format!(
+        "{} {}s have the time of another and other values, first {}: the times in '{}' have too few digits; \
+         rate_hz = {} instead of column below [time] of a map file counts rows",
+        tally.count,
+        counts.counted,
+        counts.place(tally),
+        servotwin_io::sanitize::text(column),
+        rounded(rate_hz)
+    ))
 }
 
 /// Reports inputs without a value in some periods. After each such period nothing is judged for a while.

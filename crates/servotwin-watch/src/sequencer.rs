@@ -6,7 +6,8 @@
 //! - A period is passed on when a sample arrives that is `wait_s` newer, or when the stream pauses. Until then samples
 //!   may arrive in any order (*reordered*); after that they are *late* and dropped.
 //! - If two samples share a period, the nearer one counts and the other fills its missing values. A sample with nothing
-//!   to fill is *doubled* if it has the same time, else *surplus*.
+//!   to fill is *doubled* if it has the same time and values, *coarse* with the same time and other values, else
+//!   *surplus*.
 //! - A period without a sample is a *gap*: all its values are missing (NaN).
 //! - A time that jumps ahead (by more than `wait_s` plus twice the last step), or lies before the periods passed on,
 //!   is not trusted at first. Samples that continue from it vote for it; all others vote against it. With no vote left,
@@ -57,6 +58,18 @@ pub struct Stamped {
     /// Its values; NaN means missing.
     #[serde(with = "bits::many")]
     pub values: Vec<f64>,
+}
+
+impl Stamped {
+    /// What another sample is that adds nothing to this one.
+    pub(crate) fn kind_of_other(&self, other: &Stamped) -> Irregularity {
+        let is_known = |(own, other): (&f64, &f64)| own == other || other.is_nan();
+        match self.time_s == other.time_s {
+            true if self.values.iter().zip(&other.values).all(is_known) => Irregularity::Doubled,
+            true => Irregularity::CoarseTime,
+            false => Irregularity::Surplus,
+        }
+    }
 }
 
 /// The output of the sequencer.
@@ -273,7 +286,8 @@ impl Sequencer {
         }
         let centre_s = grid.start_s + (grid.next + index as u64) as f64 * self.period_s;
         let distance = |sample: &Stamped| (sample.time_s - centre_s).abs();
-        let (place, same) = (sample.place, sample.time_s == slot.time_s);
+        let kind = slot.kind_of_other(&sample);
+        let place = sample.place;
         let mut other = sample;
         if distance(&other) < distance(slot) {
             std::mem::swap(slot, &mut other);
@@ -284,10 +298,8 @@ impl Sequencer {
                 (*value, filled) = (*from, true);
             }
         }
-        match (filled, same) {
-            (true, _) => {}
-            (false, true) => counts.note(Irregularity::Doubled, place),
-            (false, false) => counts.note(Irregularity::Surplus, place),
+        if !filled {
+            counts.note(kind, place);
         }
     }
 
@@ -297,7 +309,7 @@ impl Sequencer {
         if let Some(last) = self.suspects.last() {
             let ahead_s = sample.time_s - last.time_s;
             if ahead_s == 0.0 {
-                counts.note(Irregularity::Doubled, sample.place);
+                counts.note(last.kind_of_other(&sample), sample.place);
                 return;
             }
             if !(0.0..=self.rules.sudden_s(step_s)).contains(&ahead_s) {

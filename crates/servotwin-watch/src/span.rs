@@ -1,7 +1,7 @@
 //! The part of a log between two times.
 
 use servotwin::signal::WrittenQuantity;
-use servotwin_io::moment;
+use servotwin_io::moment::{self, DAY_S, Moment};
 use servotwin_model::spec::Unit;
 
 /// One end of a span.
@@ -9,8 +9,8 @@ use servotwin_model::spec::Unit;
 enum Limit {
     /// Seconds after the first sample.
     Behind(f64),
-    /// A date or a time of day, s.
-    At(f64),
+    /// A date or a time of day.
+    At(Moment),
 }
 
 /// The part of a log that is read, including both ends.
@@ -53,7 +53,7 @@ impl LogSpan {
             let read = |given: &str| {
                 let seconds = WrittenQuantity::in_unit(given, Unit::Second).ok();
                 let behind = seconds.filter(|s| s.is_finite()).map(Limit::Behind);
-                let limit = behind.or_else(|| moment::seconds(given).map(Limit::At));
+                let limit = behind.or_else(|| Moment::read(given).map(Limit::At));
                 limit.ok_or_else(|| CutError::NoTime { end, given: given.into() })
             };
             text.map(read).transpose()
@@ -71,15 +71,20 @@ impl LogSpan {
         let mut limits = [self.from, self.to].into_iter().flatten();
         limits.all(|limit| match limit {
             Limit::Behind(_) => true,
-            Limit::At(time_s) => moment::is_date(time_s) == moment::is_date(first_s),
+            Limit::At(at) => at.has_date == moment::is_date(first_s),
         })
     }
 
-    /// Whether the span contains a time.
-    pub(super) fn contains(&self, time_s: f64, first_s: f64) -> bool {
+    /// Whether the span contains a time of a log, whose clock has this offset from UTC. A limit without a zone is on
+    /// the clock of the log; a time of day long before the first sample is one of the next day.
+    pub(super) fn contains(&self, time_s: f64, first_s: f64, zone_s: Option<f64>) -> bool {
         let at = |limit| match limit {
             Limit::Behind(behind_s) => first_s + behind_s,
-            Limit::At(at_s) => at_s,
+            Limit::At(at) => {
+                let at_s = at.on_clock(zone_s.unwrap_or(0.0));
+                let is_next_day = !at.has_date && at_s < first_s - 0.5 * DAY_S;
+                if is_next_day { at_s + DAY_S } else { at_s }
+            }
         };
         // A limit written with few digits is meant exactly; dates are accurate to a quarter of a microsecond.
         let rounding = 1e-6;

@@ -17,19 +17,22 @@ use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{Fit, FitError, FitRecord, Knowledge, RecordError};
 use servotwin::flight::replay::{ReplaySummary, replay_record};
+use servotwin::moment;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
 use servotwin_watch::{DiagnosisState, Phase, WatchError};
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{self, AtomicUsize};
 
 /// Follow the wear of one tail number: fit and diagnose the log of each flight, and track each fault with its trend and
 /// the time to a threshold.
 ///
-/// The logs of the folder are read in the order of their names. Each is a record as for `servotwin fit`. Files that are
+/// The logs of the folder are read in the order of their names, in which numbers count as numbers, or of the dates in
+/// them. Each is a record as for `servotwin fit`. Files that are
 /// not records, and entries that are not regular files, are reported and skipped. If an intensity falls, the command
 /// reports a repair, and the trend starts again from there. If an intensity has reached the threshold, or may reach it
 /// within the flights of --within (95 % interval), the command raises an alarm: the exit code is 1.
@@ -109,15 +112,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let span = options.span.read()?;
     stop::heed();
     let stages = Stages::new(global);
-    let mut all: Vec<Log> = Vec::new();
+    let mut all: Vec<(Option<f64>, Log)> = Vec::new();
     for path in &paths {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        let record = record(path, &name, map.as_ref(), span, &study, global)?;
+        let (begin_s, record) = record(path, &name, map.as_ref(), span, &study, global)?;
         if let Ok(record) = &record {
             tell(&name, record, &study, global);
         }
-        all.push((name, record));
+        all.push((begin_s, (name, record)));
     }
+    let all = in_order(all, global);
     if let [(name, Err(error)), ..] = &all[..]
         && all.iter().all(|(_, record)| record.is_err())
     {
@@ -127,7 +131,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let told = told_of(options, &study, &all)?;
     let runs = AtomicUsize::new(0);
     let progress = || {
-        let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
+        let done = runs.fetch_add(1, atomic::Ordering::Relaxed) + 1;
         stages
             .show(&format!("{done} runs"), (done as f64 / (300.0 * paths.len() as f64)).min(0.99));
     };
@@ -178,6 +182,23 @@ fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Fa
     Ok(all)
 }
 
+/// The logs in the order of their dates, or of their names where a log has no date.
+fn in_order(mut all: Vec<(Option<f64>, Log)>, global: Global) -> Vec<Log> {
+    let is_usable = |(_, (_, record)): &&(Option<f64>, Log)| record.is_ok();
+    let is_dated = all.iter().filter(is_usable).all(|(begin_s, _)| begin_s.is_some());
+    if is_dated && !all.is_sorted_by_key(|(begin_s, _)| begin_s.unwrap_or(f64::NAN)) {
+        all.sort_by(|(one, _), (other, _)| one.partial_cmp(other).unwrap_or(Ordering::Equal));
+        note(
+            global,
+            "the flights are in the order of the dates in their logs, which is not that of their names",
+        );
+    }
+    all.into_iter().map(|(_, log)| log).collect()
+}
+
+/// A log as a record, and its first time, if that is a date.
+type DatedRecord = (Option<f64>, Result<FitRecord, RecordError>);
+
 /// Reads a log as a record. An unreadable table and one without a usable signal both count as unusable.
 fn record(
     path: &Path,
@@ -186,20 +207,25 @@ fn record(
     span: LogSpan,
     study: &Study,
     global: Global,
-) -> Result<Result<FitRecord, RecordError>, Failure> {
+) -> Result<DatedRecord, Failure> {
     // The caller names the log.
     let own = format!("{}: ", path.display());
     let other = |text: String| {
         let text = text.strip_prefix(&own).map_or(text.clone(), str::to_owned);
-        Ok(Err(RecordError::Column(text)))
+        Ok((None, Err(RecordError::Column(text))))
     };
     match read_log(path, map, span, study, global) {
-        Ok(table) => Ok(FitRecord::from_table(name, &table, &study.system)),
-        Err(Failure::Fit(FitError::Record { error, .. })) => Ok(Err(error)),
+        Ok(table) => {
+            let begin_s = table.f64("time_s").ok().and_then(|times_s| times_s.first().copied());
+            let record = FitRecord::from_table(name, &table, &study.system);
+            Ok((begin_s.filter(|begin_s| moment::is_date(*begin_s)), record))
+        }
+        Err(Failure::Fit(FitError::Record { error, .. })) => Ok((None, Err(error))),
+        Err(Failure::NoSample { reason, .. }) => other(reason),
         Err(Failure::Table(TableError::Content { problem, .. })) => other(problem.to_string()),
         // An unreadable file does not end the history of the others.
         Err(Failure::Watch(WatchError::Source(error))) => other(error.to_string()),
-        Err(Failure::Table(error)) => Ok(Err(RecordError::Column(error.to_string()))),
+        Err(Failure::Table(error)) => other(error.to_string()),
         Err(Failure::Map(lacking)) => {
             other(lacking.to_string().lines().next().unwrap_or_default().to_owned())
         }

@@ -44,13 +44,12 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::out;
 use servotwin::document::counted;
-use servotwin::fit::FitError;
 use servotwin::job::{Folder, Hold, Kept};
 use servotwin::sanitize;
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
-use servotwin_watch::intake::{self, IntakeError};
+use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::LogSpan;
@@ -186,10 +185,10 @@ fn read_table(path: &Path, global: Global) -> Result<Table, Failure> {
 #[derive(clap::Args)]
 pub struct SpanOptions {
     /// Read the log from this time on: seconds after its first sample (12.5, 2min), or a date (2026-11-21T08:15:02).
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     from: Option<String>,
     /// Read the log up to this time.
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     to: Option<String>,
 }
 
@@ -210,15 +209,10 @@ fn read_log(
     study: &Study,
     global: Global,
 ) -> Result<Table, Failure> {
-    let whole = intake::read(path, map, span, study).map_err(|error| match error {
-        IntakeError::Source(error) => error.into(),
-        IntakeError::Map(error) => error.into(),
-        IntakeError::Table(error) => error.into(),
-        IntakeError::Record(error) => {
-            Failure::Fit(FitError::Record { name: path.display().to_string(), error })
-        }
-    })?;
-    let (name, counts) = (path.display(), &whole.counts);
+    let name = path.display().to_string();
+    let whole = intake::read(path, map, span, study);
+    let whole = whole.map_err(|error| Failure::of_intake(&name, error))?;
+    let counts = &whole.counts;
     if !whole.assumed.is_empty() {
         note(global, &format!("{name}: SI is assumed in {}", sanitize::list(&whole.assumed)));
     }

@@ -7,10 +7,7 @@ use super::{note, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, stop};
-use input::{
-    InputOptions, accepted_ranges, diagnoser, foreign, log_of, needed, nothing, observer, told,
-    usual_diagnoser, warn_of_lacking,
-};
+use input::{InputOptions, diagnoser, log_of, observer, tell, usual_diagnoser, warn_of_lacking};
 use outputs::{Outputs, Totals};
 use serde_json::json;
 use servotwin::files;
@@ -19,7 +16,7 @@ use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_model::spec::Unit;
 use servotwin_watch::checkpoint::Checkpoint;
-use servotwin_watch::counts::WatchCounts;
+use servotwin_watch::guard::{self, accepted_ranges, needed};
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::sink::{Scene, SinkError};
 use servotwin_watch::source::{Address, Source};
@@ -119,6 +116,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let period_s = diagnoser.period_s;
     let path = input.model.clone().unwrap_or_else(usual_diagnoser);
     warn_of_lacking(&map, &needed, global);
+    if !address.is_live() && !options.resume {
+        let mut trial = observer(&study, (&path, diagnoser.clone()))?;
+        input.try_log(&address, &map, &mut trial, system, global)?;
+    }
     let mut observer = observer(&study, (&path, diagnoser))?;
     let watchdog = watchdog(options, period_s)?;
     let title = format!("{}: {address}", system.title);
@@ -172,6 +173,8 @@ struct Watched {
     end: End,
     totals: Totals,
     doubts: Vec<String>,
+    /// The first of the doubts, which contradict the map beyond doubt.
+    contradictions: Vec<String>,
     /// The states without a judgment, in the order of their first appearance.
     unjudged: Vec<DiagnosisState>,
     /// The lines for readers.
@@ -223,15 +226,18 @@ impl Setup<'_> {
         let end = end?;
         let (counts, silences) = (watch.counts().clone(), watch.silences());
         let saved = watch.checkpoint_loss();
-        let mut doubts = watch.plausibility().sentences(system, map, period_s, &counts);
+        let evidence = watch.plausibility();
+        let contradictions = evidence.contradictions(system, map, &counts);
+        let mut doubts = evidence.sentences(system, map, period_s, &counts);
         drop(watch);
         doubts.extend(observer.wider_than_trained());
         if end == End::Complete && counts.samples == 0 {
-            return Err(nothing(address, &counts));
+            let (log, reason) = (address.to_string(), guard::nothing(map, &counts));
+            return Err(Failure::NoSample { log, reason });
         }
         let (totals, shown) = outputs.end(options, counts, silences, saved, address.is_live())?;
         let (unjudged, text) = (shown.unjudged, shown.strip.text());
-        Ok(Watched { end, totals, doubts, unjudged, text })
+        Ok(Watched { end, totals, doubts, contradictions, unjudged, text })
     }
 
     /// Returns the text for standard output, or the reason why the run failed.
@@ -242,7 +248,7 @@ impl Setup<'_> {
         shortest_s: f64,
     ) -> Result<String, Failure> {
         let Setup { options, address, map, global, .. } = *self;
-        let Watched { end, totals, doubts, unjudged, text } = watched;
+        let Watched { end, totals, doubts, contradictions, unjudged, text } = watched;
         // Ctrl-C is the normal end of a stream, but leaves a file unfinished.
         if end == End::Stopped && !address.is_live() {
             return Err(Failure::Stopped);
@@ -255,44 +261,24 @@ impl Setup<'_> {
         };
         let counts = &totals.counts;
         if end == End::Complete && counts.judged == 0 && !options.resume {
-            let mut reasons = doubts;
-            reasons.extend(unmeasured(map, needed));
-            if reasons.is_empty() {
-                reasons.push(gaps(map, needed, counts, shortest_s));
-            }
+            let reasons = guard::unjudged(doubts, map, needed, counts, shortest_s);
             let states = unjudged.iter().map(|state| format!("'{}'", state.words()));
             let states = states.collect::<Vec<_>>().join(" or ");
-            let reasons = reasons.join("; ");
             let reason = format!("nothing could be judged, every period is {states}: {reasons}");
             return Err(Failure::Unjudged { output, log: address.to_string(), reason });
         }
         warn(global, &doubts);
+        if !contradictions.is_empty() && !address.is_live() {
+            let reason = format!(
+                "the findings are not those of the actuator, because the log contradicts its map: {}",
+                contradictions.join("; ")
+            );
+            return Err(Failure::Unjudged { output, log: address.to_string(), reason });
+        }
         match totals.lost_files() {
             files if files.is_empty() => Ok(output),
             files => Err(Failure::SinksLost { output, files }),
         }
-    }
-}
-
-/// Reports sensors of the diagnoser that have no column in the log.
-fn unmeasured(map: &Map, needed: &[&str]) -> Option<String> {
-    let without: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
-    (!without.is_empty()).then(|| format!("the log has no {}", without.join(", ")))
-}
-
-/// Explains why no sample was judged in a log that has all columns, the right units and a sufficient rate.
-fn gaps(map: &Map, needed: &[&str], counts: &WatchCounts, shortest_s: f64) -> String {
-    let samples = counts.samples;
-    let missing = |channel: usize| counts.missing[channel];
-    let of = |channel: &usize| needed.contains(&map.id(*channel)) && missing(*channel) > 0;
-    let channels = (map.inputs()..map.width()).filter(of);
-    let often = channels.map(|channel| format!("{} in {}", map.id(channel), missing(channel)));
-    let often: Vec<String> = often.collect();
-    match often.is_empty() {
-        true => {
-            format!("of {samples} samples no {shortest_s} s without a gap, the shortest window")
-        }
-        false => format!("of {samples} samples are without a value: {}", often.join(", ")),
     }
 }
 
@@ -318,14 +304,15 @@ fn make_map(
         // With a named study, the user can fill the map in by hand. The default study may be the wrong one, so its
         // map would be useless.
         if options.study.is_none() {
-            return Err(foreign(options.study.is_some(), address, study, &columns));
+            let log = address.to_string();
+            return Err(Failure::of_intake(&log, guard::foreign(&log, &columns, study, false)));
         }
         let text = format!("no column is a sensor of the study '{}': fill them in", study.name);
         warn(global, &[text]);
     }
     files::write_atomically(path, |out| out.write_all(guess.text.as_bytes()))
         .map_err(SinkError::File)?;
-    told(&guess, global);
+    tell(&guess.remarks(), global);
     let inputs = system.network().inputs.len();
     let result = json!({
         "map": path.display().to_string(),

@@ -365,6 +365,24 @@ fn what_speaks_against_a_log_is_told_with_its_likely_reason() {
         .collect();
     let of = |column: &str, factor: f64| rewritten(&rows, column, column, factor);
     let renamed = rewritten(&rows, "command_rad", "set_point", 1.0);
+    let swapped = |one: &str, other: &str| {
+        let (head, below) = rows.split_once('\n').unwrap();
+        let name = |name: &str| match name {
+            name if name == one => other.to_owned(),
+            name if name == other => one.to_owned(),
+            name => name.to_owned(),
+        };
+        head.split(',').map(name).collect::<Vec<_>>().join(",") + "\n" + below
+    };
+    let head: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let gauge = rows.lines().enumerate().map(|(row, line)| {
+        let cell = |(cell, name): (&str, &&str)| match name.ends_with("_pa") && row > 0 {
+            true => (cell.parse::<f64>().unwrap() - 101_325.0).to_string(),
+            false => cell.to_owned(),
+        };
+        line.split(',').zip(&head).map(cell).collect::<Vec<_>>().join(",") + "\n"
+    });
+    let gauge: String = gauge.collect();
     let lost: String = rows
         .lines()
         .enumerate()
@@ -381,10 +399,13 @@ fn what_speaks_against_a_log_is_told_with_its_likely_reason() {
         (&of("command_rad", 1.0_f64.to_degrees()), 3, &["nothing could be judged", "in degrees"]),
         (&of("time_s", 1e3), 3, &["its times seem to be in ms"]),
         (&every_second, 3, &["usually 0.04 s apart", "log at 50 Hz", "at 25 Hz (sample_hz"]),
-        (&of("x_p_1_m", 1e3), 0, &["warning: x_p_1 is outside", "seems to be in mm"]),
-        (&of("p_a_1_pa", 1e-5), 0, &["warning: p_a_1 seems to be in bar"]),
-        (&of("x_p_1_m", -1.0), 0, &["warning: x_p_1 moves against the twin", "factor = -1"]),
-        (&of("command_rad", -1.0), 0, &["move against the twin: the sign of the command"]),
+        (&of("x_p_1_m", 1e3), 3, &["x_p_1 seems to be in mm, which the twin's motion confirms"]),
+        (&of("p_a_1_pa", 1e-5), 3, &["p_a_1 seems to be in bar, which the twin's motion confirms"]),
+        (&of("x_p_1_m", -1.0), 3, &["x_p_1 moves against the twin", "factor = -1"]),
+        (&of("command_rad", -1.0), 3, &["move against the twin: the sign of the command"]),
+        (&swapped("p_a_1_pa", "p_b_1_pa"), 3, &["p_a_1 and p_b_1 look exchanged"]),
+        (&swapped("p_s_2_pa", "p_t_2_pa"), 3, &["p_s_2 and p_t_2 look exchanged"]),
+        (&gauge, 3, &["all one atmosphere below the twin", "barg"]),
         (&lost, 0, &["command has no value in 1 of 401 periods", "hold_s"]),
     ];
     for (rows, code, parts) in cases {
@@ -392,6 +413,7 @@ fn what_speaks_against_a_log_is_told_with_its_likely_reason() {
         assert_eq!(found, Some(*code), "{parts:?}: {told}");
         assert!(parts.iter().all(|part| told.contains(part)), "{parts:?}: {told}");
         assert!(!parts.is_empty() || !told.contains("warning"), "{told}");
+        assert!(!told.contains("p_a_1 moves against"), "a pressure has no sign: {told}");
         assert!(text.lines().count() < 40, "what goes to and fro is folded: {text}");
     }
     // A command that is meant to stand still is said to do so.

@@ -1,7 +1,11 @@
 //! The one integration test binary of this crate.
 
+mod dialect;
 mod document;
 mod files;
 #[allow(dead_code, reason = "shared by several crates")]
 mod folder;
+mod moment;
+mod numbers;
 mod table;
+mod texts;

@@ -173,6 +173,3 @@ pub fn help() -> String {
             units.join(", ")
         )
 }
-
-#[cfg(test)]
-mod tests;

@@ -5,16 +5,20 @@
 //! label `p_A1`. A column is *likely* where its words match the sensor's `quantity` in the study, its number matches
 //! the actuator, and its unit has the same dimension: `PSUP1`, `Kolbenweg Aktor 1 [mm]`. Lines with likely columns
 //! carry a comment and are written only on request. A column is used once, and never with a unit of another dimension.
-//! If two columns are equally likely, both are named and neither is used.
+//! If two columns are equally good, both are named and neither is used. A unit that is not known is written as it
+//! stands, and the map is then refused: no other unit replaces it.
 
 use super::FORMAT;
-use super::words::{ColumnMeaning, words};
+use super::times::{other_raster, time_columns};
+use super::words::{ColumnMeaning, Named, known, splits, words};
+use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_io::moment;
+use servotwin_io::sanitize;
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
 
@@ -48,9 +52,9 @@ pub struct Guess {
     pub unused: Vec<String>,
 }
 
-/// Score of an exact name; above every likely score.
+/// The least score of an exact name; above every likely score.
 const EXACT: u32 = 100;
-/// Score of an exact name behind a point.
+/// The least score of an exact name behind a point.
 const BEHIND: u32 = 90;
 /// Score of an exact name with the actuator's number elsewhere.
 const NUMBERED: u32 = 50;
@@ -92,12 +96,11 @@ struct Candidate<'c> {
     behind: Vec<(String, Option<Named<'c>>)>,
     /// The unit used for this column.
     unit: Option<Named<'c>>,
+    /// Its unit, if that is not known.
+    unknown: Option<&'c str>,
     meaning: ColumnMeaning,
     numbers: Vec<u32>,
 }
-
-/// A unit with its spelling.
-type Named<'n> = (Unit, &'n str);
 
 /// Guesses a map for a log with these columns.
 pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
@@ -113,7 +116,7 @@ pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
         unused: vec![],
     };
     let mut used = vec![false; columns.len()];
-    guess.time(columns, study.sample_period_s, &mut used);
+    let time = guess.time(columns, study.sample_period_s, &mut used);
     let candidates: Vec<Candidate> = columns.iter().map(Candidate::of).collect();
     let targets = targets(study);
     let inputs = system.network().inputs.len();
@@ -127,6 +130,7 @@ pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
         }
         guess.line(target, choice, &candidates);
     }
+    guess.doubts.extend(time.and_then(|time| other_raster(columns, time, &|column| used[column])));
     let unused = columns.iter().zip(used).filter(|(_, used)| !used);
     guess.unused = unused.map(|(column, _)| column.name.clone()).collect();
     if !guess.unused.is_empty() {
@@ -216,11 +220,7 @@ fn assign(
             continue;
         }
         let is_certain = score >= BEHIND;
-        let rivals = if is_certain {
-            vec![]
-        } else {
-            rivals(&scores, (score, target, place), &choices, used)
-        };
+        let rivals = rivals(&scores, (score, target, place), &choices, used);
         if rivals.is_empty() {
             used[place] = true;
             choices[target] = Choice::Column { place, is_certain };
@@ -255,13 +255,15 @@ impl<'c> Candidate<'c> {
         let stem = named.map_or(name, |(stem, _)| stem);
         let (words, numbers) = words(stem);
         let unit = known(&column.unit).or(named.map(|(_, unit)| unit));
+        let unknown = unknown_unit(column).filter(|_| unit.is_none());
         let keys = ways.iter().map(|(stem, unit)| (key(stem), *unit)).collect();
         let behind = ways.iter().flat_map(|(stem, unit)| {
             let points = stem.match_indices('.').map(|(place, _)| &stem[place + 1..]);
             points.map(|end| (key(end), *unit))
         });
         let behind = behind.collect();
-        Candidate { column, keys, behind, unit, meaning: ColumnMeaning::of(&words), numbers }
+        let meaning = ColumnMeaning::of(&words);
+        Candidate { column, keys, behind, unit, unknown, meaning, numbers }
     }
 
     /// How well a column fits a target; 0 means not at all.
@@ -270,17 +272,19 @@ impl<'c> Candidate<'c> {
             return 0;
         }
         let given = known(&self.column.unit).filter(|(_, text)| *text != "-");
-        let is_named = |keys: &[(String, Option<Named>)]| {
-            keys.iter().any(|(key, unit)| {
-                target.names.contains(key)
-                    && given.or(*unit).is_none_or(|(unit, _)| unit == target.unit)
-            })
+        // Of several columns with the name, one that speaks of a measurement is meant, not `twin.p_a`, and one with a
+        // unit before one without.
+        let is_measured = 2 * u32::from(!self.meaning.is_other);
+        let grade = |(key, unit): &(String, Option<Named>)| {
+            let unit = given.or(*unit);
+            let fits = unit.is_none_or(|(unit, _)| unit == target.unit);
+            (target.names.contains(key) && fits).then(|| is_measured + u32::from(unit.is_some()))
         };
-        if is_named(&self.keys) {
-            return EXACT;
+        if let Some(grade) = self.keys.iter().filter_map(grade).max() {
+            return EXACT + grade;
         }
-        if is_named(&self.behind) {
-            return BEHIND;
+        if let Some(grade) = self.behind.iter().filter_map(grade).max() {
+            return BEHIND + grade;
         }
         if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.is_other {
             return 0;
@@ -360,44 +364,41 @@ impl<'c> Candidate<'c> {
 }
 
 impl Guess {
-    fn time(&mut self, columns: &[LogColumn], period_s: f64, used: &mut [bool]) {
-        let short = columns.iter().enumerate().filter(|(_, column)| column.name.len() <= LONGEST);
-        let found = short.into_iter().find_map(|(place, column)| {
-            let is_time = |(stem, unit): &(&str, Option<Named>)| {
-                is_time_name(&key(stem)) && unit.is_none_or(|(unit, _)| unit == Unit::Second)
-            };
-            let (_, unit) = splits(&column.name).into_iter().find(is_time)?;
-            let given = known(&column.unit).filter(|(unit, _)| *unit == Unit::Second);
-            Some((place, given.or(unit).map(|(_, text)| text)))
-        });
+    /// Writes the section of the time; returns the place of its column.
+    fn time(&mut self, columns: &[LogColumn], period_s: f64, used: &mut [bool]) -> Option<usize> {
         self.text += "\n[time]\n";
-        let Some((place, unit)) = found else {
+        let times = time_columns(columns);
+        let grows = |place: &&usize| columns[**place].step().is_some();
+        let Some(place) = times.iter().find(grows).or(times.first()).copied() else {
             self.text += "# Rows follow each other at this rate; or name the column with the time:\n\
                           # column = \"?\", unit = \"s\" (ms, us, ns, or date for dates as text).\n\
                           rate_hz = 100\n";
-            return;
+            return None;
         };
         (self.time, used[place]) = (true, true);
         let column = &columns[place];
         let _ = writeln!(self.text, "column = {}", quoted(&column.name));
         let fitting =
             column.step().and_then(|step| moment::likely_unit(step, period_s, units::of_times()));
-        let line = match (column.unit == DATE, unit) {
-            (true, _) => format!("unit = \"{DATE}\""),
-            (false, Some(unit)) => {
+        let line = match (column.unit == DATE, time_unit(column), unknown_unit(column)) {
+            (true, ..) => format!("unit = \"{DATE}\""),
+            (false, Some(unit), _) => {
                 format!("unit = {}{}", quoted(spelt(unit)), self.time_doubt(column, unit, fitting))
             }
-            (false, None) => {
+            (false, None, Some(unknown)) => format!("unit = {}{UNKNOWN}", quoted(unknown)),
+            (false, None, None) => {
                 self.assumed.push(column.name.clone());
-                let unit = fitting.map_or("s", |(unit, _)| unit);
-                let remark = match fitting {
-                    Some((_, step_s)) => format!("the samples are then {step_s} s apart"),
-                    None => "the name has none. Or ms, us, ns, date".into(),
+                let (unit, remark) = match fitting {
+                    Some((unit, step_s)) => {
+                        (days_since(unit, column), format!("the samples are then {step_s} s apart"))
+                    }
+                    None => ("s", "the name has none. Or ms, us, ns, date".into()),
                 };
                 format!("unit = \"{unit}\"  # assumed: {remark}")
             }
         };
         let _ = writeln!(self.text, "{line}");
+        Some(place)
     }
 
     /// Describes that the sampling interval contradicts the unit given by the log; changes nothing.
@@ -416,9 +417,44 @@ impl Guess {
             "samples would be {} s apart; in {other} they are {other_s} s apart",
             moment::rounded(step_s)
         );
-        let name = servotwin_io::sanitize::text(&column.name);
+        let name = sanitize::text(&column.name);
         self.doubts.push(format!("column '{name}' claims {unit}: {remark}"));
         format!("  # doubtful: {remark}")
+    }
+
+    /// What a person should know of this map: warnings, then notes.
+    pub fn remarks(&self) -> (Vec<String>, Vec<String>) {
+        let (mut warnings, mut notes) = (vec![], vec![]);
+        if !self.time {
+            warnings.push("no column with the time: 100 rows for a second are assumed".to_owned());
+        }
+        if !self.assumed.is_empty() {
+            let assumed = sanitize::list(&self.assumed);
+            warnings.push(format!("no unit is given for {assumed}: look at what is assumed"));
+        }
+        warnings.extend(self.doubts.iter().cloned());
+        if let Some(name) = self.unused.iter().find(|name| base(name) != *name) {
+            let (one, name) = (sanitize::text(base(name)), sanitize::text(name));
+            warnings.push(format!(
+                "several columns are named '{one}': a map file says which, '{name}'"
+            ));
+        }
+        if !self.likely.is_empty() {
+            let likely = self.likely.join(", ");
+            warnings.push(format!("likely by their names: {likely}; look them over"));
+        }
+        if !self.sensors.is_empty() {
+            notes.push(format!("no column for the sensors {}", self.sensors.join(", ")));
+        }
+        if !self.inputs.is_empty() {
+            let inputs = self.inputs.join(", ");
+            notes.push(format!("no column for the inputs {inputs}: they are at their defaults"));
+        }
+        if !notes.is_empty() && !self.unused.is_empty() {
+            let unused = sanitize::list(&self.unused);
+            notes.push(format!("columns that are no input and no sensor: {unused}"));
+        }
+        (warnings, notes)
     }
 
     /// Writes the map line of an input or a sensor.
@@ -431,7 +467,9 @@ impl Guess {
                     Choice::Either(places) => {
                         let names = places.iter().map(|&place| &candidates[place].column.name);
                         let names: Vec<String> = names.map(|name| quoted(name)).collect();
-                        format!("  # may be {}", names.join(" or "))
+                        let names = names.join(" or ");
+                        self.doubts.push(format!("{id} may be {names}: a map file says which"));
+                        format!("  # may be {names}")
                     }
                     _ => String::new(),
                 };
@@ -448,17 +486,23 @@ impl Guess {
         let candidate = &candidates[place];
         let name = &candidate.column.name;
         let unit = candidate.unit.filter(|(unit, _)| *unit == target.unit);
+        let unknown = candidate.unknown.filter(|_| target.unit != Unit::None);
+        if let Some(unknown) = unknown {
+            let (column, unit) = (quoted(name), quoted(unknown));
+            let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{UNKNOWN}");
+            return;
+        }
         let mut remarks = vec![];
         if !is_certain {
             remarks.push("likely by its name: look at it".to_owned());
-            self.likely.push(format!("{} ({})", target.id, servotwin_io::sanitize::text(name)));
+            self.likely.push(format!("{} ({})", target.id, sanitize::text(name)));
         }
         if unit.is_none() && target.unit != Unit::None {
             self.assumed.push(name.clone());
             remarks.push("unit assumed".into());
         }
         if let Some(doubt) = candidate.doubt(target, unit) {
-            self.doubts.push(format!("column '{}' {doubt}", servotwin_io::sanitize::text(name)));
+            self.doubts.push(format!("column '{}' {doubt}", sanitize::text(name)));
             remarks.push(format!("doubtful: it {doubt}"));
         }
         let remark = match remarks.is_empty() {
@@ -503,17 +547,48 @@ impl Candidate<'_> {
     }
 }
 
-/// Parses a known unit, with its text.
-fn known(text: &str) -> Option<Named<'_>> {
-    let text = text.trim();
-    units::find(text).map(|row| (row.unit, text))
+/// The remark behind a unit that is not known.
+const UNKNOWN: &str = "  # not known: replace it";
+
+/// The unit of a time column, from the log or from its name.
+fn time_unit(column: &LogColumn) -> Option<&str> {
+    let is_time = |(unit, _): &Named| *unit == Unit::Second;
+    let named = || {
+        splits(base(&column.name))
+            .into_iter()
+            .find_map(|(stem, unit)| unit.filter(|_| is_time_name(&key(stem))))
+    };
+    known(&column.unit).filter(is_time).or_else(|| named().filter(is_time)).map(|(_, text)| text)
+}
+
+/// The unit of a log or of brackets behind a name, if it is not known. A number in brackets, or a word for a time, is no
+/// unit.
+fn unknown_unit(column: &LogColumn) -> Option<&str> {
+    let inner = || {
+        let inner = column.name.trim().strip_suffix([']', ')'])?;
+        Some(&inner[inner.rfind(['[', '('])? + 1..])
+    };
+    let given = Some(column.unit.trim()).filter(|unit| !unit.is_empty());
+    let text = given.or_else(inner)?.trim();
+    let is_none = matches!(text, "" | "-" | "–" | DATE) || text.bytes().all(|b| b.is_ascii_digit());
+    (!is_none && known(text).is_none() && !is_time_name(&key(text))).then_some(text)
+}
+
+/// The unit of days that count from a known day, by the first of them: spreadsheets count from 1900.
+fn days_since(unit: &'static str, column: &LogColumn) -> &'static str {
+    match column.head.first() {
+        Some(20_000.0..80_000.0) if unit == "d" => "excel",
+        Some(690_000.0..800_000.0) if unit == "d" => "datenum",
+        _ => unit,
+    }
 }
 
 /// Whether a unit in a name is unambiguous. A number is not a unit. A letter that also names a chamber or a line
 /// (`p_a`, `p_s`, `p_t`) counts only in brackets.
 fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
-    let is_letter =
-        ["a", "s", "t", "c", "l", "g"].iter().any(|letter| text.eq_ignore_ascii_case(letter));
+    let is_letter = ["a", "s", "t", "c", "l", "g", "h", "d"]
+        .iter()
+        .any(|letter| text.eq_ignore_ascii_case(letter));
     let is_plain = unit != Unit::None || text == "%";
     is_plain && (!is_letter || name.trim_end().ends_with([']', ')']))
 }
@@ -521,26 +596,6 @@ fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
 /// A unit in its usual spelling: a name's `_pa` becomes Pa.
 fn spelt(text: &str) -> &str {
     units::find(text).filter(|row| row.is_si()).map_or(text, |row| row.symbol)
-}
-
-/// All ways to split a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank or a point.
-/// The whole name comes last.
-fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
-    let mut found = vec![];
-    let trimmed = name.trim();
-    if let Some(inner) = trimmed.strip_suffix([']', ')'])
-        && let Some(open) = inner.rfind(['[', '('])
-    {
-        let unit = known(&inner[open + 1..]);
-        found.push((&inner[..open], unit));
-    }
-    for (place, mark) in trimmed.match_indices(['_', ' ', '.', '/']) {
-        if let Some(unit) = known(&trimmed[place + mark.len()..]) {
-            found.push((&trimmed[..place], Some(unit)));
-        }
-    }
-    found.push((trimmed, None));
-    found
 }
 
 /// A name reduced to lowercase letters and digits.

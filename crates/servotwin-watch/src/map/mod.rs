@@ -5,10 +5,12 @@
 mod guess;
 mod mistake;
 mod read;
+mod times;
 mod words;
 
 pub use guess::{Guess, Trust, guess};
 pub use mistake::Mistake;
+pub(crate) use times::other_raster;
 
 use super::sequencer::{SequencerRules, Stamped};
 use super::source::{LogRow, SourceError, Wanted};
@@ -40,8 +42,8 @@ pub struct Map {
 /// The source of times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Time {
-    /// A column of the log; `unit_s` is its unit in seconds.
-    Column { place: usize, unit_s: f64 },
+    /// A column of the log; `unit_s` is its unit in seconds, and `zero_s` the time of its zero.
+    Column { place: usize, unit_s: f64, zero_s: f64 },
     /// Each row is one period later than the one before.
     Rate { rate_hz: f64 },
 }
@@ -140,7 +142,7 @@ impl Map {
     /// The time of a row, s; NaN if missing. `rows` counts the earlier rows except those cut off, which the row counts.
     pub fn time_s(&self, row: &LogRow, rows: u64) -> f64 {
         match self.time {
-            Time::Column { place, unit_s } => row.values[place] * unit_s,
+            Time::Column { place, unit_s, zero_s } => row.values[place] * unit_s + zero_s,
             Time::Rate { rate_hz } => (rows + row.cut) as f64 / rate_hz,
         }
     }
@@ -148,7 +150,7 @@ impl Map {
     /// The time column and its unit in s; 1 for dates. `None` where rows have a fixed rate.
     pub fn time_column(&self) -> Option<(&str, f64)> {
         match self.time {
-            Time::Column { place, unit_s } => Some((&self.wanted.names[place], unit_s)),
+            Time::Column { place, unit_s, .. } => Some((&self.wanted.names[place], unit_s)),
             Time::Rate { .. } => None,
         }
     }
@@ -163,17 +165,17 @@ impl Map {
         Stamped { place: row.place, time_s, values: self.channels.iter().map(value).collect() }
     }
 
-    /// Makes values outside their physical range missing; returns the first of them.
-    pub fn leave_out(&self, sample: &mut Stamped) -> Option<(&str, f64)> {
-        let mut first = None;
-        for (channel, value) in self.channels.iter().zip(&mut sample.values) {
-            let (low, high) = channel.possible;
-            if *value < low || *value > high {
-                first = first.or(Some((channel.id.as_str(), *value)));
-                *value = f64::NAN;
-            }
-        }
-        first
+    /// The first value outside its physical range.
+    pub fn impossible(&self, sample: &Stamped) -> Option<(&str, f64)> {
+        let values = sample.values.iter().enumerate();
+        let mut outside = values.filter(|(n, value)| !value.is_nan() && !self.can_be(*n, **value));
+        outside.next().map(|(channel, value)| (self.id(channel), *value))
+    }
+
+    /// Whether a value lies in the physical range of its channel.
+    pub fn can_be(&self, channel: usize, value: f64) -> bool {
+        let (low, high) = self.possible(channel);
+        (low..=high).contains(&value)
     }
 
     /// Whether a column of the log supplies a channel.

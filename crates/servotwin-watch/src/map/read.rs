@@ -2,6 +2,7 @@
 
 use super::{Channel, FORMAT, Map, MapError, Mistake, Origin, Time};
 use crate::sequencer::SequencerRules;
+use crate::source::frame::numbered;
 use crate::source::{DATE, Wanted};
 use servotwin::system::System;
 use servotwin::units;
@@ -131,9 +132,10 @@ impl<'s> Reader<'s> {
         match (get(entries, "column"), rate) {
             (Some(column), None) => {
                 let place = self.column(column);
-                let unit_s = self.time_unit(entries);
+                let (unit_s, zero_s) = self.time_unit(entries);
                 self.wanted.time = Some(place);
-                self.time = Time::Column { place, unit_s };
+                self.wanted.day = (zero_s == 0.0).then_some(86_400.0 / unit_s);
+                self.time = Time::Column { place, unit_s, zero_s };
             }
             (None, Some(rate_hz)) => self.time = Time::Rate { rate_hz },
             (None, None) if get(entries, "rate_hz").is_some() => {}
@@ -145,21 +147,21 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// The time unit in seconds.
-    fn time_unit(&mut self, entries: &[Entry]) -> f64 {
-        let Some((entry, word)) = self.text(entries, "unit") else { return 1.0 };
+    /// The time unit in seconds, and the time of its zero since 1970.
+    fn time_unit(&mut self, entries: &[Entry]) -> (f64, f64) {
+        let Some((entry, word)) = self.text(entries, "unit") else { return (1.0, 0.0) };
         if word == DATE {
             self.wanted.dates = true;
-            return 1.0;
+            return (1.0, 0.0);
         }
         match units::find(word).and_then(|row| row.to(Unit::Second)) {
-            Some((unit_s, _)) => unit_s,
+            Some(unit) => unit,
             None => {
                 let mut known = units::spellings(Unit::Second);
                 known.push(DATE.into());
                 let word = word.to_owned();
                 self.mistakes.note(&entry.value_at(), Mistake::UnknownUnit { word, known });
-                1.0
+                (1.0, 0.0)
             }
         }
     }
@@ -266,6 +268,7 @@ impl<'s> Reader<'s> {
                         Err(mistake) => self.note(&element.span(), mistake),
                     }
                 }
+                self.wanted.columns = numbered(std::mem::take(&mut self.wanted.columns));
                 self.require_columns();
             }
             Err(mistake) => self.note(&list.value_at(), mistake),

@@ -1,5 +1,8 @@
 //! Interprets the words in column names of test rigs and flight test installations, in English and German.
 
+use servotwin::units;
+use servotwin_model::spec::Unit;
+
 /// The meaning of a column according to its name.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct ColumnMeaning {
@@ -105,6 +108,7 @@ const OTHER: &[&str] = &[
     "limit",
     "twin",
     "residual",
+    "band",
     "temp",
     "temperature",
     "temperatur",
@@ -215,6 +219,35 @@ pub(super) fn words(name: &str) -> (Vec<String>, Vec<u32>) {
     let numbers = words.iter().filter_map(|word| word.parse().ok()).collect();
     words.retain(|word| !word.starts_with(|c: char| c.is_ascii_digit()));
     (words, numbers)
+}
+
+/// A unit with its spelling.
+pub(super) type Named<'n> = (Unit, &'n str);
+
+/// Parses a known unit, with its text.
+pub(super) fn known(text: &str) -> Option<Named<'_>> {
+    let text = text.trim();
+    units::find(text).map(|row| (row.unit, text))
+}
+
+/// All ways to split a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank or a point.
+/// The whole name comes last.
+pub(super) fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
+    let mut found = vec![];
+    let trimmed = name.trim();
+    if let Some(inner) = trimmed.strip_suffix([']', ')'])
+        && let Some(open) = inner.rfind(['[', '('])
+    {
+        let unit = known(&inner[open + 1..]);
+        found.push((&inner[..open], unit));
+    }
+    for (place, mark) in trimmed.match_indices(['_', ' ', '.', '/']) {
+        if let Some(unit) = known(&trimmed[place + mark.len()..]) {
+            found.push((&trimmed[..place], Some(unit)));
+        }
+    }
+    found.push((trimmed, None));
+    found
 }
 
 #[cfg(test)]

@@ -1,19 +1,21 @@
 //! Parses one line, datagram or message into a row: cells in the order of a header, or a JSON object.
 //!
 //! A line that begins with `{` is an object. Its columns are its keys; nested keys and list indices are joined with
-//! points (`measured.p_a_1`, `pressures.0`). Any other line is cells between commas, semicolons or tabs. The first line
-//! that has all wanted names is the header, unless the map names the columns; the header may be repeated. Blank lines
-//! and lines that begin with `#` are skipped.
+//! points (`measured.p_a_1`, `pressures.0`). Any other line is cells between commas, semicolons, tabs or, without any of
+//! these, blanks. The first line that has all wanted names is the header, unless the map names the columns; it may stand
+//! behind `#` and may be repeated. Blank lines and other lines that begin with `#` are skipped. A name that several
+//! columns have gets a number (`p#1`, `p#2`), so that a map says which is meant.
 
+use super::object::{Leaves, walk, without_special_numbers};
 use super::{Bad, LogRow, Read, Wanted};
-use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::Value;
+use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::dialect::Dialect;
 use servotwin_io::table::csv::encoding::{self, Encoding};
 use servotwin_io::table::csv::growing::{Numbers, is_missing};
 use servotwin_io::table::json_lines;
-use std::borrow::Cow;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -62,7 +64,10 @@ impl fmt::Display for Flaw {
             }
             Flaw::BadObject { cause } => write!(out, "{cause}"),
             Flaw::NoTime { text } if text.is_empty() => Ok(()),
-            Flaw::NoTime { text } => write!(out, "'{text}'"),
+            Flaw::NoTime { text } => match moment::refusal(text) {
+                Some(reason) => write!(out, "'{text}': {reason}"),
+                None => write!(out, "'{text}'"),
+            },
             Flaw::Retained { topic } => write!(out, "topic {}", sanitize::text(topic)),
             Flaw::NoNumber => write!(out, "no number in the row, which is dropped"),
             _ => Ok(()),
@@ -77,12 +82,15 @@ pub struct Frames {
     places: BTreeMap<String, usize>,
     header: Option<Header>,
     numbers: Numbers,
+    clock: RefCell<Clock>,
 }
 
 /// The layout of the cells of a line.
 struct Header {
     separator: u8,
+    /// The number of cells, and without those at the end that have no name.
     cells: usize,
+    named: usize,
     /// For each wanted column, the index of its cell.
     chosen: Vec<usize>,
 }
@@ -91,28 +99,37 @@ impl Frames {
     /// Creates a parser for the wanted columns.
     pub fn new(wanted: &Wanted) -> Self {
         let places = wanted.names.iter().cloned().zip(0..).collect();
-        Frames { wanted: wanted.clone(), places, header: None, numbers: Numbers::new(true) }
+        let (numbers, clock) = (Numbers::new(true), RefCell::default());
+        Frames { wanted: wanted.clone(), places, header: None, numbers, clock }
+    }
+
+    /// The offset of the clock of its dates from UTC, s; `None` before the first one, or if it has no zone.
+    pub fn zone_s(&self) -> Option<f64> {
+        self.clock.borrow().zone_s()
     }
 
     /// Parses a line without its line end.
     pub fn read(&mut self, line: &[u8], row: &mut LogRow) -> Read {
         let text = line.trim_ascii();
-        if text.is_empty() || text.starts_with(b"#") {
+        if text.is_empty() {
             return Read::Nothing;
         }
         if text.iter().any(|&byte| byte < b' ' && byte != b'\t') {
             return Read::Flawed(Flaw::Noise);
         }
+        if let Some(names) = behind_mark(text) {
+            let _ = self.header.is_none() && self.find_header(names);
+            return Read::Nothing;
+        }
         self.begin(row);
-        if text.starts_with(b"{") {
-            return match self.add("", text, row) {
+        if let Some(object) = object(text) {
+            return match self.add("", object, row) {
                 Ok(()) => self.end(row),
                 Err(flaw) => Read::Flawed(flaw),
             };
         }
         // A tab at the end separates an empty last cell.
-        let read = self.cells(line.strip_suffix(b"\r").unwrap_or(line), row);
-        read.unwrap_or_else(Read::Flawed)
+        self.cells(line, row).unwrap_or_else(Read::Flawed)
     }
 
     /// Resets a row.
@@ -125,52 +142,78 @@ impl Frames {
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
     pub fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
         let before = row.bad;
-        let parsed = self.parse(prefix, text, row).or_else(|error| {
-            // Some writers emit NaN and Infinity, which JSON does not allow.
+        let parsed = walk(prefix, text, &mut Filler { frames: self, row }).or_else(|error| {
             let Some(plain) = without_special_numbers(text) else { return Err(error) };
             row.bad = before;
-            self.parse(prefix, &plain, row)
+            walk(prefix, &plain, &mut Filler { frames: self, row })
         });
         parsed.map_err(|error| match error.is_eof() {
             true => Flaw::CutShort,
+            false if text.starts_with(b"{") && error.to_string().starts_with("trailing char") => {
+                let cause = format!("several objects on one line ({error}): one a line is needed");
+                Flaw::BadObject { cause }
+            }
             false => Flaw::BadObject { cause: error.to_string() },
         })
     }
 
-    /// Checks that a row assembled from objects has a time.
-    pub fn end(&self, row: &LogRow) -> Read {
+    /// Completes a row that was assembled from objects; it must have a time.
+    pub fn end(&self, row: &mut LogRow) -> Read {
+        self.continue_time(row);
         with_time(&self.wanted, row)
+    }
+
+    /// Times that are numbers go on behind midnight.
+    fn continue_time(&self, row: &mut LogRow) {
+        if let (Some(time), Some(day), false) =
+            (self.wanted.time, self.wanted.day, self.wanted.dates)
+        {
+            row.values[time] = self.clock.borrow_mut().number(row.values[time], day);
+        }
+    }
+
+    fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
+        self.wanted.number_of_words(place, text, &mut self.clock.borrow_mut())
+    }
+
+    /// Whether a line is the header: it has all wanted names.
+    fn find_header(&mut self, line: &[u8]) -> bool {
+        let (separator, names) = header(line);
+        let is_header = self.wanted.columns.is_empty()
+            && self.wanted.names.iter().all(|name| names.contains(name));
+        if is_header {
+            self.set_header(separator, &names);
+        }
+        is_header
     }
 
     fn cells(&mut self, line: &[u8], row: &mut LogRow) -> Result<Read, Flaw> {
         if self.header.is_none() && !self.wanted.columns.is_empty() {
-            let separator = Dialect::of(line).separator;
-            self.set_header(separator, &self.wanted.columns.clone());
+            self.set_header(separator(line), &self.wanted.columns.clone());
         }
         let Some(header) = &self.header else {
-            let separator = Dialect::of(line).separator;
-            let names = names(line, separator);
-            return match self.wanted.names.iter().all(|name| names.contains(name)) {
-                true => {
-                    self.set_header(separator, &names);
-                    Ok(Read::Nothing)
-                }
-                false => Err(Flaw::NoHeader),
-            };
+            return if self.find_header(line) { Ok(Read::Nothing) } else { Err(Flaw::NoHeader) };
         };
-        let cells: Vec<&[u8]> = Cells { line: Some(line), separator: header.separator }.collect();
-        if cells.len() != header.cells {
-            return Err(Flaw::WrongColumns { found: cells.len(), needed: header.cells });
+        let mut cells: Vec<&[u8]> = Cells::of(line, header.separator).collect();
+        // Separators at the ends of rows, which a header may lack.
+        while cells.len() > header.cells
+            && cells.last().is_some_and(|cell| cell.trim_ascii().is_empty())
+        {
+            cells.pop();
+        }
+        if !(header.named..=header.cells).contains(&cells.len()) {
+            return Err(Flaw::WrongColumns { found: cells.len(), needed: header.named });
         }
         if self.is_header(&cells) {
             return Ok(Read::Nothing);
         }
-        let Frames { wanted, numbers, .. } = self;
+        let Frames { wanted, numbers, clock, .. } = self;
         for (place, &cell) in header.chosen.iter().enumerate() {
             let bytes = cells[cell];
             let text = std::str::from_utf8(bytes).unwrap_or("").trim();
             let is_time = wanted.time == Some(place);
-            let value = numbers.real(text).or_else(|| wanted.number_of_words(place, text));
+            let words = || wanted.number_of_words(place, text, clock.get_mut());
+            let value = numbers.real(text).or_else(words);
             row.values[place] = match value.filter(|value| value.is_finite()) {
                 Some(value) => value,
                 None if is_time => return Err(Flaw::NoTime { text: shown(bytes) }),
@@ -182,6 +225,7 @@ impl Frames {
                 }
             };
         }
+        self.continue_time(row);
         // For example a row of units below a header without a time.
         match row.bad > 0 && row.values.iter().all(|value| value.is_nan()) {
             true => Err(Flaw::NoNumber),
@@ -193,23 +237,20 @@ impl Frames {
     fn is_header(&self, cells: &[&[u8]]) -> bool {
         let chosen = self.header.iter().flat_map(|header| &header.chosen);
         let mut pairs = chosen.zip(&self.wanted.names);
-        pairs.all(|(&cell, name)| decoded(cells[cell]) == *name)
+        pairs.all(|(&cell, name)| {
+            let found = decoded(cells[cell]);
+            found == *name || found == base(name)
+        })
     }
 
     fn set_header(&mut self, separator: u8, names: &[String]) {
         let place = |wanted| names.iter().position(|name| name == wanted);
         let chosen: Option<Vec<usize>> = self.wanted.names.iter().map(place).collect();
         if let Some(chosen) = chosen {
+            let (cells, named) = (names.len(), named(names));
             self.numbers = Numbers::new(separator != b',');
-            self.header = Some(Header { separator, cells: names.len(), chosen });
+            self.header = Some(Header { separator, cells, named, chosen });
         }
-    }
-
-    fn parse(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), serde_json::Error> {
-        let mut parser = serde_json::Deserializer::from_slice(text);
-        let mut path = prefix.to_owned();
-        Node { frames: self, path: &mut path, row }.deserialize(&mut parser)?;
-        parser.end()
     }
 }
 
@@ -229,24 +270,41 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
     if text.is_empty() || text.starts_with(b"#") {
         return None;
     }
-    if is_object(text) {
-        return leaves(text);
+    if let Some(object) = object(text) {
+        return leaves(object);
     }
-    let names = names(line, Dialect::of(line).separator);
+    let (_, names) = header(line);
     // A row of numbers is not a header, even if decimal commas split its cells.
     let is_name = |name: &&String| name.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let filled = named(&names);
     let named = names.iter().filter(is_name).count();
-    (named > 0 && 2 * named >= names.len()).then_some(names)
+    (named > 0 && 2 * named >= filled).then_some(names)
 }
 
-/// Whether a line is a JSON object.
-pub fn is_object(line: &[u8]) -> bool {
-    line.trim_ascii_start().starts_with(b"{")
+/// The columns of a line that may stand behind the mark of a comment.
+pub fn marked_columns(line: &[u8]) -> Option<Vec<String>> {
+    columns(behind_mark(line).unwrap_or(line))
+}
+
+/// What stands behind the mark of a comment.
+pub fn behind_mark(line: &[u8]) -> Option<&[u8]> {
+    let rest = line.trim_ascii_start().strip_prefix(b"#")?;
+    Some(rest.trim_ascii_start())
+}
+
+/// The JSON object of a line, which may stand in a list of one object a line.
+pub fn object(line: &[u8]) -> Option<&[u8]> {
+    let text = line.trim_ascii();
+    let text = text.strip_prefix(b"[").map_or(text, <[u8]>::trim_ascii_start);
+    let end = text.iter().rposition(|byte| !matches!(byte, b',' | b']' | b' ' | b'\t' | b'\r'))?;
+    // A list within a cut object ends as the list around it does: only an object ends with a brace.
+    let text = if text[end] == b'}' { &text[..=end] } else { text };
+    text.starts_with(b"{").then_some(text)
 }
 
 /// The keys of an object including nested ones; `None` if it is not an object.
-fn leaves(line: &[u8]) -> Option<Vec<String>> {
-    let value: Value = serde_json::from_slice(line.trim_ascii()).ok()?;
+fn leaves(object: &[u8]) -> Option<Vec<String>> {
+    let value: Value = serde_json::from_slice(object).ok()?;
     let mut found = vec![];
     json_lines::leaves(value, String::new(), &mut found);
     Some(found.into_iter().map(|(key, _)| key).collect())
@@ -254,14 +312,49 @@ fn leaves(line: &[u8]) -> Option<Vec<String>> {
 
 /// The separator of a header, and its names.
 pub(super) fn header(line: &[u8]) -> (u8, Vec<String>) {
-    let separator = Dialect::of(line).separator;
-    (separator, names(line, separator))
+    let line = behind_mark(line).unwrap_or(line);
+    let separator = separator(line);
+    (separator, numbered(texts(line, separator)))
+}
+
+/// Names that several columns have, with a number behind each: `p#1`, `p#2`.
+pub(crate) fn numbered(names: Vec<String>) -> Vec<String> {
+    let mut counts: BTreeMap<String, (usize, usize)> = BTreeMap::new();
+    names.iter().for_each(|name| counts.entry(name.clone()).or_default().0 += 1);
+    let number = |name: String| match counts.get_mut(&name) {
+        Some((all, own)) if *all > 1 && !name.is_empty() => {
+            *own += 1;
+            format!("{name}#{own}")
+        }
+        _ => name,
+    };
+    names.into_iter().map(number).collect()
+}
+
+/// A name without the number of [`numbered`].
+pub(crate) fn base(name: &str) -> &str {
+    let found = name.rsplit_once('#').filter(|(_, number)| number.parse::<u32>().is_ok());
+    found.map_or(name, |(base, _)| base)
+}
+
+/// The number of names without the empty ones at the end.
+pub(super) fn named(names: &[String]) -> usize {
+    names.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1)
+}
+
+/// The separator of a line: blanks only if there is no other.
+fn separator(line: &[u8]) -> u8 {
+    let text = line.trim_ascii();
+    let has = |marks: &[u8]| text.iter().any(|byte| marks.contains(byte));
+    match !has(b",;\t") && has(b" ") {
+        true => b' ',
+        false => Dialect::of(line).separator,
+    }
 }
 
 /// The cells of a line as text.
-pub(super) fn names(line: &[u8], separator: u8) -> Vec<String> {
-    let line = line.strip_suffix(b"\r").unwrap_or(line);
-    Cells { line: Some(line), separator }.map(decoded).collect()
+pub(super) fn texts(line: &[u8], separator: u8) -> Vec<String> {
+    Cells::of(line, separator).map(decoded).collect()
 }
 
 fn decoded(cell: &[u8]) -> String {
@@ -281,11 +374,24 @@ struct Cells<'l> {
     separator: u8,
 }
 
+impl<'l> Cells<'l> {
+    fn of(line: &'l [u8], separator: u8) -> Self {
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        let line = if separator == b' ' { line.trim_ascii() } else { line };
+        Cells { line: Some(line), separator }
+    }
+}
+
 impl<'l> Iterator for Cells<'l> {
     type Item = &'l [u8];
 
     fn next(&mut self) -> Option<&'l [u8]> {
-        let line = self.line?;
+        let mut line = self.line?;
+        // Blanks before a quote, and between cells that blanks separate.
+        let begin = line.iter().position(|&byte| byte != b' ').unwrap_or(0);
+        if self.separator == b' ' || line[begin..].starts_with(b"\"") {
+            line = &line[begin..];
+        }
         if let Some(quoted) = line.strip_prefix(b"\"") {
             let mut place = 0;
             while let Some(quote) = quoted[place..].iter().position(|&byte| byte == b'"') {
@@ -313,37 +419,29 @@ impl<'l> Iterator for Cells<'l> {
     }
 }
 
-/// Replaces `NaN`, `Infinity` and `-Infinity` by `null`; `None` if there are none.
-pub(super) fn without_special_numbers(text: &[u8]) -> Option<Vec<u8>> {
-    let text = std::str::from_utf8(text).ok()?;
-    if !text.contains("NaN") && !text.contains("Infinity") {
-        return None;
-    }
-    let plain = text.replace("NaN", "null").replace("-Infinity", "null");
-    Some(plain.replace("Infinity", "null").into_bytes())
+/// Fills a row with the values of an object.
+struct Filler<'f> {
+    frames: &'f Frames,
+    row: &'f mut LogRow,
 }
 
-/// A value within an object, with its path.
-struct Node<'n> {
-    frames: &'n Frames,
-    path: &'n mut String,
-    row: &'n mut LogRow,
-}
-
-impl Node<'_> {
-    fn set(self, value: f64) {
-        let Some(&place) = self.frames.places.get(self.path.as_str()) else { return };
+impl Leaves for Filler<'_> {
+    fn number(&mut self, path: &str, value: f64) {
+        let Some(&place) = self.frames.places.get(path) else { return };
         match value.is_finite() {
             true => self.row.values[place] = value,
             false => self.row.note_bad(Bad { column: place, text: value.to_string() }),
         }
     }
 
-    /// Sets the value from a text that is a number or a known word.
-    fn set_text(self, text: &str) {
-        let text = text.trim();
-        let Some(&place) = self.frames.places.get(self.path.as_str()) else { return };
-        let words = || self.frames.wanted.number_of_words(place, text);
+    fn flag(&mut self, path: &str, value: bool) {
+        self.number(path, f64::from(u8::from(value)));
+    }
+
+    /// A text may be a number or a known word.
+    fn text(&mut self, path: &str, text: &str) {
+        let Some(&place) = self.frames.places.get(path) else { return };
+        let words = || self.frames.number_of_words(place, text);
         match text.parse().ok().or_else(words).filter(|value: &f64| value.is_finite()) {
             Some(value) => self.row.values[place] = value,
             None if is_missing(text.as_bytes()) => {}
@@ -351,197 +449,5 @@ impl Node<'_> {
         }
     }
 
-    /// Reads a nested value under a key or list index.
-    fn below<T, E>(
-        &mut self,
-        key: &str,
-        read: impl FnOnce(Node<'_>) -> Result<T, E>,
-    ) -> Result<T, E>
-    where
-        E: Error,
-    {
-        let length = self.path.len();
-        if length > 0 && !self.path.ends_with('.') {
-            self.path.push('.');
-        }
-        self.path.push_str(key);
-        let result = read(Node { frames: self.frames, path: &mut *self.path, row: &mut *self.row });
-        self.path.truncate(length);
-        result
-    }
-}
-
-impl<'de> DeserializeSeed<'de> for Node<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
-        from.deserialize_any(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Node<'_> {
-    type Value = ();
-
-    fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "JSON")
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<(), E> {
-        self.set(value);
-        Ok(())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<(), E> {
-        self.set(value as f64);
-        Ok(())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<(), E> {
-        self.set(value as f64);
-        Ok(())
-    }
-
-    fn visit_bool<E>(self, value: bool) -> Result<(), E> {
-        self.set(f64::from(u8::from(value)));
-        Ok(())
-    }
-
-    // JSON null: the value is missing.
-    fn visit_unit<E>(self) -> Result<(), E> {
-        Ok(())
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<(), E> {
-        self.set_text(text);
-        Ok(())
-    }
-
-    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<(), A::Error> {
-        while let Some(key) = map.next_key::<Cow<str>>()? {
-            self.below(&key, |node| map.next_value_seed(node))?;
-        }
-        Ok(())
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<(), A::Error> {
-        for place in 0_usize.. {
-            let more = self.below(&place.to_string(), |node| list.next_element_seed(node))?;
-            if more.is_none() {
-                break;
-            }
-        }
-        Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn wanted(names: &[&str]) -> Wanted {
-        let names = names.iter().map(|name| name.to_string()).collect();
-        Wanted { names, time: Some(0), ..Wanted::default() }
-    }
-
-    fn read(frames: &mut Frames, line: &str) -> (Read, Vec<f64>, u64) {
-        let mut row = LogRow::default();
-        let read = frames.read(line.as_bytes(), &mut row);
-        (read, row.values, row.bad)
-    }
-
-    #[test]
-    fn cells_are_found_by_their_names() {
-        let mut frames = Frames::new(&wanted(&["t", "p [bar]"]));
-        assert_eq!(read(&mut frames, "measured on a Friday").0, Read::Flawed(Flaw::NoHeader));
-        assert_eq!(read(&mut frames, "# note").0, Read::Nothing);
-        assert_eq!(read(&mut frames, "\"p [bar]\";x;t\r").0, Read::Nothing);
-        assert_eq!(read(&mut frames, "1,5;;2\r"), (Read::Row, vec![2.0, 1.5], 0));
-        assert_eq!(read(&mut frames, "\"p [bar]\";x;t").0, Read::Nothing);
-        assert_eq!(read(&mut frames, "\"2,5\";a;\"3\"").1, [3.0, 2.5]);
-        let (found, values, bad) = read(&mut frames, "abc;;4");
-        assert_eq!((found, values[0], bad), (Read::Row, 4.0, 1));
-        assert!(values[1].is_nan());
-        assert_eq!(read(&mut frames, ";;4").2, 0, "missing is no mistake");
-        let short = Flaw::WrongColumns { found: 2, needed: 3 };
-        assert_eq!(read(&mut frames, "1;2").0, Read::Flawed(short));
-        let no_time = Flaw::NoTime { text: "x".into() };
-        assert_eq!(read(&mut frames, "1;2;x").0, Read::Flawed(no_time));
-        assert_eq!(read(&mut frames, "1;\u{0};3").0, Read::Flawed(Flaw::Noise));
-    }
-
-    #[test]
-    fn numbers_with_decimal_commas_name_nothing() {
-        let header = columns(b"time_s;\"p [bar]\";x_m");
-        assert_eq!(header, Some(["time_s", "p [bar]", "x_m"].map(String::from).to_vec()));
-        for row in ["0,01;-3,17e-5;1,0", "0.5,1e-3,abc", "1;2;3"] {
-            assert_eq!(columns(row.as_bytes()), None, "{row}");
-        }
-    }
-
-    #[test]
-    fn columns_without_a_header_are_named_by_the_map() {
-        let columns = ["p", "t"].map(String::from).to_vec();
-        let mut frames = Frames::new(&Wanted { columns, ..wanted(&["t", "p"]) });
-        assert_eq!(read(&mut frames, "7,0.5").1, [0.5, 7.0]);
-        assert_eq!(read(&mut frames, "p,t").0, Read::Nothing, "a header that is sent anyway");
-    }
-
-    #[test]
-    fn objects_are_read_with_what_is_in_them() {
-        let mut frames = Frames::new(&wanted(&["t", "m.p", "v.1"]));
-        let line = r#"{"t": 1.25, "m": {"p": "3e5", "q": [1]}, "v": [1, 2.5], "t2": "x"}"#;
-        assert_eq!(read(&mut frames, line), (Read::Row, vec![1.25, 3e5, 2.5], 0));
-        let (found, values, bad) = read(&mut frames, r#"{"t": 1, "m": {"p": NaN}, "v": {}}"#);
-        assert_eq!((found, bad), (Read::Row, 0));
-        assert!(values[1].is_nan() && values[2].is_nan());
-        assert_eq!(read(&mut frames, r#"{"t": 1, "m""#).0, Read::Flawed(Flaw::CutShort));
-        assert!(matches!(
-            read(&mut frames, r#"{"t": 1}}"#).0,
-            Read::Flawed(Flaw::BadObject { .. })
-        ));
-        assert!(matches!(read(&mut frames, "{}").0, Read::Flawed(Flaw::NoTime { .. })));
-    }
-
-    #[test]
-    fn dates_are_times_where_the_map_says_so() {
-        let mut frames = Frames::new(&Wanted { dates: true, ..wanted(&["t"]) });
-        let (found, values, _) = read(&mut frames, r#"{"t": "1970-01-01T00:01:00.5Z"}"#);
-        assert_eq!((found, values), (Read::Row, vec![60.5]));
-        read(&mut frames, "t,x");
-        assert_eq!(read(&mut frames, "1970-01-01 00:01:00.5,1").1, [60.5]);
-    }
-
-    #[test]
-    fn words_for_on_and_off_are_numbers_of_an_input_from_0_to_1_and_bad_elsewhere() {
-        let flags = vec![false, true, false];
-        let mut frames = Frames::new(&Wanted { flags, ..wanted(&["t", "mode", "p"]) });
-        let mut row = LogRow::default();
-        let line = br#"{"t": "1759967600000", "mode": "on", "p": "101.60"}"#;
-        assert_eq!(frames.read(line, &mut row), Read::Row);
-        assert_eq!((row.values.clone(), row.bad), (vec![1_759_967_600_000.0, 1.0, 101.6], 0));
-        frames.read(br#"{"t": 1, "mode": "stand-by", "p": "on"}"#, &mut row);
-        let bad = row.bad_in_words(&frames.wanted);
-        assert_eq!(bad, "column 'mode' has 'stand-by', 2 of 3 values");
-        frames.read(b"t,mode,p", &mut row);
-        frames.read(b"1,OFF,true", &mut row);
-        assert_eq!((row.values[1], row.bad), (0.0, 1));
-        assert_eq!(row.bad_in_words(&frames.wanted), "column 'p' has 'true'");
-    }
-
-    #[test]
-    fn a_row_of_units_is_no_sample_even_without_a_time() {
-        let mut frames = Frames::new(&Wanted { time: None, ..wanted(&["p", "x"]) });
-        read(&mut frames, "p;x;n");
-        assert_eq!(read(&mut frames, "bar;mm;-").0, Read::Flawed(Flaw::NoNumber));
-        assert_eq!(read(&mut frames, "1;;-").0, Read::Row);
-    }
-
-    #[test]
-    fn columns_of_a_line() {
-        let columns = |line: &str| super::columns(line.as_bytes());
-        assert_eq!(columns("a, b ;c").unwrap(), ["a, b", "c"]);
-        assert_eq!(columns(r#"{"a": {"b": 1, "c": [2, 3]}}"#).unwrap(), ["a.b", "a.c.0", "a.c.1"]);
-        assert_eq!(columns("1,2"), None);
-        assert_eq!(columns("# x"), None);
-    }
+    fn missing(&mut self, _: &str) {}
 }

@@ -1,9 +1,10 @@
 //! Reads a text file (CSV or JSON lines) line by line. Only one line is in memory, whatever the file's size.
 
 use super::frame::{self, Flaw, Frames};
-use super::survey::{LogColumn, Objects, Sheet};
+use super::survey::{self, LogColumn, Objects, Sheet};
 use super::{LogRow, Read, Source, SourceError, Wanted};
 use servotwin_io::files::FileError;
+use servotwin_io::sanitize;
 use servotwin_io::table::csv::encoding;
 use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};
@@ -64,6 +65,10 @@ impl Source for Lines {
         "line"
     }
 
+    fn zone_s(&self) -> Option<f64> {
+        self.frames.zone_s()
+    }
+
     fn share(&self) -> Option<f64> {
         (self.size > 0).then(|| (self.read as f64 / self.size as f64).min(1.0))
     }
@@ -79,47 +84,82 @@ fn require(
         return Ok(());
     }
     let address = path.display().to_string();
-    let lines = first_lines(path, reader, PREAMBLE)?;
-    if lines.iter().any(|line| frame::is_object(line)) {
+    let lines = first_lines(path, reader, BEGINNING)?;
+    let heads = &lines[..lines.len().min(PREAMBLE)];
+    if heads.iter().any(|line| frame::object(line).is_some()) {
         let known = objects(path, &|found| found.has_all(wanted))?;
         let known: Vec<String> = known.into_iter().map(|column| column.name).collect();
         return SourceError::lacking(&address, wanted, &known).map_or(Ok(()), Err);
     }
-    let mut best: Option<Vec<String>> = None;
-    for names in lines.iter().filter_map(|line| frame::columns(line)) {
-        match SourceError::lacking(&address, wanted, &names) {
-            None => return Ok(()),
-            // Keep the longest list of names: it is most likely the header.
-            Some(_) if best.as_ref().is_none_or(|best| best.len() < names.len()) => {
-                best = Some(names);
-            }
-            Some(_) => {}
-        }
+    let names = heads.iter().filter_map(|line| frame::marked_columns(line));
+    if names.into_iter().any(|names| SourceError::lacking(&address, wanted, &names).is_none()) {
+        return Ok(());
     }
-    let lacking = best.and_then(|names| SourceError::lacking(&address, wanted, &names));
-    Err(lacking.unwrap_or(SourceError::NoHeader { address }))
+    let known = find_header(&lines).map(|line| frame::header(&lines[line]).1);
+    let lacking = known.and_then(|names| SourceError::lacking(&address, wanted, &names));
+    Err(lacking.unwrap_or_else(|| no_header(address, &lines)))
 }
 
-/// The columns of a file. For cells, the header is the first line with the most names; a line of units may follow it.
-/// For objects, the keys of all lines are gathered.
+/// The columns of a file. A line of units may follow the header of cells. For objects, the keys of all lines are
+/// gathered.
 pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let lines = first_lines(path, open(path)?, BEGINNING)?;
     let heads = &lines[..lines.len().min(PREAMBLE)];
-    let none = || SourceError::NoHeader { address: path.display().to_string() };
-    if heads.iter().any(|line| frame::is_object(line)) {
+    let none = || no_header(path.display().to_string(), &lines);
+    if heads.iter().any(|line| frame::object(line).is_some()) {
         let found = objects(path, &|_| false)?;
         return if found.is_empty() { Err(none()) } else { Ok(found) };
     }
-    let count = |line: usize| frame::columns(&heads[line]).map_or(0, |names| names.len());
-    // `rev` makes the first of equally long lines win.
-    let best = (0..heads.len()).rev().max_by_key(|&line| count(line));
-    let best = best.filter(|&line| count(line) > 0).ok_or_else(none)?;
-    let (separator, names) = frame::header(&lines[best]);
+    let header = find_header(&lines).ok_or_else(none)?;
+    let (separator, names) = frame::header(&lines[header]);
     let mut sheet = Sheet::new(names, separator);
-    for line in &lines[best + 1..] {
-        sheet.add(&frame::names(line, separator));
+    for line in &lines[header + 1..] {
+        let line = frame::behind_mark(line).unwrap_or(line);
+        sheet.add(&frame::texts(line, separator));
     }
     Ok(sheet.finish())
+}
+
+/// The line with the names of columns: of those with a row of as many numbers below, the first with the most names, or
+/// else the last of them behind `#`. Without such a row it is the first line with the most names.
+fn find_header(lines: &[Vec<u8>]) -> Option<usize> {
+    let heads = 0..lines.len().min(PREAMBLE);
+    let count = |line: &usize| frame::marked_columns(&lines[*line]).map_or(0, |names| names.len());
+    let is_marked = |line: &usize| frame::behind_mark(&lines[*line]).is_some();
+    let has_rows = |line: &usize| {
+        let (separator, names) = frame::header(&lines[*line]);
+        let is_units = is_marked(line) && survey::is_units(&names);
+        let mut sheet = Sheet::new(names, separator);
+        let below = lines[line + 1..].iter().filter(|line| frame::behind_mark(line).is_none());
+        !is_units && below.into_iter().any(|line| sheet.is_row(&frame::texts(line, separator)))
+    };
+    let named: Vec<usize> = heads.filter(|line| count(line) > 0).collect();
+    // `rev` makes the first of equally long lines win.
+    let first = |has_rows: &dyn Fn(&usize) -> bool| {
+        let fits = |line: &&usize| !is_marked(line) && has_rows(line);
+        named.iter().rev().filter(fits).max_by_key(|line| count(line)).copied()
+    };
+    let last = || named.iter().rev().find(|line| is_marked(line) && has_rows(line)).copied();
+    // Any sentence is words between blanks.
+    let is_list = |line: &usize| frame::header(&lines[*line]).0 != b' ';
+    first(&has_rows).or_else(last).or_else(|| first(&is_list))
+}
+
+/// The error for a text without columns, with what was seen instead.
+pub(super) fn no_header(address: String, lines: &[Vec<u8>]) -> SourceError {
+    let is_filled = |line: &&(usize, &Vec<u8>)| !line.1.trim_ascii().is_empty();
+    let lines: Vec<(usize, &Vec<u8>)> = lines.iter().enumerate().collect();
+    let (place, line) = lines.iter().find(is_filled).map_or((0, &[][..]), |(n, line)| (*n, line));
+    let text = String::from_utf8_lossy(&line[..line.len().min(80)]);
+    let advice = match line.trim_ascii().first() {
+        Some(b'[' | b'{') => "JSON needs one object a line",
+        Some(b'0'..=b'9' | b'-' | b'+' | b'.' | b'"') => {
+            "if the log has no names, columns below [samples] of a map file gives them"
+        }
+        _ => "a header has names between commas, semicolons, tabs or blanks",
+    };
+    let seen = format!("line {} is '{}'; {advice}", place + 1, sanitize::text(text.trim()));
+    SourceError::NoHeader { address, seen }
 }
 
 /// The columns of the objects in a file, read until there are `enough`.
@@ -130,13 +170,14 @@ fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColu
         match next.map_err(|cause| FileError::from_io(path, cause))? {
             Line::None => break,
             Line::TooLong => {}
-            Line::Whole | Line::Unended if frame::is_object(&line) => {
-                found.add("", line.trim_ascii());
+            Line::Whole | Line::Unended => {
+                if let Some(object) = frame::object(&line) {
+                    found.add("", object);
+                }
                 if enough(&found) {
                     break;
                 }
             }
-            Line::Whole | Line::Unended => {}
         }
     }
     Ok(found.finish())
@@ -180,7 +221,7 @@ pub enum Line {
     None,
 }
 
-/// Reads a line.
+/// Reads a line, which ends with LF, CR LF or CR.
 pub fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
     line.clear();
     let (mut any, mut too_long) = (false, false);
@@ -198,7 +239,8 @@ pub fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Lin
             });
         }
         any = true;
-        let end = buffer.iter().position(|&byte| byte == b'\n');
+        let end = buffer.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let is_return = end.is_some_and(|end| buffer[end] == b'\r');
         let part = &buffer[..end.unwrap_or(buffer.len())];
         too_long |= line.len() + part.len() > LONGEST;
         if too_long {
@@ -209,6 +251,9 @@ pub fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Lin
         let length = part.len() + usize::from(end.is_some());
         reader.consume(length);
         if end.is_some() {
+            if is_return && reader.fill_buf().is_ok_and(|next| next.first() == Some(&b'\n')) {
+                reader.consume(1);
+            }
             return Ok(if too_long { Line::TooLong } else { Line::Whole });
         }
     }
@@ -220,7 +265,7 @@ mod tests {
 
     #[test]
     fn lines_end_and_are_not_too_long() {
-        let text = format!("a\n\n{}\nb", "x".repeat(LONGEST + 1));
+        let text = format!("a\r\n\r{}\nb", "x".repeat(LONGEST + 1));
         // Lines are longer than this buffer.
         let mut reader = io::BufReader::with_capacity(1000, text.as_bytes());
         let (mut line, mut found) = (vec![], vec![]);

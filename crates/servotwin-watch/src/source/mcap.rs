@@ -8,6 +8,7 @@
 //! into memory and sorted.
 
 use super::frame::{Flaw, Frames};
+use super::object::Leaves;
 use super::survey::{LogColumn, Objects};
 use super::{Bad, LogRow, Read, Source, SourceError, Wanted};
 use ::mcap::McapError;
@@ -129,7 +130,10 @@ impl Source for InOrder {
 pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let found = survey(path, None)?.columns;
     match found.len() {
-        1 => Err(SourceError::NoHeader { address: path.display().to_string() }),
+        1 => {
+            let (address, seen) = (path.display().to_string(), "no message is in JSON".into());
+            Err(SourceError::NoHeader { address, seen })
+        }
         _ => Ok(found),
     }
 }

@@ -16,15 +16,16 @@ mod mcap;
 mod mf4;
 #[cfg(feature = "mqtt")]
 pub mod mqtt;
+mod object;
 mod stdin;
 mod survey;
-mod table;
+pub mod table;
 pub mod udp;
 
 use super::counts::Irregularity;
 use crate::span::CutError;
 use servotwin_io::files::FileError;
-use servotwin_io::moment;
+use servotwin_io::moment::Clock;
 use servotwin_io::nearest::nearest;
 use servotwin_io::sanitize;
 use servotwin_io::table::TableError;
@@ -51,6 +52,8 @@ pub struct Wanted {
     pub time: Option<usize>,
     /// Whether the time is a date as text.
     pub dates: bool,
+    /// A day in the unit of times that are numbers; `None` if they cannot begin anew at midnight.
+    pub day: Option<f64>,
     /// The columns of lines without a header, from left to right; empty if the log has one.
     pub columns: Vec<String>,
     /// For each name, whether words for on and off are numbers in it; missing entries mean no.
@@ -59,9 +62,14 @@ pub struct Wanted {
 
 impl Wanted {
     /// The number for a word in a column: a date in the time column, on and off where the column allows them.
-    pub(super) fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
+    pub(super) fn number_of_words(
+        &self,
+        place: usize,
+        text: &str,
+        clock: &mut Clock,
+    ) -> Option<f64> {
         if self.dates && self.time == Some(place) {
-            return moment::seconds(text);
+            return clock.read(text);
         }
         let is = |words: [&str; 3]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
         match self.flags.get(place) {
@@ -180,6 +188,11 @@ pub trait Source: Send {
     fn share(&self) -> Option<f64> {
         None
     }
+
+    /// The offset from UTC of the clock of dates that were read, s; `None` if they have no zone.
+    fn zone_s(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// The address of a source.
@@ -268,7 +281,7 @@ impl Address {
     pub fn open(&self, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
         Ok(match self {
             Address::File(path) if has_extension(path, "parquet") => {
-                Box::new(table::Parquet::open(path, wanted)?)
+                Box::new(table::TableRows::open(path, wanted)?)
             }
             Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
             Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
@@ -439,8 +452,8 @@ pub enum SourceError {
     #[error("{address}: the file is empty")]
     Empty { address: String },
     /// No line names columns.
-    #[error("{address}: no line with the names of columns, and no JSON object")]
-    NoHeader { address: String },
+    #[error("{address}: no line with the names of columns, and no JSON object: {seen}")]
+    NoHeader { address: String, seen: String },
     /// An unordered file has more numbers than can be sorted in memory.
     #[error(
         "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time \

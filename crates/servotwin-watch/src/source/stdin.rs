@@ -1,7 +1,7 @@
 //! Reads lines of standard input on a separate thread, so that a quiet stream does not block the watch.
 
 use super::frame::{self, Flaw, Frames};
-use super::lines::{Line, next_line};
+use super::lines::{Line, next_line, no_header};
 use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
 use std::io::{self, BufRead, BufReader};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -62,17 +62,27 @@ impl Source for Stdin {
     fn is_live(&self) -> bool {
         true
     }
+
+    fn zone_s(&self) -> Option<f64> {
+        self.frames.zone_s()
+    }
 }
 
 /// The columns of the first line that names any.
 pub fn columns(mut stream: impl BufRead) -> Result<Vec<String>, SourceError> {
-    let mut line = vec![];
+    let (mut line, mut first, mut marked) = (vec![], vec![], None);
     loop {
         if next_line(&mut stream, &mut line).map_err(|cause| failed(&cause))? == Line::None {
-            return Err(SourceError::NoHeader { address: "standard input".into() });
+            return Err(no_header("standard input".into(), &first));
         }
-        if let Some(names) = frame::columns(&line) {
+        // Names behind a mark are those of the row of numbers below them.
+        if frame::behind_mark(&line).is_some() {
+            marked = frame::marked_columns(&line);
+        } else if let Some(names) = frame::columns(&line).or(marked.take_if(|_| !line.is_empty())) {
             return Ok(names);
+        }
+        if first.is_empty() && !line.is_empty() {
+            first.push(line.clone());
         }
     }
 }

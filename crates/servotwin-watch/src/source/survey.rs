@@ -2,14 +2,13 @@
 //!
 //! The beginning of a log may not show everything, so objects and channels are scanned to the end.
 
+use super::frame::named;
+use super::object::{Leaves, walk, without_special_numbers};
 use super::{DATE, Wanted};
-use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use servotwin::units;
 use servotwin_io::moment;
 use servotwin_io::table::csv::growing::{Numbers, is_missing};
-use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// The most numbers of a column that are kept.
 const HEAD: usize = 256;
@@ -93,6 +92,10 @@ impl LogColumn {
         match number {
             Some(number) => self.push(number),
             None if self.head.len() < HEAD => {
+                // A date that is refused is a date, too: its reason comes with the rows.
+                if moment::refusal(text).is_some() {
+                    self.unit = DATE.into();
+                }
                 if let Some(seconds) = moment::seconds(text) {
                     self.unit = DATE.into();
                     self.push(seconds);
@@ -118,16 +121,11 @@ impl Sheet {
 
     /// Adds a line below the header: units, values, or neither.
     pub(super) fn add(&mut self, cells: &[String]) {
-        if cells.len() != self.columns.len() {
+        if !self.fits(cells) {
             return;
         }
         let values: Vec<Option<f64>> = cells.iter().map(|cell| self.numbers.real(cell)).collect();
-        let is_value = |(cell, value): (&String, &Option<f64>)| {
-            value.is_some() || moment::seconds(cell).is_some()
-        };
-        let filled = cells.iter().filter(|cell| !is_missing(cell.as_bytes())).count();
-        let found = cells.iter().zip(&values).filter(|pair| is_value(*pair)).count();
-        if found > 0 && 2 * found >= filled {
+        if is_row(cells, &values) {
             self.rows += 1;
             for (column, (cell, value)) in self.columns.iter_mut().zip(cells.iter().zip(values)) {
                 column.take(cell, value);
@@ -139,13 +137,37 @@ impl Sheet {
         }
     }
 
-    pub(super) fn finish(self) -> Vec<LogColumn> {
+    /// Whether a line has as many cells as the header, apart from empty ones at the end of either.
+    fn fits(&self, cells: &[String]) -> bool {
+        let names: Vec<String> = self.columns.iter().map(|column| column.name.clone()).collect();
+        (named(&names)..=names.len().max(named(cells))).contains(&cells.len())
+            && named(cells) <= names.len()
+    }
+
+    /// Whether a line is a row of numbers below this header.
+    pub(super) fn is_row(&mut self, cells: &[String]) -> bool {
+        let values: Vec<Option<f64>> = cells.iter().map(|cell| self.numbers.real(cell)).collect();
+        self.fits(cells) && is_row(cells, &values)
+    }
+
+    /// The columns that have a name.
+    pub(super) fn finish(mut self) -> Vec<LogColumn> {
+        self.columns.retain(|column| !column.name.is_empty());
         self.columns
     }
 }
 
+/// Whether at least half of the filled cells of a line are numbers or dates.
+fn is_row(cells: &[String], values: &[Option<f64>]) -> bool {
+    let is_value =
+        |(cell, value): (&String, &Option<f64>)| value.is_some() || moment::seconds(cell).is_some();
+    let filled = cells.iter().filter(|cell| !is_missing(cell.as_bytes())).count();
+    let found = cells.iter().zip(values).filter(|pair| is_value(*pair)).count();
+    found > 0 && 2 * found >= filled
+}
+
 /// Whether most non-empty cells of a line are units.
-fn is_units(cells: &[String]) -> bool {
+pub(super) fn is_units(cells: &[String]) -> bool {
     let filled = cells.iter().map(|cell| bare_unit(cell)).filter(|unit| !unit.is_empty());
     let is_known = |unit: &&str| matches!(*unit, "-" | "1") || units::find(unit).is_some();
     let (known, all) =
@@ -168,19 +190,12 @@ pub(super) struct Objects {
 impl Objects {
     /// Adds an object; `prefix` precedes the names of its values. Anything else is ignored.
     pub(super) fn add(&mut self, prefix: &str, text: &[u8]) {
-        if self.parse(prefix, text).is_err()
-            && let Some(plain) = super::frame::without_special_numbers(text)
+        if walk(prefix, text, self).is_err()
+            && let Some(plain) = without_special_numbers(text)
         {
             // Columns read before a mistake are kept.
-            let _ = self.parse(prefix, &plain);
+            let _ = walk(prefix, &plain, self);
         }
-    }
-
-    fn parse(&mut self, prefix: &str, text: &[u8]) -> Result<(), serde_json::Error> {
-        let mut parser = serde_json::Deserializer::from_slice(text);
-        let mut path = prefix.to_owned();
-        Leaf { objects: self, path: &mut path }.deserialize(&mut parser)?;
-        parser.end()
     }
 
     #[cfg(feature = "mcap")]
@@ -188,13 +203,6 @@ impl Objects {
     pub(super) fn name(&mut self, name: &str, unit: &str) {
         if let Some(column) = self.column(name) {
             column.unit = unit.into();
-        }
-    }
-
-    /// Adds a number to a column.
-    pub(super) fn number(&mut self, name: &str, value: f64) {
-        if let Some(column) = self.column(name) {
-            column.push(value);
         }
     }
 
@@ -221,94 +229,25 @@ impl Objects {
     }
 }
 
-/// A value within an object, with its path.
-struct Leaf<'l> {
-    objects: &'l mut Objects,
-    path: &'l mut String,
-}
-
-impl Leaf<'_> {
-    fn below<T>(&mut self, key: &str, read: impl FnOnce(Leaf<'_>) -> T) -> T {
-        let length = self.path.len();
-        if length > 0 && !self.path.ends_with('.') {
-            self.path.push('.');
+impl Leaves for Objects {
+    fn number(&mut self, path: &str, value: f64) {
+        if let Some(column) = self.column(path) {
+            column.push(value);
         }
-        self.path.push_str(key);
-        let result = read(Leaf { objects: &mut *self.objects, path: &mut *self.path });
-        self.path.truncate(length);
-        result
     }
 
-    fn number(self, value: f64) {
-        self.objects.number(self.path, value);
-    }
-}
-
-impl<'de> DeserializeSeed<'de> for Leaf<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
-        from.deserialize_any(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Leaf<'_> {
-    type Value = ();
-
-    fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "JSON")
+    fn flag(&mut self, path: &str, _: bool) {
+        self.column(path);
     }
 
-    fn visit_f64<E>(self, value: f64) -> Result<(), E> {
-        self.number(value);
-        Ok(())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<(), E> {
-        self.number(value as f64);
-        Ok(())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<(), E> {
-        self.number(value as f64);
-        Ok(())
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<(), E> {
-        self.objects.column(self.path);
-        Ok(())
-    }
-
-    fn visit_unit<E>(self) -> Result<(), E> {
-        self.objects.column(self.path);
-        Ok(())
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<(), E> {
-        let text = text.trim();
-        if let Some(column) = self.objects.column(self.path) {
+    fn text(&mut self, path: &str, text: &str) {
+        if let Some(column) = self.column(path) {
             column.take(text, text.parse().ok());
         }
-        Ok(())
     }
 
-    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<(), A::Error> {
-        while let Some(key) = map.next_key::<Cow<str>>()? {
-            self.below(&key, |leaf| map.next_value_seed(leaf))?;
-        }
-        Ok(())
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<(), A::Error>
-    where
-        A::Error: Error,
-    {
-        for place in 0_usize.. {
-            if self.below(&place.to_string(), |leaf| list.next_element_seed(leaf))?.is_none() {
-                break;
-            }
-        }
-        Ok(())
+    fn missing(&mut self, path: &str) {
+        self.column(path);
     }
 }
 

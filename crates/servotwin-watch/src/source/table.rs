@@ -1,41 +1,63 @@
-//! Reads a Parquet file in batches.
+//! Reads tables: Parquet files in batches, or a table in memory.
 
 use super::{Bad, DATE, LogColumn, LogRow, Read, Source, SourceError, Wanted};
-use servotwin_io::moment;
+use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::growing::is_missing;
 use servotwin_io::table::parquet::ParquetReader;
-use servotwin_io::table::{Column, ColumnKind, Table, Values};
+use servotwin_io::table::{Column, ColumnKind, Table, TableError, Values};
 use std::path::Path;
 
-/// A Parquet file, of which only the wanted columns are read.
-pub struct Parquet {
-    reader: ParquetReader,
+/// The rows of a table, of which only the wanted columns are read.
+pub struct TableRows {
+    batches: Box<dyn Iterator<Item = Result<Table, TableError>> + Send>,
     wanted: Wanted,
     rows: usize,
+    clock: Clock,
     /// The wanted columns of the current batch.
     part: Vec<Values>,
     next: usize,
     place: u64,
 }
 
-impl Parquet {
-    /// Opens a file that must have the wanted columns.
+impl TableRows {
+    /// Opens a Parquet file that must have the wanted columns.
+    ///
+    /// # Errors
+    /// The file cannot be read, or lacks a column.
     pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        let known: Vec<String> =
-            ParquetReader::open(path)?.schema().names().map(String::from).collect();
-        let address = path.display().to_string();
-        if let Some(error) = SourceError::lacking(&address, wanted, &known) {
-            return Err(error);
-        }
+        let known = ParquetReader::open(path)?;
+        require(&path.display().to_string(), known.schema(), wanted)?;
         let names: Vec<&str> = wanted.names.iter().map(String::as_str).collect();
         let reader = ParquetReader::open_columns(path, &names)?;
         let rows = reader.row_count();
-        Ok(Parquet { reader, wanted: wanted.clone(), rows, part: vec![], next: 0, place: 0 })
+        Ok(Self::new(Box::new(reader), rows, wanted))
+    }
+
+    /// Reads a table in memory that must have the wanted columns; `name` is what messages call it.
+    ///
+    /// # Errors
+    /// The table lacks a column.
+    pub fn of_table(name: &str, table: &Table, wanted: &Wanted) -> Result<Self, SourceError> {
+        require(name, table, wanted)?;
+        let column = |name: &String| table.column(name).cloned();
+        let columns = wanted.names.iter().map(column).collect::<Result<_, _>>()?;
+        let table = Table::from_columns(columns)?;
+        let rows = table.row_count();
+        Ok(Self::new(Box::new(std::iter::once(Ok(table))), rows, wanted))
+    }
+
+    fn new(
+        batches: Box<dyn Iterator<Item = Result<Table, TableError>> + Send>,
+        rows: usize,
+        wanted: &Wanted,
+    ) -> Self {
+        let (wanted, clock) = (wanted.clone(), Clock::default());
+        TableRows { batches, wanted, rows, clock, part: vec![], next: 0, place: 0 }
     }
 
     /// The number in a cell; `Err` with its text if it is not a number.
-    fn number(&self, column: usize, row: usize) -> Result<f64, String> {
+    fn number(&mut self, column: usize, row: usize) -> Result<f64, String> {
         let value = match &self.part[column] {
             Values::Float(values) => values[row],
             Values::Integer(values) => values[row] as f64,
@@ -43,7 +65,7 @@ impl Parquet {
             Values::Flag(flags) => f64::from(u8::from(flags[row])),
             Values::Text(texts) => {
                 let text = texts[row].trim();
-                let words = || self.wanted.number_of_words(column, text);
+                let words = || self.wanted.number_of_words(column, text, &mut self.clock);
                 match text.parse().ok().or_else(words) {
                     Some(value) => value,
                     None if is_missing(text.as_bytes()) => f64::NAN,
@@ -55,10 +77,15 @@ impl Parquet {
     }
 }
 
-impl Source for Parquet {
+fn require(address: &str, table: &Table, wanted: &Wanted) -> Result<(), SourceError> {
+    let known: Vec<String> = table.names().map(String::from).collect();
+    SourceError::lacking(address, wanted, &known).map_or(Ok(()), Err)
+}
+
+impl Source for TableRows {
     fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         while self.part.first().is_none_or(|column| column.len() == self.next) {
-            let Some(table) = self.reader.next() else { return Ok(Read::End) };
+            let Some(table) = self.batches.next() else { return Ok(Read::End) };
             let columns = table?.into_columns();
             (self.part, self.next) = (columns.into_iter().map(|c| c.values).collect(), 0);
         }
@@ -74,11 +101,20 @@ impl Source for Parquet {
             row.values.push(value);
         }
         self.next += 1;
+        if let (Some(time), Some(day), false) =
+            (self.wanted.time, self.wanted.day, self.wanted.dates)
+        {
+            row.values[time] = self.clock.number(row.values[time], day);
+        }
         Ok(super::frame::with_time(&self.wanted, row))
     }
 
     fn counted(&self) -> &'static str {
         "row"
+    }
+
+    fn zone_s(&self) -> Option<f64> {
+        self.clock.zone_s()
     }
 
     fn share(&self) -> Option<f64> {
@@ -105,20 +141,27 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
         let found = |part: &'_ Option<Table>| part.as_ref()?.column(name).ok().cloned();
         found(&first).or_else(|| found(&head))
     };
-    let column = |column: &Column| {
-        let (mut unit, mut head) = (column.unit.clone(), vec![]);
-        let first = beginning(&column.name);
-        match first.as_ref().map(|first| (&first.values, first.numbers())) {
-            Some((Values::Text(texts), _)) => {
-                let date = texts.first().and_then(|text| moment::seconds(text));
-                if date.is_some() {
-                    unit = DATE.into();
-                }
-            }
-            Some((_, Ok(numbers))) => head.extend(numbers.iter().take(256)),
-            _ => {}
-        }
-        LogColumn { name: column.name.clone(), unit, head }
-    };
+    let column = |column: &Column| log_column(column, beginning(&column.name).as_ref());
     Ok(columns.iter().map(column).collect())
+}
+
+/// The columns of a table in memory.
+pub fn table_columns(table: &Table) -> Vec<LogColumn> {
+    table.columns().iter().map(|column| log_column(column, Some(column))).collect()
+}
+
+/// A column with its unit, and with its first numbers from `first`, if these were read.
+fn log_column(column: &Column, first: Option<&Column>) -> LogColumn {
+    let (mut unit, mut head) = (column.unit.clone(), vec![]);
+    match first.map(|first| (&first.values, first.numbers())) {
+        Some((Values::Text(texts), _))
+            if texts.first().is_some_and(|text| moment::seconds(text).is_some()) =>
+        {
+            unit = DATE.into();
+            head.extend(texts.iter().take(256).filter_map(|text| moment::seconds(text)));
+        }
+        Some((_, Ok(numbers))) => head.extend(numbers.iter().take(256)),
+        _ => {}
+    }
+    LogColumn { name: column.name.clone(), unit, head }
 }

@@ -1,11 +1,12 @@
-//! Checks whether a record can belong to the system: wrong signs and units, stuck sensors, clocks that disagree. The
-//! nominal twin is the reference; differences of a few percent are left to the fit.
+//! Checks whether a record can belong to the system: wrong signs and units, exchanged columns, stuck sensors, clocks
+//! that disagree. The nominal twin is the reference; differences of a few percent are left to the fit.
 
 use super::record::{FitRecord, LeftOut, RecordError};
-use crate::beside::TwinComparison;
+use crate::beside::{self, Comparisons};
 use crate::recording::with_suffix;
-use crate::system::System;
+use crate::system::{Sensor, System};
 use crate::units;
+use servotwin_model::spec::Unit;
 
 /// A sensor moves if it leaves its mean by this many of its deviations.
 const MOVES: f64 = 5.0;
@@ -76,6 +77,9 @@ pub(super) fn check(
             }
         })
         .collect();
+    let beside = compare(&pairs);
+    let turned: Vec<bool> = (0..width).map(|sensor| beside.of(sensor).is_turned()).collect();
+    mistaken(system, &pairs, &beside, &turned)?;
     for pair in &pairs {
         pair.unit(system)?;
         pair.possible(system, first)?;
@@ -83,23 +87,61 @@ pub(super) fn check(
     for pair in &pairs {
         pair.stuck(system, first)?;
     }
-    let moving: Vec<&Pair> =
-        pairs.iter().filter(|pair| pair.sd_twin > MOVES * pair.deviation).collect();
+    let moving: Vec<&Pair> = pairs.iter().filter(|pair| pair.is_moving()).collect();
     let most = |of: fn(&Pair) -> f64| pairs.iter().map(|p| of(p) / p.deviation).fold(0.0, f64::max);
     if most(|p| p.sd_twin) < MOVES || most(|p| p.sd_measured) < MOVES {
         let what = format!("no sensor leaves its mean by {MOVES} times its noise");
         return Err(RecordError::NoMotion { what });
     }
     // Signs come before lags: a signal with the wrong sign also looks late by half a wave.
-    signs(&moving)?;
+    if pairs.iter().zip(&turned).any(|(pair, turned)| *turned && pair.is_moving()) {
+        signs(&moving)?;
+    }
     lag(&moving)
+}
+
+/// Every sensor beside the twin of every sensor.
+fn compare(pairs: &[Pair]) -> Comparisons {
+    let mut beside = Comparisons::new(pairs.len());
+    for sample in 0..pairs.first().map_or(0, |pair| pair.measured.len()) {
+        let measured: Vec<f64> = pairs.iter().map(|pair| pair.measured[sample]).collect();
+        let twin: Vec<f64> = pairs.iter().map(|pair| pair.twin[sample]).collect();
+        beside.take(&measured, &twin);
+    }
+    beside
+}
+
+/// Reports exchanged sensors, and pressures that are not absolute. If a position moves against the twin, the command may
+/// have the wrong sign, which exchanges the chambers, too.
+fn mistaken(
+    system: &System,
+    pairs: &[Pair],
+    beside: &Comparisons,
+    turned: &[bool],
+) -> Result<(), RecordError> {
+    let sensors: Vec<&Sensor> = pairs.iter().map(|pair| &system.sensors[pair.sensor]).collect();
+    let name = |sensor: usize| pairs[sensor].column.as_str();
+    let is_turned = |sensor: usize| {
+        turned[sensor] && sensors[sensor].unit != Unit::Pascal && pairs[sensor].is_moving()
+    };
+    if !(0..pairs.len()).any(is_turned) {
+        let exchanged = beside.exchanged(&sensors);
+        let names: Vec<_> = exchanged.into_iter().map(|(a, b)| (name(a), name(b))).collect();
+        if !names.is_empty() {
+            return Err(RecordError::Mistaken(beside::exchanged_in_words(&names)));
+        }
+    }
+    match beside.without_atmosphere(&sensors) {
+        Some((sign, low)) => {
+            let names: Vec<&str> = low.into_iter().map(name).collect();
+            Err(RecordError::Mistaken(beside::atmosphere_in_words(sign, &names)))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Reports sensors that move against the twin.
 fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
-    if !moving.iter().any(|pair| pair.is_turned()) {
-        return Ok(());
-    }
     let against: Vec<&&Pair> = moving.iter().filter(|pair| pair.correlation() < -0.5).collect();
     let columns = against.iter().map(|pair| pair.column.clone()).collect();
     Err(RecordError::OtherSign { columns, all: against.len() == moving.len() && moving.len() > 1 })
@@ -138,10 +180,8 @@ impl Pair<'_> {
         sum / (self.measured.len() as f64 * self.sd_measured * self.sd_twin).max(f64::MIN_POSITIVE)
     }
 
-    fn is_turned(&self) -> bool {
-        let mut beside = TwinComparison::default();
-        self.measured.iter().zip(&self.twin).for_each(|(m, t)| beside.take(*m, *t));
-        beside.is_turned()
+    fn is_moving(&self) -> bool {
+        self.sd_twin > MOVES * self.deviation
     }
 
     /// Reports values that the sensor cannot produce.
@@ -168,9 +208,8 @@ impl Pair<'_> {
             return Ok(());
         }
         let unit = system.sensors[self.sensor].unit;
-        let is_moving = self.sd_twin > MOVES * self.deviation;
         let moves_alike = |factor: f64| {
-            !is_moving || (self.sd_measured / self.sd_twin / factor).ln().abs() < ALIKE
+            !self.is_moving() || (self.sd_measured / self.sd_twin / factor).ln().abs() < ALIKE
         };
         match units::other(unit, measured / twin).filter(|(factor, _)| moves_alike(*factor)) {
             Some((factor, looks_like)) => Err(RecordError::OtherUnit {

@@ -13,7 +13,7 @@
 //! overshoot at a step.
 
 use crate::document::{NumberWithUnit, Quantities};
-use crate::moment;
+use crate::moment::{self, Clock};
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
 use crate::system::System;
@@ -104,7 +104,8 @@ pub enum RecordError {
     NoTime,
     /// A time given as text is not a date.
     #[error(
-        "{column} has '{text}' ({place}): seconds or dates (2026-11-21T08:15:02.5Z) are needed"
+        "{column} has '{text}' ({place}): {}",
+        moment::refusal(.text).unwrap_or("seconds or dates (2026-11-21T08:15:02.5Z) are needed")
     )]
     NoDate { column: String, place: String, text: String },
     /// A column does not contain numbers; the text is the table's error.
@@ -123,9 +124,10 @@ pub enum RecordError {
     Impossible(LeftOut),
     /// Samples are not evenly spaced.
     #[error(
-        "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods)"
+        "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if only \
+         their times are inexact, rate_hz = {rate_hz} instead of column below [time] of a map file counts rows"
     )]
-    Uneven { place: String, time_s: f64, expected_s: f64 },
+    Uneven { place: String, time_s: f64, expected_s: f64, rate_hz: f64 },
     /// One step between samples differs from the others.
     #[error("{}", leap(.place, *.step_s, *.period_s, *.is_dated))]
     Leap { place: String, step_s: f64, period_s: f64, is_dated: bool },
@@ -155,6 +157,9 @@ pub enum RecordError {
     /// A column moves against the twin.
     #[error("{}", wrong_sign(.columns, *.all))]
     OtherSign { columns: Vec<String>, all: bool },
+    /// Columns are exchanged, or pressures are not absolute.
+    #[error("{0}")]
+    Mistaken(String),
     /// A sensor holds the same value although it should move.
     #[error("{column} is stuck: from {from_s:.2} s on it shows {value} {} for {for_s:.2} s, while the twin moves", .unit.symbol())]
     Stuck { column: String, from_s: f64, for_s: f64, value: f64, unit: Unit },
@@ -178,8 +183,12 @@ fn wrong_period(period_s: f64, likely: Option<(&str, f64)>) -> String {
 }
 
 fn wrong_sign(columns: &[String], all: bool) -> String {
+    let is_pressure = columns.iter().all(|column| column.ends_with("_pa"));
     let columns = columns.join(", ");
     match all {
+        false if is_pressure => format!(
+            "{columns} moves against the twin; a pressure has no sign, so look at which column it is"
+        ),
         false => format!("{columns} moves against the twin: its sign seems to be wrong"),
         true => format!(
             "everything that moves ({columns}) moves against the twin: the sign of the command seems to be wrong"
@@ -381,6 +390,7 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
                 place: table.origin().place(row),
                 time_s,
                 expected_s,
+                rate_hz: moment::rounded(1.0 / period_s),
             });
         }
     }
@@ -409,8 +419,9 @@ fn seconds(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
         let begin_s = times_s.first().copied().filter(|begin_s| *begin_s > moment::CALENDAR_S);
         return Ok(times_s.iter().map(|time_s| time_s - begin_s.unwrap_or(0.0)).collect());
     };
+    let mut clock = Clock::default();
     let read = |(row, text): (usize, &String)| {
-        moment::seconds(text).ok_or_else(|| RecordError::NoDate {
+        clock.read(text).ok_or_else(|| RecordError::NoDate {
             column: name.into(),
             place: table.origin().place(row),
             text: text.clone(),

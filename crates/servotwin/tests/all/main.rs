@@ -1,5 +1,6 @@
 //! The one integration test binary of this crate: one module per room.
 
+mod beside;
 mod data_card;
 mod effort;
 mod errors;

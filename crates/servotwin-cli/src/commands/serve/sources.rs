@@ -2,7 +2,7 @@
 
 use super::super::progress::Stages;
 use super::super::warn;
-use super::super::watch::input::{accepted_ranges, needed, nothing, warn_of_lacking};
+use super::super::watch::input::{observer, usual_diagnoser, warn_of_lacking};
 use super::{Options, diagnoser};
 use crate::failure::Failure;
 use crate::{Global, stop};
@@ -11,6 +11,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_serve::measured::Log;
 use servotwin_serve::{LiveSource, Measured, SavedSession, ServeError, Stream};
 use servotwin_watch::End;
+use servotwin_watch::guard::{self, accepted_ranges, needed};
 use servotwin_watch::map::Map;
 use servotwin_watch::source::{Address, Source as Rows};
 use servotwin_watch::watchdog::WatchdogRules;
@@ -37,10 +38,11 @@ pub fn open<'s>(
     // A source that cannot be opened fails before training takes its time.
     let opened = options.source.iter().map(opened).collect::<Result<Vec<_>, _>>()?;
     let diagnoser = diagnoser(options, study, Setting::Realistic, global)?;
-    opened.into_iter().map(|opened| source(study, opened, &diagnoser, global)).collect()
+    opened.into_iter().map(|opened| source(options, study, opened, &diagnoser, global)).collect()
 }
 
 fn source<'s>(
+    options: &Options,
     study: &'s Study,
     Opened { address, map, mut rows }: Opened,
     diagnoser: &Arc<Diagnoser>,
@@ -58,6 +60,9 @@ fn source<'s>(
         let silence = WatchdogRules::of_period(diagnoser.period_s);
         return Ok(Box::new(Stream::new(measured, rows, silence)));
     }
+    let path = options.input.model.clone().unwrap_or_else(usual_diagnoser);
+    let mut trial = observer(study, (&path, diagnoser.clone()))?;
+    options.input.try_log(&address, &measured.map, &mut trial, &study.system, global)?;
     Ok(Box::new(log(&address, &measured, &mut *rows, global)?))
 }
 
@@ -79,7 +84,8 @@ fn log(
         return Err(Failure::Stopped);
     }
     if counts.samples == 0 {
-        return Err(nothing(address, &counts));
+        let (log, reason) = (address.to_string(), guard::nothing(&measured.map, &counts));
+        return Err(Failure::NoSample { log, reason });
     }
     if counts.judged == 0 {
         warn(global, &[format!("{address}: nothing could be judged; servotwin watch reports why")]);

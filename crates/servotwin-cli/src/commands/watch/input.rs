@@ -7,18 +7,16 @@ use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::flight::band::BandMerit;
 use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
-use servotwin::sanitize;
+use servotwin::moment;
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
-use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::diagnoser::environment::InputRange as BoundaryInput;
-use servotwin_watch::counts::{Irregularity, WatchCounts};
-use servotwin_watch::cut::Cut;
-use servotwin_watch::map::{Guess, Map, Trust, guess};
+use servotwin_watch::guard::{self, LogPlan};
+use servotwin_watch::intake;
+use servotwin_watch::map::Map;
 use servotwin_watch::shipped;
 use servotwin_watch::source::udp::Allowed;
-use servotwin_watch::source::{Address, LogColumn, Source, SourceError};
+use servotwin_watch::source::{Address, Source, SourceError};
 use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,7 +38,7 @@ pub struct InputOptions {
     /// For a file: read it from this time on, in seconds after its first sample (12.5, 2min) or as a date
     /// (2026-11-21T08:15:02). For udp://: accept datagrams only from this sender, IP or IP:PORT; repeat the option for
     /// several senders. With 'any', accept all [default: the first sender of a sample, until it is silent for 2 s].
-    #[arg(long, value_name = "TIME|ADDRESS")]
+    #[arg(long, value_name = "TIME|ADDRESS", allow_hyphen_values = true)]
     pub from: Vec<String>,
     /// For a file: read it up to this time.
     #[arg(long, value_name = "TIME")]
@@ -83,17 +81,38 @@ impl InputOptions {
         global: Global,
     ) -> Result<(Map, Box<dyn Source>), Failure> {
         let map = self.map(address, study, is_study_named, global)?;
-        let source = match address.open(map.wanted()).map_err(|error| map.explain(error)) {
-            Ok(source) => source,
-            Err(Ok(mistakes)) => return Err(mistakes.into()),
-            Err(Err(error)) => return Err(error.into()),
-        };
-        let span = self.span(address)?;
-        if span.is_whole() {
-            return Ok((map, source));
-        }
-        let source = Box::new(Cut::new(source, address.to_string(), &map, span));
+        let source = self.rows(address, &map)?;
         Ok((map, source))
+    }
+
+    fn rows(&self, address: &Address, map: &Map) -> Result<Box<dyn Source>, Failure> {
+        let opened = intake::open(address, map, self.span(address)?);
+        opened.map_err(|error| Failure::of_intake(&address.to_string(), error))
+    }
+
+    /// Tries the first minute of a log with its map, and refuses one that contradicts it, before anything is judged.
+    pub fn try_log(
+        &self,
+        address: &Address,
+        map: &Map,
+        observer: &mut Watcher,
+        system: &System,
+        global: Global,
+    ) -> Result<(), Failure> {
+        let mut rows = self.rows(address, map)?;
+        let period_s = observer.period_s();
+        let doubts = guard::trial(&mut *rows, map, observer, system, period_s)?;
+        if let Some(zone_s) = rows.zone_s() {
+            let zone = moment::zone_in_words(zone_s);
+            note(
+                global,
+                &format!("times are on the clock of the log, {zone}, and so are --from and --to"),
+            );
+        }
+        match doubts.is_empty() {
+            true => Ok(()),
+            false => Err(Failure::NoSample { log: address.to_string(), reason: doubts.join("; ") }),
+        }
     }
 
     /// The part of a file to read.
@@ -121,14 +140,18 @@ impl InputOptions {
         is_study_named: bool,
         global: Global,
     ) -> Result<Map, Failure> {
-        let system = &study.system;
+        let log = address.to_string();
+        let refused = |error| Failure::of_intake(&log, error);
         if let Some(path) = &self.map {
-            let map = Map::read(path, system)?;
+            let map = Map::read(path, &study.system)?;
             let unmeasured: Vec<&str> = map.unmeasured().collect();
             if !unmeasured.is_empty() {
                 note(global, &format!("without a column: {}", unmeasured.join(", ")));
             }
-            commanded(&map, address, study)?;
+            // Columns that the map names are read without a header.
+            let has_header = !address.is_live() && map.wanted().columns.is_empty();
+            let columns = if has_header { address.columns()? } else { vec![] };
+            guard::require(&log, &columns, &map, study).map_err(refused)?;
             return Ok(map);
         }
         if address.is_live() {
@@ -136,24 +159,17 @@ impl InputOptions {
                 "a live stream needs --map FILE; --make-map FILE writes one",
             ));
         }
-        let columns = address.columns()?;
-        let guess = guess(&columns, study, Trust::Certain);
-        if guess.sensors.len() == system.sensors.len() {
-            return Err(foreign(is_study_named, address, study, &columns));
-        }
-        let map = Map::parse(&guess.text, "the columns as they were found", system)?;
-        told(&guess, global);
-        commanded(&map, address, study)?;
+        let plan = guard::plan(&log, &address.columns()?, study, is_study_named);
+        let LogPlan { map, warnings, notes } = plan.map_err(refused)?;
+        tell(&(warnings, notes), global);
         Ok(map)
     }
 }
 
-/// The range of each input of the system that the diagnoser accepts.
-pub fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
-    let known = |id: &str| diagnoser.environment.inputs.iter().find(|input| input.name == id);
-    let inputs = system.network().inputs.iter().map(|input| known(&input.id));
-    let range = |input: Option<&BoundaryInput>| input.map(|input| (input.least, input.largest));
-    inputs.map(|input| range(input).unwrap_or((f64::NEG_INFINITY, f64::INFINITY))).collect()
+/// Prints warnings and notes.
+pub fn tell((warnings, notes): &(Vec<String>, Vec<String>), global: Global) {
+    warn(global, warnings);
+    notes.iter().for_each(|text| note(global, text));
 }
 
 /// Builds the twin and the diagnosis.
@@ -176,13 +192,6 @@ pub fn warn_of_lacking(map: &Map, needed: &[&str], global: Global) {
         );
         warn(global, &[text]);
     }
-}
-
-/// The sensors that a diagnoser reads.
-pub fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
-    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
-    let sensors = system.sensors.iter().filter(|sensor| read(&sensor.label));
-    sensors.map(|sensor| sensor.id.as_str()).collect()
 }
 
 /// The path of the default diagnoser.
@@ -221,108 +230,4 @@ pub fn with_band(diagnoser: Diagnoser, band: Option<&Path>) -> Result<Diagnoser,
     let band: BandMerit = model_file::read(path)?;
     let corrupt = |source| EvaluationError::CorruptModel { path: path.into(), source };
     Ok(band.put_into(diagnoser).map_err(corrupt)?)
-}
-
-/// Checks that the log or the map provides the study's command. Without it, the twin would stand still next to a moving
-/// actuator, and the diagnosis would report false faults.
-fn commanded(map: &Map, address: &Address, study: &Study) -> Result<(), Failure> {
-    let command = study.command_input;
-    if !map.is_default(command) {
-        return Ok(());
-    }
-    let input = &study.system.network().inputs[command];
-    let unused = match address.is_live() {
-        true => String::new(),
-        false => unused(map, address)?,
-    };
-    let (id, unit) = (&input.id, units::word(input.unit));
-    let reason = format!(
-        "no column is the input '{id}', which the study '{}' commands, and without it the twin stands still{unused}; \
-         name its column in a map file (--make-map writes one) below [inputs], {id} = {{ column = \"…\", unit = \"{unit}\" }}, \
-         or say that it is the same always, {id} = {{ value = {:?}, unit = \"{unit}\" }}",
-        study.name, input.default
-    );
-    Err(Failure::NoSample { log: address.to_string(), reason })
-}
-
-/// Names the columns of a file that the map does not read, as part of a sentence.
-fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
-    let columns = address.columns()?;
-    let names = columns.iter().map(|column| column.name.as_str());
-    let unused: Vec<&str> =
-        names.filter(|name| !map.wanted().names.iter().any(|wanted| wanted == name)).collect();
-    Ok(match unused.is_empty() {
-        true => ", and no column is left that may be it".into(),
-        false => format!("; columns that nothing was found for: {}", sanitize::list(&unused)),
-    })
-}
-
-/// The failure for a log without any sensor of the study.
-pub fn foreign(
-    is_study_named: bool,
-    address: &Address,
-    study: &Study,
-    columns: &[LogColumn],
-) -> Failure {
-    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    let names = sanitize::list(&names);
-    let (name, system) = (&study.name, &study.system.name);
-    let what = match is_study_named {
-        true => "--study names another, --make-map writes a map to be filled in",
-        false => "it is taken where --study names none",
-    };
-    let reason = format!(
-        "no column is a sensor of the study '{name}' of the system '{system}': {what}; the columns are {names}"
-    );
-    Failure::NoSample { log: address.to_string(), reason }
-}
-
-/// Warns about uncertain entries of a map.
-pub fn told(guess: &Guess, global: Global) {
-    let list = |names: &[String]| names.join(", ");
-    let mut warnings = vec![];
-    if !guess.time {
-        warnings.push("no column with the time: 100 rows for a second are assumed".to_owned());
-    }
-    if !guess.assumed.is_empty() {
-        let assumed = sanitize::list(&guess.assumed);
-        warnings.push(format!("no unit is given for {assumed}: look at what is assumed"));
-    }
-    warnings.extend(guess.doubts.iter().cloned());
-    if !guess.likely.is_empty() {
-        warnings.push(format!("likely by their names: {}; look them over", list(&guess.likely)));
-    }
-    warn(global, &warnings);
-    if !guess.sensors.is_empty() {
-        note(global, &format!("no column for the sensors {}", list(&guess.sensors)));
-    }
-    if !guess.inputs.is_empty() {
-        let text =
-            format!("no column for the inputs {}: they are at their defaults", list(&guess.inputs));
-        note(global, &text);
-    }
-    let is_lacking = !guess.sensors.is_empty() || !guess.inputs.is_empty();
-    if is_lacking && !guess.unused.is_empty() {
-        let unused = sanitize::list(&guess.unused);
-        note(global, &format!("columns that are no input and no sensor: {unused}"));
-    }
-}
-
-/// Explains why a log gave no sample to judge.
-pub fn nothing(address: &Address, counts: &WatchCounts) -> Failure {
-    let timeless = counts.of(Irregularity::NoTime);
-    let reason = match counts.frames {
-        0 => "nothing stands below the names of its columns".to_owned(),
-        frames if timeless.count == frames => format!(
-            "no row has a time ({}); a date needs unit = \"date\" below [time] in a map file, which --make-map writes",
-            counts.place(timeless)
-        ),
-        _ => {
-            let met = counts.met().map(|(kind, tally)| {
-                format!("{} in {}, first {}", kind.words().1, tally.count, counts.place(tally))
-            });
-            format!("no row is a sample: {}", met.collect::<Vec<_>>().join("; "))
-        }
-    };
-    Failure::NoSample { log: address.to_string(), reason }
 }

@@ -73,26 +73,3 @@ impl Lines<'_> {
         (!line.is_empty()).then_some(line)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::Dialect;
-
-    #[test]
-    fn separators_are_found() {
-        let cases: [(&str, u8); 9] = [
-            ("a,b\n1,2\n", b','),
-            ("a;b\n1,5;2,5\n", b';'),
-            ("a\tb\n1\t2\n", b'\t'),
-            ("p, bar;T, K;ok\n1,5;2,5;x\n", b';'),
-            ("\"a;b;c\",d\n1,2\n", b','),
-            ("a\n1,5\n", b','),
-            ("a;b\n", b';'),
-            ("a,b,c\n1;2,3\n", b','),
-            ("", b','),
-        ];
-        for (text, separator) in cases {
-            assert_eq!(Dialect::of(text.as_bytes()).separator, separator, "{text:?}");
-        }
-    }
-}

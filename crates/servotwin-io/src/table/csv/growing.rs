@@ -23,7 +23,7 @@ pub enum Refused {
 }
 
 /// The number format. The first number with a point or a comma sets the decimal mark. With commas between cells it is
-/// the point.
+/// the point. Groups of three digits are read where they can mean nothing else: `14,538,574.25`, `14 538 574`.
 pub struct Numbers {
     may_be_comma: bool,
     mark: Option<u8>,
@@ -45,26 +45,50 @@ impl Numbers {
     /// Parses a number; `None` for any other text.
     pub fn real(&mut self, text: &str) -> Option<f64> {
         let mark = text.bytes().find(|byte| matches!(byte, b'.' | b','));
-        match (mark, self.mark) {
-            (Some(b'.'), Some(b'.') | None) => {
-                let value = text.parse().ok()?;
-                self.mark = Some(b'.');
-                Some(value)
-            }
+        let value = match (mark, self.mark) {
+            (Some(b'.'), Some(b'.') | None) => text.parse().ok(),
             (Some(b','), Some(b',') | None) => {
-                // A point beside the comma would be a thousands separator, which is a guess.
-                if text.contains('.') {
-                    return None;
-                }
                 self.text.clear();
                 self.text.push_str(text);
-                let value = self.text.replacen(',', ".", 1).parse().ok()?;
-                self.mark = Some(b',');
-                Some(value)
+                self.text.replacen(',', ".", 1).parse().ok()
             }
             (Some(_), _) => None,
-            (None, _) => text.parse().ok(),
+            (None, _) => return text.parse().ok().or_else(|| Some(self.ungrouped(text)?.0)),
+        };
+        let (value, mark) = match value {
+            Some(value) => (value, mark),
+            None => self.ungrouped(text)?,
+        };
+        self.mark = mark.or(self.mark);
+        Some(value)
+    }
+
+    /// A number with groups of three digits, and its decimal mark.
+    fn ungrouped(&self, text: &str) -> Option<(f64, Option<u8>)> {
+        let count = |mark: u8| text.bytes().filter(|byte| *byte == mark).count();
+        let last = text.bytes().rfind(|byte| matches!(byte, b'.' | b','));
+        let decimal = match (count(b'.'), count(b','), self.mark) {
+            (1.., 1.., _) => last,
+            (2.., 0, _) => Some(b','),
+            (0, 2.., _) => Some(b'.'),
+            // One mark is that of groups only if the other one is known to be the decimal mark.
+            (_, _, mark) => mark.or(last),
+        };
+        let other = |mark: u8| self.mark.is_some_and(|own| own != mark) || count(mark) > 1;
+        if decimal.is_some_and(other) {
+            return None;
         }
+        let place = decimal.and_then(|mark| text.bytes().position(|byte| byte == mark));
+        let (whole, part) = text.split_at(place.unwrap_or(text.len()));
+        let is_group = |c: char| matches!(c, '.' | ',' | ' ' | '\'' | '’' | '\u{a0}' | '\u{202f}');
+        let groups: Vec<&str> = whole.trim_start_matches(['-', '+']).split(is_group).collect();
+        let is_digits = |group: &&str| group.bytes().all(|byte| byte.is_ascii_digit());
+        let is_grouped = groups.len() > 1
+            && (1..=3).contains(&groups[0].len())
+            && groups[1..].iter().all(|group| group.len() == 3)
+            && groups.iter().all(is_digits);
+        let number = whole.replace(is_group, "") + &part.replace(',', ".");
+        is_grouped.then(|| Some((number.parse().ok()?, place.and(decimal))))?
     }
 }
 

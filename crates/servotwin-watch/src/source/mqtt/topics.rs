@@ -138,7 +138,8 @@ impl Topic {
         let columns = wanted.columns.iter().map(plain).collect();
         let flag = |&place: &usize| wanted.flags.get(place).copied().unwrap_or_default();
         let flags = chosen.iter().map(flag).collect();
-        let frames = Frames::new(&Wanted { names, time, dates: wanted.dates, columns, flags });
+        let (dates, day) = (wanted.dates, wanted.day);
+        let frames = Frames::new(&Wanted { names, time, dates, day, columns, flags });
         Topic { frames, chosen, row: LogRow::default() }
     }
 }

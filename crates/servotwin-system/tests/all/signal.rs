@@ -1,6 +1,8 @@
 //! Tests of values, statistics and errors.
 
-use super::*;
+use servotwin_model::signal::Piecewise;
+use servotwin_model::spec::Unit;
+use servotwin_system::signal::Signal;
 use std::f64::consts::{PI, TAU};
 
 const DEGREE: f64 = PI / 180.0;
@@ -144,7 +146,8 @@ fn units_follow_the_input() {
     let error = build("5deg", Unit::Pascal).unwrap_err().to_string();
     assert_eq!(
         error,
-        "constant: 'value=5deg' has a wrong unit; allowed: bar, Pa, MPa, kPa, psi, mbar, GPa, a plain number (SI)"
+        "constant: 'value=5deg' has a wrong unit; allowed: bar, Pa, MPa, kPa, psi, mbar, GPa, ksi, \
+         kgf/cm2, atm, mmHg, inHg, a plain number (SI)"
     );
 }
 
@@ -171,7 +174,7 @@ fn mistakes_say_what_is_possible() {
         ),
         (
             "step:size=1,at=2Hz",
-            "step: 'at=2Hz' has a wrong unit; allowed: s, ms, us, ns, min, a plain",
+            "step: 'at=2Hz' has a wrong unit; allowed: s, ms, us, ns, min, h, d, a plain",
         ),
         ("step:size=1,at=-2s", "step: 'at=-2s' is out of range: 0 or greater (s)"),
         ("ramp:rate=20deg", "ramp: 'rate=20deg' has a wrong unit; allowed: rad/s, deg/s"),
@@ -221,7 +224,7 @@ fn study_files_have_all_forms() {
 #[test]
 fn recorded_signals_come_from_files() {
     let folder = std::env::temp_dir().join(format!("servotwin-signal-{}", std::process::id()));
-    crate::files::create_folder(&folder).unwrap();
+    servotwin_io::files::create_folder(&folder).unwrap();
     let file = folder.join("log.csv");
     let write = |text: &str| std::fs::write(&file, text).unwrap();
     let build = |rest: &str, unit| {

@@ -1,0 +1,246 @@
+//! Guards of a log, shared by all clients: what is refused before a log is watched, and what is said of it afterwards.
+//!
+//! [`plan`] maps the columns of a log by their names, [`require`] checks a map that a person wrote, [`trial`] reads the
+//! first minute beside the twin, and [`unjudged`] explains a log in which nothing was judged.
+
+use super::counts::{Irregularity, WatchCounts};
+use super::map::{Map, MapError, Trust, guess, other_raster};
+use super::source::{LogColumn, Source, SourceError};
+use super::{Observer, Watch, WatchError};
+use servotwin::fit::RecordError;
+use servotwin::study::Study;
+use servotwin::system::System;
+use servotwin::units;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_io::sanitize;
+use servotwin_io::table::TableError;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How much of a log is tried before it is judged, s.
+const TRIAL_S: f64 = 60.0;
+
+/// Why a log cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant names its fields")]
+pub enum IntakeError {
+    /// It cannot be read, or the requested span is empty.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The map does not fit it.
+    #[error(transparent)]
+    Map(MapError),
+    /// An input and a sensor of the system have the same name.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// Without a map: the log has no time, or no sensor of the system.
+    #[error(transparent)]
+    Record(RecordError),
+    /// The columns cannot be read as one log, or contradict the map.
+    #[error("{log}: {reason}")]
+    Refused { log: String, reason: String },
+}
+
+/// A log's map, and what a person should know of it.
+pub struct LogPlan {
+    /// The map.
+    pub map: Map,
+    /// What may be wrong with it.
+    pub warnings: Vec<String>,
+    /// What the log lacks.
+    pub notes: Vec<String>,
+}
+
+/// Maps the columns of a log whose names identify them. `is_study_named` states whether a person named the study.
+///
+/// # Errors
+/// No column is a sensor, the command is missing, a unit is not known, or the columns have different times.
+pub fn plan(
+    log: &str,
+    columns: &[LogColumn],
+    study: &Study,
+    is_study_named: bool,
+) -> Result<LogPlan, IntakeError> {
+    let guess = guess(columns, study, Trust::Certain);
+    if guess.sensors.len() == study.system.sensors.len() {
+        return Err(foreign(log, columns, study, is_study_named));
+    }
+    let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
+    let map = map.map_err(IntakeError::Map)?;
+    let (warnings, notes) = guess.remarks();
+    require(log, columns, &map, study)?;
+    Ok(LogPlan { map, warnings, notes })
+}
+
+/// Checks that a map has the study's command, and that its columns have one time. Without the command, the twin would
+/// stand still beside a moving actuator, and the diagnosis would report false faults.
+///
+/// # Errors
+/// The command is missing, or the columns have different times.
+pub fn require(
+    log: &str,
+    columns: &[LogColumn],
+    map: &Map,
+    study: &Study,
+) -> Result<(), IntakeError> {
+    require_one_time(log, columns, map)?;
+    let command = study.command_input;
+    if !map.is_default(command) {
+        return Ok(());
+    }
+    let is_unused = |name: &&str| !map.wanted().names.iter().any(|wanted| wanted == name);
+    let unused: Vec<&str> = columns.iter().map(|c| c.name.as_str()).filter(is_unused).collect();
+    let unused = match (columns.is_empty(), unused.is_empty()) {
+        (true, _) => String::new(),
+        (_, true) => ", and no column is left that may be it".into(),
+        _ => format!("; columns that nothing was found for: {}", sanitize::list(&unused)),
+    };
+    let input = &study.system.network().inputs[command];
+    let (id, unit) = (&input.id, units::word(input.unit));
+    Err(refused(
+        log,
+        format!(
+            "no column is the input '{id}', which the study '{}' commands, and without it the twin stands still{unused}; \
+             name its column in a map file (--make-map writes one) below [inputs], {id} = {{ column = \"…\", unit = \"{unit}\" }}, \
+             or say that it is the same always, {id} = {{ value = {:?}, unit = \"{unit}\" }}",
+            study.name, input.default
+        ),
+    ))
+}
+
+/// Checks that the columns of a map have one time.
+///
+/// # Errors
+/// A column stands behind another time than that of the map.
+pub(crate) fn require_one_time(
+    log: &str,
+    columns: &[LogColumn],
+    map: &Map,
+) -> Result<(), IntakeError> {
+    let name = map.time_column().map(|(name, _)| name);
+    let time = columns.iter().position(|column| name == Some(&column.name));
+    let is_used = |column: usize| map.wanted().names.contains(&columns[column].name);
+    match time.and_then(|time| other_raster(columns, time, &is_used)) {
+        Some(reason) => Err(refused(log, reason)),
+        None => Ok(()),
+    }
+}
+
+fn refused(log: &str, reason: String) -> IntakeError {
+    IntakeError::Refused { log: log.to_owned(), reason }
+}
+
+/// The error for a log without any sensor of the study.
+pub fn foreign(
+    log: &str,
+    columns: &[LogColumn],
+    study: &Study,
+    is_study_named: bool,
+) -> IntakeError {
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let names = sanitize::list(&names);
+    let (name, system) = (&study.name, &study.system.name);
+    let what = match is_study_named {
+        true => "--study names another, --make-map writes a map to be filled in",
+        false => "it is taken where --study names none",
+    };
+    let reason = format!(
+        "no column is a sensor of the study '{name}' of the system '{system}': {what}; the columns are {names}"
+    );
+    refused(log, reason)
+}
+
+/// Reads the first minute of a log beside the twin, and returns what contradicts the map, as sentences. Open the source
+/// again, and make another observer, to watch the log.
+///
+/// # Errors
+/// The source cannot be read.
+pub fn trial(
+    source: &mut dyn Source,
+    map: &Map,
+    observer: &mut dyn Observer,
+    system: &System,
+    period_s: f64,
+) -> Result<Vec<String>, WatchError> {
+    let (stop, mut calls) = (AtomicBool::new(false), 0.0);
+    let mut watch = Watch::new(source, map, observer, period_s);
+    watch.run(&stop, &mut |_, _| {
+        // A watch of a log shows each thousand samples.
+        calls += 1000.0;
+        stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
+    })?;
+    Ok(watch.plausibility().contradictions(system, map, watch.counts()))
+}
+
+/// The range of each input of the system that the diagnoser accepts.
+pub fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
+    let known = |id: &str| diagnoser.environment.inputs.iter().find(|input| input.name == id);
+    let inputs = system.network().inputs.iter().map(|input| known(&input.id));
+    let all = (f64::NEG_INFINITY, f64::INFINITY);
+    inputs.map(|input| input.map_or(all, |input| (input.least, input.largest))).collect()
+}
+
+/// The sensors that a diagnoser reads.
+pub fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
+    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
+    let sensors = system.sensors.iter().filter(|sensor| read(&sensor.label));
+    sensors.map(|sensor| sensor.id.as_str()).collect()
+}
+
+/// Why a log gave no sample.
+pub fn nothing(map: &Map, counts: &WatchCounts) -> String {
+    let timeless = counts.of(Irregularity::NoTime);
+    match counts.frames {
+        0 => "nothing stands below the names of its columns".to_owned(),
+        frames if timeless.count == frames => {
+            let remedy = match (timeless.detail.contains("': "), map.wanted().dates) {
+                (true, _) => "",
+                (_, true) => "; dates are written as 2026-11-21T08:15:02.5",
+                (_, false) => {
+                    "; a date needs unit = \"date\" below [time] in a map file, which --make-map writes"
+                }
+            };
+            format!("no row has a time ({}){remedy}", counts.place(timeless))
+        }
+        _ => {
+            let met = counts.met().map(|(kind, tally)| {
+                format!("{} in {}, first {}", kind.words().1, tally.count, counts.place(tally))
+            });
+            format!("no row is a sample: {}", met.collect::<Vec<_>>().join("; "))
+        }
+    }
+}
+
+/// Why nothing was judged in a log: the doubts, missing sensors, or else gaps. `shortest_s` is the diagnoser's shortest
+/// window.
+pub fn unjudged(
+    mut doubts: Vec<String>,
+    map: &Map,
+    needed: &[&str],
+    counts: &WatchCounts,
+    shortest_s: f64,
+) -> String {
+    let without: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
+    if !without.is_empty() {
+        doubts.push(format!("the log has no {}", without.join(", ")));
+    }
+    if doubts.is_empty() {
+        doubts.push(gaps(map, needed, counts, shortest_s));
+    }
+    doubts.join("; ")
+}
+
+/// Explains why no sample was judged in a log that has all columns, the right units and a sufficient rate.
+fn gaps(map: &Map, needed: &[&str], counts: &WatchCounts, shortest_s: f64) -> String {
+    let samples = counts.samples;
+    let missing = |channel: usize| counts.missing[channel];
+    let of = |channel: &usize| needed.contains(&map.id(*channel)) && missing(*channel) > 0;
+    let channels = (map.inputs()..map.width()).filter(of);
+    let often = channels.map(|channel| format!("{} in {}", map.id(channel), missing(channel)));
+    let often: Vec<String> = often.collect();
+    match often.is_empty() {
+        true => {
+            format!("of {samples} samples no {shortest_s} s without a gap, the shortest window")
+        }
+        false => format!("of {samples} samples are without a value: {}", often.join(", ")),
+    }
+}
