@@ -1,6 +1,9 @@
 //! Runs a whole study, then lets its diagnosis monitor a simulated fault.
 
 use servotwin::prelude::*;
+use servotwin_watch::whole_table::watch_table;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The quick size has no flights, from which the diagnosis at work learns.
@@ -25,8 +28,9 @@ pub fn train_and_diagnose(
         .noise(1)
         .sample_period_s(diagnoser.period_s)
         .run()?;
-    let mut monitor = Monitor::new(study, diagnoser)?;
-    for (time_s, finding) in monitor.push_table(&record.table()?)? {
+    let (table, stop) = (record.table()?, AtomicBool::new(false));
+    let found = watch_table(study, &Arc::new(diagnoser), &table, &stop)?;
+    for (time_s, finding) in found.changes {
         println!("{time_s:6.2} s  {finding}");
     }
     Ok(())

@@ -67,8 +67,8 @@ impl Diagnoser {
     }
 
     /// A copy of what was trained.
-    pub fn trained(&self) -> diagnoser::Diagnoser {
-        (**self.session.diagnoser()).clone()
+    pub fn trained(&self) -> Arc<diagnoser::Diagnoser> {
+        self.session.diagnoser().clone()
     }
 
     fn outcome(&self) -> Outcome {

@@ -5,11 +5,13 @@ use crate::errors::Failure;
 use crate::long::long;
 use crate::study::Study;
 use crate::table::Table;
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use servotwin::fit::{Fit, FitError, FitRecord, FitResults as Solved};
-use servotwin::monitor::Monitor;
 use servotwin::observer::Finding;
 use servotwin::table::{Column, Table as Columns};
+use servotwin_watch::whole_table::{TableFindings, TableWatchError, watch_table};
+use std::ffi::CString;
 
 /// Watch a record with twin and diagnosis.
 ///
@@ -20,8 +22,8 @@ use servotwin::table::{Column, Table as Columns};
 /// diagnoser : Diagnoser
 ///     The diagnoser, which is not changed.
 /// log : Table
-///     One row for each sample. Columns have the names of inputs and sensors, with or without the suffix of
-///     their unit, in SI. Rows follow each other by the diagnoser's sample period.
+///     One row for each sample. Columns are found by their names as `servotwin watch` finds them, with units; one is
+///     the time. What may be wrong with the table is a `UserWarning`.
 ///
 /// Returns
 /// -------
@@ -31,15 +33,22 @@ use servotwin::table::{Column, Table as Columns};
 ///
 /// Raises
 /// ------
+/// InputError
+///     If the table lacks the time or the command, its values contradict its columns, or nothing could be judged.
 /// StageError
 ///     If the diagnoser belongs to another study.
 #[pyfunction]
 pub fn watch(py: Python<'_>, study: &Study, diagnoser: &Diagnoser, log: &Table) -> PyResult<Table> {
     let (study, trained, log) = (&*study.inner, diagnoser.trained(), &*log.inner);
-    let found = long(py, None, |_| -> Result<Vec<(f64, Finding)>, Failure> {
-        let mut monitor = Monitor::new(study, trained).map_err(Failure::stage)?;
-        Ok(monitor.push_table(log)?)
-    })??;
+    let watched = long(py, None, |watch| watch_table(study, &trained, log, &watch.cancel))?;
+    let TableFindings { changes: found, warnings } = watched.map_err(|error| match error {
+        TableWatchError::Diagnoser(error) => Failure::stage(error),
+        error => Failure::value(error),
+    })?;
+    for warning in warnings {
+        let text = CString::new(warning.replace('\0', " ")).expect("no zero is left");
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+    }
     let text = |name: &str, of: &dyn Fn(&Finding) -> String| {
         Column::new(name, "", found.iter().map(|(_, finding)| of(finding)).collect::<Vec<_>>())
     };

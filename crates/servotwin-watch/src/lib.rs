@@ -24,6 +24,7 @@ pub mod sink;
 pub mod source;
 pub mod span;
 pub mod watchdog;
+pub mod whole_table;
 
 pub use servotwin::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 

@@ -54,6 +54,7 @@
 //!
 //! A [`Monitor`](monitor::Monitor) runs the twin and the diagnosis in parallel with an actuator.
 //! The diagnosis learns from flights, which are part of the [full](study::Study::full) study.
+//! `servotwin_watch::whole_table` watches a table of samples.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
@@ -61,9 +62,9 @@
 //! let study = Study::default();
 //! let diagnoser = read_diagnoser("out/diagnoser-realistic.json")?;
 //! let mut monitor = Monitor::new(&study, diagnoser)?;
-//! for (time_s, finding) in monitor.push_table(&Table::read("flight.csv")?)? {
-//!     println!("{time_s:.2} s: {finding}");
-//! }
+//! monitor.set("command", 0.05)?;
+//! monitor.set("p_a_1", 9.8e6)?;
+//! println!("{}", monitor.push());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

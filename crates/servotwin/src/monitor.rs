@@ -19,9 +19,7 @@ use crate::flight::runtime::RuntimeError;
 use crate::flight::watcher::Watcher;
 use crate::nearest::UnknownName;
 use crate::observer::{Finding, Observer};
-use crate::recording;
 use crate::study::Study;
-use crate::table::{Table, TableError};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
 
@@ -88,46 +86,6 @@ impl<'s> Monitor<'s> {
         finding
     }
 
-    /// Takes every row of a table as a sample, and returns each changed finding with its time, s. Columns have the
-    /// names of inputs and sensors, with or without their unit's suffix, as a
-    /// [`Simulation`](crate::simulate::Simulation) writes them. Rows must have the diagnoser's period.
-    ///
-    /// # Errors
-    /// A column holds text.
-    pub fn push_table(&mut self, table: &Table) -> Result<Vec<(f64, Finding)>, TableError> {
-        let columns = self.columns(table)?;
-        let mut changes: Vec<(f64, Finding)> = vec![];
-        for row in 0..table.row_count() {
-            for (channel, values) in &columns {
-                match *channel {
-                    Channel::Input(place) => self.inputs[place] = values[row],
-                    Channel::Sensor(place) => self.measured[place] = values[row],
-                }
-            }
-            let time_s = self.samples as f64 * self.period_s;
-            let finding = self.push();
-            if changes.last().is_none_or(|(_, last)| !finding.says_the_same(last)) {
-                changes.push((time_s, finding.clone()));
-            }
-        }
-        Ok(changes)
-    }
-
-    fn columns(&self, table: &Table) -> Result<Vec<(Channel, Vec<f64>)>, TableError> {
-        let system = &self.study.system;
-        let sensors = system.sensors.iter().enumerate();
-        let sensors = sensors.map(|(place, one)| (Channel::Sensor(place), &one.id, one.unit));
-        let inputs = system.network().inputs.iter().enumerate();
-        let inputs = inputs.map(|(place, one)| (Channel::Input(place), &one.id, one.unit));
-        let mut columns = vec![];
-        for (channel, id, unit) in sensors.chain(inputs) {
-            if let Some(name) = recording::column(table, id, unit) {
-                columns.push((channel, table.f64(name)?.into_owned()));
-            }
-        }
-        Ok(columns)
-    }
-
     /// Restarts, because the next sample does not continue the last one. Actuators that are off stay off.
     pub fn restart(&mut self) {
         self.watcher.restart();
@@ -137,11 +95,4 @@ impl<'s> Monitor<'s> {
     pub fn reset_alarm(&mut self) {
         self.watcher.reset_alarm();
     }
-}
-
-/// The target of a table's column.
-#[derive(Clone, Copy)]
-enum Channel {
-    Input(usize),
-    Sensor(usize),
 }

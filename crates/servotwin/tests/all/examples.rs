@@ -1,7 +1,10 @@
 //! The example programs run: `cargo test` compiles them, and these tests call them.
 
 use servotwin::prelude::*;
+use servotwin_watch::whole_table::watch_table;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 #[path = "../../../../examples/fit_record.rs"]
 #[allow(dead_code)]
@@ -67,10 +70,11 @@ fn a_study_is_run_and_its_diagnosis_monitors_a_fault_and_a_log() {
     record.table().unwrap().write(&log).unwrap();
     monitor_csv::monitor_csv(&study, diagnoser.clone(), &log).unwrap();
 
-    let mut monitor = Monitor::new(&study, diagnoser).unwrap();
+    let mut monitor = Monitor::new(&study, diagnoser.clone()).unwrap();
     assert_eq!(monitor.set("p_a_11", 0.0).unwrap_err().nearest(), Some("p_a_1"));
-    let changes = monitor.push_table(&Table::read(&log).unwrap()).unwrap();
-    let raised = changes.iter().find(|(_, finding)| finding.command == "shut_down");
+    let (table, stop) = (Table::read(&log).unwrap(), AtomicBool::new(false));
+    let found = watch_table(&study, &Arc::new(diagnoser), &table, &stop).unwrap();
+    let raised = found.changes.iter().find(|(_, finding)| finding.command == "shut_down");
     let (time_s, finding) = raised.expect("a valve with full bias is shut down");
     assert!(*time_s <= 5.0 && finding.actuator == Some(1), "{time_s}: {finding}");
     std::fs::remove_dir_all(folder).unwrap();

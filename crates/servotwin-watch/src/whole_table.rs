@@ -1,0 +1,116 @@
+//! A table in memory that is watched as a whole, with the guards of a log.
+
+use super::guard::{self, LogPlan};
+use super::intake::IntakeError;
+use super::sink::{Sample, Sink, SinkError};
+use super::source::table::{TableRows, table_columns};
+use super::{End, Finding, Watch, WatchError};
+use servotwin::flight::runtime::RuntimeError;
+use servotwin::flight::watcher::Watcher;
+use servotwin::study::Study;
+use servotwin::table::Table;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// The table's name in messages.
+const NAME: &str = "the table";
+
+/// What was found in a table.
+pub struct TableFindings {
+    /// Each finding that differs from the one before, with its time, s.
+    pub changes: Vec<(f64, Finding)>,
+    /// What may be wrong with the table, as sentences.
+    pub warnings: Vec<String>,
+}
+
+/// Why a table is not judged.
+#[derive(Debug, thiserror::Error)]
+pub enum TableWatchError {
+    /// The diagnoser was trained for another study.
+    #[error(transparent)]
+    Diagnoser(#[from] RuntimeError),
+    /// Its columns are not those of the study.
+    #[error(transparent)]
+    Columns(#[from] IntakeError),
+    /// It cannot be read.
+    #[error(transparent)]
+    Watch(#[from] WatchError),
+    /// Its values contradict its columns, or leave nothing to judge.
+    #[error("{NAME}: {0}")]
+    Unjudged(String),
+    /// The caller requested the stop.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// Watches the rows of a table with twin and diagnosis. Columns are found by their names.
+///
+/// # Errors
+/// There is no time, the columns are not those of the study, the values contradict them, or nothing could be judged.
+pub fn watch_table(
+    study: &Study,
+    diagnoser: &Arc<Diagnoser>,
+    table: &Table,
+    stop: &AtomicBool,
+) -> Result<TableFindings, TableWatchError> {
+    let (system, period_s) = (&study.system, diagnoser.period_s);
+    // The notes are about inputs that stay at their defaults.
+    let LogPlan { map, warnings, .. } = guard::plan(NAME, &table_columns(table), study, true)?;
+    if map.time_column().is_none() {
+        let reason = "no column is a time, such as time_s, and without it nobody knows the rate";
+        return Err(TableWatchError::Unjudged(reason.into()));
+    }
+    let rows = || TableRows::of_table(NAME, table, map.wanted()).map_err(WatchError::from);
+    let mut tried = Watcher::new(study, diagnoser.clone())?;
+    let doubts = guard::trial(&mut rows()?, &map, &mut tried, system, period_s)?;
+    if !doubts.is_empty() {
+        return Err(TableWatchError::Unjudged(doubts.join("; ")));
+    }
+    let (mut rows, mut observer) = (rows()?, Watcher::new(study, diagnoser.clone())?);
+    let mut changes = Changes(vec![]);
+    let mut watch = Watch::new(&mut rows, &map, &mut observer, period_s);
+    watch.accept_ranges(&guard::accepted_ranges(diagnoser, system));
+    watch.sink(&mut changes);
+    if watch.run(stop, &mut |_, _| ())? == End::Stopped {
+        return Err(TableWatchError::Stopped);
+    }
+    let (counts, evidence) = (watch.counts().clone(), watch.plausibility());
+    let contradictions = evidence.contradictions(system, &map, &counts);
+    let mut doubts = evidence.sentences(system, &map, period_s, &counts);
+    drop(watch);
+    doubts.extend(observer.wider_than_trained());
+    let needed = guard::needed(diagnoser, system);
+    let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
+    let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * period_s);
+    let reason = match (counts.samples, counts.judged, contradictions.is_empty()) {
+        (0, ..) => guard::nothing(&map, &counts),
+        (_, 0, _) => guard::unjudged(doubts, &map, &needed, &counts, shortest_s),
+        (.., false) => contradictions.join("; "),
+        _ => {
+            let is_silent = |channel: &usize| counts.missing[*channel] >= counts.samples;
+            let silent = (map.inputs()..map.width()).filter(is_silent).map(|c| map.id(c));
+            let mut without: Vec<&str> = map.unmeasured().chain(silent).collect();
+            without.retain(|id| needed.contains(id));
+            without.sort_unstable();
+            without.dedup();
+            let lacking = format!("the diagnosis does without {}", without.join(", "));
+            let lacking = Some(lacking).filter(|_| !without.is_empty());
+            let warnings = warnings.into_iter().chain(lacking).chain(doubts).collect();
+            return Ok(TableFindings { changes: changes.0, warnings });
+        }
+    };
+    Err(TableWatchError::Unjudged(reason))
+}
+
+/// Keeps each change of the finding.
+struct Changes(Vec<(f64, Finding)>);
+
+impl Sink for Changes {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        if sample.changed {
+            self.0.push((sample.time_s, sample.observation.finding.clone()));
+        }
+        Ok(())
+    }
+}
