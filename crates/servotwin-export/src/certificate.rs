@@ -1,14 +1,13 @@
 //! What a proof showed, as data and as a page.
 
-use crate::folder::FolderComparison;
-use crate::precision::Precision;
+use crate::comparison::FolderComparison;
+use crate::description::Description;
 use crate::prove::{Decisions, FlightDecisions, ProofEvidence, RowDifference, SingleEvidence};
 use crate::source_file::SourceFile;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use servotwin_io::text::escaped;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::PathBuf;
 
 /// What no proof compares.
 const NEVER_COMPARED: [&str; 3] = [
@@ -19,38 +18,6 @@ const NEVER_COMPARED: [&str; 3] = [
 
 /// The name of the file with what single precision decides differently.
 pub(crate) const DECISIONS: &str = "precision.csv";
-
-/// What an export was made of.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Description {
-    /// The version of servotwin.
-    pub version: String,
-    /// The file of the diagnoser.
-    pub diagnoser: PathBuf,
-    /// Its SHA-256.
-    pub diagnoser_sha256: String,
-    /// The precision of its numbers.
-    pub precision: Precision,
-    /// The twin, if it is part of the export.
-    pub twin: Option<TwinDescription>,
-    /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
-    pub sources_sha256: BTreeMap<String, String>,
-    /// The SHA-256 of each file when it was written.
-    pub files_sha256: BTreeMap<String, String>,
-}
-
-/// The twin of an export.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TwinDescription {
-    /// The study, by the name or the file that was given.
-    pub study: PathBuf,
-    /// A number that other equations of the twin do not have.
-    pub system: u64,
-    /// Whether its steps are fixed.
-    pub has_fixed_step: bool,
-}
 
 /// The result of a proof.
 #[derive(Debug, Clone, Serialize)]

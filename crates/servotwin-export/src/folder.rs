@@ -1,22 +1,20 @@
 //! An export on disk: its files, and `export.json`, which names what they were made of.
 
 use crate::c;
-use crate::certificate::{Certificate, DECISIONS, Description, TwinDescription};
+use crate::certificate::{Certificate, DECISIONS};
+use crate::comparison::FolderComparison;
+use crate::description::{DESCRIPTION, Description, TwinDescription};
 use crate::error::ExportError;
 use crate::precision::Precision;
-use crate::prove::RowDifference;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::{create_folder, read_text, write_atomically};
 use servotwin_io::manifest::sha256;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-
-/// The name of the description.
-const DESCRIPTION: &str = "export.json";
 
 /// The name of a certificate.
 const CERTIFICATE: &str = "proof.json";
@@ -62,72 +60,6 @@ fn export(
         files_sha256: SourceFile::hashes(&files),
     };
     Ok((files, description))
-}
-
-/// How a folder differs from what its diagnoser and its twin are exported as.
-#[derive(Debug, Clone, Default)]
-pub struct FolderComparison {
-    /// The files as they are now.
-    pub files: Vec<SourceFile>,
-    /// Differences of the text and of the description.
-    pub differences: Vec<RowDifference>,
-    /// What is there and was not compared.
-    pub not_compared: Vec<String>,
-}
-
-impl FolderComparison {
-    fn differ(&mut self, place: &str, what: &str) {
-        self.differences.push(RowDifference { place: place.into(), what: what.into() });
-    }
-
-    fn description(&mut self, exported: &Description, right: &Description) {
-        if exported.version != right.version {
-            let what = format!("exported by {}, not by {}", exported.version, right.version);
-            self.differ("servotwin", &what);
-        }
-        let system = |description: &Description| description.twin.as_ref().map(|twin| twin.system);
-        if system(exported) != system(right) {
-            self.differ(DESCRIPTION, "the study has another system");
-        }
-        if exported.precision != right.precision {
-            self.differ(DESCRIPTION, "the precision is another one");
-        }
-        for (name, hash) in &exported.sources_sha256 {
-            match right.sources_sha256.get(name) {
-                Some(now) if now != hash => {
-                    self.differ(name, "it is not the one that was exported")
-                }
-                Some(_) => {}
-                None => {
-                    let what = format!("{name}: it no longer lies beside the diagnoser");
-                    self.not_compared.push(what);
-                }
-            }
-        }
-        let names: BTreeSet<&String> =
-            exported.files_sha256.keys().chain(right.files_sha256.keys()).collect();
-        for name in names {
-            if exported.files_sha256.get(name) != right.files_sha256.get(name) {
-                self.differ(DESCRIPTION, &format!("the SHA-256 of {name} is not that of its text"));
-            }
-        }
-    }
-
-    /// Compares the text of a file line by line.
-    fn file(&mut self, right: &SourceFile, text: String) {
-        if text != right.text {
-            let same = text.lines().zip(right.text.lines()).take_while(|(a, b)| a == b);
-            let line = same.count();
-            let shown = |text: &str| match text.lines().nth(line) {
-                Some(line) => format!("'{}'", line.trim().chars().take(80).collect::<String>()),
-                None => "nothing".into(),
-            };
-            let (said, wanted) = (shown(&text), shown(&right.text));
-            let place = format!("{}, line {}", right.name, line + 1);
-            self.differ(&place, &format!("{said} instead of {wanted}"));
-        }
-        self.files.push(SourceFile { name: right.name, text });
-    }
 }
 
 /// A folder with an export.

@@ -11,7 +11,9 @@
 
 pub mod c;
 pub mod certificate;
+mod comparison;
 mod compile;
+mod description;
 mod error;
 mod features;
 pub mod fmu;
@@ -23,6 +25,8 @@ mod source_file;
 mod tables;
 mod twin;
 
+pub use comparison::FolderComparison;
+pub use description::Description;
 pub use error::ExportError;
 pub use precision::Precision;
 pub use source_file::SourceFile;

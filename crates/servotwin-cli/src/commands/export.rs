@@ -11,7 +11,7 @@ use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{RuntimeError, between, slots};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_export::certificate::Description;
+use servotwin_export::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::{ExportError, ExportedReaction, ExportedTwin, Precision};

@@ -1,0 +1,72 @@
+//! An export beside what its diagnoser and its twin are exported as.
+
+use crate::description::{DESCRIPTION, Description};
+use crate::prove::RowDifference;
+use crate::source_file::SourceFile;
+use std::collections::BTreeSet;
+
+/// How a folder differs from what its diagnoser and its twin are exported as.
+#[derive(Debug, Clone, Default)]
+pub struct FolderComparison {
+    /// The files as they are now.
+    pub files: Vec<SourceFile>,
+    /// Differences of the text and of the description.
+    pub differences: Vec<RowDifference>,
+    /// What is there and was not compared.
+    pub not_compared: Vec<String>,
+}
+
+impl FolderComparison {
+    pub(crate) fn differ(&mut self, place: &str, what: &str) {
+        self.differences.push(RowDifference { place: place.into(), what: what.into() });
+    }
+
+    pub(crate) fn description(&mut self, exported: &Description, right: &Description) {
+        if exported.version != right.version {
+            let what = format!("exported by {}, not by {}", exported.version, right.version);
+            self.differ("servotwin", &what);
+        }
+        let system = |description: &Description| description.twin.as_ref().map(|twin| twin.system);
+        if system(exported) != system(right) {
+            self.differ(DESCRIPTION, "the study has another system");
+        }
+        if exported.precision != right.precision {
+            self.differ(DESCRIPTION, "the precision is another one");
+        }
+        for (name, hash) in &exported.sources_sha256 {
+            match right.sources_sha256.get(name) {
+                Some(now) if now != hash => {
+                    self.differ(name, "it is not the one that was exported")
+                }
+                Some(_) => {}
+                None => {
+                    let what = format!("{name}: it no longer lies beside the diagnoser");
+                    self.not_compared.push(what);
+                }
+            }
+        }
+        let names: BTreeSet<&String> =
+            exported.files_sha256.keys().chain(right.files_sha256.keys()).collect();
+        for name in names {
+            if exported.files_sha256.get(name) != right.files_sha256.get(name) {
+                self.differ(DESCRIPTION, &format!("the SHA-256 of {name} is not that of its text"));
+            }
+        }
+    }
+
+    /// Compares the text of a file line by line.
+    pub(crate) fn file(&mut self, right: &SourceFile, text: String) {
+        if text != right.text {
+            let same = text.lines().zip(right.text.lines()).take_while(|(a, b)| a == b);
+            let line = same.count();
+            let shown = |text: &str| match text.lines().nth(line) {
+                Some(line) => format!("'{}'", line.trim().chars().take(80).collect::<String>()),
+                None => "nothing".into(),
+            };
+            let (said, wanted) = (shown(&text), shown(&right.text));
+            let place = format!("{}, line {}", right.name, line + 1);
+            self.differ(&place, &format!("{said} instead of {wanted}"));
+        }
+        self.files.push(SourceFile { name: right.name, text });
+    }
+}
