@@ -14,7 +14,7 @@ if [ $# -ge 2 ]; then
     diagnoser=$2
 else
     diagnoser=$work/aileron.json
-    gzip -d -c "$here/../../crates/servotwin-serve/shipped/aileron.json.gz" > "$diagnoser"
+    gzip -d -c "$here/../../crates/servotwin-watch/shipped/aileron.json.gz" > "$diagnoser"
 fi
 "$servotwin" --quiet export c --model "$diagnoser" --out "$work/export"
 LLVM_PROFILE_FILE="$work/proof.profraw" "$servotwin" prove "$work/export" \

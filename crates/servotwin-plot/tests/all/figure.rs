@@ -122,7 +122,7 @@ fn every_kind_is_well_formed_and_deterministic() {
         assert_eq!(figure, again, "{name}");
         let document = Document::parse(&figure.svg).unwrap();
         let title = document.descendants().find(|node| node.has_tag_name("title")).unwrap();
-        assert_eq!(title.text(), Some("a <b> & \"c\"  "), "{name}");
+        assert_eq!(title.text(), Some("a <b> & \"c\" "), "{name}");
     }
 }
 

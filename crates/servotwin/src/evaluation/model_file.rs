@@ -80,7 +80,7 @@ fn unsealed<'t>(path: &Path, text: &'t str) -> Result<Cow<'t, str>, FileError> {
     if manifest::sha256_of_text(&plain) == sum {
         return Ok(plain.into());
     }
-    let remedy = "its SHA-256 is not the one in its first line; if you changed it on purpose, remove that line";
+    let remedy = "its SHA-256 is not that of its line \"sha256\"; if you changed it on purpose, remove that line";
     Err(FileError::Altered { path: path.into(), remedy: remedy.into() })
 }
 
