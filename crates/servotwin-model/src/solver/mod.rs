@@ -20,7 +20,7 @@
 //! entry holds one number per lane.
 //!
 //! ```text
-//!  constants [88]              y [6]
+//!  constants [90]              y [6]
 //!      |                         |  copy, with the inputs at the beginning of the step
 //!      v                         v
 //!  variables [29] = states [6] | inputs [1] | stand-ins [3] | sums [11] | derivatives [6] | spare [2]
