@@ -128,6 +128,8 @@ def test_a_run_that_fails_says_when_and_where(system):
 
 def test_other_threads_go_on_during_a_long_run_and_ctrl_c_ends_it(system):
     main = threading.main_thread().ident
+    # A shell starts what it leaves in the background with interrupts ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     counted = []
 
     def count_and_press():
