@@ -53,6 +53,7 @@ pub struct Checkpoint {
 /// A twin, a diagnosis and the actions so far. [`Runtime::push`] does not allocate after the first sample.
 pub struct Runtime<'s> {
     study: &'s Study,
+    settings: SolverSettings,
     twin: Twin<'s>,
     is_settled: bool,
     /// Whether the twin uses compiled steps.
@@ -101,10 +102,10 @@ pub fn slots<'n>(
     names.map(slot).collect()
 }
 
-/// The place of a sensor of the system among those of a diagnoser; `None` if the diagnosis does not use it.
+/// The place of a sensor of the study's list among those of a diagnoser; `None` if the diagnosis does not use it.
 pub fn place_of(sensor: usize, study: &Study, diagnoser: &Diagnoser) -> Option<usize> {
-    let label = &study.system.sensors[sensor].label;
-    diagnoser.sensors.iter().position(|known| known.name == *label)
+    let name = &study.sensors.0[sensor].name;
+    diagnoser.sensors.iter().position(|known| known.name == *name)
 }
 
 impl<'s> Runtime<'s> {
@@ -122,10 +123,12 @@ impl<'s> Runtime<'s> {
         let slots = slots(study, diagnoser.sensors.iter().map(|sensor| sensor.name.as_str()))?;
         let period_s = diagnoser.period_s;
         let session = Session::new(diagnoser)?;
-        let mut twin = Twin::new(program, SolverSettings::campaign(), period_s, between(study));
+        let settings = SolverSettings::campaign();
+        let mut twin = Twin::new(program, settings, period_s, between(study));
         twin.load(&program.parameters_with(&overrides, &[]));
         Ok(Runtime {
             study,
+            settings,
             twin,
             is_settled: false,
             is_compiled: false,
@@ -140,15 +143,18 @@ impl<'s> Runtime<'s> {
         })
     }
 
-    /// The same before the first sample, with the steps of campaigns.
+    /// The same before the first sample.
     pub(super) fn anew(&self) -> Result<Self, RuntimeError> {
-        Runtime::new(self.study, self.session.diagnoser().clone(), self.overrides.clone())
+        let anew =
+            Runtime::new(self.study, self.session.diagnoser().clone(), self.overrides.clone());
+        Ok(anew?.stepping(self.settings))
     }
 
     /// Simulates the twin with other steps than those of training. Call it before the first sample.
     pub fn stepping(mut self, settings: SolverSettings) -> Self {
         let program = &self.study.system.program;
         let period_s = self.session.diagnoser().period_s;
+        self.settings = settings;
         self.twin = Twin::new(program, settings, period_s, between(self.study));
         self.load();
         self

@@ -7,7 +7,7 @@ use servotwin::flight::campaign::{FlightCampaign, Observer as FlightObserver};
 use servotwin::flight::closed_loop::{self, Scenario};
 use servotwin::flight::plan::{PlannedFlight, Purpose};
 use servotwin::flight::replay::replay_record;
-use servotwin::flight::runtime::{Runtime, RuntimeError};
+use servotwin::flight::runtime::{Runtime, RuntimeError, place_of};
 use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
 use servotwin::parallel::Workers;
@@ -199,6 +199,17 @@ fn with_parameters() -> &'static Study {
     let changed = r#"unit_inputs = { mode = 0 }, unit_parameters = { "controller.gain_per_m" = 100 }, takes_out = ["x_v_1", "x_v_2"]"#;
     let text = study().text.replace("unit_inputs = { mode = 0 }", changed);
     MADE.get_or_init(|| Study::parse(&text, "tiny.toml").unwrap())
+}
+
+/// The study has fewer sensors than its system, so a sensor has other places in the two lists.
+#[test]
+fn a_reaction_takes_the_sensors_out_that_it_names() {
+    for (unit, name) in [(0, "x_v1"), (1, "x_v2")] {
+        let reaction = with_parameters().reactions.of(unit, "shut_down", None);
+        let place = |&sensor: &usize| place_of(sensor, study(), diagnoser()).unwrap();
+        let out = reaction.takes_out.iter().map(place).map(|at| &diagnoser().sensors[at].name);
+        assert_eq!(out.collect::<Vec<_>>(), [name]);
+    }
 }
 
 /// The healthy actuator was raised for shutdown, because the parameters of the reaction stayed.
