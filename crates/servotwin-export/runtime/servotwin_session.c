@@ -288,26 +288,25 @@ static void clear_session(servotwin_session *session)
     clear_windows(session);
 }
 
-bool servotwin_session_switched_off(servotwin_session *session, int32_t actuator)
+static bool switch_actuator(servotwin_session *session, int32_t actuator, bool is_off)
 {
     const bool is_known = is_actuator(actuator);
     if (is_known) {
-        session->is_off[actuator] = true;
+        session->is_off[actuator] = is_off;
         drop_active_of(session, actuator);
         restart(session);
     }
     return is_known;
 }
 
+bool servotwin_session_switched_off(servotwin_session *session, int32_t actuator)
+{
+    return switch_actuator(session, actuator, true);
+}
+
 bool servotwin_session_switched_on(servotwin_session *session, int32_t actuator)
 {
-    const bool is_known = is_actuator(actuator);
-    if (is_known) {
-        session->is_off[actuator] = false;
-        drop_active_of(session, actuator);
-        restart(session);
-    }
-    return is_known;
+    return switch_actuator(session, actuator, false);
 }
 
 bool servotwin_session_release(servotwin_session *session, int32_t actuator)
@@ -315,7 +314,7 @@ bool servotwin_session_release(servotwin_session *session, int32_t actuator)
     const bool is_known = is_actuator(actuator);
     if (is_known) {
         withdraw(session, actuator);
-        (void)servotwin_session_switched_on(session, actuator);
+        (void)switch_actuator(session, actuator, false);
     }
     return is_known;
 }

@@ -243,10 +243,7 @@ impl Session {
     /// # Errors
     /// [`Error::IndexOutOfRange`] for an unknown actuator.
     pub fn switched_off(&mut self, actuator: usize) -> Result<(), Error> {
-        self.check_unit(actuator)?;
-        self.memory.alarm.switch(actuator, true);
-        self.restart();
-        Ok(())
+        self.switch(actuator, true)
     }
 
     /// Records that an actuator is on and judged. A shutdown that stands for it is raised again.
@@ -254,8 +251,12 @@ impl Session {
     /// # Errors
     /// See [`Session::switched_off`].
     pub fn switched_on(&mut self, actuator: usize) -> Result<(), Error> {
+        self.switch(actuator, false)
+    }
+
+    fn switch(&mut self, actuator: usize, is_off: bool) -> Result<(), Error> {
         self.check_unit(actuator)?;
-        self.memory.alarm.switch(actuator, false);
+        self.memory.alarm.switch(actuator, is_off);
         self.restart();
         Ok(())
     }
