@@ -98,14 +98,20 @@ pub fn in_flight(merit: &FlightMetrics, study: &Study, words: &Vocabulary) -> Ve
     lines
 }
 
-/// False alarms per hour, with their upper limit and counts.
-pub fn alarms_per_hour(healthy: &HealthyMetrics) -> String {
+/// False alarms per hour, their upper limit, and their counts.
+pub fn alarms_per_hour(healthy: &HealthyMetrics) -> [String; 3] {
     let HealthyMetrics { alarms, hours, alarms_per_h, alarms_per_h_upper, .. } = healthy;
-    format!(
-        "{} per hour (95 %: at most {}), {alarms} in {hours:.1} h without a fault",
-        number(*alarms_per_h),
-        number(*alarms_per_h_upper)
-    )
+    [
+        format!("{} per hour", number(*alarms_per_h)),
+        format!("95 %: at most {}", number(*alarms_per_h_upper)),
+        format!("{alarms} in {hours:.1} h without a fault"),
+    ]
+}
+
+/// The same in one sentence.
+pub fn alarms_in_words(healthy: &HealthyMetrics) -> String {
+    let [rate, limit, counts] = alarms_per_hour(healthy);
+    format!("{rate} ({limit}), {counts}")
 }
 
 /// What the flights cover: the ranges of inputs and of the parameters of one actuator, with their units.

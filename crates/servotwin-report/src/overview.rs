@@ -36,13 +36,12 @@ struct Card {
     target: Target,
 }
 
-/// A card without a target.
-fn plain_card(name: &str, value: &str, note: &str) -> String {
+/// A card; `value`, `note` and `verdict` are HTML. A figure without a target has no verdict.
+fn card(class: &str, name: &str, [value, note]: [&str; 2], verdict: Option<&str>) -> String {
+    let verdict = verdict.map_or(String::new(), |text| format!("<p class=\"verdict\">{text}</p>"));
     format!(
-        "<div class=\"card open\"><p>{}</p><p class=\"value\">{}</p><p class=\"note\">{}</p></div>\n",
-        escaped(name),
-        escaped(value),
-        escaped(note)
+        "<div class=\"card {class}\"><p>{}</p><p class=\"value\">{value}</p><p class=\"note\">{note}</p>{verdict}</div>\n",
+        escaped(name)
     )
 }
 
@@ -61,12 +60,8 @@ impl Card {
     fn html(&self) -> String {
         let (class, verdict) = self.verdict();
         let interval = format!("{:.2} … {:.2} %", 100.0 * self.rate.low, 100.0 * self.rate.high);
-        format!(
-            "<div class=\"card {class}\"><p>{}</p><p class=\"value\">{}</p><p class=\"note\">{interval}</p>\
-             <p class=\"verdict\">{verdict}</p></div>\n",
-            escaped(&self.name),
-            counted(&percent(self.rate.share), self.rate),
-        )
+        let value = counted(&percent(self.rate.share), self.rate);
+        card(class, &self.name, [&value, &interval], Some(verdict))
     }
 }
 
@@ -135,14 +130,13 @@ fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
     let rates = lines::in_flight(merit, material.study, words).into_iter().map(|(title, rate)| {
         let interval = format!("{:.2} … {:.2} %", 100.0 * rate.low, 100.0 * rate.high);
         let note = format!("{} of {} {run}s, {interval}", rate.count, rate.of);
-        plain_card(&format!("In {run}: {title}"), &percent(rate.share), &note)
+        card("open", &format!("In {run}: {title}"), [&percent(rate.share), &note], None)
     });
     let mut cards: String = rates.collect();
     if merit.healthy.hours > 0.0 {
-        let alarms = lines::alarms_per_hour(&merit.healthy);
-        let (value, note) = alarms.split_once(" (").unwrap_or((&alarms, ""));
-        let note = note.replace(')', "");
-        cards += &plain_card(&format!("In {run}: false alarms"), value, &note);
+        let [value, limit, counts] = lines::alarms_per_hour(&merit.healthy);
+        let note = format!("{limit}, {counts}");
+        cards += &card("open", &format!("In {run}: false alarms"), [&value, &note], None);
     }
     Some(cards)
 }

@@ -348,7 +348,7 @@ fn summary(results: &FlightResults, study: &Study, words: &Vocabulary) -> String
         };
         let rates: Vec<String> = rates.into_iter().map(of_rate).collect();
         let _ = writeln!(out, "    {}", rates.join("; "));
-        let _ = writeln!(out, "    false alarms {}", lines::alarms_per_hour(&merit.healthy));
+        let _ = writeln!(out, "    false alarms {}", lines::alarms_in_words(&merit.healthy));
     }
     if let Some(ranges) = lines::flown_ranges(study) {
         let _ = writeln!(out, "  flown: {ranges}");

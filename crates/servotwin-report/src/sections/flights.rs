@@ -664,7 +664,7 @@ pub(super) fn finding(
         ));
     }
     if merit.healthy.hours > 0.0 {
-        parts.push(format!("false alarms are {}", lines::alarms_per_hour(&merit.healthy)));
+        parts.push(format!("false alarms are {}", lines::alarms_in_words(&merit.healthy)));
     }
     (!parts.is_empty()).then(|| {
         let other_plants: String =
