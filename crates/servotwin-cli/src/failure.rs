@@ -23,7 +23,7 @@ use servotwin_export::ExportError;
 use servotwin_safety::SafetyError;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
-use servotwin_watch::intake::IntakeError;
+use servotwin_watch::guard::IntakeError;
 use servotwin_watch::map::MapError;
 use servotwin_watch::sink::SinkError;
 use servotwin_watch::source::SourceError;

@@ -210,21 +210,23 @@ pub fn nothing(map: &Map, counts: &WatchCounts) -> String {
     }
 }
 
-/// Why nothing was judged in a log: the doubts, missing sensors, or else gaps. `shortest_s` is the diagnoser's shortest
-/// window.
+/// Why nothing was judged in a log: the doubts, missing sensors, or else gaps.
 pub fn unjudged(
     mut doubts: Vec<String>,
     map: &Map,
-    needed: &[&str],
+    diagnoser: &Diagnoser,
+    system: &System,
     counts: &WatchCounts,
-    shortest_s: f64,
 ) -> String {
+    let needed = needed(diagnoser, system);
     let without: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
     if !without.is_empty() {
         doubts.push(format!("the log has no {}", without.join(", ")));
     }
     if doubts.is_empty() {
-        doubts.push(gaps(map, needed, counts, shortest_s));
+        let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
+        let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * diagnoser.period_s);
+        doubts.push(gaps(map, &needed, counts, shortest_s));
     }
     doubts.join("; ")
 }

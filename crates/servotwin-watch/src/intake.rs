@@ -6,8 +6,7 @@
 
 use super::counts::{Irregularity, WatchCounts};
 use super::cut::Cut;
-use super::guard;
-pub use super::guard::IntakeError;
+use super::guard::{self, IntakeError};
 use super::map::{Map, Trust, guess};
 use super::plausibility::coarse_in_words;
 use super::sequencer::Stamped;

@@ -30,6 +30,7 @@ const OTHER_UNIT: f64 = 0.25;
 /// More rows than this share, and at least as many as the witnesses of a clock, with the time of another row are no
 /// accident.
 pub(crate) const MOST_COARSE: f64 = 0.01;
+
 /// Evidence gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plausibility {

@@ -1,7 +1,6 @@
 //! A table in memory that is watched as a whole, with the guards of a log.
 
-use super::guard::{self, LogPlan};
-use super::intake::IntakeError;
+use super::guard::{self, IntakeError, LogPlan};
 use super::sink::{Sample, Sink, SinkError};
 use super::source::table::{TableRows, table_columns};
 use super::{End, Finding, Watch, WatchError};
@@ -81,11 +80,9 @@ pub fn watch_table(
     drop(watch);
     doubts.extend(observer.wider_than_trained());
     let needed = guard::needed(diagnoser, system);
-    let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
-    let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * period_s);
     let reason = match (counts.samples, counts.judged, contradictions.is_empty()) {
         (0, ..) => guard::nothing(&map, &counts),
-        (_, 0, _) => guard::unjudged(doubts, &map, &needed, &counts, shortest_s),
+        (_, 0, _) => guard::unjudged(doubts, &map, diagnoser, system, &counts),
         (.., false) => contradictions.join("; "),
         _ => {
             let is_silent = |channel: &usize| counts.missing[*channel] >= counts.samples;

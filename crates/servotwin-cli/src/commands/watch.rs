@@ -14,6 +14,7 @@ use servotwin::files;
 use servotwin::flight::watcher::Watcher;
 use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::guard::{self, accepted_ranges, needed};
@@ -110,17 +111,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let (map, mut source) = input.open(&address, &study, options.study.is_some(), global)?;
     let diagnoser = Arc::new(diagnoser(input, &study, global)?);
-    let needed = needed(&diagnoser, system);
-    let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
     let accepted_ranges = accepted_ranges(&diagnoser, system);
     let period_s = diagnoser.period_s;
     let path = input.model.clone().unwrap_or_else(usual_diagnoser);
-    warn_of_lacking(&map, &needed, global);
+    warn_of_lacking(&map, &needed(&diagnoser, system), global);
     if !address.is_live() && !options.resume {
         let mut trial = observer(&study, (&path, diagnoser.clone()))?;
         input.try_log(&address, &map, &mut trial, system, global)?;
     }
-    let mut observer = observer(&study, (&path, diagnoser))?;
+    let mut observer = observer(&study, (&path, diagnoser.clone()))?;
     let watchdog = watchdog(options, period_s)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
@@ -128,11 +127,18 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
         false => None,
     };
-    let setup = Setup { options, study: &study, address: &address, map: &map, period_s, global };
+    let setup = Setup {
+        options,
+        study: &study,
+        diagnoser: &diagnoser,
+        address: &address,
+        map: &map,
+        period_s,
+        global,
+    };
     let watched =
         setup.watch(&mut *source, &mut observer, &accepted_ranges, (scene, watchdog), resumed)?;
-    let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * period_s);
-    setup.conclude(watched, &needed, shortest_s)
+    setup.conclude(watched)
 }
 
 /// The time until a live source counts as silent, and the interval of heartbeats.
@@ -162,6 +168,7 @@ fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failur
 struct Setup<'s> {
     options: &'s Options,
     study: &'s Study,
+    diagnoser: &'s Diagnoser,
     address: &'s Address,
     map: &'s Map,
     period_s: f64,
@@ -191,7 +198,7 @@ impl Setup<'_> {
         (scene, watchdog): (Scene, WatchdogRules),
         resumed: Option<Checkpoint>,
     ) -> Result<Watched, Failure> {
-        let Setup { options, study, address, map, period_s, global } = *self;
+        let Setup { options, study, address, map, period_s, global, .. } = *self;
         let system = &study.system;
         let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), global)?;
         let mut watch = Watch::new(source, map, observer, period_s);
@@ -241,13 +248,8 @@ impl Setup<'_> {
     }
 
     /// Returns the text for standard output, or the reason why the run failed.
-    fn conclude(
-        &self,
-        watched: Watched,
-        needed: &[&str],
-        shortest_s: f64,
-    ) -> Result<String, Failure> {
-        let Setup { options, address, map, global, .. } = *self;
+    fn conclude(&self, watched: Watched) -> Result<String, Failure> {
+        let Setup { options, study, diagnoser, address, map, global, .. } = *self;
         let Watched { end, totals, doubts, contradictions, unjudged, text } = watched;
         // Ctrl-C is the normal end of a stream, but leaves a file unfinished.
         if end == End::Stopped && !address.is_live() {
@@ -261,7 +263,7 @@ impl Setup<'_> {
         };
         let counts = &totals.counts;
         if end == End::Complete && counts.judged == 0 && !options.resume {
-            let reasons = guard::unjudged(doubts, map, needed, counts, shortest_s);
+            let reasons = guard::unjudged(doubts, map, diagnoser, &study.system, counts);
             let states = unjudged.iter().map(|state| format!("'{}'", state.words()));
             let states = states.collect::<Vec<_>>().join(" or ");
             let reason = format!("nothing could be judged, every period is {states}: {reasons}");
@@ -312,7 +314,8 @@ fn make_map(
     }
     files::write_atomically(path, |out| out.write_all(guess.text.as_bytes()))
         .map_err(SinkError::File)?;
-    tell(&guess.remarks(), global);
+    let (warnings, notes) = guess.remarks();
+    tell(&warnings, &notes, global);
     let inputs = system.network().inputs.len();
     let result = json!({
         "map": path.display().to_string(),

@@ -10,7 +10,7 @@
 
 use super::FORMAT;
 use super::times::{other_raster, time_columns};
-use super::words::{ColumnMeaning, Named, known, splits, words};
+use super::words::{ColumnMeaning, LONGEST, Named, key, known, splits, words};
 use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
@@ -61,8 +61,6 @@ const NUMBERED: u32 = 50;
 /// The lowest score that counts as likely.
 const LIKELY: u32 = 6;
 
-/// Longer names are not considered signals, bytes.
-const LONGEST: usize = 256;
 /// Pressures below this share of the sensor range are unlikely to be in Pa.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -596,11 +594,6 @@ fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
 /// A unit in its usual spelling: a name's `_pa` becomes Pa.
 fn spelt(text: &str) -> &str {
     units::find(text).filter(|row| row.is_si()).map_or(text, |row| row.symbol)
-}
-
-/// A name reduced to lowercase letters and digits.
-fn key(name: &str) -> String {
-    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
 /// An id as a key of TOML.

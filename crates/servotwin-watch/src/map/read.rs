@@ -7,6 +7,7 @@ use crate::source::{DATE, Wanted};
 use servotwin::system::System;
 use servotwin::units;
 use servotwin_io::document::{self, Collector, Entry, TextSpan, entries};
+use servotwin_io::moment;
 use servotwin_io::nearest::nearest;
 use servotwin_model::spec::Unit;
 use toml::de::DeTable;
@@ -134,7 +135,8 @@ impl<'s> Reader<'s> {
                 let place = self.column(column);
                 let (unit_s, zero_s) = self.time_unit(entries);
                 self.wanted.time = Some(place);
-                self.wanted.day = (zero_s == 0.0).then_some(86_400.0 / unit_s);
+                let is_number = !self.wanted.dates && zero_s == 0.0;
+                self.wanted.day = is_number.then_some(moment::DAY_S / unit_s);
                 self.time = Time::Column { place, unit_s, zero_s };
             }
             (None, Some(rate_hz)) => self.time = Time::Rate { rate_hz },

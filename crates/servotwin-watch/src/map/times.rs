@@ -1,13 +1,11 @@
 //! Columns of times, and whether all columns of a map have the same.
 
-use super::words::{splits, words};
+use super::words::{LONGEST, key, splits, words};
 use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin_io::sanitize;
 use servotwin_model::spec::Unit;
 
-/// Longer names are no times, bytes.
-const LONGEST: usize = 256;
 /// Times that differ by less than this many steps are the same.
 const SAME_STEPS: f64 = 0.5;
 /// Times with a constant difference below this many steps are those of two clocks; a longer one is another zero.
@@ -18,9 +16,7 @@ pub(super) fn time_columns(columns: &[LogColumn]) -> Vec<usize> {
     let is_time = |place: &usize| {
         let column = &columns[*place];
         let is_name = |(stem, unit): (&str, Option<(Unit, &str)>)| {
-            let letters: String = stem.chars().filter(|c| c.is_alphanumeric()).collect();
-            is_time_name(&letters.to_lowercase())
-                && unit.is_none_or(|(unit, _)| unit == Unit::Second)
+            is_time_name(&key(stem)) && unit.is_none_or(|(unit, _)| unit == Unit::Second)
         };
         column.name.len() <= LONGEST && splits(base(&column.name)).into_iter().any(is_name)
     };

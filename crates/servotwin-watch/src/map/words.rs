@@ -221,6 +221,14 @@ pub(super) fn words(name: &str) -> (Vec<String>, Vec<u32>) {
     (words, numbers)
 }
 
+/// Longer names are not understood, bytes.
+pub(super) const LONGEST: usize = 256;
+
+/// A name reduced to lowercase letters and digits.
+pub(super) fn key(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}
+
 /// A unit with its spelling.
 pub(super) type Named<'n> = (Unit, &'n str);
 

@@ -159,17 +159,8 @@ impl Frames {
 
     /// Completes a row that was assembled from objects; it must have a time.
     pub fn end(&self, row: &mut LogRow) -> Read {
-        self.continue_time(row);
+        self.wanted.continue_time(row, &mut self.clock.borrow_mut());
         with_time(&self.wanted, row)
-    }
-
-    /// Times that are numbers go on behind midnight.
-    fn continue_time(&self, row: &mut LogRow) {
-        if let (Some(time), Some(day), false) =
-            (self.wanted.time, self.wanted.day, self.wanted.dates)
-        {
-            row.values[time] = self.clock.borrow_mut().number(row.values[time], day);
-        }
     }
 
     fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
@@ -225,7 +216,7 @@ impl Frames {
                 }
             };
         }
-        self.continue_time(row);
+        self.wanted.continue_time(row, self.clock.get_mut());
         // For example a row of units below a header without a time.
         match row.bad > 0 && row.values.iter().all(|value| value.is_nan()) {
             true => Err(Flaw::NoNumber),

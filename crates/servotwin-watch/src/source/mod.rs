@@ -78,6 +78,13 @@ impl Wanted {
             _ => None,
         }
     }
+
+    /// Lets a time that is a number go on behind midnight.
+    pub(super) fn continue_time(&self, row: &mut LogRow, clock: &mut Clock) {
+        if let Some((time, day)) = self.time.zip(self.day) {
+            row.values[time] = clock.number(row.values[time], day);
+        }
+    }
 }
 
 /// One row of a log.

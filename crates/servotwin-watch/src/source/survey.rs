@@ -11,7 +11,7 @@ use servotwin_io::table::csv::growing::{Numbers, is_missing};
 use std::collections::BTreeMap;
 
 /// The most numbers of a column that are kept.
-const HEAD: usize = 256;
+pub(super) const HEAD: usize = 256;
 
 /// The most names of object keys that are kept; further ones are ignored.
 const MOST_COLUMNS: usize = 50_000;

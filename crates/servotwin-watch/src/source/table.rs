@@ -1,5 +1,6 @@
 //! Reads tables: Parquet files in batches, or a table in memory.
 
+use super::survey::HEAD;
 use super::{Bad, DATE, LogColumn, LogRow, Read, Source, SourceError, Wanted};
 use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
@@ -101,11 +102,7 @@ impl Source for TableRows {
             row.values.push(value);
         }
         self.next += 1;
-        if let (Some(time), Some(day), false) =
-            (self.wanted.time, self.wanted.day, self.wanted.dates)
-        {
-            row.values[time] = self.clock.number(row.values[time], day);
-        }
+        self.wanted.continue_time(row, &mut self.clock);
         Ok(super::frame::with_time(&self.wanted, row))
     }
 
@@ -158,9 +155,9 @@ fn log_column(column: &Column, first: Option<&Column>) -> LogColumn {
             if texts.first().is_some_and(|text| moment::seconds(text).is_some()) =>
         {
             unit = DATE.into();
-            head.extend(texts.iter().take(256).filter_map(|text| moment::seconds(text)));
+            head.extend(texts.iter().take(HEAD).filter_map(|text| moment::seconds(text)));
         }
-        Some((_, Ok(numbers))) => head.extend(numbers.iter().take(256)),
+        Some((_, Ok(numbers))) => head.extend(numbers.iter().take(HEAD)),
         _ => {}
     }
     LogColumn { name: column.name.clone(), unit, head }

@@ -161,13 +161,13 @@ impl InputOptions {
         }
         let plan = guard::plan(&log, &address.columns()?, study, is_study_named);
         let LogPlan { map, warnings, notes } = plan.map_err(refused)?;
-        tell(&(warnings, notes), global);
+        tell(&warnings, &notes, global);
         Ok(map)
     }
 }
 
 /// Prints warnings and notes.
-pub fn tell((warnings, notes): &(Vec<String>, Vec<String>), global: Global) {
+pub fn tell(warnings: &[String], notes: &[String], global: Global) {
     warn(global, warnings);
     notes.iter().for_each(|text| note(global, text));
 }
