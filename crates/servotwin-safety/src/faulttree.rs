@@ -1,4 +1,5 @@
-//! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance, probabilities in a flight and rates per flight hour.
+//! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance, probabilities in a flight, and rates per
+//! flight hour.
 
 use crate::error::SafetyError;
 use crate::interval::CountedValue;

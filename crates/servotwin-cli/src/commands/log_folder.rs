@@ -6,7 +6,8 @@ use servotwin_watch::intake;
 use std::fs::FileType;
 use std::path::{Path, PathBuf};
 
-/// The logs of a folder in the order of their names, where numbers count as numbers, and entries with such a name that are not regular files.
+/// The logs of a folder in the order of their names, in which numbers count as numbers, and the entries with such a name
+/// that are no regular files.
 #[derive(Default)]
 pub struct LogFolder {
     /// The paths of the logs.

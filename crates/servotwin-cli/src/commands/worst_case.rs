@@ -20,9 +20,9 @@ use std::path::PathBuf;
 ///
 /// Command, load, air speed, pressures, temperatures, tolerances, fault and onset are searched for the shutdown of a
 /// healthy actuator, the missed shutdown, the false alarm and the largest transient, with the diagnoser in the folder.
-/// As many random flights are flown for comparison. Every finding is said in words, and --replay flies it again. The command ends
-/// with what was not searched. It writes safety/worst-case.csv with every flight, safety/worst-case-cells.csv and a
-/// figure for each objective. An interrupted search goes on where it was last stored.
+/// As many random flights are flown for comparison. Every finding is said in words, and --replay flies it again. The
+/// command ends with what was not searched. It writes safety/worst-case.csv with every flight,
+/// safety/worst-case-cells.csv and a figure for each objective. An interrupted search goes on where it was last stored.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a study with a diagnoser ('servotwin flights').

@@ -25,6 +25,15 @@ fn exported(name: &str) -> (Folder, String, String) {
     (folder, model, out)
 }
 
+/// A model that was changed on purpose: without the line that holds its checksum.
+fn without_checksum(model: &str, folder: &Folder) -> String {
+    let other = folder.file("other.json");
+    let text = fs::read_to_string(model).unwrap();
+    let others = text.lines().filter(|line| !line.contains("\"sha256\""));
+    fs::write(&other, others.collect::<Vec<_>>().join("\n")).unwrap();
+    other
+}
+
 #[test]
 #[ignore = "slow: ./check --all"]
 fn an_export_is_proven_until_a_digit_of_it_changes() {
@@ -228,11 +237,7 @@ fn an_export_in_single_precision_is_proven_and_lists_what_it_decides_otherwise()
     assert!(message.contains("possible values: f64, f32"), "{message}");
     let message = fails(&["prove", &double, "--flights", "1"], 3);
     assert!(message.contains("leave '--flights' out"), "{message}");
-    let other = folder.file("other.json");
-    // Changed on purpose: without the line that holds its checksum.
-    let text = fs::read_to_string(&model).unwrap();
-    let others = text.lines().filter(|line| !line.contains("\"sha256\""));
-    fs::write(&other, others.collect::<Vec<_>>().join("\n")).unwrap();
+    let other = without_checksum(&model, &folder);
     let message = fails(&["prove", &out, "--model", &other], 3);
     assert!(message.contains("is not the one that was exported"), "{message}");
 }
@@ -268,11 +273,7 @@ fn what_is_no_export_is_named() {
     assert!(message.contains("this folder holds other files"), "{message}");
     let message = fails(&["prove", &used], 3);
     assert!(message.contains("there is no export here"), "{message}");
-    let other = folder.file("other.json");
-    // Changed on purpose: without the line that holds its checksum.
-    let text = fs::read_to_string(&model).unwrap();
-    let others = text.lines().filter(|line| !line.contains("\"sha256\""));
-    fs::write(&other, others.collect::<Vec<_>>().join("\n")).unwrap();
+    let other = without_checksum(&model, &folder);
     let message = fails(&["prove", &out, "--model", &other], 3);
     assert!(message.contains("is not the one that was exported"), "{message}");
     let (own, proof) =

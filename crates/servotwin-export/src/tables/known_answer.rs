@@ -6,6 +6,7 @@ use crate::error::ExportError;
 use crate::notation::{write_list, write_public};
 use crate::precision::Precision;
 use crate::twin::ExportedTwin;
+use servotwin_diagnosis::diagnoser::environment::InputRange;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::sliding::WindowSpan;
@@ -131,10 +132,8 @@ pub(crate) fn center(diagnoser: &Diagnoser, random: &mut Random) -> Vec<f64> {
     let place = |name: &str| environment.inputs.iter().position(|input| input.name == name);
     let mut values = Vec::new();
     for _ in 0..1000 {
-        let inside = |input: &servotwin_diagnosis::diagnoser::environment::InputRange,
-                      share: f64| {
-            input.least + share * (input.largest - input.least)
-        };
+        let inside =
+            |input: &InputRange, share: f64| input.least + share * (input.largest - input.least);
         values = environment.inputs.iter().map(|i| inside(i, random.between(0.1, 0.9))).collect();
         let holds = environment.differences.iter().all(|difference| {
             let pair = place(&difference.of).zip(place(&difference.minus));

@@ -25,7 +25,7 @@ section! {
         may unit_parameters: BTreeMap<String, f64>, "values for parameters of the faulty channel";
         may parameters: BTreeMap<String, f64>, "values for parameters of the system";
         may takes_out: Vec<String>,
-            "sensors that are ignored after the action: of these, those of the faulty channel and of none";
+            "sensors that are ignored after the action; those of other channels stay";
     }
 }
 

@@ -14,8 +14,9 @@
 //! Much of a margin is chance: noise, and the random part of a command. It follows from the number of a point, so half
 //! of the points are *offspring*: they keep the number of one of the worst points, and most of its values.
 //!
-//! Sources: Hesterberg, Technometrics 37, 1995 (defensive mixtures); Rubinstein, Kroese, "The Cross-Entropy Method", Springer 2004, chapters 2 and 5 (smoothing α); uniform
-//! crossover with a share of new values: Syswerda, Proc. 3rd Int. Conf. Genetic Algorithms, 1989.
+//! Sources: Rubinstein, Kroese, "The Cross-Entropy Method", Springer 2004, chapters 2 and 5 (smoothing α); defensive
+//! mixtures: Hesterberg, Technometrics 37, 1995; uniform crossover with a share of new values: Syswerda, Proc. 3rd Int.
+//! Conf. Genetic Algorithms, 1989.
 
 use super::SearchOutcome;
 use super::space::{Distribution, SearchPoint, SearchSpace};
