@@ -199,7 +199,7 @@ class Bench:
         logs = {f"log {ending}": (f"log.{ending}", [watch("@"), ["fit", "@", *study, "--out", "fitted.toml"]])
                 for ending in ("csv", "jsonl", "parquet", "mcap")}
         stages = lambda *names: [[name, "out"] for name in names]
-        shard = next(p for p in sorted((self.folder / "out/shards").iterdir())).relative_to(self.folder)
+        part = next(p for p in sorted((self.folder / "out/parts").iterdir())).relative_to(self.folder)
         return {
             "study": ("study.toml", [["check", "@"], ["campaign", "@", "--out", "new"]]),
             "study of two": ("tiny.toml", [["check", "@"]]),
@@ -212,7 +212,7 @@ class Bench:
             "diagnoser": ("out/diagnoser-realistic.json", [["watch", "log.csv", *study, "--model", "@", "--html", "w.html"]]),
             "checkpoint": ("checkpoint.json", [watch("log.csv", "--checkpoint", "@", "--resume")]),
             "data set": ("out/dataset-ideal.parquet", stages("train", "evaluate")),
-            "shard": (str(shard), stages("merge", "features")),
+            "part": (str(part), stages("merge", "features")),
             "hierarchy": ("out/panel-ideal.json", [["explain", "0", "--out", "out", "--subject", "ideal"]]),
             "results": ("out/evaluation.json", stages("report")),
             "flights": ("out/flights.json", stages("report")),

@@ -12,9 +12,9 @@ import re
 import tempfile
 from pathlib import Path
 
+import polars
 from studies import ROOT, binary, run
 
-SHARD = 205
 MANY = 10_000_000
 SETTING = ("--setting", "realistic")
 
@@ -44,12 +44,15 @@ def size(folder, pattern):
     return sum(path.stat().st_size for path in folder.glob(pattern))
 
 
-def part(folder, study, shards, *settings):
-    """Cost of a part, its variants, and the bytes of its shards."""
-    out = folder / f"out-{shards.replace('/', '-')}"
-    cost = run(binary(), "campaign", study, "--out", out, "--shards", shards, "--quiet", *settings)
-    files = len(list(out.glob("shards/*.parquet")))
-    return cost, files * SHARD, size(out, "shards/*.parquet")
+def share(folder, study, number, *settings):
+    """Cost of a share of the parts, and the folder of its files."""
+    out = folder / f"out-{number.replace('/', '-')}"
+    cost = run(binary(), "campaign", study, "--out", out, "--share", number, "--quiet", *settings)
+    return cost, out
+
+
+def rows_of(out):
+    return sum(polars.scan_parquet(path).select(polars.len()).collect().item() for path in out.glob("parts/*.parquet"))
 
 
 def main():
@@ -57,33 +60,30 @@ def main():
         folder = Path(name)
         study = folder / "paper.toml"
         study.write_text(paper(), encoding="utf-8")
-        cost, variants, shards_size = part(folder, study, "1/1", *SETTING)
-        seconds, shard_bytes = cost.processor_s / variants, shards_size / variants
+        cost, out = share(folder, study, "1/1", *SETTING)
+        variants = rows_of(out)
+        seconds, stored = cost.processor_s / variants, size(out, "parts/*.parquet") / variants
         print(f"{variants} variants: {cost.wall_s:.0f} s, {cost.processor_s:.0f} s of processor, {cost.memory_mb:.0f} MB")
-        print(f"a variant: {1e3 * seconds:.1f} ms of processor, {shard_bytes:.0f} bytes in its shard")
-        print(f"a shard of {SHARD}: {SHARD * seconds:.1f} s, {SHARD * shard_bytes / 1e3:.0f} kB")
+        print(f"a variant: {1e3 * seconds:.1f} ms of processor, {stored:.0f} bytes in its part")
 
         brief = folder / "short.toml"
         brief.write_text(short(paper()), encoding="utf-8")
-        out = folder / "short"
-        run(binary(), "campaign", brief, "--out", out, "--shards", "1/1", "--quiet", *SETTING)
+        _, out = share(folder / "short", brief, "1/1", *SETTING)
         merge = run(binary(), "merge", out, "--quiet", *SETTING)
-        rows = len(list(out.glob("shards/*.parquet"))) * SHARD
+        rows = rows_of(out)
         table = size(out, "dataset-*.parquet") / rows
         merged = merge.processor_s / rows
         print(f"merge of {rows}: {1e3 * merged:.2f} ms a variant, {merge.memory_mb:.0f} MB; {table:.0f} bytes a row")
 
         long = folder / "long.toml"
         long.write_text(many_cases(short(paper())), encoding="utf-8")
-        tiny, found, _ = part(folder, long, "1/100000", *SETTING)
-        assert found == SHARD
-        print(f"one shard of ten million variants: {tiny.processor_s:.0f} s, {tiny.memory_mb:.0f} MB")
+        tiny, out = share(folder, long, "1/100000", *SETTING)
+        print(f"{rows_of(out)} of ten million variants: {tiny.processor_s:.0f} s, {tiny.memory_mb:.0f} MB")
 
-    shards = math.ceil(MANY / SHARD)
-    parts = 1000
-    print(f"ten million variants: {MANY * seconds / 3600:.0f} hours of a core in {shards} shards;")
-    print(f"  in {parts} parts {MANY / parts * seconds / 3600:.2f} h each, {parts * tiny.processor_s / 3600:.1f} h of all for plans;")
-    print(f"  {MANY * shard_bytes / 1e9:.0f} GB of shards, {MANY * table / 1e9:.0f} GB of data set;")
+    shares = 1000
+    print(f"ten million variants: {MANY * seconds / 3600:.0f} hours of a core;")
+    print(f"  in {shares} shares {MANY / shares * seconds / 3600:.2f} h each, {shares * tiny.processor_s / 3600:.1f} h of all for plans;")
+    print(f"  {MANY * stored / 1e9:.0f} GB of parts, {MANY * table / 1e9:.0f} GB of data set;")
     print(f"  merge {MANY * merged / 3600:.1f} h of a core")
 
 

@@ -20,7 +20,7 @@ def measure(variants, folder):
     study.write_text(many(variants), encoding="utf-8")
     parts, whole = folder / "parts", folder / "whole"
     costs = [
-        run(binary(), "campaign", study, "--out", parts, "--shards", f"{k}/{PARTS}", "--quiet")
+        run(binary(), "campaign", study, "--out", parts, "--share", f"{k}/{PARTS}", "--quiet")
         for k in range(1, PARTS + 1)
     ]
     merge = run(binary(), "merge", parts, "--quiet")

@@ -90,7 +90,7 @@ def evaluate(
 ) -> dict[str, Any]:
     """Judge a trained folder, each protocol of each scenario on a worker of a client.
 
-    Workers read data sets, shards and trained files where `servotwin.campaign` and `servotwin.train` have left
+    Workers read data sets, parts and trained files where `servotwin.campaign` and `servotwin.train` have left
     them; each worker copies them from a storage.
 
     Parameters
@@ -190,7 +190,7 @@ def flights(
         )
         return sent[-1]
 
-    with told(progress) as show, _mirrored(store, shards=False) as folder:
+    with told(progress) as show, _mirrored(store, parts=False) as folder:
         try:
             for name in names:
                 learned = [submit(_flown, f"to learn {name} {k}", name, k, None) for k in range(len(to_learn))]
@@ -270,21 +270,21 @@ def _key(name: str, *about: Any) -> str:
 
 
 def _piece_key(name: str, task: Any, *about: Any) -> str:
-    settings, training, shards = task[:3]
+    settings, training, part = task[:3]
     role = "training" if training else "judged"
-    return _key(f"{name} {'+'.join(settings)} {role}-{shards[0]}", *about)
+    return _key(f"{name} {'+'.join(settings)} {role}-{part}", *about)
 
 
 def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran]:
-    """Join the shards here, and put what comes of it into the storage."""
+    """Join the parts here, and put what comes of it into the storage."""
     if store.local is not None:
         return merge(store.local, settings=settings, progress=False)
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
         folder = _Path(name)
-        (folder / "shards").mkdir()
+        (folder / "parts").mkdir()
         calibrations = sorted({task[5] for task in tasks if task[5] is not None})
-        shards = [f"shards/{file}" for task in tasks for file in task[3]]
-        for file in ["study.toml", "system.toml", *calibrations, *shards]:
+        parts = [f"parts/{file}" for task in tasks for file in task[3]]
+        for file in ["study.toml", "system.toml", *calibrations, *parts]:
             if not store.fetch(file, folder / file):
                 raise FileNotFoundError(f"{store.address}/{file} has vanished from the storage")
         ran = merge(folder, settings=settings, progress=False)
@@ -331,13 +331,13 @@ def _calibration(
 
 
 @contextmanager
-def _mirrored(store: _Store, shards: bool = True) -> Iterator[_Path]:
+def _mirrored(store: _Store, parts: bool = True) -> Iterator[_Path]:
     """The folder itself where it is local, else a copy that is thrown away."""
     if store.local is not None:
         yield store.local
         return
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
-        store.fetch_all(_Path(name), shards)
+        store.fetch_all(_Path(name), parts)
         yield _Path(name)
 
 
@@ -406,26 +406,26 @@ def _piece(
     threads: int,
     calibrated: None,
 ) -> dict[str, float]:
-    """Simulate one piece in a worker, and put its shards into the storage."""
+    """Simulate one part in a worker, and put its files into the storage."""
     begin = time.monotonic()
-    settings, training, shards, files, _, needed = task
+    settings, training, part, files, _, needed = task
     store = _Store(out, options)
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
         folder = _Path(name)
-        (folder / "shards").mkdir()
+        (folder / "parts").mkdir()
         if needed is not None:
             store.fetch(needed, folder / needed)
-        there = {f for f in files if store.fetch(f"shards/{f}", folder / "shards" / f)}
-        before = {f: (folder / "shards" / f).read_bytes() for f in there}
+        there = {f for f in files if store.fetch(f"parts/{f}", folder / "parts" / f)}
+        before = {f: (folder / "parts" / f).read_bytes() for f in there}
         study = _study(store, mark)
         variants, resumed = _native.run_task(
-            study, folder, settings, training, shards, threads
+            study, folder, settings, training, part, threads
         )
         for file in files:
-            path = folder / "shards" / file
+            path = folder / "parts" / file
             if before.get(file) != path.read_bytes():
-                store.put(path, f"shards/{file}")
-        size = sum((folder / "shards" / file).stat().st_size for file in files)
+                store.put(path, f"parts/{file}")
+        size = sum((folder / "parts" / file).stat().st_size for file in files)
     return {
         "variants": variants,
         "resumed": resumed,
@@ -479,11 +479,11 @@ class _Store:
             path.write_bytes(content)
         return content is not None
 
-    def fetch_all(self, folder: _Path, shards: bool) -> None:
-        """Copy what stages have left, with the shards or without."""
+    def fetch_all(self, folder: _Path, parts: bool) -> None:
+        """Copy what stages have left, with the parts or without."""
         for path in self._again(lambda: self.fs.find(self.root)):
             name = str(path).split(self.root.strip("/") + "/", 1)[1]
-            wanted = shards or not name.startswith("shards/")
+            wanted = parts or not name.startswith("parts/")
             if wanted and not name.endswith(".tmp"):
                 (folder / name).parent.mkdir(exist_ok=True)
                 self.fetch(name, folder / name)

@@ -77,7 +77,7 @@ def campaign(
     *,
     settings: Optional[list[str]] = None,
     threads: Optional[int] = None,
-    part: Optional[str] = None,
+    share: Optional[str] = None,
     progress: Union[bool, Progress] = True,
 ) -> list[Ran]:
     """Simulate every fault in every operating case into the data sets of a folder.
@@ -94,8 +94,8 @@ def campaign(
         The scenarios; "ideal", "noise" and "realistic" by default.
     threads : int, optional
         The number of threads; all processors by default.
-    part : str, optional
-        A part such as "3/100". When all parts have ended, `merge` makes the data sets.
+    share : str, optional
+        A share such as "3/100". When all shares have ended, `merge` makes the data sets.
     progress : bool or callable
         See the module.
 
@@ -104,7 +104,7 @@ def campaign(
     list of Ran
     """
     with told(progress) as show:
-        done = _native.run_campaign(study, os.fspath(out), settings, threads, part, show)
+        done = _native.run_campaign(study, os.fspath(out), settings, threads, share, show)
     return [Ran(*one) for one in done]
 
 
@@ -119,7 +119,7 @@ def merge(
     Parameters
     ----------
     out : path
-        The folder of all parts.
+        The folder of all shares.
     settings : list of str, optional
         The scenarios; "ideal", "noise" and "realistic" by default.
     progress : bool or callable
@@ -130,7 +130,7 @@ def merge(
     list of Ran
     """
     with told(progress) as show:
-        return [Ran(*one) for one in _native.merge_shards(os.fspath(out), settings, show)]
+        return [Ran(*one) for one in _native.merge_parts(os.fspath(out), settings, show)]
 
 
 def features(out: Path, *, progress: Union[bool, Progress] = True) -> list[_Path]:

@@ -46,7 +46,7 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::tasks, module)?)?;
     module.add_function(wrap_pyfunction!(study::run_calibration, module)?)?;
     module.add_function(wrap_pyfunction!(study::run_task, module)?)?;
-    module.add_function(wrap_pyfunction!(study::merge_shards, module)?)?;
+    module.add_function(wrap_pyfunction!(study::merge_parts, module)?)?;
     module.add_function(wrap_pyfunction!(study::join_study, module)?)?;
     module.add_function(wrap_pyfunction!(study::make_features, module)?)?;
     module.add_function(wrap_pyfunction!(study::train_folder, module)?)?;

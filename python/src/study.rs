@@ -6,7 +6,9 @@ use crate::system::System;
 use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::campaign::columns::feature_columns_of;
-use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Part, PreparedCampaign, runs};
+use servotwin::campaign::{
+    Campaign, CampaignError, CampaignOutcome, PreparedCampaign, Share, runs,
+};
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Among, Folder, JobError, data_card, manifest};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
@@ -276,46 +278,46 @@ fn done(role: Role, settings: &[Setting], outcome: CampaignOutcome) -> Result<Do
     Ok((names, is_training, outcome.variants, outcome.resumed, failed.collect()))
 }
 
-/// Simulates every fault of a study in every case, into data sets; or one part of it into shards.
+/// Simulates every fault of a study in every case, into data sets; or one share of it into parts.
 #[pyfunction]
-#[pyo3(signature = (study, out, settings = None, threads = None, part = None, progress = None))]
+#[pyo3(signature = (study, out, settings = None, threads = None, share = None, progress = None))]
 pub fn run_campaign(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     settings: Option<Vec<String>>,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
-    part: Option<&str>,
+    share: Option<&str>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Done>> {
     let wanted = chosen(settings)?;
-    let part: Option<Part> = part.map(str::parse).transpose().map_err(Failure::value)?;
+    let share: Option<Share> = share.map(str::parse).transpose().map_err(Failure::value)?;
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
         let runs = runs(study, |setting| wanted.contains(&setting));
         if runs.is_empty() {
             return Err(missing(&wanted, study));
         }
-        let _hold = match part {
+        let _hold = match share {
             Some(_) => folder.join_study(study)?,
             None => folder.keep_study(study, false)?.hold,
         };
-        let (mut list, mut bundles) = (vec![], 0);
+        let (mut list, mut parts) = (vec![], 0);
         for (role, settings) in runs {
             let campaign = planned(study, role, settings.clone(), &folder, threads, watch);
             let what = name(role, &settings);
             let told = |done, all| watch.tell(&what, done, all);
-            let outcome = match part {
+            let outcome = match share {
                 None => campaign.run(told)?,
-                Some(part) => {
-                    let (outcome, count) = campaign.run_part(part, bundles, told)?;
-                    bundles += count;
+                Some(share) => {
+                    let (outcome, count) = campaign.run_share(share, parts, told)?;
+                    parts += count;
                     outcome
                 }
             };
             list.push(done(role, &settings, outcome)?);
         }
-        if part.is_none() {
+        if share.is_none() {
             data_card::write(&folder, study)?;
             manifest::write(&folder, study)?;
         }
@@ -324,9 +326,9 @@ pub fn run_campaign(
     Ok(result?)
 }
 
-/// A piece of a campaign that runs anywhere: (settings, training, shards, files, variants, the file with
+/// A piece of a campaign that runs anywhere: (settings, training, part, files, rows, the file with
 /// calibrated specimens that it needs).
-type Task = (Vec<&'static str>, bool, Vec<usize>, Vec<String>, usize, Option<String>);
+type Task = (Vec<&'static str>, bool, usize, Vec<String>, usize, Option<String>);
 
 /// The pieces of a study's campaigns.
 #[pyfunction]
@@ -343,11 +345,10 @@ pub fn tasks(py: Python<'_>, study: &Study, settings: Option<Vec<String>>) -> Py
             let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
             let campaign = planned(&study.inner, role, settings, &folder, None, &watch);
             let prepared = study.prepared(&campaign)?;
-            list.extend(prepared.bundles().into_iter().map(|bundle| {
-                let files = campaign.shard_files(&prepared, &bundle);
-                let variants = campaign.variants_in(&prepared, &bundle);
+            list.extend((0..prepared.part_count()).map(|part| {
+                let (files, rows) = campaign.part_files(&prepared, part);
                 let is_training = role == Role::Training;
-                (names.clone(), is_training, bundle, files, variants, campaign.calibration())
+                (names.clone(), is_training, part, files, rows, campaign.calibration())
             }));
         }
         Ok(list)
@@ -374,16 +375,16 @@ pub fn run_calibration(
     Ok(result?)
 }
 
-/// Simulates one piece into the folder's shards: (variants, of them found done).
+/// Simulates one part into a folder: (rows, of them found done).
 #[pyfunction]
-#[pyo3(signature = (study, out, settings, training, shards, threads = None))]
+#[pyo3(signature = (study, out, settings, training, part, threads = None))]
 pub fn run_task(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     settings: Vec<String>,
     training: bool,
-    shards: Vec<usize>,
+    part: usize,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<(usize, usize)> {
     let (settings, folder) = (chosen(Some(settings))?, Folder::new(out));
@@ -391,7 +392,7 @@ pub fn run_task(
         let _hold = folder.hold(Among::Parts)?;
         let campaign = planned(&study.inner, role(training), settings, &folder, threads, watch);
         let prepared = study.prepared(&campaign)?;
-        let outcome = campaign.run_bundles(&prepared, vec![shards], |_, _| ())?;
+        let outcome = campaign.run_parts(&prepared, &[part], |_, _| ())?;
         if outcome.cancelled {
             return Err(CampaignError::Cancelled.into());
         }
@@ -400,10 +401,10 @@ pub fn run_task(
     Ok(result?)
 }
 
-/// Joins shards to data sets.
+/// Joins parts to data sets.
 #[pyfunction]
 #[pyo3(signature = (out, settings = None, progress = None))]
-pub fn merge_shards(
+pub fn merge_parts(
     py: Python<'_>,
     out: PathBuf,
     settings: Option<Vec<String>>,

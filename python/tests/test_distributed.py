@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from tiny import STUDY, contents, many_shards, with_fitted
+from tiny import STUDY, contents, many_parts, with_fitted
 
 import servotwin
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def study():
-    return servotwin.Study.parse(many_shards())
+    return servotwin.Study.parse(many_parts())
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_a_campaign_goes_on_with_a_new_scheduler(study, whole, tmp_path):
     with Cluster(1) as cluster, cluster.client(1) as client:
         with pytest.raises(Enough):
             distributed.campaign(study, client, str(tmp_path), progress=stop)
-    there = {name for name in contents(tmp_path) if name.startswith("shards")}
+    there = {name for name in contents(tmp_path) if name.startswith("parts")}
     assert there
     assert not any(".tmp" in name for name in there)
     with Cluster(1) as cluster, cluster.client(1) as client:
@@ -152,14 +152,14 @@ def test_a_storage_that_fails_one_write_in_ten_gives_the_same_bytes(tmp_path, mo
     for k in range(100):
         path = tmp_path / "file"
         path.write_bytes(bytes([k]) * 100)
-        store.put(path, f"shards/{k}")
+        store.put(path, f"parts/{k}")
     written = contents(tmp_path / "out")
     assert count[0] > 100
-    assert written == {f"shards/{k}": bytes([k]) * 100 for k in range(100)}
+    assert written == {f"parts/{k}": bytes([k]) * 100 for k in range(100)}
     # A storage that always fails gives an error, and nothing half-written.
     monkeypatch.setattr(LocalFileSystem, "pipe_file", lambda *_, **__: (_ for _ in ()).throw(OSError()))
     with pytest.raises(OSError):
-        store.put(path, "shards/never")
+        store.put(path, "parts/never")
     assert contents(tmp_path / "out") == written
 
 
@@ -185,10 +185,10 @@ def test_the_fitted_setting_has_the_bytes_of_one_machine(tmp_path):
         )
     assert [one.settings for one in ran] == [["fitted"]]
     assert_same(shared, contents(alone))
-    # In parts, without Dask.
+    # In shares, without Dask.
     parts = tmp_path / "parts"
-    for part in ("2/2", "1/2"):
-        servotwin.campaign(fitted, parts, settings=["fitted"], part=part, progress=False)
+    for share in ("2/2", "1/2"):
+        servotwin.campaign(fitted, parts, settings=["fitted"], share=share, progress=False)
     servotwin.merge(parts, settings=["fitted"], progress=False)
     assert_same(parts, contents(alone))
 

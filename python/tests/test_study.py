@@ -25,7 +25,7 @@ def test_no_feature_column_holds_the_answer(results, study):
         assert features == servotwin.feature_columns(table.to_pandas())
         assert len(features) > 50
         answers = {"variant", "case", "flown", "seed", "fault", "kind", "intensity", "grade"}
-        answers |= {"actuator", "command", "detail", "reflected", "detectable", "deviates", "failure"}
+        answers |= {"actuator", "command", "detail", "detectable", "deviates", "failure"}
         assert not answers & set(features)
         assert not [name for name in features if name.startswith(("i:", "largest"))]
         assert [name for name in table.columns if name.startswith("i:")], "they are in the table"
@@ -147,8 +147,8 @@ def test_the_command_line_gives_the_same_bytes(results, tmp_path):
 
 
 def test_parts_are_joined_to_the_same_bytes(results, study, tmp_path):
-    for part in ("2/3", "1/3", "3/3"):
-        servotwin.campaign(study, tmp_path, part=part, progress=False)
+    for share in ("2/3", "1/3", "3/3"):
+        servotwin.campaign(study, tmp_path, share=share, progress=False)
         assert not list(tmp_path.glob("dataset*"))
     servotwin.merge(tmp_path, progress=False)
     joined, whole = contents(tmp_path), contents(results)
@@ -159,16 +159,16 @@ def test_parts_are_joined_to_the_same_bytes(results, study, tmp_path):
 
 
 def test_a_merge_without_a_part_and_another_study_are_refused(study, tmp_path):
-    servotwin.campaign(study, tmp_path, part="1/2", progress=False)
+    servotwin.campaign(study, tmp_path, share="1/2", progress=False)
     with pytest.raises(servotwin.StageError, match="have not been simulated"):
         servotwin.merge(tmp_path, progress=False)
     other = servotwin.Study.parse(STUDY.replace('"tiny"', '"other"'))
     with pytest.raises(servotwin.StageError, match="another study") as raised:
-        servotwin.campaign(other, tmp_path, part="1/2", progress=False)
+        servotwin.campaign(other, tmp_path, share="1/2", progress=False)
     assert raised.value.file == str(tmp_path)
     for wrong in ("0/2", "3/2", "x"):
         with pytest.raises(servotwin.InputError):
-            servotwin.campaign(study, tmp_path, part=wrong, progress=False)
+            servotwin.campaign(study, tmp_path, share=wrong, progress=False)
 
 
 def test_a_setting_that_the_study_does_not_have_is_refused(study, tmp_path):

@@ -30,8 +30,8 @@ shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 """
 
 
-def many_shards():
-    """The same with very short runs and so many variants that there are several shards."""
+def many_parts():
+    """The same with very short runs and many cases, so that there are several parts."""
     text = STUDY.replace("duration_s = 2\nsample_hz = 50", "duration_s = 0.1\nsample_hz = 50")
     text = text.replace(
         'signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"',
@@ -46,8 +46,8 @@ def many_shards():
 
 
 def with_fitted():
-    """Several shards of specimens beside twins that are fitted to them."""
-    return many_shards().replace(
+    """Several parts of specimens beside twins that are fitted to them."""
+    return many_parts().replace(
         "[reactions]",
         'tolerances = [{ parameters = ["servo_valve.null_bias"], sigma = 0.0067, absolute = true }]\n'
         "[fitted]\n"

@@ -55,7 +55,7 @@ pub enum Failure {
     #[error("error: {0}")]
     Serve(#[from] servotwin_serve::ServeError),
     /// A campaign could not be simulated or written.
-    #[error("{}", hint::of_campaign(.0))]
+    #[error("error: {0}")]
     Campaign(CampaignError),
     /// A name that the system does not have.
     #[error("error: {name}{list}", name = .0, list = if .0.is_long() { LIST_OF_NAMES } else { "" })]

@@ -1,6 +1,5 @@
 //! Adds helpful options to errors of the library, which does not know the command line.
 
-use servotwin::campaign::CampaignError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::job::JobError;
 use servotwin_watch::WatchError;
@@ -9,20 +8,10 @@ use servotwin_watch::source::SourceError;
 use servotwin_watch::span::CutError;
 use std::path::Path;
 
-/// The message of a campaign's error.
-pub fn of_campaign(error: &CampaignError) -> String {
-    let hint = match error {
-        CampaignError::NotAlike => ": run every part again with 'servotwin campaign --all'",
-        _ => "",
-    };
-    format!("error: {error}{hint}")
-}
-
 /// The message of a stage's error. Mistakes of a study begin with their place instead of `error`.
 pub fn of_job(error: &JobError) -> String {
     match error {
         JobError::Study(error) => error.to_string(),
-        JobError::Campaign(error) => of_campaign(error),
         JobError::NoDataSet { folder } => {
             let folder = folder.display();
             format!("error: {error}; 'servotwin campaign --out {folder}' makes it")

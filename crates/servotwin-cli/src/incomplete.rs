@@ -12,7 +12,7 @@ pub struct Incomplete {
     pub folder: PathBuf,
     /// The scenario given to the merge.
     pub setting: Option<String>,
-    /// Descriptions of the campaigns with missing shards.
+    /// Descriptions of the campaigns with missing parts.
     pub names: Vec<String>,
     /// The missing rows of each campaign.
     pub missing: MissingParts,
@@ -27,12 +27,12 @@ impl Incomplete {
                 "training": rows.role == servotwin::study::Role::Training,
                 "missing": rows.missing,
                 "variants": rows.variants,
-                "parts": rows.parts,
+                "shares": rows.shares,
             })
         });
         serde_json::json!({
             "of": self.missing.of,
-            "parts": self.missing.parts,
+            "shares": self.missing.shares,
             "campaigns": rows.collect::<Vec<_>>(),
             "resubmit": self.resubmit(),
         })
@@ -40,20 +40,17 @@ impl Incomplete {
 
     /// One shell line that runs the missing parts.
     fn resubmit(&self) -> String {
-        let MissingParts { of, parts, simulate_images, .. } = &self.missing;
+        let MissingParts { of, shares, .. } = &self.missing;
         let folder = quoted(&self.folder.to_string_lossy()).into_owned();
         let mut command = format!("servotwin campaign {folder} --out {folder}");
         if let Some(setting) = &self.setting {
             command += &format!(" --setting {setting}");
         }
-        if *simulate_images {
-            command += " --all";
-        }
-        match parts[..] {
-            [part] => format!("{command} --shards {part}/{of}"),
+        match shares[..] {
+            [share] => format!("{command} --share {share}/{of}"),
             _ => {
-                let list: Vec<String> = parts.iter().map(usize::to_string).collect();
-                format!("for part in {}; do {command} --shards $part/{of}; done", list.join(" "))
+                let list: Vec<String> = shares.iter().map(usize::to_string).collect();
+                format!("for share in {}; do {command} --share $share/{of}; done", list.join(" "))
             }
         }
     }
@@ -64,9 +61,9 @@ impl fmt::Display for Incomplete {
         let MissingParts { of, campaigns, damaged, .. } = &self.missing;
         write!(out, "parts of the campaign are missing")?;
         for (name, rows) in self.names.iter().zip(campaigns) {
-            let (missing, variants, parts) = (rows.missing, rows.variants, ranges(&rows.parts));
-            let part = if rows.parts.len() == 1 { "part" } else { "parts" };
-            write!(out, "\n  {name}: {missing} of {variants} rows, {part} {parts} of {of}")?;
+            let (missing, variants, shares) = (rows.missing, rows.variants, ranges(&rows.shares));
+            let share = if rows.shares.len() == 1 { "share" } else { "shares" };
+            write!(out, "\n  {name}: {missing} of {variants} rows, {share} {shares} of {of}")?;
         }
         if let Some(path) = damaged {
             write!(out, "\n  {} is damaged and counts as missing", path.display())?;

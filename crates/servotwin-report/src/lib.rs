@@ -160,7 +160,6 @@ pub static CHAPTERS: &[Chapter] = &[
                 write: macrostructure::write,
             },
             Section { id: "trees", title: "The trees", write: actuator_tree::write },
-            Section { id: "leaves", title: "The worst leaves", write: leaves::write },
         ],
     },
     Chapter {

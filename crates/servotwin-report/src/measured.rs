@@ -287,7 +287,8 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
 /// The hardest protocol that the study allows, and the one that also holds the fault out.
 fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
     let headline = evaluation.headline().map(|result| result.protocol);
-    let held_out = evaluation.protocol(Protocol::NewCommandAndFault).map(|result| result.protocol);
+    let held_out = evaluation.protocol(Protocol::UnseenIntensity).map(|result| result.protocol);
+    let held_out = held_out.filter(|protocol| Some(*protocol) != headline);
     headline.into_iter().chain(held_out).collect()
 }
 

@@ -319,7 +319,6 @@ fn evaluation() -> Evaluation {
         classifiers: vec![],
         ablation: vec![],
         ambiguity: Ambiguity { pairs: vec![], groups: vec![] },
-        worst_leaves: vec![],
         stages: vec![],
         false_alarms: None,
     }

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, OnTheMove, Part, runs};
+use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, OnTheMove, Share, runs};
 use servotwin::job::{Folder, data_card, manifest};
 use servotwin::parallel::Workers;
 use servotwin::study::{Role, Setting, Study};
@@ -15,7 +15,7 @@ use std::time::Instant;
 
 /// Simulate every fault of a study in every operating case, and write a data set.
 ///
-/// An interrupted campaign continues where it stopped. It keeps the complete shards, and the result is the same to the
+/// An interrupted campaign continues where it stopped. It keeps the complete parts, and the result is the same to the
 /// byte.
 #[derive(clap::Args)]
 pub struct Options {
@@ -29,15 +29,11 @@ pub struct Options {
     /// Also write the time series of every variant (gigabytes).
     #[arg(long)]
     keep_traces: bool,
-    /// Also simulate the variants that are symmetric copies of others (identical actuators, no tolerances). By default,
-    /// the simulations of the others stand for them.
-    #[arg(long)]
-    all: bool,
-    /// Simulate only one part of the campaign, e.g. 3/100 for the third of 100 parts. Use this for machines that share
-    /// the folder, or whose 'shards' folders you copy together. No data set is written; run 'servotwin merge' when all
-    /// parts have ended.
-    #[arg(long, value_name = "PART", conflicts_with = "keep_traces")]
-    shards: Option<Part>,
+    /// Simulate only one share of the campaign, e.g. 3/100 for the third of 100 shares. Use this for machines that have
+    /// the folder in common, or whose 'parts' folders you copy together. No data set is written; run 'servotwin merge'
+    /// when all shares have ended.
+    #[arg(long, conflicts_with = "keep_traces")]
+    share: Option<Share>,
 }
 
 /// Returns the text for standard output.
@@ -46,26 +42,25 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let runs = chosen(&study, options.setting.as_deref())?;
     let folder = Folder::new(&options.study.out);
-    let _hold = match options.shards {
+    let _hold = match options.share {
         Some(_) => folder.join_study(&study)?,
         None => options.study.keep(&study, global)?,
     };
     let mut text = String::new();
     let mut results = Vec::new();
-    let mut bundles = 0;
+    let mut parts = 0;
     for (role, settings) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
             keep_traces: options.keep_traces,
-            simulate_images: options.all,
             ..campaign(&study, role, settings, &folder, options.study.threads)
         };
-        let outcome = simulate(&campaign, options.shards.map(|part| (part, &mut bundles)), global)?;
+        let outcome = simulate(&campaign, options.share.map(|share| (share, &mut parts)), global)?;
         let seconds = begin.elapsed().as_secs_f64();
         text.push_str(&describe(&campaign, &outcome, seconds));
         results.push(to_json(&campaign, &outcome));
     }
-    if options.shards.is_none() {
+    if options.share.is_none() {
         data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
     }
@@ -109,11 +104,11 @@ pub fn campaign<'s>(
     }
 }
 
-/// Runs a campaign or a part of it, with its progress on a terminal. A part comes with the number of bundles in
-/// earlier campaigns.
+/// Runs a campaign or a share of it, with its progress on a terminal. A share comes with the number of parts in earlier
+/// campaigns.
 pub fn simulate(
     campaign: &Campaign,
-    part: Option<(Part, &mut usize)>,
+    share: Option<(Share, &mut usize)>,
     global: Global,
 ) -> Result<CampaignOutcome, Failure> {
     let bar = bar(&named(&campaign.settings, campaign.role), global);
@@ -123,11 +118,11 @@ pub fn simulate(
             state.set_pos(done as u64);
         });
     };
-    let outcome = match part {
+    let outcome = match share {
         None => campaign.run(told)?,
-        Some((part, before)) => {
-            let (outcome, bundles) = campaign.run_part(part, *before, told)?;
-            *before += bundles;
+        Some((share, before)) => {
+            let (outcome, parts) = campaign.run_share(share, *before, told)?;
+            *before += parts;
             outcome
         }
     };
@@ -167,17 +162,10 @@ pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) ->
         campaign.duration_s(),
         outcome.failed.len()
     );
-    if outcome.images > 0 {
-        text.push_str(&format!(
-            "  {} variants are shown by simulations of the same fault of another unit ('campaign --all' \
-             simulates them)\n",
-            outcome.images
-        ));
-    }
     if outcome.alike > 0 {
         text.push_str(&format!(
             "  {} healthy specimens differ by the noise of their sensors alone from one that is \
-             simulated ('campaign --all' simulates them)\n",
+             simulated\n",
             outcome.alike
         ));
     }
@@ -227,7 +215,6 @@ fn to_json(campaign: &Campaign, outcome: &CampaignOutcome) -> serde_json::Value 
         "training": campaign.role == Role::Training,
         "variants": outcome.variants,
         "resumed": outcome.resumed,
-        "images": outcome.images,
         "alike": outcome.alike,
         "steps": outcome.statistics.steps,
         "rejected": outcome.statistics.rejected,

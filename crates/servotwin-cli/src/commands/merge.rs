@@ -1,4 +1,4 @@
-//! `servotwin merge`: joins the shards from a campaign's parts into data sets.
+//! `servotwin merge`: joins the parts of a campaign into data sets.
 
 use super::campaign::{campaign, chosen, describe, named};
 use crate::failure::Failure;
@@ -11,20 +11,21 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Join the results of 'servotwin campaign --shards' into data sets.
+/// Join the results of 'servotwin campaign --share' into data sets.
 ///
-/// The files equal those of an undivided campaign to the byte. If parts are missing, the message names them with the
-/// command that runs them, and the exit code is 4. Parts of different divisions (3/100 and 2/7) may share one folder.
+/// The files equal those of an undivided campaign to the byte. If parts are missing, the message names their shares
+/// with the command that runs them, and the exit code is 4. Shares of different divisions (3/100 and 2/7) may use one
+/// folder.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The output folder of all parts.
+    /// The output folder of all shares.
     folder: PathBuf,
     /// The scenario that you gave to 'servotwin campaign' [default: all but fitted].
     #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
     setting: Option<String>,
-    /// Number of parts in which to count the missing work [default: the number of bundles, which fits any division].
+    /// Number of shares in which to count the missing work [default: the number of parts, which fits any division].
     #[arg(long, value_name = "NUMBER")]
-    parts: Option<NonZeroUsize>,
+    shares: Option<NonZeroUsize>,
 }
 
 /// Returns the text for standard output.
@@ -60,7 +61,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// The campaigns of the folder, in the order in which parts number their bundles.
+/// The campaigns of the folder, in the order in which shares number their parts.
 fn campaigns<'s>(
     options: &Options,
     study: &'s Study,
@@ -70,7 +71,7 @@ fn campaigns<'s>(
     Ok(runs.map(|(role, settings)| campaign(study, role, settings, folder, None)).collect())
 }
 
-/// The failure of a merge that lacks shards. With `--json` the missing parts also go to standard output.
+/// The failure of a merge that lacks parts. With `--json` their shares also go to standard output.
 fn incomplete(
     options: &Options,
     study: &Study,
@@ -79,9 +80,9 @@ fn incomplete(
     global: Global,
 ) -> Failure {
     let is_damaged = matches!(error, CampaignError::Unfinished { damaged: Some(_), .. });
-    let parts = options.parts.map(NonZeroUsize::get);
+    let shares = options.shares.map(NonZeroUsize::get);
     let found = campaigns(options, study, folder)
-        .and_then(|campaigns| missing_parts(&campaigns, parts, is_damaged));
+        .and_then(|campaigns| missing_parts(&campaigns, shares, is_damaged));
     let missing = match found {
         Ok(Some(missing)) => missing,
         Ok(None) => return error.into(),

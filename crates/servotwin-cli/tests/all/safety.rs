@@ -493,6 +493,7 @@ fn weakened(name: &str) -> (Folder, String) {
     let mut diagnoser: serde_json::Value = serde_json::from_str(&text).unwrap();
     diagnoser["tuning"]["least_limit_nats"] = 40.0.into();
     diagnoser["tuning"]["evidence_cap"] = 3.0.into();
+    diagnoser.as_object_mut().unwrap().remove("sha256");
     fs::write(&path, diagnoser.to_string()).unwrap();
     let path = Path::new(&out).join("manifest.json");
     let mut manifest: serde_json::Value =

@@ -490,10 +490,10 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let results = std::fs::read_to_string(file("evaluation.json")).unwrap();
     std::fs::write(file("evaluation.json"), results + "\n").unwrap();
     run(&["report", &out]);
-    // But rows that are not those of the shards are. (The report has written a manifest.)
+    // But rows that are not those of the parts are. (The report has written a manifest.)
     std::fs::remove_file(file("manifest.json")).unwrap();
     std::fs::copy(file("dataset-ideal.parquet"), file("dataset-ideal-training.parquet")).unwrap();
-    fails(&["evaluate", &out], 3, "but the shards beside it hold");
+    fails(&["evaluate", &out], 3, "but the parts beside it hold");
 }
 
 #[test]
@@ -504,7 +504,7 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     let held = std::fs::File::options().write(true).open(&lock).unwrap();
     held.lock().unwrap();
     let before = contents(Path::new(&out));
-    let part = ["campaign", &study, "--out", &out, "--setting", "ideal", "--shards", "1/1"];
+    let part = ["campaign", &study, "--out", &out, "--setting", "ideal", "--share", "1/1"];
     let busy = "out: another servotwin is working in this folder";
     for command in ["study", "campaign", "flights", "fly", "band"] {
         fails(&[command, &study, "--out", &out], 1, busy);
@@ -561,11 +561,11 @@ fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
     let folder = Folder::new("missing parts");
     let study = write_study(&folder, CLASSES);
     let parts = folder.file("parts");
-    // Parts of two submissions, and a shard that is damaged.
-    run(&["campaign", &study, "--out", &parts, "--shards", "3/4"]);
-    run(&["campaign", &study, "--out", &parts, "--shards", "2/9"]);
-    let shards = Path::new(&parts).join("shards");
-    let first = std::fs::read_dir(&shards).unwrap().next().unwrap().unwrap().path();
+    // Shares of two submissions, and a part that is damaged.
+    run(&["campaign", &study, "--out", &parts, "--share", "3/4"]);
+    run(&["campaign", &study, "--out", &parts, "--share", "2/9"]);
+    let files = Path::new(&parts).join("parts");
+    let first = std::fs::read_dir(&files).unwrap().next().unwrap().unwrap().path();
     let bytes = std::fs::read(&first).unwrap();
     std::fs::write(&first, &bytes[..bytes.len() / 2]).unwrap();
     let refused = servotwin(&["merge", &parts, "--json"]);
@@ -578,9 +578,9 @@ fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
     assert!(Command::new("sh").args(["-c", &line]).output().unwrap().status.success(), "{line}");
     run(&["merge", &parts]);
     assert_same(&contents(campaigns()), &contents(Path::new(&parts)));
-    // Another number of parts may be asked for.
+    // Another number of shares may be asked for.
     std::fs::remove_file(&first).unwrap();
-    let counted = servotwin(&["merge", &parts, "--parts", "2"]);
+    let counted = servotwin(&["merge", &parts, "--shares", "2"]);
     assert!(stderr(&counted).contains(" of 2\n"), "{}", stderr(&counted));
 }
 
@@ -589,21 +589,21 @@ fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     let folder = Folder::new("parts");
     let study = write_study(&folder, CLASSES);
     let (whole, parts) = (copy_of(campaigns(), &folder), folder.file("parts"));
-    run(&["campaign", &study, "--out", &parts, "--shards", "2/2"]);
+    run(&["campaign", &study, "--out", &parts, "--share", "2/2"]);
     assert_eq!(servotwin(&["merge", &parts]).status.code(), Some(4));
-    run(&["campaign", &study, "--out", &parts, "--shards", "1/2", "--threads", "1"]);
+    run(&["campaign", &study, "--out", &parts, "--share", "1/2", "--threads", "1"]);
     run(&["merge", &parts]);
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
     let fitted = ["--setting", "fitted"];
     run(&[&["campaign", &study, "--out", &whole], &fitted[..]].concat());
-    run(&[&["campaign", &study, "--out", &parts, "--shards", "1/1"], &fitted[..]].concat());
+    run(&[&["campaign", &study, "--out", &parts, "--share", "1/1"], &fitted[..]].concat());
     assert!(!Path::new(&parts).join("dataset-fitted.parquet").exists());
     run(&[&["merge", &parts], &fitted[..]].concat());
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
 
     let other = folder.file("other.toml");
     std::fs::write(&other, tiny(CLASSES).replace("0.4, 0.6", "0.5, 0.6")).unwrap();
-    fails(&["campaign", &other, "--out", &parts, "--shards", "1/2"], 3, "another study lies here");
-    let wrong = servotwin(&["campaign", &study, "--out", &parts, "--shards", "3/2"]);
+    fails(&["campaign", &other, "--out", &parts, "--share", "1/2"], 3, "another study lies here");
+    let wrong = servotwin(&["campaign", &study, "--out", &parts, "--share", "3/2"]);
     assert_eq!(wrong.status.code(), Some(2), "{}", stderr(&wrong));
 }

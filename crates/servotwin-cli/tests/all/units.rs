@@ -1,11 +1,11 @@
 //! Systems of one, two and three like units go the whole way, as users go it.
 
 use super::{Folder, json, servotwin, stderr, stdout};
+use servotwin::evaluation::model_file;
 use servotwin::flight::closed_loop::{self, Scenario};
 use servotwin::signal::Signal;
 use servotwin::study::Study;
 use servotwin::table;
-use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use std::path::Path;
 use std::sync::Arc;
@@ -145,38 +145,6 @@ fn three_like_units_go_the_whole_way() {
     whole_way(3);
 }
 
-/// What is shown by another unit's simulation is what its own would have shown.
-#[test]
-fn faults_of_three_units_are_images_of_the_first_ones() {
-    let folder = Folder::new("lanes-images");
-    let [study, out] = &lanes(&folder, 3, |text| text);
-    let all = &folder.file("all");
-    let campaign = |out: &str, more: &[&str]| {
-        let first = ["campaign", study, "--out", out, "--setting", "ideal"];
-        run(&[&first, more].concat())
-    };
-    // Of five kinds the stronger one of two intensities is a probe in the first of two cases.
-    let told = campaign(out, &[]);
-    assert!(
-        told.contains("30 variants are shown by simulations of the same fault of another unit"),
-        "{told}"
-    );
-    assert!(!told.contains("healthy specimens"), "{told}");
-    assert!(!campaign(all, &["--all"]).contains("are shown"));
-    let read = |out: &str| table::read(Path::new(out).join("dataset-ideal.parquet")).unwrap();
-    let (shown, simulated) = (read(out), read(all));
-    let is_image = shown.bool("reflected").unwrap();
-    assert_eq!(is_image.iter().filter(|is| **is).count(), 30);
-    let means: Vec<&str> = simulated.names().filter(|name| name.contains(":mean_")).collect();
-    assert!(means.iter().any(|name| name.starts_with("m3:mean_p_A3")), "{means:?}");
-    let mut largest: f64 = 0.0;
-    for name in means.iter().filter(|name| !name.contains("contrast")) {
-        let (a, b) = (shown.f64(name).unwrap(), simulated.f64(name).unwrap());
-        largest = a.iter().zip(b.iter()).fold(largest, |most, (a, b)| most.max((a - b).abs()));
-    }
-    assert!(largest < 1e-3 && largest > 0.0, "{largest}");
-}
-
 /// One unit after the other fails: two of three are switched off, and the last one never.
 #[test]
 #[ignore = "slow: ./check --all"]
@@ -186,8 +154,8 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
     let told = run(&["flights", study, "--out", out]);
     assert!(told.contains("shutdowns of the wrong lane: ") && !told.contains("actuator"), "{told}");
     let study = Study::read(Path::new(study)).unwrap();
-    let text = std::fs::read_to_string(Path::new(out).join("diagnoser-noise.json")).unwrap();
-    let diagnoser: Diagnoser = serde_json::from_str(&text).unwrap();
+    let diagnoser =
+        model_file::read_diagnoser(Path::new(out).join("diagnoser-noise.json")).unwrap();
     assert_eq!(diagnoser.tuning.least_on, 1);
     let duration_s = 14.0;
     let mut inputs = study.system.default_inputs();

@@ -25,10 +25,9 @@ pub fn write(material: &Material, page: &mut Page) {
             let name = format!("classifiers_{}_{stage}", result.subject.name());
             page.figure(&name, bars(&result.evaluation, stage), &format!(
                     "Setting: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
-                     same features and default settings: random thirds: {}; folds: {}, in which the \
-                     same fault and intensity stays together. Strokes across the foot of a bar: the axis does \
-                     not begin at zero. Whiskers: 95 %.",
-                    result.title, holding.repeats, holding.folds
+                     same features and default settings; random thirds: {}. Strokes across the foot of a \
+                     bar: the axis does not begin at zero. Whiskers: 95 %.",
+                    result.title, holding.repeats
                 ));
         }
     }
@@ -36,7 +35,9 @@ pub fn write(material: &Material, page: &mut Page) {
 
 fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
     let own = || evaluation.classifiers.iter().filter(|compared| compared.stage == stage);
-    let mut figure = Bars::new("", "accuracy (%)", &["random third", "grouped"]);
+    let hardest = evaluation.headline().map_or(Protocol::NewCommand, |result| result.protocol);
+    let protocols = [Protocol::RandomThird, hardest];
+    let mut figure = Bars::new("", "accuracy (%)", &protocols.map(Protocol::title));
     figure.looks = looks::plain();
     let mut titles: Vec<&str> = vec![];
     for compared in own() {
@@ -46,14 +47,14 @@ fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
     }
     let mut least: f64 = 100.0;
     for title in titles {
-        let mut bar = |protocol: Protocol| {
+        let bar = |protocol: Protocol| {
             let compared = own().find(|c| c.title == title && c.protocol == protocol)?;
             let rate = compared.score.accuracy;
             least = least.min(100.0 * rate.low);
             let percent = |share: f64| 100.0 * share;
             Some(Bar::with_interval(percent(rate.share?), percent(rate.low), percent(rate.high)))
         };
-        figure = figure.with(title, vec![bar(Protocol::RandomThird), bar(Protocol::Grouped)]);
+        figure = figure.with(title, protocols.map(bar).into());
     }
     figure.digits = 2;
     // Bars from zero would all look the same.

@@ -33,10 +33,8 @@ pub fn write(material: &Material, page: &mut Page) {
                     ConfusionMatrix::new("", classes, counts).draw(),
                     &format!(
                         "Tree {}{within}: rows are the truth, columns what was said of variants \
-                         not seen in training ({}{}).",
-                        stage.id,
-                        judged.title,
-                        words.several("; mirror images count once")
+                         not seen in training ({}).",
+                        stage.id, judged.title
                     ),
                 );
             }

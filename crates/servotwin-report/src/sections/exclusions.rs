@@ -10,19 +10,15 @@ const SHOWN: usize = 50;
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
     let words = material.words();
-    let mut heads = vec![
+    let mut grid = HtmlTable::new([
         ("data set", Alignment::Left),
         ("for", Alignment::Left),
         ("variants", Alignment::Right),
-    ];
-    heads.extend(words.has_several().then_some(("mirror images", Alignment::Right)));
-    heads.extend([
         ("without a fault", Alignment::Right),
         ("undetectable", Alignment::Right),
         ("not simulated to the end", Alignment::Right),
         ("faults left", Alignment::Right),
     ]);
-    let mut grid = HtmlTable::new(heads);
     for set in &material.manifest.data_sets {
         let used = set.variants - set.healthy - set.undetectable - set.failed.len();
         let mut row = vec![
@@ -30,26 +26,12 @@ pub fn write(material: &Material, page: &mut Page) {
             if set.is_training { "learning" } else { "judging" }.into(),
             set.variants.to_string(),
         ];
-        row.extend(words.has_several().then(|| set.reflected.to_string()));
         let counts = [set.healthy, set.undetectable, set.failed.len(), used];
         row.extend(counts.map(|count| count.to_string()));
         grid.push(row);
     }
-    page.table(
-            &grid,
-            &format!(
-                "Variants by what became of them; undetectable by {}.{}",
-                words.fixed_band(),
-                match material.manifest.data_sets.iter().any(|set| set.reflected > 0) {
-                    true => format!(
-                        " Mirror images were not simulated: their signals are those of the same fault of \
-                         another {}, which probes have confirmed.",
-                        words.unit()
-                    ),
-                    false => String::new(),
-                }
-            ),
-        );
+    let note = format!("Variants by what became of them; undetectable by {}.", words.fixed_band());
+    page.table(&grid, &note);
     for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
         let mut grid = HtmlTable::new([
             ("variant", Alignment::Right),

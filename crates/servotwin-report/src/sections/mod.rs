@@ -18,7 +18,6 @@ pub mod faults;
 pub(crate) mod findings;
 pub mod flights;
 pub mod foreign;
-pub mod leaves;
 pub mod macrostructure;
 pub mod making;
 pub mod protocols;

@@ -10,17 +10,13 @@ use servotwin::evaluation::protocol::ProtocolResult;
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
     let words = material.words();
-    page.text(&format!(
-            "A tree is only as good as its test is honest. A random third is the kindest test: for \
-             nearly every variant a neighbour (the same fault at the same intensity in another \
-             operating case) was in training. Kept together, neighbours{} never stand \
-             on different sides. Leaving out an intensity, an operating case, a command or a whole kind of \
-             fault asks how the trees behave where they have no experience; but one case leaves its \
-             command in training at another load. New commands are the hardest: no command \
-             of the judged cases was learned from, and where the fault is unseen as well, neither was \
-             the fault.",
-            words.several(" and mirror images")
-        ));
+    page.text(
+        "A tree is only as good as its test is honest. A random third is the kindest test: for nearly every \
+         variant a neighbour (the same fault at the same intensity in another operating case) was in training. \
+         Leaving out a whole kind of fault asks how the trees behave where they have no experience. A fault \
+         unseen at its intensity was learned at other intensities only. New commands are the hardest test that \
+         the final trees take: no command of the judged cases was learned from.",
+    );
     for result in &material.results.subjects {
         let evaluation = &result.evaluation;
         let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
@@ -29,11 +25,10 @@ pub fn write(material: &Material, page: &mut Page) {
         page.table(&grid(&evaluation.protocols, &words), &format!(
                 "Setting: {}. Accuracy of each stage where the stages above are right ({}), and of all \
                  together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
-                 whole kinds, and is that of a fault of a new kind.{} “Of all” is \
+                 whole kinds, and is that of a fault of a new kind. “Of all” is \
                  the share isolated of all faults, the undetectable ones included.",
                 result.title,
-                named.join(", "),
-                words.several(" Mirror images count once.")
+                named.join(", ")
             ));
         if !evaluation.baseline.is_empty() {
             page.table(&grid(&evaluation.baseline, &words), &format!(

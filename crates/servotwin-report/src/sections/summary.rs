@@ -76,7 +76,7 @@ fn held_out(evaluation: &Evaluation) -> &'static str {
             "New commands: trees and committee learned from training commands, none of which is among \
              the operating cases on which they are judged."
         }
-        _ => "Grouped: the fault that is judged was never seen at its intensity.",
+        _ => "The fault that is judged was never seen at its intensity.",
     }
 }
 

@@ -35,10 +35,9 @@ pub fn write(material: &Material, page: &mut Page) {
         ));
     page.text(
             "Training windows are moved in the same way, and each is learned with its moves: what does not \
-             survive them teaches nothing. Of three moves one keeps the fault as it was simulated, one makes it \
-             weaker (with the tolerances and the noise of another healthy specimen in place of what is \
-             taken away), and one stronger, because at work an intensity is anything. The trees' later \
-             moves go farther than windows are uncertain, so that a threshold keeps its distance from what \
+             survive them teaches nothing. Every second move makes the fault weaker (with the tolerances and \
+             the noise of another healthy specimen in place of what is taken away), because at work an \
+             intensity is anything. The trees' later moves go farther than windows are uncertain, so that a threshold keeps its distance from what \
              was learned.",
         );
     let words = material.words();

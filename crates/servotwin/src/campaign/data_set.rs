@@ -6,7 +6,7 @@
 
 use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Campaign, Images, Planned, Setting, ShardRow, Study};
+use super::{Campaign, PartRow, Planned, Setting, Study};
 use crate::study::{Plants, Role};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
@@ -50,17 +50,14 @@ pub(super) struct Maker<'m> {
     pub campaign: &'m Campaign<'m>,
     pub setting: Setting,
     pub plan: &'m [Planned],
-    pub images: &'m Images,
 }
 
 impl Maker<'_> {
     /// The data set of a range of variants with the given rows.
-    pub fn table(&self, variants: Range<usize>, rows: &[ShardRow]) -> Table {
+    pub fn table(&self, variants: Range<usize>, rows: &[PartRow]) -> Table {
         let mut columns = self.label_columns(variants.clone());
         columns.extend(self.plant_columns(variants.clone()));
-        columns.extend(self.split_columns(variants.clone()));
-        let reflected = variants.map(|variant| self.images.is_mirrored(variant));
-        columns.push(flag("reflected", reflected.collect(), REFLECTED));
+        columns.extend(self.split_columns(variants));
         columns.extend(self.detection_columns(rows));
         columns.extend(effort_columns(&rows.iter().map(|row| row.effort).collect::<Vec<_>>()));
         let failures = rows.iter().map(|row| row.failure.clone()).collect();
@@ -69,7 +66,7 @@ impl Maker<'_> {
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
-    fn detection_columns(&self, rows: &[ShardRow]) -> Vec<Column> {
+    fn detection_columns(&self, rows: &[PartRow]) -> Vec<Column> {
         let study = self.campaign.study;
         let float = |f: &dyn Fn(&Window) -> f64| rows.iter().map(|row| f(&row.window)).collect();
         let flags = |f: &dyn Fn(&Window) -> bool| rows.iter().map(|row| f(&row.window)).collect();
@@ -90,7 +87,7 @@ impl Maker<'_> {
     }
 
     /// Each feature, and if the units correspond, also as seen from the other units.
-    fn feature_columns(&self, rows: &[ShardRow]) -> Vec<Column> {
+    fn feature_columns(&self, rows: &[PartRow]) -> Vec<Column> {
         let study = self.campaign.study;
         let sensors = &study.sensors_in(self.setting);
         let orders = sensors.rotations(study.units.len()).unwrap_or_default();
@@ -191,8 +188,6 @@ impl Maker<'_> {
     }
 }
 
-const REFLECTED: &str =
-    "Not simulated, but a symmetric copy of the same fault of the first actuator.";
 const LARGEST: &str = "Largest |r'| of all sensors, as a part of scale.";
 const FIRST_EXCURSION: &str = "Time at which some |r'| first left the band, -1 for never.";
 const SPECIMEN: &str =

@@ -55,7 +55,7 @@ impl VariantEffort {
         self.steps_per_s > RINGING * self.twin_steps_per_s
     }
 
-    /// The columns of a shard.
+    /// The columns of a part.
     pub(super) fn to_columns(efforts: &[Self]) -> Vec<Column> {
         let twins = efforts.iter().map(|effort| effort.twin_steps_per_s).collect();
         let mut columns = told(efforts);
@@ -77,7 +77,7 @@ impl VariantEffort {
     }
 }
 
-/// The columns common to shards and data sets.
+/// The columns common to parts and data sets.
 fn told(efforts: &[VariantEffort]) -> Vec<Column> {
     let steps = efforts.iter().map(|effort| effort.steps_per_s).collect();
     let moving = efforts.iter().map(|effort| effort.began_on_the_move).collect();

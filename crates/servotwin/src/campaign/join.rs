@@ -1,28 +1,24 @@
-//! Joins shards to data sets, one after the other: memory holds the rows of one group of the file.
+//! Joins parts to data sets, one after the other: memory holds the rows of one group of the file.
 
 use super::columns::HEALTHY;
 use super::data_set::Maker;
-use super::shard::{ShardRow, Shards};
+use super::part::{PartFiles, PartRow};
 use super::{
     Campaign, CampaignError, CampaignOutcome, OnTheMove, Plants, PreparedCampaign, calibration_file,
 };
 use crate::table::parquet::ParquetWriter;
 
-/// Number of shards in one group of a data set; a group is held in memory until it is written.
-const GROUP_SHARDS: usize = 80;
+/// Least number of rows in one group of a data set; a group is held in memory until it is written.
+const GROUP_ROWS: usize = 16_000;
 
 impl Campaign<'_> {
-    /// Joins the shards of a completed campaign to its data sets.
+    /// Joins the parts of a completed campaign to its data sets.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`], [`CampaignError::Cancelled`];
-    /// or a file cannot be read or written.
+    /// [`CampaignError::Unfinished`] if parts are missing, [`CampaignError::Cancelled`]; or a file cannot be read or written.
     pub fn merge(&self) -> Result<CampaignOutcome, CampaignError> {
         let prepared = self.done()?;
-        if !self.units_are_alike(&prepared)? {
-            return Err(CampaignError::NotAlike);
-        }
-        // If parts had separate folders, perhaps only their shards were copied together.
+        // If shares had separate folders, perhaps only their parts were copied together.
         let is_told = calibration_file(&self.folder, self.role).exists();
         if self.plants() == Plants::Pool && !is_told {
             self.calibrate()?;
@@ -30,10 +26,10 @@ impl Campaign<'_> {
         self.joined(&prepared)
     }
 
-    /// Recomputes the data sets from the shards of a completed campaign.
+    /// Recomputes the data sets from the parts of a completed campaign.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing, or a file cannot be read or written.
+    /// [`CampaignError::Unfinished`] if parts are missing, or a file cannot be read or written.
     pub fn features(&self) -> Result<CampaignOutcome, CampaignError> {
         self.joined(&self.done()?)
     }
@@ -41,48 +37,30 @@ impl Campaign<'_> {
     /// The windows of all variants of a completed campaign, by scenario.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing, or a file cannot be read.
-    pub fn windows(&self) -> Result<Vec<Vec<ShardRow>>, CampaignError> {
+    /// [`CampaignError::Unfinished`] if parts are missing, or a file cannot be read.
+    pub fn windows(&self) -> Result<Vec<Vec<PartRow>>, CampaignError> {
         let prepared = self.done()?;
-        let of = |shards: &Shards| {
-            let rows = (0..shards.count()).map(|shard| shards.rows(self.study, shard));
+        let of = |files: &PartFiles| {
+            let rows = (0..files.count()).map(|part| files.rows(self.study, part));
             Ok(rows.collect::<Result<Vec<_>, CampaignError>>()?.into_iter().flatten().collect())
         };
-        self.shards(&prepared).iter().map(of).collect()
+        self.files(&prepared).iter().map(of).collect()
     }
 
-    /// The plan of a campaign whose shards are complete, either with symmetric copies or with every variant simulated.
+    /// The plan of a campaign whose parts are complete.
     fn done(&self) -> Result<PreparedCampaign, CampaignError> {
-        let missing = |prepared: &PreparedCampaign| {
-            let shards = self.shards(prepared);
-            match shards.iter().all(Shards::seem_complete) {
-                true => 0,
-                false => shards.iter().map(Shards::missing_variants).sum::<usize>(),
-            }
-        };
         let prepared = self.prepared()?;
-        let least = missing(&prepared);
-        if least == 0 {
+        let files = self.files(&prepared);
+        if files.iter().all(PartFiles::seem_complete) {
             return Ok(prepared);
         }
-        let prepared = self.without_images(prepared);
-        match missing(&prepared).min(least) {
+        match files.iter().map(PartFiles::missing_variants).sum() {
             0 => Ok(prepared),
-            missing => Err(CampaignError::Unfinished {
-                missing,
-                damaged: self.shards(&prepared).iter().find_map(Shards::damaged),
-            }),
+            missing => {
+                let damaged = files.iter().find_map(PartFiles::damaged);
+                Err(CampaignError::Unfinished { missing, damaged })
+            }
         }
-    }
-
-    /// Whether the probes agree with their symmetric copies.
-    pub(super) fn units_are_alike(
-        &self,
-        prepared: &PreparedCampaign,
-    ) -> Result<bool, CampaignError> {
-        let probed = prepared.images.probed();
-        let windows = self.shards(prepared)[0].windows(self.study, &probed)?;
-        Ok(prepared.images.hold(|variant| &windows[&variant]))
     }
 
     fn joined(&self, prepared: &PreparedCampaign) -> Result<CampaignOutcome, CampaignError> {
@@ -98,34 +76,39 @@ impl Campaign<'_> {
         prepared: &PreparedCampaign,
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
-        [outcome.images, outcome.alike] = prepared.images.counts();
+        outcome.alike = self.alike(prepared);
         outcome.failed.clear();
         outcome.on_the_move.clear();
-        let shards = self.shards(prepared);
-        for (place, shards) in shards.iter().enumerate() {
-            self.write_data_set(prepared, place, shards, outcome)?;
+        for (place, files) in self.files(prepared).iter().enumerate() {
+            self.write_data_set(prepared, place, files, outcome)?;
         }
         Ok(())
+    }
+
+    /// Number of healthy specimens that share the simulation of another.
+    fn alike(&self, PreparedCampaign { plan, parts, .. }: &PreparedCampaign) -> usize {
+        let shared = parts.iter().filter(|part| self.is_shared(plan[part.start]));
+        shared.map(|part| part.len() - 1).sum()
     }
 
     fn write_data_set(
         &self,
         prepared: &PreparedCampaign,
         place: usize,
-        shards: &Shards,
+        files: &PartFiles,
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
         let (study, setting) = (self.study, self.settings[place]);
-        let PreparedCampaign { plan, images, .. } = prepared;
-        let maker = Maker { campaign: self, setting, plan, images };
+        let maker = Maker { campaign: self, setting, plan: &prepared.plan };
         let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
         let mut writer: Option<ParquetWriter> = None;
-        for shard in 0..shards.count().max(1) {
+        let mut in_group = 0;
+        for part in 0..files.count().max(1) {
             if self.is_cancelled() {
                 return Err(CampaignError::Cancelled);
             }
-            let variants = shards.variants_of(shard);
-            let rows = if variants.is_empty() { vec![] } else { shards.rows(study, shard)? };
+            let variants = files.variants_of(part);
+            let rows = if variants.is_empty() { vec![] } else { files.rows(study, part)? };
             let numbered = variants.clone().zip(&rows).filter(|(_, row)| !row.failure.is_empty());
             let failed = numbered.map(|(index, row)| (setting, index, row.failure.clone()));
             outcome.failed.extend(failed);
@@ -134,11 +117,11 @@ impl Campaign<'_> {
             let moving =
                 moving.map(|(variant, row)| self.on_the_move(prepared, place, variant, row));
             outcome.on_the_move.extend(moving);
-            let part = maker.table(variants, &rows);
+            let table = maker.table(variants, &rows);
             let writer = match &mut writer {
                 Some(writer) => writer,
                 None => {
-                    let schema = part
+                    let schema = table
                         .without_rows()
                         .with_metadata("fingerprint", prepared.fingerprints[place].clone())
                         .with_metadata("study", study.name.clone())
@@ -146,9 +129,11 @@ impl Campaign<'_> {
                     writer.insert(ParquetWriter::create(self.folder.join(&name), &schema)?)
                 }
             };
-            writer.append(&part)?;
-            if (shard + 1).is_multiple_of(GROUP_SHARDS) {
+            writer.append(&table)?;
+            in_group += rows.len();
+            if in_group >= GROUP_ROWS {
                 writer.end_group()?;
+                in_group = 0;
             }
         }
         if let Some(writer) = writer {
@@ -162,7 +147,7 @@ impl Campaign<'_> {
         prepared: &PreparedCampaign,
         place: usize,
         variant: usize,
-        row: &ShardRow,
+        row: &PartRow,
     ) -> OnTheMove {
         let planned = prepared.plan[variant];
         let fault = planned.fault.map(|fault| self.study.faults[fault].id.clone());

@@ -1,28 +1,25 @@
 //! The campaign: simulates every fault in every operating case on all cores, directly into windows.
 //!
-//! One simulation serves all variants with the same signals (`images`), in all scenarios with the same plants
-//! ([`Setting::groups`]).
+//! One simulation serves all scenarios with the same plants ([`Setting::groups`]), and all healthy specimens of a case
+//! that differ by the noise of their sensors alone.
 //!
-//! Variants are written in *shards*. A shard is a Parquet file that appears when all its variants have ended. A resumed
-//! campaign skips existing shards. Every variant has the same bits whenever it runs, so the result has the same bytes.
-//! Shards are simulated in rounds and joined one after the other. Memory holds the twins of a round, its open lanes and
-//! unfinished shards, and about 50 bytes of the plan for every variant; it does not grow with the length of faulty
-//! runs.
+//! Variants are written in *parts*. A part is a Parquet file that appears when all its variants have ended. A resumed
+//! campaign skips existing parts. Every variant has the same bits whenever it runs, so the result has the same bytes.
+//! Parts are simulated in rounds and joined one after the other. Memory holds the twins of a round, its open lanes and
+//! unfinished parts, and about 40 bytes of the plan for every variant; it does not grow with the length of faulty runs.
 //!
-//! A shard contains windows, not features. The data set is made from the shards, so features can be changed without new
+//! A part contains windows, not features. The data set is made from the parts, so features can be changed without new
 //! simulations.
 
 mod calibration;
 pub mod columns;
 mod data_set;
 mod effort;
-mod images;
 mod join;
 mod missing;
 mod part;
 mod prepared;
-mod shard;
-mod watch;
+mod runner;
 
 pub use crate::experiment::{CampaignError, ensemble};
 pub use calibration::{Comparison, calibration_file, calibrations};
@@ -30,32 +27,19 @@ pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
 pub use effort::VariantEffort;
 pub use missing::{MissingParts, MissingRows, missing_parts};
-pub use part::{Part, runs};
+pub use part::{PARTS, PartRow, Share};
 pub use prepared::PreparedCampaign;
-pub use shard::ShardRow;
 
 use crate::ensemble::{Ensemble, Variant};
-use crate::experiment::{Overrides, SpecimenDraw, Twins, describe, simulate_twins};
+use crate::experiment::{Overrides, SpecimenDraw, Twins, simulate_twins};
 use crate::files::create_folder;
 use crate::study::{FaultCase, OperatingCase, Plants, Role, Setting, Study};
 use crate::table::{self, Column, Table, Values};
-use images::Images;
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{SolverSettings, Statistics};
-use shard::{Collector, Shards, variants_of};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use watch::Views;
-
-/// The format of shards; shards of another format are simulated again.
-const SHARD_FORMAT: &str = "windows 1";
-
-/// Shards in one round of a campaign: enough that lanes rarely wait for the last ones, and few enough to limit memory.
-pub const ROUND_SHARDS: usize = 200;
-
-/// The most twins in one round; each is as long as a run.
-const ROUND_TWINS: usize = 256;
+use std::sync::atomic::AtomicBool;
 
 /// The settings of a campaign.
 pub struct Campaign<'s> {
@@ -71,12 +55,8 @@ pub struct Campaign<'s> {
     pub threads: usize,
     /// The output folder.
     pub folder: PathBuf,
-    /// Number of shards processed at a time, usually [`ROUND_SHARDS`]. It affects the memory used, not the results.
-    pub round_shards: usize,
     /// Whether to store the time series as well.
     pub keep_traces: bool,
-    /// Whether to simulate also variants that another simulation serves.
-    pub simulate_images: bool,
     /// Set by another thread to stop.
     pub cancel: Option<&'s AtomicBool>,
 }
@@ -99,8 +79,6 @@ pub struct CampaignOutcome {
     pub variants: usize,
     /// Number of variants that were already done.
     pub resumed: usize,
-    /// Number of variants in one scenario that are symmetric copies of simulated ones.
-    pub images: usize,
     /// Number of healthy specimens in one scenario that differ from a simulated one only by sensor noise.
     pub alike: usize,
     /// The solver's work in this run.
@@ -136,8 +114,15 @@ impl std::fmt::Display for OnTheMove {
     }
 }
 
+/// The campaigns of a study: training commands and judged cases for each group of scenarios.
+pub fn runs(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<(Role, Vec<Setting>)> {
+    let groups = Setting::groups(study, choice).into_iter();
+    let of = |settings: Vec<Setting>| study.roles().into_iter().map(move |r| (r, settings.clone()));
+    groups.flat_map(of).collect()
+}
+
 impl<'s> Campaign<'s> {
-    /// The campaign of one scenario with existing shards in a folder, with the default settings.
+    /// The campaign of one scenario with existing parts in a folder, with the default settings.
     pub fn stored(folder: &Path, study: &'s Study, setting: Setting, role: Role) -> Self {
         Campaign {
             study,
@@ -146,9 +131,7 @@ impl<'s> Campaign<'s> {
             solver: SolverSettings::campaign(),
             threads: 1,
             folder: folder.into(),
-            round_shards: ROUND_SHARDS,
             keep_traces: false,
-            simulate_images: false,
             cancel: None,
         }
     }
@@ -226,27 +209,30 @@ impl Campaign<'_> {
         &self,
         progress: impl Fn(usize, usize) + Sync,
     ) -> Result<CampaignOutcome, CampaignError> {
-        let mut prepared = self.prepared()?;
-        let mut outcome = CampaignOutcome::default();
-        loop {
-            self.simulate(&prepared, prepared.bundles(), &mut outcome, &progress)?;
-            if outcome.cancelled {
-                return Ok(outcome);
-            }
-            if self.units_are_alike(&prepared)? {
-                self.write_data_sets(&prepared, &mut outcome)?;
-                return Ok(outcome);
-            }
-            prepared = self.without_images(prepared);
+        let prepared = self.prepared()?;
+        let all: Vec<usize> = (0..prepared.part_count()).collect();
+        let mut outcome = self.run_parts(&prepared, &all, progress)?;
+        if !outcome.cancelled {
+            self.write_data_sets(&prepared, &mut outcome)?;
         }
+        Ok(outcome)
     }
 
-    /// Finds the variants that need no simulation.
-    fn images(&self, plan: &[Planned]) -> Images {
-        if self.plants() != Plants::Twin || self.keep_traces || self.simulate_images {
-            return Images::none(plan);
-        }
-        Images::of(self.study, plan)
+    /// Simulates a share of the parts, and writes no data set. `parts_before` is the number of parts in the study's
+    /// earlier campaigns. Returns the number of parts of this campaign.
+    ///
+    /// # Errors
+    /// See [`Campaign::run`].
+    pub fn run_share(
+        &self,
+        share: Share,
+        parts_before: usize,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> Result<(CampaignOutcome, usize), CampaignError> {
+        let prepared = self.prepared()?;
+        let count = prepared.part_count();
+        let own: Vec<usize> = (0..count).filter(|part| share.holds(parts_before + part)).collect();
+        Ok((self.run_parts(&prepared, &own, progress)?, count))
     }
 
     /// How plants and twins are paired, common to all scenarios of a group.
@@ -256,98 +242,6 @@ impl Campaign<'_> {
 
     fn first_setting(&self) -> Setting {
         self.settings.first().copied().unwrap_or(Setting::Ideal)
-    }
-
-    fn shard_folder(&self) -> PathBuf {
-        self.folder.join("shards")
-    }
-
-    fn shards(&self, prepared: &PreparedCampaign) -> Vec<Shards> {
-        let PreparedCampaign { fingerprints, counts, .. } = prepared;
-        let of = |(place, &setting): (usize, &Setting)| {
-            let fingerprint = fingerprints[place].clone();
-            Shards::new(&self.shard_folder(), setting, self.role, fingerprint, counts[place])
-        };
-        self.settings.iter().enumerate().map(of).collect()
-    }
-
-    /// Simulates the variants of the bundles whose rows no shard contains, unless cancelled.
-    fn simulate(
-        &self,
-        prepared: &PreparedCampaign,
-        bundles: Vec<Vec<usize>>,
-        outcome: &mut CampaignOutcome,
-        progress: &(impl Fn(usize, usize) + Sync),
-    ) -> Result<(), CampaignError> {
-        let simulated = self.simulate_rounds(prepared, bundles, outcome, progress);
-        outcome.cancelled = matches!(simulated, Err(CampaignError::Cancelled));
-        if outcome.cancelled { Ok(()) } else { simulated }
-    }
-
-    fn simulate_rounds(
-        &self,
-        prepared: &PreparedCampaign,
-        mut bundles: Vec<Vec<usize>>,
-        outcome: &mut CampaignOutcome,
-        progress: &(impl Fn(usize, usize) + Sync),
-    ) -> Result<(), CampaignError> {
-        create_folder(self.shard_folder()).map_err(CampaignError::File)?;
-        let shards = self.shards(prepared);
-        let wanted = || bundles.iter().flatten().copied();
-        let missing = shards.iter().map(|shards| shards.missing(wanted())).collect::<Vec<_>>();
-        let of = |shards: &Shards, shard: usize| shards.variants_of(shard).len();
-        let all = shards.iter().flat_map(|own| wanted().map(|shard| of(own, shard)));
-        outcome.variants = all.sum();
-        let both = shards.iter().zip(&missing);
-        let open = both.flat_map(|(own, missing)| missing.iter().map(|&shard| of(own, shard)));
-        outcome.resumed = outcome.variants - open.sum::<usize>();
-        let is_pool = self.plants() == Plants::Pool;
-        bundles.retain(|own| own.iter().any(|s| missing.iter().any(|open| open.contains(s))));
-        let is_told = !is_pool || calibration_file(&self.folder, self.role).exists();
-        if bundles.is_empty() && is_told {
-            return Ok(());
-        }
-        let fitted = if is_pool { self.fitted_twins()? } else { vec![] };
-        let mut done = outcome.resumed;
-        for round in self.rounds(prepared, &bundles) {
-            let pending = shards.iter().zip(&missing).map(|(own, missing)| {
-                let open = round.iter().filter(|shard| missing.contains(shard));
-                open.flat_map(|&shard| own.variants_of(shard)).collect()
-            });
-            let pending: Vec<Vec<usize>> = pending.collect();
-            let jobs = self.hardest_first(prepared, &pending);
-            let twins = self.twins(&prepared.plan, &jobs, &fitted)?;
-            let collectors = shards.iter().zip(&pending);
-            let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
-            let run = Run { prepared, jobs: &jobs, twins: &twins };
-            self.run_pending(&run, collectors, outcome, &mut done, progress)?;
-        }
-        Ok(())
-    }
-
-    /// Divides the shards of bundles into rounds; a round holds its twins and the rows of unfinished shards in memory.
-    fn rounds(&self, prepared: &PreparedCampaign, bundles: &[Vec<usize>]) -> Vec<Vec<usize>> {
-        let mut rounds: Vec<Vec<usize>> = vec![];
-        let mut twins = BTreeSet::new();
-        for bundle in bundles {
-            let variants = bundle.iter().flat_map(|&shard| variants_of(shard, prepared.plan.len()));
-            let own: BTreeSet<(usize, usize)> =
-                variants.map(|variant| self.beside(variant, prepared.plan[variant])).collect();
-            match rounds.last_mut() {
-                Some(round)
-                    if round.len() + bundle.len() <= self.round_shards
-                        && twins.union(&own).count() <= ROUND_TWINS =>
-                {
-                    round.extend(bundle);
-                    twins.extend(own);
-                }
-                _ => {
-                    rounds.push(bundle.clone());
-                    twins = own;
-                }
-            }
-        }
-        rounds
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
@@ -368,8 +262,7 @@ impl Campaign<'_> {
     /// Simulates the healthy twins of the variants, each with the fitted parameters of its specimen.
     fn twins(
         &self,
-        plan: &[Planned],
-        jobs: &[usize],
+        wanted: BTreeSet<TwinKey>,
         fitted: &[Overrides],
     ) -> Result<Twins<TwinKey>, CampaignError> {
         let cases = self.cases();
@@ -378,7 +271,6 @@ impl Campaign<'_> {
             inputs: cases[case].inputs.iter().collect(),
             ..Variant::default()
         };
-        let wanted = jobs.iter().map(|&variant| self.beside(variant, plan[variant])).collect();
         simulate_twins(&self.ensemble(), wanted, twin, |(case, _)| &cases[case].name)
     }
 
@@ -410,94 +302,6 @@ impl Campaign<'_> {
         planned.fault.map_or(self.study.duration_s, |_| self.duration_s())
     }
 
-    fn run_pending(
-        &self,
-        run: &Run,
-        mut collectors: Vec<Collector>,
-        outcome: &mut CampaignOutcome,
-        done: &mut usize,
-        progress: &(impl Fn(usize, usize) + Sync),
-    ) -> Result<(), CampaignError> {
-        let stop = AtomicBool::new(false);
-        let Run { prepared, jobs, twins } = *run;
-        let ensemble = self.ensemble();
-        ensemble.prepare(jobs.len());
-        stop.store(self.is_cancelled(), Ordering::Relaxed);
-        let ensemble = Ensemble { cancel: Some(&stop), ..ensemble };
-        let (plan, scales) = (&prepared.plan, self.study.scales());
-        let twin = |job: usize| &twins[&self.beside(jobs[job], plan[jobs[job]])];
-        let all = outcome.variants;
-        let mut error = None;
-        progress(*done, all);
-        let statistics = &mut outcome.statistics;
-        ensemble.run(
-            jobs.len(),
-            |job| self.variant(jobs[job], plan[jobs[job]]),
-            |job| self.watch(prepared, jobs[job], twin(job), &scales),
-            |job, views, result| {
-                if let Ok(work) = &result {
-                    *statistics += *work;
-                }
-                let plant = (result.as_ref().ok(), self.lasting_s(plan[jobs[job]]));
-                let effort = VariantEffort::of(plant, (twin(job), ensemble.duration_s));
-                let failure = result.err().map(|f| describe(ensemble.program, &f));
-                match self.keep(views, &failure.unwrap_or_default(), effort, &mut collectors) {
-                    Ok(rows) => *done += rows,
-                    Err(failed) => drop(error.get_or_insert(failed)),
-                }
-                if error.is_some() || self.is_cancelled() {
-                    stop.store(true, Ordering::Relaxed);
-                }
-                progress(*done, all);
-            },
-        );
-        match error {
-            Some(error) => Err(error),
-            None if self.is_cancelled() => Err(CampaignError::Cancelled),
-            None => Ok(()),
-        }
-    }
-
-    /// Stores the results of a simulation; returns the number of rows that were needed.
-    fn keep(
-        &self,
-        views: Views,
-        failure: &str,
-        effort: VariantEffort,
-        collectors: &mut [Collector],
-    ) -> Result<usize, CampaignError> {
-        let mut wanted = 0;
-        for view in views.0.into_iter().map(|watch| watch.observer) {
-            if let Some(trace) = view.trace {
-                self.write_trace(self.settings[view.setting], view.variant, trace)?;
-            }
-            let row = ShardRow { failure: failure.into(), effort, window: view.window };
-            wanted += usize::from(collectors[view.setting].add(view.variant, row)?);
-        }
-        Ok(wanted)
-    }
-
-    /// The variants to simulate, those with full intensity first: a few of them take a hundred times as long as the
-    /// others, and would occupy a single lane at the end.
-    fn hardest_first(
-        &self,
-        PreparedCampaign { plan, images, .. }: &PreparedCampaign,
-        pending: &[Vec<usize>],
-    ) -> Vec<usize> {
-        let pending = pending.iter().flatten();
-        let jobs: BTreeSet<usize> = pending.map(|&v| images.simulated(v)).collect();
-        let is_full = |&variant: &usize| {
-            plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
-        };
-        let (mut order, rest): (Vec<usize>, Vec<usize>) = jobs.into_iter().partition(is_full);
-        order.extend(rest);
-        order
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
-    }
-
     fn write_trace(
         &self,
         setting: Setting,
@@ -522,10 +326,3 @@ impl Campaign<'_> {
 
 /// The case of a twin, and its specimen in the pool.
 type TwinKey = (usize, usize);
-
-/// Variants without stored rows, and the inputs for simulating them.
-struct Run<'r> {
-    prepared: &'r PreparedCampaign,
-    jobs: &'r [usize],
-    twins: &'r Twins<TwinKey>,
-}

@@ -52,7 +52,7 @@ pub fn evaluate(
     holding: Holding,
     workers: Workers,
 ) -> Result<Vec<Ablation>, EvaluationError> {
-    let protocol = if data.has_training() { Protocol::NewCommand } else { Protocol::Grouped };
+    let protocol = Protocol::headline(data);
     let splits = protocol.splits(data, holding)?;
     if splits.is_empty() {
         return Ok(vec![]);

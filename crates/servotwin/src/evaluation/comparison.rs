@@ -73,7 +73,7 @@ pub fn evaluate(
     let places = data.examples.places(data.examples.views() > 1);
     let places: Vec<StagePlace> = places.into_iter().filter(asks).collect();
     let mut compared = vec![];
-    for protocol in [Protocol::RandomThird, Protocol::Grouped] {
+    for protocol in [Protocol::RandomThird, Protocol::headline(data)] {
         let splits = protocol.splits(data, holding)?;
         if splits.is_empty() {
             continue;

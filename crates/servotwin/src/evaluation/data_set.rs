@@ -1,7 +1,7 @@
 //! The data sets of a scenario for evaluation: features in every view, labels, groups.
 //!
 //! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `actuator`, `command`, `detail`,
-//! `detectable`, `reflected`, `largest:<sensor>` and `f:<feature>`. If the system has like actuators, `m:<feature>` is
+//! `detectable`, `largest:<sensor>` and `f:<feature>`. If the system has like actuators, `m:<feature>` is
 //! the same feature seen from the second one, `m3:<feature>` from the third, and so on
 //! ([`servotwin_diagnosis::hierarchy`]). Rows whose `kind` is `healthy` have no fault. Rows with a text in `failure`
 //! were not simulated to the end; they are counted and left out.
@@ -77,8 +77,6 @@ pub struct DataRow {
     pub factor: f64,
     /// Whether the row has no fault.
     pub is_healthy: bool,
-    /// Whether it is the symmetric copy of another row, with the actuators exchanged.
-    pub reflected: bool,
     /// Whether its simulation began without a steady state. Bands are not learned from such a row.
     pub began_on_the_move: bool,
     /// The largest absolute value of each residual, as a fraction of its scale, in the order of [`DataSet::sensors`].
@@ -106,20 +104,12 @@ pub struct TrainingFilter {
     pub healthy: f64,
     /// How many perturbed copies of each window are used.
     pub moves: usize,
-    /// Whether copies with a stronger fault are used.
-    pub stronger: bool,
 }
 
 impl Default for TrainingFilter {
-    /// Detected faults and nearly detected healthy specimens, with all their perturbations except stronger faults.
+    /// Detected faults and nearly detected healthy specimens, with all their perturbations.
     fn default() -> Self {
-        TrainingFilter {
-            faults: 1.0,
-            weaker: 1.0,
-            healthy: 0.8,
-            moves: usize::MAX,
-            stronger: false,
-        }
+        TrainingFilter { faults: 1.0, weaker: 1.0, healthy: 0.8, moves: usize::MAX }
     }
 }
 
@@ -130,8 +120,7 @@ impl TrainingFilter {
             false if row.factor < 1.0 => self.weaker,
             false => self.faults,
         };
-        let is_asked = row.factor <= 1.0 || self.stronger;
-        row.excess > least && row.moved <= self.moves && is_asked
+        row.excess > least && row.moved <= self.moves
     }
 }
 
@@ -227,7 +216,6 @@ impl DataSet {
         let own_intensity = numbers(origins, "intensity")?;
         let grades = numbers(origins, "grade").unwrap_or_else(|_| own_intensity.clone());
         let (intensities, intensity) = coded_numbers(&grades);
-        let reflected = flags(origins, "reflected").unwrap_or_else(|_| vec![false; origins.len()]);
         let moving = flags(origins, "began_on_the_move");
         let moving = moving.unwrap_or_else(|_| vec![false; origins.len()]);
         let detectable = flags(origins, "detectable")?;
@@ -245,7 +233,6 @@ impl DataSet {
             moved: 0,
             factor: 1.0,
             is_healthy: kinds[place] == HEALTHY,
-            reflected: reflected[place],
             began_on_the_move: moving[place],
             largest: largest.iter().map(|column| column[place]).collect(),
             // The data set's own verdict, until bands are applied.
@@ -320,7 +307,7 @@ impl DataSet {
     }
 
     /// Adds perturbed copies of the training rows, one per draw, so that trees do not learn details below the sensors'
-    /// uncertainty. Faults are also made weaker and stronger ([`Moving::spread`]). Apply bands first.
+    /// uncertainty. Faults are also made weaker ([`Moving::spread`]). Apply bands first.
     ///
     /// # Errors
     /// [`EvaluationError::Cancelled`]; a value that is not finite.
@@ -633,7 +620,6 @@ mod tests {
             moved: usize::from(factor != 1.0),
             factor,
             is_healthy: false,
-            reflected: false,
             began_on_the_move: false,
             largest: vec![],
             excess,
@@ -645,8 +631,6 @@ mod tests {
         let lessons = TrainingFilter { weaker: 0.25, ..TrainingFilter::default() };
         assert!(lessons.teaches(&row(1.1, 1.0)) && lessons.teaches(&row(0.3, 0.4)));
         assert!(!lessons.teaches(&row(0.9, 1.0)) && !lessons.teaches(&row(0.2, 0.4)));
-        assert!(!lessons.teaches(&row(2.0, 1.5)), "stronger ones where they are asked for only");
-        assert!(TrainingFilter { stronger: true, ..lessons }.teaches(&row(2.0, 1.5)));
         let healthy = |excess| DataRow { is_healthy: true, ..row(excess, 1.0) };
         assert!(lessons.teaches(&healthy(0.9)) && !lessons.teaches(&healthy(0.7)));
     }

@@ -19,13 +19,11 @@ use servotwin_diagnosis::residual::Window;
 use servotwin_learning::augmentation;
 use servotwin_learning::metrics::Rate;
 
-/// The smallest and the largest factor by which a fault is scaled for training. Factors are distributed evenly in their
-/// logarithm.
+/// The smallest factor by which a fault is scaled for training. Factors are distributed evenly in their logarithm.
 const WEAKEST: f64 = 0.2;
-const STRONGEST: f64 = 3.0;
 
-/// Each round has a weaker fault, a stronger one and the unchanged fault.
-const ROUND: usize = 3;
+/// Each round has the unchanged fault and a weaker one.
+const ROUND: usize = 2;
 
 /// The windows of a data set's rows, and how they are perturbed.
 pub struct Moving<'w> {
@@ -39,7 +37,7 @@ pub struct Moving<'w> {
     pub lasting: f64,
     /// For each feature of the data set, its index among all features.
     pub columns: Vec<usize>,
-    /// Sizes of the perturbations relative to the uncertainty, for each round of three draws; the last applies to all
+    /// Sizes of the perturbations relative to the uncertainty, for each round of two draws; the last applies to all
     /// later rounds.
     pub reaches: &'static [f64],
     /// Number of perturbations per window.
@@ -128,23 +126,17 @@ impl Moving<'_> {
         (0..self.draws).map(|draw| self.disturbed(window, draw, &mut errors)).collect()
     }
 
-    /// The perturbed windows of a row. Of three draws, one has a weaker fault (in one of the `specimens`, rows without
-    /// a fault) and one a stronger fault.
+    /// The perturbed windows of a row. Every second draw has a weaker fault, in one of the `specimens`: rows without a
+    /// fault.
     pub fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
         let mut errors = NormalDeviates::new(self.seed_of(row));
         let mut choices = Choices::stream(self.seed_of(row), 1);
         let window = &self.windows[row];
         let mut one = |draw: usize| {
-            let factor = match draw % ROUND {
-                0 => {
-                    return Moved {
-                        window: self.disturbed(window, draw, &mut errors),
-                        factor: 1.0,
-                    };
-                }
-                1 => WEAKEST.powf(choices.unit()),
-                _ => STRONGEST.powf(choices.unit()),
-            };
+            if draw.is_multiple_of(ROUND) {
+                return Moved { window: self.disturbed(window, draw, &mut errors), factor: 1.0 };
+            }
+            let factor = WEAKEST.powf(choices.unit());
             let specimen = match specimens.is_empty() {
                 true => None,
                 false => Some(&self.windows[specimens[choices.index(specimens.len())]]),

@@ -18,7 +18,7 @@ use servotwin_learning::explained::{self, LEVEL, Origins};
 use servotwin_learning::metrics::{Rate, Trial};
 
 /// The protocols whose isolation is reported: kinds that were not trained, and known kinds under new commands.
-pub const PROTOCOLS: [Protocol; 2] = [Protocol::LeaveKindOut, Protocol::NewCommand];
+pub const PROTOCOLS: [Protocol; 2] = [Protocol::KindLeftOut, Protocol::NewCommand];
 
 /// When a fault counts as isolated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -130,7 +130,7 @@ impl IsolationInputs<'_> {
     ) -> Result<Option<Isolation>, EvaluationError> {
         let Self { data, settings, trained, workers } = self;
         let holding = Holding { lessons: settings.committee_lessons, ..settings.holding };
-        let splits = protocol::judged_splits(protocol, data, &settings.committee, holding)?;
+        let splits = protocol::judged_splits(protocol, data, holding)?;
         if splits.is_empty() {
             return Ok(None);
         }

@@ -74,14 +74,21 @@ fn unsealed<'t>(path: &Path, text: &'t str) -> Result<Cow<'t, str>, FileError> {
     let sealed = text.strip_prefix(SEAL.0).and_then(|rest| rest.split_at_checked(DIGITS));
     let Some((sum, rest)) = sealed.and_then(|(sum, rest)| Some((sum, rest.strip_prefix(SEAL.1)?)))
     else {
-        return Ok(text.into());
+        let is_moved = text.contains("\"sha256\"");
+        return if is_moved { Err(altered(path, "is not its first one")) } else { Ok(text.into()) };
     };
     let plain = format!("{{\n{rest}");
     if manifest::sha256_of_text(&plain) == sum {
         return Ok(plain.into());
     }
-    let remedy = "its SHA-256 is not that of its line \"sha256\"; if you changed it on purpose, remove that line";
-    Err(FileError::Altered { path: path.into(), remedy: remedy.into() })
+    Err(altered(path, "has the SHA-256 of another text"))
+}
+
+/// The error of a file whose checksum is wrong in some way.
+fn altered(path: &Path, how: &str) -> FileError {
+    let remedy =
+        format!("its line \"sha256\" {how}; if you changed it on purpose, remove that line");
+    FileError::Altered { path: path.into(), remedy }
 }
 
 /// Reads a panel and checks it.

@@ -12,7 +12,7 @@ use super::run::{self, RowOutcome, Scope};
 use super::{
     Context, DataSet, Evaluation, EvaluationError, EvaluationSettings, Training, TrainingFilter,
 };
-use super::{WORST_LEAVES, banded, commands, detection, false_alarms, flips, leaves};
+use super::{banded, commands, detection, false_alarms, flips};
 use super::{silence, size};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -150,7 +150,7 @@ impl<'b> Bench<'b> {
         Ok(match piece {
             Piece::Trees(Protocol::NewCommand) => {
                 let trees = &self.context.trained.trees;
-                let found = self.judged_trained((training, trees), of_trees)?;
+                let found = self.judged_trained(trees, of_trees)?;
                 Found::Trees(found.map(|result| (result, None)))
             }
             Piece::Trees(protocol) => {
@@ -162,8 +162,7 @@ impl<'b> Bench<'b> {
             }
             Piece::Committee(Protocol::NewCommand) => {
                 let committee = &self.context.trained.committee.hierarchy;
-                let of = (&settings.committee, committee);
-                let found = self.judged_trained(of, of_boosted)?;
+                let found = self.judged_trained(committee, of_boosted)?;
                 let isolation = self.isolation(Protocol::NewCommand, &[])?;
                 Found::Committee(found.map(|result| (result, isolation)))
             }
@@ -243,7 +242,7 @@ impl<'b> Bench<'b> {
     /// The result on new commands of the diagnosis trained on all training rows.
     fn judged_trained(
         &self,
-        trained: (&Training, &Hierarchy),
+        trained: &Hierarchy,
         lessons: TrainingFilter,
     ) -> Result<Option<ProtocolResult>, EvaluationError> {
         let holding = Holding { lessons, ..self.settings.holding };
@@ -251,8 +250,8 @@ impl<'b> Bench<'b> {
     }
 
     fn trained(&self) -> Result<Evaluation, EvaluationError> {
-        let Self { settings, context, unbanded, data, training, .. } = self;
-        let (trained, lessons) = (context.trained, settings.holding.lessons);
+        let Self { settings, context, unbanded, data, .. } = self;
+        let trained = context.trained;
         let silence = silence(data, settings, trained)?;
         let (abstention, reliability) = silence.map_or((None, None), |(a, r)| (Some(a), Some(r)));
         Ok(Evaluation {
@@ -265,7 +264,6 @@ impl<'b> Bench<'b> {
             reliability,
             flips: flips(data, trained, context)?,
             ambiguity: ambiguity::evaluate(data, &[]),
-            worst_leaves: leaves::worst(data, training, &trained.trees, lessons, WORST_LEAVES)?,
             stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
             false_alarms: false_alarms(unbanded, data, trained, &settings.shutdowns)?,
             protocols: vec![],
@@ -285,7 +283,7 @@ impl<'b> Bench<'b> {
         let place = |protocol| self.settings.protocols.iter().position(|p| *p == protocol);
         let (what, share) = match piece {
             Piece::Trees(protocol) => {
-                (protocol.title(), 0.025 * place(protocol).unwrap_or(0) as f64)
+                (protocol.title(), 0.075 * place(protocol).unwrap_or(0) as f64)
             }
             Piece::Committee(_) => ("committee", 0.3),
             Piece::Commands => ("fewer commands", 0.4),

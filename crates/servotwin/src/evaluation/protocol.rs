@@ -1,19 +1,16 @@
 //! Protocols: how rows are held out, and the results reported for each.
 //!
-//! A protocol is more realistic the less its test rows resemble its training rows. Some protocols split the judged
-//! cases, from the easiest to the hardest:
-//! - a random third, as in the seed paper: nearly every test row has a neighbor with the same fault and intensity in
-//!   another operating case. Only the same fault of another actuator in the same case stays on the same side. Without
-//!   tolerances it is the row's exact symmetric copy, so training on symmetric copies would include the test row;
-//! - groups of one kind and one intensity stay together, including symmetric copies;
-//! - one intensity, one operating case (its command stays in training at the other load), one command, or one command
-//!   and one load are left out;
-//! - one kind of fault is left out, for the stages that find the actuator and the action.
+//! A protocol is more realistic the less its test rows resemble its training rows. From the easiest to the hardest:
+//! - a random third of the judged cases, as in the seed paper: nearly every test row has a neighbor with the same fault
+//!   and intensity in another operating case. Only the same fault of another actuator in the same case stays on the same
+//!   side. Without tolerances it is the row's exact symmetric copy, so training on symmetric copies would include the
+//!   test row;
+//! - one kind of fault of the judged cases is left out, for the stages that find the actuator and the action;
+//! - a fault that was never seen at its intensity;
+//! - a new command.
 //!
-//! The others learn from the study's training commands, which no judged case uses:
-//! - a new command;
-//! - a new command and a fault never seen at its intensity, or at the neighboring intensities either;
-//! - a new command, with training on weak faults and testing on strong ones, and the reverse.
+//! The last two learn from the study's training commands, which no judged case uses. Without such commands a fault at an
+//! unseen intensity is learned from the judged cases, and nothing is judged on a new command.
 
 use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
@@ -27,58 +24,25 @@ use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
 use servotwin_learning::splits::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
 };
+use std::collections::BTreeSet;
 
 /// A way to hold rows out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
-    /// A third of the rows at random, repeated.
+    /// A third of the judged rows at random, repeated.
     RandomThird,
-    /// Folds of groups; a group is one kind at one intensity.
-    Grouped,
-    /// One intensity at a time.
-    LeaveIntensityOut,
-    /// One operating case at a time; its command stays in training at the other loads.
-    LeaveCaseOut,
-    /// One command at a time, at all loads.
-    LeaveCommandOut,
-    /// One command and one load at a time.
-    LeaveCommandAndLoadOut,
     /// One kind of fault at a time, for the stages that find the actuator and the action.
-    LeaveKindOut,
+    KindLeftOut,
+    /// Folds of groups; a group is one kind at one intensity. Trained on the training commands, if there are any.
+    UnseenIntensity,
     /// Trained on the training commands.
     NewCommand,
-    /// Trained on the training commands, without the judged kind at the judged intensity.
-    NewCommandAndFault,
-    /// Like [`Protocol::NewCommandAndFault`], also without the neighboring intensities.
-    NewCommandAndNeighbours,
-    /// Trained on weak faults of the training commands, tested on strong ones.
-    WeakToStrong,
-    /// Trained on strong faults of the training commands, tested on weak ones.
-    StrongToWeak,
 }
 
-/// Every protocol: first those that split the judged cases, then those with training commands.
-pub const ALL: [Protocol; 12] = [
-    Protocol::RandomThird,
-    Protocol::Grouped,
-    Protocol::LeaveIntensityOut,
-    Protocol::LeaveCaseOut,
-    Protocol::LeaveCommandOut,
-    Protocol::LeaveCommandAndLoadOut,
-    Protocol::LeaveKindOut,
-    Protocol::NewCommand,
-    Protocol::NewCommandAndFault,
-    Protocol::NewCommandAndNeighbours,
-    Protocol::WeakToStrong,
-    Protocol::StrongToWeak,
-];
-
-/// The greatest intensity of a weak fault.
-pub const WEAK: f64 = 0.5;
-
-/// The least intensity of a strong fault.
-pub const STRONG: f64 = 0.6;
+/// Every protocol, from the easiest to the hardest.
+pub const ALL: [Protocol; 4] =
+    [Protocol::RandomThird, Protocol::KindLeftOut, Protocol::UnseenIntensity, Protocol::NewCommand];
 
 /// The number of repetitions and folds, the seed and the training rows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -100,54 +64,34 @@ impl Default for Holding {
 }
 
 impl Protocol {
+    /// The protocol whose results are quoted: a new command, or without training commands a fault at an intensity that
+    /// was never seen.
+    pub fn headline(data: &DataSet) -> Self {
+        if data.has_training() { Protocol::NewCommand } else { Protocol::UnseenIntensity }
+    }
+
     /// The display title.
     pub fn title(self) -> &'static str {
         match self {
             Protocol::RandomThird => "a random third held out",
-            Protocol::Grouped => "kind and intensity held out together",
-            Protocol::LeaveIntensityOut => "one intensity left out",
-            Protocol::LeaveCaseOut => "one operating case left out",
-            Protocol::LeaveCommandOut => "one command left out",
-            Protocol::LeaveCommandAndLoadOut => "one command and one load left out",
-            Protocol::LeaveKindOut => "one kind of fault left out (actuator and command)",
+            Protocol::KindLeftOut => "one kind of fault left out (actuator and command)",
+            Protocol::UnseenIntensity => "fault unseen at its intensity",
             Protocol::NewCommand => "new command",
-            Protocol::NewCommandAndFault => "new command, fault unseen at its intensity",
-            Protocol::NewCommandAndNeighbours => {
-                "new command, fault unseen at its and the next intensities"
-            }
-            Protocol::WeakToStrong => "new command, learnt from weak faults, judged on strong ones",
-            Protocol::StrongToWeak => "new command, learnt from strong faults, judged on weak ones",
         }
     }
 
     /// Which stages of the hierarchy it evaluates.
     pub fn scope(self) -> Scope {
         match self {
-            Protocol::LeaveKindOut => Scope::Action,
-            Protocol::NewCommandAndFault | Protocol::Grouped => Scope::AllTracing,
-            _ => Scope::All,
+            Protocol::KindLeftOut => Scope::Action,
+            Protocol::UnseenIntensity => Scope::AllTracing,
+            Protocol::RandomThird | Protocol::NewCommand => Scope::All,
         }
-    }
-
-    /// Whether it needs training commands.
-    pub fn needs_training(self) -> bool {
-        self >= Protocol::NewCommand
     }
 
     /// Whether every detected fault is tested exactly once.
     fn tests_all_once(self) -> bool {
-        use Protocol::{LeaveCommandAndLoadOut, LeaveKindOut, RandomThird};
-        !matches!(self, RandomThird | LeaveKindOut | LeaveCommandAndLoadOut)
-    }
-
-    /// Whether it judges a fault, detected or not.
-    fn judges(self, data: &DataSet, row: &DataRow) -> bool {
-        let weak = data.intensities[row.intensity as usize] <= WEAK;
-        match self {
-            Protocol::WeakToStrong => !weak,
-            Protocol::StrongToWeak => weak,
-            _ => true,
-        }
+        matches!(self, Protocol::UnseenIntensity | Protocol::NewCommand)
     }
 
     /// The splits; empty if there are too few groups or no training commands.
@@ -155,97 +99,48 @@ impl Protocol {
     /// # Errors
     /// [`EvaluationError::NothingDetectable`], or a split cannot be made.
     pub fn splits(self, data: &DataSet, holding: Holding) -> Result<Vec<Split>, EvaluationError> {
-        match self.needs_training() {
-            true => self.splits_with_training(data, holding),
-            false => self.splits_of_judged(data, holding),
-        }
-    }
-
-    fn splits_of_judged(
-        self,
-        data: &DataSet,
-        holding: Holding,
-    ) -> Result<Vec<Split>, EvaluationError> {
-        let rows = data.detectable()?;
+        let test = data.detectable()?;
         let Holding { repeats, folds, seed, .. } = holding;
         let groups = |key: &dyn Fn(&DataRow) -> u32| {
-            rows.iter().map(|&r| key(&data.rows[r])).collect::<Vec<_>>()
+            test.iter().map(|&row| key(&data.rows[row])).collect::<Vec<_>>()
         };
-        let kind_at = |row: &DataRow| cluster(data, row);
+        let cases = data.cases.len() as u32;
         let splits = match self {
             Protocol::RandomThird => {
-                let cases = data.cases.len() as u32;
-                thirds(&groups(&|row| kind_at(row) * cases + row.case), repeats, seed)?
+                thirds(&groups(&|row| cluster(data, row) * cases + row.case), repeats, seed)?
             }
-            Protocol::Grouped => folded(&groups(&kind_at), folds, seed)?,
-            Protocol::LeaveIntensityOut => left_out(&groups(&|row| row.intensity))?,
-            Protocol::LeaveCaseOut => left_out(&groups(&|row| row.case))?,
-            Protocol::LeaveCommandOut => left_out(&groups(&|row| row.flown))?,
-            Protocol::LeaveKindOut => left_out(&groups(&|row| row.kind))?,
-            _ => return Ok(command_and_load_left_out(data, &rows)),
+            Protocol::KindLeftOut => left_out(&groups(&|row| row.kind))?,
+            Protocol::UnseenIntensity => folded(&groups(&|row| cluster(data, row)), folds, seed)?,
+            Protocol::NewCommand if !data.has_training() => vec![],
+            Protocol::NewCommand => {
+                let train = data.learnt_from(holding.lessons)?;
+                return Ok(vec![Split { train, test }]);
+            }
         };
-        let real = |places: &[usize]| places.iter().map(|&place| rows[place]).collect();
+        let real = |places: &[usize]| places.iter().map(|&place| test[place]).collect();
         let split = |split: &Split| Split { train: real(&split.train), test: real(&split.test) };
-        Ok(splits.iter().map(split).collect())
-    }
-
-    fn splits_with_training(
-        self,
-        data: &DataSet,
-        holding: Holding,
-    ) -> Result<Vec<Split>, EvaluationError> {
-        if !data.has_training() {
-            return Ok(vec![]);
+        let splits: Vec<Split> = splits.iter().map(split).collect();
+        match self == Protocol::UnseenIntensity && data.has_training() {
+            true => taught_by_commands(data, &data.learnt_from(holding.lessons)?, splits),
+            false => Ok(splits),
         }
-        // Training on weak faults alone needs artificial stronger ones; artificial weaker ones would be too many.
-        let lessons = match self {
-            Protocol::WeakToStrong => {
-                TrainingFilter { stronger: true, weaker: holding.lessons.faults, ..holding.lessons }
-            }
-            _ => holding.lessons,
-        };
-        let (train, test) = (data.learnt_from(lessons)?, data.detectable()?);
-        let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
-        let split = |is_train: &dyn Fn(&DataRow, usize) -> bool,
-                     is_test: &dyn Fn(usize) -> bool| {
-            let healthy_or =
-                |&row: &usize| data.rows[row].is_healthy || is_train(&data.rows[row], row);
-            Split {
-                train: train.iter().copied().filter(healthy_or).collect(),
-                test: test.iter().copied().filter(|&row| is_test(row)).collect(),
-            }
-        };
-        let splits = match self {
-            Protocol::WeakToStrong => vec![split(&|row, _| row.own_intensity <= WEAK, &strong)],
-            Protocol::StrongToWeak => {
-                vec![split(&|row, _| row.own_intensity >= STRONG, &|row| !strong(row))]
-            }
-            Protocol::NewCommand => vec![split(&|_, _| true, &|_| true)],
-            _ => {
-                let reach = u32::from(self == Protocol::NewCommandAndNeighbours);
-                let groups: Vec<u32> = test.iter().map(|&r| cluster(data, &data.rows[r])).collect();
-                let folds = folded(&groups, holding.folds, holding.seed)?;
-                let of_fold = |fold: &Split| {
-                    let held: std::collections::BTreeSet<u32> =
-                        fold.test.iter().map(|&place| groups[place]).collect();
-                    let is_held = |row: &DataRow| {
-                        let last = data.intensities.len() as u32 - 1;
-                        let low = row.intensity.saturating_sub(reach);
-                        let mut near = low..=(row.intensity + reach).min(last);
-                        near.any(|i| {
-                            held.contains(&cluster(data, &DataRow { intensity: i, ..row.clone() }))
-                        })
-                    };
-                    split(&|row, _| !is_held(row), &|row| {
-                        held.contains(&cluster(data, &data.rows[row]))
-                    })
-                };
-                folds.iter().map(of_fold).collect()
-            }
-        };
-        let is_whole = |split: &Split| !split.test.is_empty() && has_fault(data, &split.train);
-        Ok(splits.into_iter().filter(is_whole).collect())
     }
+}
+
+/// The same test rows, learned from rows of training commands without the faults that are tested.
+fn taught_by_commands(
+    data: &DataSet,
+    lessons: &[usize],
+    splits: Vec<Split>,
+) -> Result<Vec<Split>, EvaluationError> {
+    let of_fold = |Split { test, .. }: Split| {
+        let held: BTreeSet<u32> = test.iter().map(|&row| cluster(data, &data.rows[row])).collect();
+        let teaches = |row: &DataRow| row.is_healthy || !held.contains(&cluster(data, row));
+        let train = lessons.iter().copied().filter(|&row| teaches(&data.rows[row])).collect();
+        Split { train, test }
+    };
+    let splits = splits.into_iter().map(of_fold);
+    Ok(splits.filter(|split| has_fault(data, &split.train)).collect())
 }
 
 fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
@@ -261,23 +156,6 @@ pub(super) fn cluster(data: &DataSet, row: &DataRow) -> u32 {
 pub fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
     let row = &data.rows[row];
     Trial { cluster: cluster(data, row), kind: row.kind, holds }
-}
-
-/// For every case, a split whose training cases share neither its command nor its load.
-fn command_and_load_left_out(data: &DataSet, rows: &[usize]) -> Vec<Split> {
-    let load = |case: u32| data.cases[case as usize].rsplit_once('/').map(|(_, load)| load);
-    let apart = |row: usize, case: u32, flown: u32| {
-        data.rows[row].flown != flown && load(data.rows[row].case) != load(case)
-    };
-    let mut cases: Vec<(u32, u32)> =
-        rows.iter().map(|&row| (data.rows[row].case, data.rows[row].flown)).collect();
-    cases.sort_unstable();
-    cases.dedup();
-    let split = |&(case, flown): &(u32, u32)| Split {
-        train: rows.iter().copied().filter(|&row| apart(row, case, flown)).collect(),
-        test: rows.iter().copied().filter(|&row| data.rows[row].case == case).collect(),
-    };
-    cases.iter().map(split).filter(|split| !split.train.is_empty()).collect()
 }
 
 /// Random thirds that keep groups together.
@@ -410,7 +288,7 @@ pub fn evaluate(
     shutdowns: &[String],
     workers: Workers,
 ) -> Result<Option<JudgedProtocol>, EvaluationError> {
-    let splits = judged_splits(protocol, data, settings, holding)?;
+    let splits = judged_splits(protocol, data, holding)?;
     if splits.is_empty() {
         return Ok(None);
     }
@@ -419,18 +297,18 @@ pub fn evaluate(
     Ok(Some((result, outcomes)))
 }
 
-/// The same for [`Protocol::NewCommand`], using a hierarchy already trained with those settings on all training rows.
+/// The same for [`Protocol::NewCommand`], using a hierarchy already trained on all training rows.
 ///
 /// # Errors
 /// A split cannot be made, or the hierarchy does not fit the data.
 pub fn evaluate_trained(
     data: &DataSet,
-    (settings, hierarchy): (&HierarchySettings, &Hierarchy),
+    hierarchy: &Hierarchy,
     holding: Holding,
     shutdowns: &[String],
 ) -> Result<Option<ProtocolResult>, EvaluationError> {
     let protocol = Protocol::NewCommand;
-    let splits = judged_splits(protocol, data, settings, holding)?;
+    let splits = judged_splits(protocol, data, holding)?;
     let Some(split) = splits.first() else { return Ok(None) };
     let outcomes = [ask(data, hierarchy, &split.test)?];
     Ok(Some(summary(protocol, data, &outcomes, shutdowns)))
@@ -440,7 +318,6 @@ pub fn evaluate_trained(
 pub(super) fn judged_splits(
     protocol: Protocol,
     data: &DataSet,
-    settings: &HierarchySettings,
     holding: Holding,
 ) -> Result<Vec<Split>, EvaluationError> {
     let names = data.examples.names();
@@ -449,12 +326,6 @@ pub(super) fn judged_splits(
         return Ok(vec![]);
     }
     let mut splits = protocol.splits(data, holding)?;
-    if settings.mirror && settings.pool && data.examples.views() > 1 {
-        // The hierarchy treats a row and its symmetric copy alike, so they count once.
-        for split in &mut splits {
-            split.test.retain(|&row| !data.rows[row].reflected);
-        }
-    }
     splits.retain(|split| !split.test.is_empty());
     Ok(splits)
 }
@@ -471,7 +342,7 @@ pub fn summary(
     let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
     let acted =
         |outcome: &RowOutcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
-    let judged = data.rows_where(Role::Judged, |r| !r.is_healthy && protocol.judges(data, r));
+    let judged = data.rows_where(Role::Judged, |row| !row.is_healthy);
     let detected = Rate::of(&judged, |&row| data.rows[row].is_detected()).share;
     ProtocolResult {
         protocol,
@@ -575,12 +446,8 @@ impl<'a> Counting<'a> {
             return None;
         }
         let labels = self.data.examples.labels();
-        let counts_once =
-            self.outcomes.iter().all(|outcome| !self.data.rows[outcome.row].reflected);
-        let hidden = self.data.rows_where(Role::Judged, |row| {
-            let counted = !(counts_once && row.reflected);
-            !row.is_healthy && !row.is_detected() && counted && self.protocol.judges(self.data, row)
-        });
+        let hidden =
+            self.data.rows_where(Role::Judged, |row| !row.is_healthy && !row.is_detected());
         let hidden = hidden.into_iter().filter(|&row| self.shutdowns.contains(&labels[row].action));
         let mut trials = missed.to_vec();
         trials.extend(hidden.map(|row| trial(self.data, row, true)));

@@ -43,9 +43,7 @@ pub fn evaluate(
     }
     for Tested { name: trained, trained: model, .. } in scenarios {
         for Tested { name: tested, data, .. } in scenarios {
-            let wanted = |row: &super::data_set::DataRow| {
-                !row.is_healthy && row.is_detected() && !row.reflected
-            };
+            let wanted = |row: &super::data_set::DataRow| !row.is_healthy && row.is_detected();
             let rows = data.rows_where(Role::Judged, wanted);
             let of = |hierarchy| -> Result<ProtocolResult, EvaluationError> {
                 let outcomes = [run::ask(data, hierarchy, &rows)?];

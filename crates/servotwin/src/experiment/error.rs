@@ -30,9 +30,6 @@ pub enum CampaignError {
     /// The run was stopped.
     #[error("cancelled")]
     Cancelled,
-    /// Symmetry was assumed, but the units are not alike.
-    #[error("the actuators are not alike enough for variants to be shown by others")]
-    NotAlike,
     /// The plants of `[flights.other_plant]` are impossible.
     #[error("the system is impossible with the kinds of [flights.other_plant]")]
     OtherPlant,

@@ -43,17 +43,17 @@ fn an_observer_receives_sensors_in_their_order_then_what_is_tracked_and_the_inpu
     let twin = &twins["calm"];
     let width = study.measured.len();
     assert_eq!(twin.samples.len(), 4 * width);
-    // Two sensors that have changed places, one tracked variable; the remaining ones stand for inputs.
+    // Two sensors, one tracked variable; the remaining ones stand for inputs.
     let chain = SensorChain::new(&study, 2, None).with_latencies(vec![0.5, 0.0]);
-    let mut watch = Watch::new(twin, vec![1, 0], chain, Received::default());
+    let mut watch = Watch::new(twin, 2, chain, Received::default());
     watch.sample(2, &[10.0, 20.0, 30.0]);
     watch.sample(3, &[11.0, 24.0, 31.0]);
     let expected = |index: usize, plant: f64, measured: [f64; 2]| {
         let row = twin.at(index).to_vec();
-        let sensors = vec![row[1], row[0]];
+        let sensors = vec![row[0], row[1]];
         [vec![plant], vec![row[2]], measured.into(), sensors, row[3..].into()]
     };
-    let all = [expected(2, 30.0, [20.0, 10.0]), expected(3, 31.0, [22.0, 11.0])].concat();
+    let all = [expected(2, 30.0, [10.0, 20.0]), expected(3, 31.0, [10.5, 24.0])].concat();
     assert_eq!(watch.observer.0, all);
 }
 

@@ -18,36 +18,26 @@ pub trait Observer: Send {
 /// The plant records its sensors, then what is tracked. The twin records the same, then the inputs.
 pub(crate) struct Watch<'t, O> {
     twin: &'t RecordedRun,
-    /// The recorded sensor whose place each sensor takes. With symmetric actuators this is another one.
-    order: Vec<usize>,
     sensors: SensorChain,
     measured: Vec<f64>,
-    expected: Vec<f64>,
     pub observer: O,
 }
 
 impl<'t, O> Watch<'t, O> {
-    pub fn new(
-        twin: &'t RecordedRun,
-        order: Vec<usize>,
-        sensors: SensorChain,
-        observer: O,
-    ) -> Self {
-        let [measured, expected] = [(); 2].map(|()| vec![0.0; order.len()]);
-        Watch { twin, order, sensors, measured, expected, observer }
+    /// The plant of `count` sensors.
+    pub fn new(twin: &'t RecordedRun, count: usize, sensors: SensorChain, observer: O) -> Self {
+        Watch { twin, sensors, measured: vec![0.0; count], observer }
     }
 }
 
 impl<O: Observer> Sink for Watch<'_, O> {
     fn sample(&mut self, index: usize, values: &[f64]) {
         let (twin, inputs) = self.twin.at(index).split_at(values.len());
-        for (place, &sensor) in self.order.iter().enumerate() {
-            self.measured[place] = values[sensor];
-            self.expected[place] = twin[sensor];
-        }
-        let sensors = self.order.len();
-        self.observer.track(index, &values[sensors..], &twin[sensors..]);
+        let (measured, tracked) = values.split_at(self.measured.len());
+        let (expected, tracked_twin) = twin.split_at(self.measured.len());
+        self.observer.track(index, tracked, tracked_twin);
+        self.measured.copy_from_slice(measured);
         self.sensors.measure(&mut self.measured);
-        self.observer.sample(index, &self.measured, &self.expected, inputs);
+        self.observer.sample(index, &self.measured, expected, inputs);
     }
 }

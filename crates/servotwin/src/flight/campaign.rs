@@ -356,7 +356,6 @@ impl<'s> FlightCampaign<'s> {
         if let Some((plants, _)) = self.others {
             chain = chain.with_latencies(plants.latencies(self.plant(flight), self.sensors));
         }
-        let order = (0..self.sensors).collect();
-        Watch::new(&self.twins[&flight.environment], order, chain, observer)
+        Watch::new(&self.twins[&flight.environment], self.sensors, chain, observer)
     }
 }

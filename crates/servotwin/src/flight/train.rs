@@ -179,7 +179,7 @@ fn widest(
     flight_of: &[u32],
     is_further: impl Fn(&DataSet, &DataRow) -> bool,
 ) -> Option<(u64, f64)> {
-    let is_own = |row: &&DataRow| row.is_healthy && !row.reflected && !is_further(data, row);
+    let is_own = |row: &&DataRow| row.is_healthy && !is_further(data, row);
     let mut flights: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     for row in data.rows.iter().filter(is_own) {
         flights.entry(flight_of[row.variant]).or_default().push(row.excess);

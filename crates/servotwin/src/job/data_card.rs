@@ -238,7 +238,8 @@ const LIMITS: &str = "## Known biases and limits\n\n\
     - All intensities and all kinds are equally frequent. Priors of service must come from elsewhere.\n\
     - The runs of one fault differ only by command, load and specimen, so rows are not independent. Intervals need \
     clusters by kind and intensity.\n\
-    - Rows with `reflected` are symmetric copies, and their sensor values are no new evidence.\n\
+    - Without tolerances, a fault of one of several like actuators gives the signals of the same fault of another one, \
+    exchanged. Such rows are no new evidence.\n\
     - Faults of low intensity may be invisible. `detectable` marks the visible ones, by the paper's band of 3 %.\n\n";
 
 fn citation(study: &Study) -> String {

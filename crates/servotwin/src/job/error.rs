@@ -72,9 +72,9 @@ pub enum JobError {
     /// A data set contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
     DataSet { path: PathBuf, error: EvaluationError },
-    /// A data set and the shards that it was computed from have different numbers of rows.
+    /// A data set and the parts that it was computed from have different numbers of rows.
     #[error(
-        "{path}: with its training commands {rows} rows, but the shards beside it hold {windows}; 'servotwin \
+        "{path}: with its training commands {rows} rows, but the parts beside it hold {windows}; 'servotwin \
          features' makes it anew"
     )]
     OtherRows { path: PathBuf, rows: usize, windows: usize },

@@ -3,7 +3,7 @@
 //! | file | written by |
 //! |---|---|
 //! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
-//! | `dataset-<setting>.parquet`, `shards/` | campaign: the operating cases of the evaluation |
+//! | `dataset-<setting>.parquet`, `parts/` | campaign: the operating cases of the evaluation |
 //! | `dataset-<setting>-training.parquet` | campaign: the training commands |
 //! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
@@ -25,7 +25,7 @@
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
-use crate::campaign::calibration_file;
+use crate::campaign::{PARTS, calibration_file};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::flight::healthy::HealthyPlants;
 use crate::leftovers::remove_abandoned_files;
@@ -289,7 +289,7 @@ impl Folder {
 
     /// The folders into which stages write.
     fn written_folders(&self) -> [PathBuf; 3] {
-        [self.0.clone(), self.0.join("shards"), self.figures()]
+        [self.0.clone(), self.0.join(PARTS), self.figures()]
     }
 
     /// Reads the folder's study for a program that writes nothing.

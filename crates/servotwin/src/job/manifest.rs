@@ -48,8 +48,6 @@ pub struct DataSetEntry {
     pub is_training: bool,
     /// Number of variants.
     pub variants: usize,
-    /// Variants that were not simulated, because they are symmetric copies of others.
-    pub reflected: usize,
     /// Variants without a fault.
     pub healthy: usize,
     /// Faulty variants that never leave the band of healthy residuals.
@@ -254,7 +252,6 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
         setting: setting.name().into(),
         is_training: role == Role::Training,
         variants: 0,
-        reflected: 0,
         healthy: 0,
         undetectable: 0,
         efforts: vec![],
@@ -269,7 +266,7 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
 }
 
 /// The columns of a data set that the manifest summarizes.
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 11] = [
     "variant",
     "intensity",
     "fault",
@@ -277,7 +274,6 @@ const COLUMNS: [&str; 12] = [
     "case",
     "failure",
     "detectable",
-    "reflected",
     "steps_per_s",
     "began_on_the_move",
     "limit_cycle",
@@ -293,7 +289,6 @@ impl DataSetEntry {
         let (moving, rings) = (table.bool("began_on_the_move")?, table.bool("rings")?);
         let cycles = table.bool("limit_cycle")?;
         self.variants += table.row_count();
-        self.reflected += table.bool("reflected")?.iter().filter(|&&is_image| is_image).count();
         for row in 0..table.row_count() {
             let (is_healthy, ran) = (intensities[row] == 0.0, reasons[row].is_empty());
             self.healthy += usize::from(is_healthy);

@@ -52,7 +52,7 @@ struct Moves {
 /// distance from the training data. It is largest without noise, where the uncertainty alone is small.
 fn learned(subject: Subject) -> Moves {
     let reaches: &[f64] = if subject.setting().has_noise() { &[1.0, 2.0] } else { &[1.0, 8.0] };
-    Moves { draws: 9, seed: 1, reaches }
+    Moves { draws: 6, seed: 1, reaches }
 }
 
 /// The perturbation of evaluation windows.

@@ -83,7 +83,7 @@ impl Subject {
     }
 
     /// The settings of training and evaluation: those in the study's section `[evaluation]`, and the usual ones for the
-    /// rest. A quick study has fewer protocols.
+    /// rest. A quick study leaves some parts out.
     pub fn settings(self, study: &Study) -> EvaluationSettings {
         let settings = self.as_asked(self.usual(), &study.evaluating);
         let settings = if study.is_full { settings } else { settings.quick() };
@@ -158,7 +158,7 @@ impl Subject {
             Subject::Ideal => settings,
             Subject::ExtraSensor => EvaluationSettings {
                 classifiers: vec![],
-                protocols: vec![Protocol::Grouped, Protocol::NewCommand],
+                protocols: vec![Protocol::UnseenIntensity, Protocol::NewCommand],
                 committee_protocols: vec![Protocol::NewCommand],
                 ..settings
             },

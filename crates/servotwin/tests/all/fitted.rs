@@ -1,7 +1,7 @@
 //! The fitted setting: specimens beside twins that were fitted to them in a calibration flight.
 
 use crate::folder::Folder;
-use servotwin::campaign::{Campaign, CampaignError, ShardRow, calibration_file};
+use servotwin::campaign::{Campaign, CampaignError, PartRow, calibration_file};
 use servotwin::study::{Role, Setting, Study};
 use servotwin::table::{self, Column, Table};
 use servotwin_model::solver::SolverSettings;
@@ -38,7 +38,7 @@ fn campaign<'s>(
     }
 }
 
-fn rows(campaign: &Campaign) -> Vec<ShardRow> {
+fn rows(campaign: &Campaign) -> Vec<PartRow> {
     let outcome = campaign.run(|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty() && !outcome.cancelled);
     campaign.windows().unwrap().remove(0)
@@ -48,7 +48,7 @@ fn rows(campaign: &Campaign) -> Vec<ShardRow> {
 fn means(campaign: &Campaign) -> Vec<f64> {
     let plan = campaign.plan();
     let healthy = rows(campaign).into_iter().zip(plan).filter(|(_, p)| p.fault.is_none());
-    let largest = |row: ShardRow| {
+    let largest = |row: PartRow| {
         let sensors = 0..row.window.sensors();
         sensors.map(|sensor| row.window.mean(sensor).abs()).fold(0.0, f64::max)
     };
@@ -101,8 +101,8 @@ fn threads_and_interruptions_change_no_bit() {
     rows(&campaign(&study, Setting::Fitted, &broken, 2));
     assert!(files(&calm) == files(&broken));
     // What is lost is made again, and only that.
-    let shards = std::fs::read_dir(broken.file("shards")).unwrap();
-    std::fs::remove_file(shards.into_iter().next().unwrap().unwrap().path()).unwrap();
+    let parts = std::fs::read_dir(broken.file("parts")).unwrap();
+    std::fs::remove_file(parts.into_iter().next().unwrap().unwrap().path()).unwrap();
     std::fs::remove_file(broken.file("calibration-fitted.parquet")).unwrap();
     rows(&campaign(&study, Setting::Fitted, &broken, 2));
     assert!(files(&calm) == files(&broken));
@@ -137,15 +137,15 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     let (data_set, pool) = ("dataset-fitted.parquet", "calibration-fitted.parquet");
     let one = campaign(&study, Setting::Fitted, &whole, 2);
     rows(&one);
-    // Shards that are worked on one after the other, by another number of threads.
-    let other = Campaign { round_shards: 1, ..campaign(&study, Setting::Fitted, &parts, 1) };
+    // By another number of threads.
+    let other = campaign(&study, Setting::Fitted, &parts, 1);
     other.calibrate().unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
-    for part in ["2/2", "1/2"] {
-        other.run_part(part.parse().unwrap(), 0, |_, _| ()).unwrap();
+    for share in ["2/2", "1/2"] {
+        other.run_share(share.parse().unwrap(), 0, |_, _| ()).unwrap();
     }
     assert!(!parts.file(data_set).exists());
-    // Only the shards may have been copied together.
+    // Only the parts may have been copied together.
     std::fs::remove_file(parts.file(pool)).unwrap();
     other.merge().unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
@@ -165,7 +165,7 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     third.run(|_, _| ()).unwrap();
     assert!(file(&bent, data_set) != file(&whole, data_set));
     bare.metadata.clear();
-    std::fs::remove_dir_all(bent.file("shards")).unwrap();
+    std::fs::remove_dir_all(bent.file("parts")).unwrap();
     table::write(bent.file(pool), &bare).unwrap();
     third.run(|_, _| ()).unwrap();
     assert!(file(&bent, data_set) == file(&whole, data_set));
