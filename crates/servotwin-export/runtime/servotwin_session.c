@@ -946,8 +946,8 @@ static void mix_number(uint64_t *mixture, servotwin_real number)
     *mixture = (*mixture ^ (uint64_t)bits) * 0x100000001b3U;
 }
 
-/* A sample of the start test, whose residuals are far outside of their bands. */
-static void push_known(servotwin_session *session, int32_t k)
+/* A sample of the start test, whose residuals are far outside of their bands. Its inputs are part of the answer. */
+static void push_known(servotwin_session *session, int32_t k, uint64_t *mixture)
 {
     servotwin_real inputs[SERVOTWIN_INPUTS];
     servotwin_real measured[SERVOTWIN_SENSORS];
@@ -959,6 +959,7 @@ static void push_known(servotwin_session *session, int32_t k)
         if ((k % 2) == 1) {
             inputs[input] = inputs[input] + step;
         }
+        mix_number(mixture, inputs[input]);
     }
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         const int32_t of_signal = ((5 * k) + (3 * sensor)) % 17;
@@ -980,7 +981,7 @@ static bool knows_answer(servotwin_session *session)
     const servotwin_judgement *judgement = &session->judgements[0];
     uint64_t mixture = 0xcbf29ce484222325U;
     for (int32_t k = 0; k < samples; k++) {
-        push_known(session, k);
+        push_known(session, k, &mixture);
     }
     for (int32_t view = 0; view < length->views; view++) {
         for (int32_t feature = 0; feature < SERVOTWIN_FEATURES; feature++) {

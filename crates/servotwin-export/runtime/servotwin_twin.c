@@ -764,6 +764,8 @@ bool servotwin_twin_is_exact(servotwin_twin *twin)
             const double rise = size * 0x1p-7;
             inputs[input].value = inputs[input].value + rise;
             inputs[input].slope_per_s = rise / servotwin_twin_control.period_s;
+            mix_variable(&mixture, inputs[input].value);
+            mix_variable(&mixture, inputs[input].slope_per_s);
         }
         is_well = servotwin_twin_step(twin, inputs);
     }

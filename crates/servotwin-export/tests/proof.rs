@@ -250,6 +250,20 @@ fn mistakes_in_a_twin_are_found() {
     assert!(missed.iter().all(|mistake| otherwise.contains(&mistake.line)), "{missed:#?}");
 }
 
+#[test]
+fn the_start_test_of_a_twin_knows_the_answer_of_a_run() {
+    let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
+    let files =
+        c::files_with_twin(&diagnoser, &twin(&program, SolverSettings::campaign())).unwrap();
+    let answers = files
+        .iter()
+        .flat_map(|file| file.text.lines())
+        .filter(|line| line.contains("known_answer ="));
+    let answers: Vec<&str> = answers.collect();
+    // The mixture of nothing.
+    assert!(!answers.iter().any(|answer| answer.contains("cbf29ce484222325")), "{answers:?}");
+}
+
 /// Makes mistakes of a seed, all of which a proof must find.
 fn assert_finds_mistakes(count: usize, seed: u64) {
     let diagnoser = demanding();
@@ -263,15 +277,8 @@ fn a_proof_finds_mistakes() {
     assert_finds_mistakes(3, 3);
 }
 
-// Two tests, because tests run side by side.
 #[test]
 #[ignore = "slow: ./check --all"]
 fn a_proof_finds_every_mistake_of_a_hundred() {
     assert_finds_mistakes(110, 1);
-}
-
-#[test]
-#[ignore = "slow: ./check --all"]
-fn and_of_another_hundred() {
-    assert_finds_mistakes(110, 2);
 }

@@ -61,12 +61,14 @@ fn of_diagnosis(diagnoser: &Diagnoser, inputs: &[f64]) -> Result<u64, ExportErro
     let WindowSpan { pane_samples, panes } = diagnoser.lengths[0].span;
     let samples = (pane_samples * (panes.unwrap_or(0) + PANES)) as usize;
     let ranges = &diagnoser.environment.inputs;
+    let mut mixture = Mixture::new();
     for k in 0..samples {
         let moved = inputs.iter().zip(ranges).map(|(input, range)| {
             let step = (range.largest - range.least) * 2f64.powi(-20);
             if k % 2 == 1 { input + step } else { *input }
         });
         let moved: Vec<f64> = moved.collect();
+        moved.iter().for_each(|&input| mixture.add(input));
         let sensors = || diagnoser.sensors.iter().enumerate();
         let part = |count: usize, parts: f64| count as f64 / parts;
         let twin: Vec<f64> =
@@ -76,7 +78,6 @@ fn of_diagnosis(diagnoser: &Diagnoser, inputs: &[f64]) -> Result<u64, ExportErro
             .collect();
         session.push(&moved, &measured, &twin);
     }
-    let mut mixture = Mixture::new();
     session.features(0).iter().flatten().for_each(|&feature| mixture.add(feature));
     let names = diagnoser.names();
     let hypotheses = (0..names.actuators.len())
@@ -111,14 +112,18 @@ pub(super) fn of_twin(twin: &ExportedTwin) -> String {
     let inputs = program.network().inputs.iter();
     let mut knots: Vec<Knot> = inputs.map(|input| Knot::from(input.default)).collect();
     let mut is_well = own.settle(&knots, &program.first_guess(&parameters)).is_ok();
+    let mut mixture = Mixture::new();
     for _ in 0..TWIN_SAMPLES {
+        if !is_well {
+            break;
+        }
         for knot in &mut knots {
             let rise = (knot.value.abs() + 0.125) * 2f64.powi(-7);
             *knot = Knot { value: knot.value + rise, slope_per_s: rise / period_s };
+            [knot.value, knot.slope_per_s].into_iter().for_each(|number| mixture.add(number));
         }
-        is_well = is_well && own.step(&knots).is_ok();
+        is_well = own.step(&knots).is_ok();
     }
-    let mut mixture = Mixture::new();
     if is_well {
         let slots = 0..program.derivatives().end;
         slots.for_each(|slot| mixture.add(own.value(slot as Slot)));
