@@ -37,7 +37,7 @@ __all__ = [
     "join_study",
     "learn_from_flights",
     "make_features",
-    "merge_shards",
+    "merge_parts",
     "read_trees",
     "run_calibration",
     "run_campaign",
@@ -335,7 +335,7 @@ class Model:
     def from_json(text: str) -> Model: ...
 
 _Ran = tuple[list[str], bool, int, int, list[tuple[str, int, str]]]
-_Task = tuple[list[str], bool, list[int], list[str], int, Optional[str]]
+_Task = tuple[list[str], bool, int, list[str], int, Optional[str]]
 
 def fit(
     settings: str,
@@ -359,7 +359,7 @@ def run_campaign(
     out: Path,
     settings: Optional[Sequence[str]] = None,
     threads: Optional[int] = None,
-    part: Optional[str] = None,
+    share: Optional[str] = None,
     progress: Optional[Progress] = None,
 ) -> list[_Ran]: ...
 def tasks(study: Study, settings: Optional[Sequence[str]] = None) -> list[_Task]: ...
@@ -371,10 +371,10 @@ def run_task(
     out: Path,
     settings: Sequence[str],
     training: bool,
-    shards: Sequence[int],
+    part: int,
     threads: Optional[int] = None,
 ) -> tuple[int, int]: ...
-def merge_shards(
+def merge_parts(
     out: Path, settings: Optional[Sequence[str]] = None, progress: Optional[Progress] = None
 ) -> list[_Ran]: ...
 def join_study(study: Study, out: Path) -> None: ...
@@ -416,9 +416,13 @@ def learn_from_flights(
     setting: str,
     flown: Sequence[str],
     threads: Optional[int] = None,
-) -> int: ...
+) -> str: ...
 def join_flights(
-    study: Study, out: Path, full: bool, found: Sequence[tuple[str, int, Sequence[str], str]]
+    study: Study,
+    out: Path,
+    full: bool,
+    found: Sequence[tuple[str, str, Sequence[str], str]],
+    threads: Optional[int] = None,
 ) -> str: ...
 def train_folder(
     out: Path, threads: Optional[int] = None, progress: Optional[Progress] = None

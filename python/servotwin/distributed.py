@@ -180,7 +180,7 @@ def flights(
     store.keep("system.toml", study.system.text)
     names, to_learn, to_judge = _native.flight_pieces(study, full)
     where = (_mark(study.text, study.system.text), out, options)
-    measured: list[tuple[str, int, list[str], str]] = []
+    measured: list[tuple[str, str, list[str], str]] = []
     sent: list[Any] = []
 
     def submit(function: Any, name: str, *arguments: Any) -> Any:
@@ -195,18 +195,18 @@ def flights(
             for name in names:
                 learned = [submit(_flown, f"to learn {name} {k}", name, k, None) for k in range(len(to_learn))]
                 texts = _watched(f"{name}: flights to learn from", learned, to_learn, show)
-                failed = _native.learn_from_flights(study, folder, full, name, texts, threads)
+                left_out = _native.learn_from_flights(study, folder, full, name, texts, threads)
                 file = f"diagnoser-{name}.json"
                 store.put_all(folder, [file])
                 about = (file, _mark((folder / file).read_bytes()))
                 foreign = submit(_foreign, f"foreign {name}", name, about)
                 judged = [submit(_flown, f"to judge {name} {k}", name, k, about) for k in range(len(to_judge))]
                 texts = _watched(f"{name}: flights to be judged in", judged, to_judge, show)
-                measured.append((name, failed, texts, foreign.result()))
+                measured.append((name, left_out, texts, foreign.result()))
         finally:
             client.cancel(sent)  # type: ignore[no-untyped-call]
-        results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, measured))
-        store.put_all(folder, ["flights.json", "manifest.json"])
+        results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, measured, threads))
+        store.put_all(folder, ["flights.json", *sorted(path.name for path in folder.glob("outcomes-*.parquet")), "manifest.json"])
     return results
 
 

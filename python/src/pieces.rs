@@ -10,10 +10,12 @@ use serde::de::DeserializeOwned;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
 use servotwin::flight::campaign::FlightCampaign;
-use servotwin::flight::judge::{self, Rates, WatchedFlights};
+use servotwin::flight::judge::{self, Rates};
+use servotwin::flight::outcome::Outcome;
+use servotwin::flight::plan;
 use servotwin::flight::plan::Purpose;
-use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
-use servotwin::flight::{plan, unseen_faults};
+use servotwin::flight::training_windows::{self, TrainingWindows};
+use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{self, Among, Folder, Subject, manifest};
 use servotwin::study::{Flights, Setting, Study as Inner};
@@ -239,8 +241,8 @@ pub fn fly_foreign(
     Ok(result?)
 }
 
-/// Learns from what was flown in all environments and writes the diagnoser of a setting; how many flights
-/// could not be finished.
+/// Learns from what was flown in all environments and writes the diagnoser of a setting; which flights taught
+/// nothing.
 #[pyfunction]
 #[pyo3(signature = (study, out, full, setting, flown, threads = None))]
 pub fn learn_from_flights(
@@ -251,10 +253,10 @@ pub fn learn_from_flights(
     setting: &str,
     flown: Vec<String>,
     threads: Option<usize>,
-) -> PyResult<u64> {
+) -> PyResult<String> {
     let (study, folder) = (&*study.inner, Folder::new(out));
     let setting = self::setting(study, setting)?;
-    let result = long(py, None, |watch| -> Result<u64, Failure> {
+    let result = long(py, None, |watch| -> Result<String, Failure> {
         let flights = sizes(study, full)?;
         let _hold = folder.hold(Among::Nobody)?;
         let mut lessons = TrainingWindows::default();
@@ -263,46 +265,56 @@ pub fn learn_from_flights(
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
         let learned = flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
-        Ok(learned.1.failed)
+        Ok(to_text(&learned.1))
     })?;
     Ok(result?)
 }
 
-/// What was found in a setting: its name, how many flights to learn from failed, what was watched in each
+/// What was found in a setting: its name, which flights to learn from taught nothing, what was watched in each
 /// environment, and what was said of foreign faults.
-type Measured = (String, u64, Vec<String>, String);
+type Measured = (String, String, Vec<String>, String);
 
 /// Judges what was watched in all flights, and writes what was measured; the same as JSON.
 #[pyfunction]
+#[pyo3(signature = (study, out, full, found, threads = None))]
 pub fn join_flights(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     full: bool,
     found: Vec<Measured>,
+    threads: Option<usize>,
 ) -> PyResult<String> {
     let (study, folder) = (&*study.inner, Folder::new(out));
-    let text = py.detach(|| -> Result<String, Failure> {
+    let result = long(py, None, |watch| -> Result<String, Failure> {
         let flights = sizes(study, full)?;
         let _hold = folder.hold(Among::Nobody)?;
         let mut measured = vec![];
-        for (name, failed, texts, said) in &found {
+        for (name, left_out, texts, said) in &found {
             let setting = setting(study, name)?;
             let diagnoser = model_file::read_diagnoser(folder.diagnoser(setting))?;
-            let mut watched = WatchedFlights::default();
+            let mut judged: Vec<Outcome> = vec![];
             for text in texts {
-                watched.add(from_text(text)?);
+                judged.extend(from_text::<Vec<Outcome>>(text)?);
             }
-            let left_out = LeftOut { failed: *failed, ..LeftOut::default() };
-            let learned = (&diagnoser, left_out);
-            let merit = flights::merit(study, &flights, setting, learned, watched);
-            measured.push((merit, from_text(said)?));
+            judged.sort_by_key(|outcome| outcome.number);
+            let (counted, unseen): (UnseenFaultMetrics, Vec<Outcome>) = from_text(said)?;
+            flights::write_outcomes(&folder, flights::JUDGE, name, &judged)?;
+            flights::write_outcomes(&folder, flights::UNSEEN, name, &unseen)?;
+            let learned = (&diagnoser, from_text(left_out)?);
+            let merit = flights::merit(study, &flights, setting, learned, &judged);
+            measured.push((merit, counted));
         }
-        let results = flights::write(&folder, &flights, full, measured, None)?;
+        let mut results = flights::write(&folder, &flights, full, measured, None)?;
+        // Plants of another structure are flown here, beside the diagnosers that were just written.
+        let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
+        if flights::fly_other_plant(&folder, study, &flights, full, &crew)?.is_some() {
+            results = flights::results(&folder)?.unwrap_or(results);
+        }
         manifest::write(&folder, study)?;
         Ok(to_text(&results))
     })?;
-    Ok(text)
+    Ok(result?)
 }
 
 fn check(watch: &Watch) -> Result<(), Failure> {

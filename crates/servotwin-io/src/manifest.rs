@@ -135,7 +135,7 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 14] = [
+const WRITERS: [(&str, &str); 15] = [
     ("study.toml", "campaign STUDY --out FOLDER"),
     ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
@@ -146,6 +146,7 @@ const WRITERS: [(&str, &str); 14] = [
     ("diagnoser-", "flights STUDY --out FOLDER"),
     ("band-", "band STUDY --out FOLDER"),
     ("flights.json", "flights STUDY --out FOLDER"),
+    ("outcomes-", "flights STUDY --out FOLDER"),
     ("flights-sealed.json", "flights STUDY --sealed --out FOLDER"),
     ("challenge_sets.json", "flights STUDY --challenge SETS --out FOLDER"),
     ("missing_sensors.json", "flights STUDY --missing-sensors --out FOLDER"),

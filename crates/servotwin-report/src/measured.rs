@@ -132,13 +132,13 @@ impl Measured {
 
     /// Adds healthy flights, each in an environment of its own.
     pub fn add_healthy(&mut self, run: &HealthyRun) {
-        let HealthyRun { setting, seed, duration_s, flown, summary, .. } = run;
+        let HealthyRun { setting, seed, duration_s, outcomes, .. } = run;
         self.healthy.push(MeasuredHealthy {
             scenario: setting.clone(),
-            flown: *flown,
+            flown: outcomes.len() as u64,
             duration_s: *duration_s,
             seed: *seed,
-            summary: summary.clone(),
+            summary: run.summary(),
         });
     }
 

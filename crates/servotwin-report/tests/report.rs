@@ -7,7 +7,7 @@ use servotwin::evaluation::detection::{Curve, Detection, Least};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
 use servotwin::flight::band::BandMerit;
-use servotwin::flight::healthy::{HealthyFlight, HealthySummary};
+use servotwin::flight::outcome::Outcome;
 use servotwin::job::healthy::HealthyRun;
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
@@ -170,25 +170,20 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
 
 /// The healthy flights of a scenario, the largest evidence of which spreads evenly up to 0.5 of its limit.
 fn healthy_run() -> HealthyRun {
-    let flight = |environment: u64| HealthyFlight {
+    let flight = |environment: u64| Outcome {
         environment,
-        alarms: 0,
-        shutdowns: 0,
+        duration_s: 300.0,
+        is_finished: true,
         evidence: 0.001 * environment as f64,
-        shutdown_evidence: 0.0,
-        shutdown_evidence_by_length: vec![],
+        ..Outcome::default()
     };
-    let flights: Vec<HealthyFlight> = (0..500).map(flight).collect();
     HealthyRun {
         setting: "realistic".into(),
         seed: 3,
         duration_s: 300.0,
         diagnoser_sha256: String::new(),
         study_sha256: String::new(),
-        flown: 500,
-        failed: 0,
-        summary: HealthySummary::new(&flights, 300.0),
-        flights,
+        outcomes: (0..500).map(flight).collect(),
     }
 }
 
@@ -214,7 +209,7 @@ fn constants_have_a_label_and_environments_without_alarm_a_bound() {
     let alone = results_alone(&study, &results, &manifest);
     let (html, _) = render(&Material { constants: &constants, ..alone });
     assert_eq!(html.matches("not the usual value").count(), 1);
-    let lines = by_environment_and_tail(&healthy_run().summary);
+    let lines = by_environment_and_tail(&healthy_run().summary());
     assert_eq!(lines[0], "false alarms in 0 of 500 environments, at most 0.597 % of them (95 %)");
     assert!(lines[1].contains("0.499 of its limit; by the tail of 50 of 500 flights"), "{lines:?}");
     assert!(lines[3].contains("too few flights come near it"), "{lines:?}");

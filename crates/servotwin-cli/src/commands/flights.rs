@@ -55,7 +55,7 @@ pub struct Options {
     challenge: Vec<String>,
     /// Only fly this many healthy flights with the diagnosers in the folder, each in an environment of its own, and bound
     /// the rate of false alarms by environment. With --other-plant, in the plants of `[flights.other_plant]`. An
-    /// interrupted run goes on where it was last stored. Writes `flights-healthy-<scenario>.json`.
+    /// interrupted run goes on where it was last stored. Writes `outcomes-healthy-<scenario>.parquet`.
     #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["missing_sensors", "sealed"],
           value_parser = clap::value_parser!(u32).range(1..=MAX_HEALTHY as i64))]
     healthy: Option<u32>,
@@ -206,21 +206,33 @@ fn healthy(
     })?;
     manifest::write(&folder, study)?;
     Ok(match global {
-        Global { json: true, .. } => json(&json!(runs)),
+        Global { json: true, .. } => json(&json!(runs.iter().map(to_json).collect::<Vec<_>>())),
         Global { quiet: true, .. } => String::new(),
         _ => runs.iter().map(of_healthy).collect(),
     })
 }
 
+fn to_json(run: &HealthyRun) -> serde_json::Value {
+    json!({
+        "setting": run.setting,
+        "seed": run.seed,
+        "duration_s": run.duration_s,
+        "flown": run.outcomes.len(),
+        "failed": run.failed(),
+        "summary": run.summary(),
+    })
+}
+
 /// Describes the healthy flights of a scenario.
 fn of_healthy(run: &HealthyRun) -> String {
-    let HealthyRun { setting, seed, duration_s, flown, failed, summary, .. } = run;
+    let HealthyRun { setting, seed, duration_s, outcomes, .. } = run;
+    let (flown, failed, summary) = (outcomes.len(), run.failed(), run.summary());
     let mut out = format!(
         "{setting}: {flown} healthy flights of {duration_s} s, each in an environment of its own (seed {seed}), \
          {failed} not finished; {:.1} h\n",
         summary.hours
     );
-    for line in by_environment_and_tail(summary) {
+    for line in by_environment_and_tail(&summary) {
         let _ = writeln!(out, "  {line}");
     }
     out

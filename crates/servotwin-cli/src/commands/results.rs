@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// Write the measured results of a study to standard output, as Markdown.
 ///
 /// Every share comes with its count and its 95 % interval. The command reads evaluation.json, and if they exist
-/// flights.json, flights-healthy-SCENARIO.json and flights-sealed.json. Nothing on the page depends on the machine.
+/// flights.json, outcomes-healthy-SCENARIO.parquet and flights-sealed.json. Nothing on the page depends on the machine.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of an evaluated study.

@@ -1,6 +1,8 @@
 //! Flights and the closed loop, run as users run them, on a study small enough for a test.
 
 use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
+use servotwin::flight::outcome;
+use servotwin::table::{self, Table};
 use std::path::Path;
 
 /// What follows the beginning that all tiny studies have.
@@ -111,30 +113,30 @@ fn healthy_flights_go_on_where_they_were_stored() {
         let more = ["--healthy", count, "--seed", seed, "--setting", "realistic"];
         let output = servotwin(&[&["flights", &study, "--out", &out][..], &more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
-        let text = std::fs::read_to_string(folder.file("out/flights-healthy-realistic.json"));
-        (stdout(&output), serde_json::from_str::<serde_json::Value>(&text.unwrap()).unwrap())
+        let path = folder.file("out/outcomes-healthy-realistic.parquet");
+        (stdout(&output), table::read(path).unwrap())
     };
     let learned = std::fs::read(&diagnoser).unwrap();
     let (text, three) = fly("3", "5");
     assert!(text.starts_with("realistic: 3 healthy flights of "), "{text}");
     assert!(text.contains(" of 3 environments, at most "), "{text}");
     assert!(text.contains("too few flights"), "{text}");
-    let flights = |run: &serde_json::Value| run["flights"].as_array().unwrap().clone();
-    let environments: Vec<_> =
-        flights(&three).iter().map(|one| one["environment"].as_u64()).collect();
-    assert_eq!(environments, [Some(0), Some(1), Some(2)]);
+    let flights = |run: &Table| outcome::from_table(run).unwrap();
+    let environments: Vec<u64> = flights(&three).iter().map(|one| one.environment).collect();
+    assert_eq!(environments, [0, 1, 2]);
     // A mark in a stored flight shows that it is not flown again.
-    let mut marked = three.clone();
-    marked["flights"][1]["evidence"] = 0.125.into();
+    let mut marked = flights(&three);
+    marked[1].evidence = 0.125;
+    let mut stored = outcome::table(&marked);
+    stored.metadata = three.metadata.clone();
     std::fs::remove_file(folder.file("out/manifest.json")).unwrap();
-    let path = folder.file("out/flights-healthy-realistic.json");
-    std::fs::write(path, marked.to_string()).unwrap();
+    table::write(folder.file("out/outcomes-healthy-realistic.parquet"), &stored).unwrap();
     let (_, five) = fly("5", "5");
-    assert_eq!(five["flown"], 5);
-    assert_eq!(flights(&five)[..3], flights(&marked)[..]);
+    assert_eq!(flights(&five).len(), 5);
+    assert_eq!(flights(&five)[..3], marked[..]);
     // Another seed has other environments, and the first one gives the same again.
     let (_, other) = fly("3", "6");
-    assert_eq!((&other["flown"], &other["seed"]), (&3.into(), &6.into()));
+    assert_eq!((flights(&other).len(), other.metadata["seed"].as_str()), (3, "6"));
     let (_, again) = fly("5", "5");
     assert_eq!(flights(&again)[..3], flights(&three)[..]);
     assert_eq!(flights(&again)[3..], flights(&five)[3..]);
@@ -166,10 +168,8 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(stdout(&output).starts_with("other_plant: 3 healthy flights of "));
     let evidence = |out: &str, name: &str| -> f64 {
-        let path = Path::new(out).join(format!("flights-healthy-{name}.json"));
-        let run: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-        let flights = run["flights"].as_array().unwrap().iter();
-        flights.map(|flight| flight["evidence"].as_f64().unwrap()).sum()
+        let path = Path::new(out).join(format!("outcomes-healthy-{name}.parquet"));
+        table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
     };
     let usual = ["--setting", "realistic", "--healthy", "3"];
     servotwin(&[&["flights", &wide, "--out", &out][..], &usual].concat());

@@ -51,6 +51,9 @@ pub enum TableError {
     /// A whole number is negative or too large for an index.
     #[error("{place}, column '{column}': {value} is not in 0 … {}", u32::MAX)]
     OutOfRange { column: String, place: String, value: i64 },
+    /// A row holds a value that it may not have; rows count from 1.
+    #[error("row {row}: {reason}")]
+    BadRow { row: usize, reason: String },
 }
 
 /// Problems with a table file's content. Lines and rows count from 1.

@@ -117,8 +117,10 @@ fn in_own_environments(runs: &[HealthyRun], page: &mut Page) {
          the count stands an extrapolation: the largest evidence of each flight is a part of the limit at which an \
          action may be raised, and the tail of these values says how often it would reach that limit.",
     );
-    for HealthyRun { setting, seed, duration_s, flown, failed, summary, .. } in runs {
-        let lines = by_environment_and_tail(summary).join("; ");
+    for run in runs {
+        let HealthyRun { setting, seed, duration_s, outcomes, .. } = run;
+        let (flown, failed) = (outcomes.len(), run.failed());
+        let lines = by_environment_and_tail(&run.summary()).join("; ");
         page.note(&format!(
             "Setting {setting}: {flown} healthy flights of {} s (seed {seed}), {failed} not finished. {}.",
             chosen(*duration_s),

@@ -5,8 +5,9 @@ use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
+use servotwin::flight::outcome::Needed;
 use servotwin::flight::unseen_faults::{
-    ChallengeSetMetrics, Sensible, UnseenFaultMetrics, UnseenFaultOutcome, Words,
+    ChallengeSetMetrics, UnseenFaultMetrics, UnseenFaultOutcome, Words,
 };
 
 /// Writes the section, or nothing if the study has no content for it.
@@ -150,10 +151,10 @@ fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
 fn row(outcome: &UnseenFaultOutcome, words: &Vocabulary) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
     let sensible = match outcome.sensible {
-        Sensible::Shutdown => format!("sensible: a {}", words.off()),
-        Sensible::NoShutdown => format!("sensible: anything but a {}", words.off()),
-        Sensible::Any => "sensible: any command".into(),
-        Sensible::Nothing => "sensible: no command".into(),
+        Needed::Shutdown => format!("sensible: a {}", words.off()),
+        Needed::NoShutdown => format!("sensible: anything but a {}", words.off()),
+        Needed::Any | Needed::ItsAction => "sensible: any command".into(),
+        Needed::Nothing => "sensible: no command".into(),
     };
     let small = match outcome.strengths.as_str() {
         "" => sensible,

@@ -12,7 +12,7 @@ use servotwin_diagnosis::residual::Window;
 pub const DIMENSIONLESS: &str = "1";
 
 /// The entry of healthy rows in the columns for faults.
-pub(super) const HEALTHY: &str = "healthy";
+pub const HEALTHY: &str = "healthy";
 
 /// The fault of a row as an index in [`Study::faults`], and its intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,17 +5,18 @@
 //! alarm still has information, because the evidence for an action reaches some part of its limit. These largest values
 //! are block maxima, and their tail gives a rate of false alarms where counting gives only a bound.
 
-use super::campaign::{FlightCampaign, Observer};
-use super::evidence::EvidencePeak;
-use super::judge::{EnvironmentMetrics, RaisedLog};
+use super::campaign::FlightCampaign;
+use super::judge::EnvironmentMetrics;
 use super::other_plant::{OTHER_PLANT, OtherPlants};
+use super::outcome::Outcome;
 use super::plan::{Onset, PlannedFlight, Purpose};
+use super::watched::{Truth, Watching, watch};
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
 use crate::study::{Setting, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Raised, Session};
+use servotwin_diagnosis::diagnoser::Session;
 use servotwin_learning::metrics::Tail;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -64,24 +65,6 @@ pub enum Differences<'p> {
     Structure(&'p OtherPlants),
 }
 
-/// What a healthy flight gave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HealthyFlight {
-    /// The number of its environment.
-    pub environment: u64,
-    /// Number of actions raised.
-    pub alarms: u64,
-    /// Number of shutdowns raised.
-    pub shutdowns: u64,
-    /// The largest evidence for any action, in parts of its limit.
-    pub evidence: f64,
-    /// The largest evidence for a shutdown, in parts of its limit.
-    pub shutdown_evidence: f64,
-    /// The same for each length of windows.
-    pub shutdown_evidence_by_length: Vec<f64>,
-}
-
 /// What many healthy flights gave, counted by environment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -103,21 +86,22 @@ pub struct HealthySummary {
 }
 
 impl HealthySummary {
-    /// Counts flights of `duration_s` seconds.
-    pub fn new(flights: &[HealthyFlight], duration_s: f64) -> Self {
-        let environments = |count: fn(&HealthyFlight) -> u64| {
-            EnvironmentMetrics::new(flights.iter().map(|flight| count(flight) > 0))
+    /// Counts the finished flights.
+    pub fn new(outcomes: &[Outcome]) -> Self {
+        let flights: Vec<&Outcome> = outcomes.iter().filter(|row| row.is_finished).collect();
+        let environments = |count: fn(&Outcome) -> u64| {
+            EnvironmentMetrics::new(flights.iter().map(|row| count(row) > 0))
         };
-        let maxima = |evidence: fn(&HealthyFlight) -> f64| -> Vec<f64> {
-            flights.iter().map(evidence).collect()
+        let maxima = |evidence: fn(&Outcome) -> f64| -> Vec<f64> {
+            flights.iter().map(|row| evidence(row)).collect()
         };
         let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
-        let of_any = maxima(|flight| flight.evidence);
-        let of_shutdown = maxima(|flight| flight.shutdown_evidence);
+        let of_any = maxima(|row| row.evidence);
+        let of_shutdown = maxima(Outcome::largest_shutdown_evidence);
         HealthySummary {
-            hours: flights.len() as f64 * duration_s / 3600.0,
-            alarms: environments(|flight| flight.alarms),
-            shutdowns: environments(|flight| flight.shutdowns),
+            hours: flights.iter().map(|row| row.duration_s).sum::<f64>() / 3600.0,
+            alarms: environments(|row| row.early_alarms),
+            shutdowns: environments(|row| row.early_shutdowns),
             largest_evidence: largest(&of_any),
             largest_shutdown_evidence: largest(&of_shutdown),
             tail: Tail::fit(&of_any, 1.0),
@@ -126,8 +110,8 @@ impl HealthySummary {
     }
 }
 
-/// Flies each environment once without a fault, observed by a session. `environments` have the given numbers; the
-/// specimens and the noise follow from these and the seed. Returns the finished flights in order, and how many failed.
+/// Flies each environment once without a fault, watched by a session. `environments` have the given numbers; the
+/// specimens and the noise follow from these and the seed. Returns one outcome for each.
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
@@ -138,7 +122,7 @@ pub fn fly(
     (setting, differences): (Setting, Differences),
     session: &Session,
     workers: Workers,
-) -> Result<(Vec<HealthyFlight>, u64), CampaignError> {
+) -> Result<Vec<Outcome>, CampaignError> {
     let flight = |(environment, number): (usize, usize)| PlannedFlight {
         number: FIRST_NUMBER + number,
         environment,
@@ -156,63 +140,12 @@ pub fn fly(
         Differences::Scattered(scatter) => flown.with_scatter(scatter),
         Differences::Structure(plants) => flown.with_plants(plants),
     };
-    let (mut finished, mut failed) = (vec![], 0);
-    flown.fly(
-        &flown.which,
-        |_| EvidenceWatch::new(session.clone()),
-        |flight, watch, outcome| match outcome {
-            Ok(_) => finished.push(watch.into_flight(flight.number - FIRST_NUMBER)),
-            Err(_) => failed += 1,
-        },
-    );
-    if workers.is_cancelled() {
-        return Err(CampaignError::Cancelled);
-    }
-    finished.sort_by_key(|flight| flight.environment);
-    Ok((finished, failed))
-}
-
-/// A session with the largest evidence that it gathered.
-struct EvidenceWatch {
-    session: Session,
-    /// Every action, at the time it was raised.
-    log: RaisedLog,
-    /// For each action, whether it switches off.
-    switches_off: Vec<bool>,
-    of_any: EvidencePeak,
-    of_shutdown: EvidencePeak,
-}
-
-impl EvidenceWatch {
-    fn new(session: Session) -> Self {
-        let diagnoser = session.diagnoser();
-        let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
-        EvidenceWatch {
-            of_any: EvidencePeak::new(diagnoser, |_, _| true),
-            of_shutdown: EvidencePeak::new(diagnoser, |_, action| switches_off[action]),
-            switches_off,
-            session,
-            log: RaisedLog::default(),
-        }
-    }
-
-    fn into_flight(self, environment: usize) -> HealthyFlight {
-        let is_off = |raised: &&Raised| self.switches_off[raised.action as usize];
-        HealthyFlight {
-            environment: environment as u64,
-            alarms: self.log.raised.len() as u64,
-            shutdowns: self.log.raised.iter().filter(is_off).count() as u64,
-            evidence: self.of_any.largest(),
-            shutdown_evidence: self.of_shutdown.largest(),
-            shutdown_evidence_by_length: self.of_shutdown.by_length,
-        }
-    }
-}
-
-impl Observer for EvidenceWatch {
-    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        self.log.take(self.session.push(inputs, measured, twin));
-        self.of_any.take(&self.session);
-        self.of_shutdown.take(&self.session);
-    }
+    let truth = |flight: &PlannedFlight| {
+        let mut truth = Truth::planned(study, flight);
+        truth.run.environment = (flight.number - FIRST_NUMBER) as u64;
+        truth
+    };
+    let watching = [Watching { session: session.clone(), missing: None }];
+    let outcomes = watch(&flown, &watching, &truth, &|_| None, |_, _| (), &|_, _| ());
+    if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(outcomes) }
 }

@@ -4,14 +4,15 @@
 //! flights are evaluated at several target rates of false alarms, which gives the trade-off between alarms and latency.
 //! The few hours of the usual size cannot tell these rates apart.
 
-use super::campaign::{FlightCampaign, Observer};
-use super::plan::{self, Onset, PlannedFlight, Purpose};
+use super::campaign::FlightCampaign;
+use super::outcome::{FirstAction, Outcome};
+use super::plan::Onset;
 use super::training_windows::MovingFlight;
-use crate::study::{FaultCase, Flights, Study};
+use super::watched::{Watching, watch_planned};
+use crate::study::Study;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Outcome, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Session};
 use servotwin_diagnosis::error::Error;
-use servotwin_diagnosis::panel::SensorBand;
 use servotwin_learning::metrics::{
     MedianTime, Rate, Trial, clopper_pearson_upper, poisson_at_most,
 };
@@ -83,15 +84,13 @@ pub struct KindLatency {
 }
 
 impl KindLatency {
-    fn of(kind: &str, least_intensity: f64, outcomes: &[FlightOutcome]) -> Self {
+    fn of(kind: &str, least_intensity: f64, outcomes: &[&Outcome]) -> Self {
+        let isolated_s = |row: &&Outcome| row.right_action_s.filter(|_| row.is_isolated());
         KindLatency {
             kind: kind.into(),
             least_intensity,
-            detection: MedianTime::of(outcomes.iter().map(|outcome| outcome.seen_s)),
-            isolation: MedianTime::of(outcomes.iter().map(|outcome| {
-                let is_isolated = outcome.is_isolated() && outcome.seen_s.is_some();
-                outcome.isolated_s.filter(|_| is_isolated)
-            })),
+            detection: MedianTime::of(outcomes.iter().map(|row| row.visible_s)),
+            isolation: MedianTime::of(outcomes.iter().map(isolated_s)),
         }
     }
 }
@@ -285,161 +284,6 @@ pub struct MissingSensorMetrics {
     pub wrong_shutdowns: u64,
 }
 
-/// The output of one session in one flight.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct RaisedLog {
-    /// Every command, at the time it was raised.
-    pub raised: Vec<Raised>,
-}
-
-impl RaisedLog {
-    /// Takes the outcome of a sample. A command that changes only its details is no new one.
-    pub fn take(&mut self, outcome: &Outcome) {
-        let before = self.raised.last().map(|raised| (raised.actuator, raised.action));
-        let is_new = |raised: &Raised| raised.sample == outcome.sample;
-        if let Some(raised) = outcome.raised.filter(is_new)
-            && before != Some((raised.actuator, raised.action))
-        {
-            self.raised.push(raised);
-        }
-    }
-}
-
-/// The recorded results of evaluated flights.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct WatchedFlights {
-    ended: Vec<Remembered>,
-    /// Number of flights that failed.
-    failed: u64,
-}
-
-impl WatchedFlights {
-    /// Adds the results of other flights.
-    pub fn add(&mut self, other: WatchedFlights) {
-        self.ended.extend(other.ended);
-        self.failed += other.failed;
-    }
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Remembered {
-    /// Number of the flight.
-    number: usize,
-    seen: Option<u64>,
-    by_chance: u64,
-    stories: Vec<RaisedLog>,
-}
-
-/// The results of a flight: first the diagnoser's own session, then those at other target rates.
-struct Ended {
-    flight: PlannedFlight,
-    /// The sample from which the fault is visible.
-    seen: Option<u64>,
-    /// How often a fault would have been called visible before the onset.
-    by_chance: u64,
-    stories: Vec<RaisedLog>,
-}
-
-struct Watching {
-    sessions: Vec<(Session, RaisedLog)>,
-    /// The index of a missing sensor.
-    missing: Option<usize>,
-    /// The sensor values without the missing sensor.
-    measured: Vec<f64>,
-    visibility: Visibility,
-}
-
-/// Whether the fault of a flight is visible: from the first of consecutive windows that left a band.
-pub(super) struct Visibility {
-    onset: u64,
-    /// One counter for each window length.
-    out_of_band: Vec<OutOfBand>,
-    /// The sample from which it is visible.
-    pub seen: Option<u64>,
-    /// How often a fault was called visible before the onset.
-    by_chance: u64,
-}
-
-/// Consecutive windows that left a band.
-#[derive(Clone, Copy, Default)]
-struct OutOfBand {
-    windows: u32,
-    /// The sample at which the first of them ended.
-    first: u64,
-}
-
-impl OutOfBand {
-    /// Takes a window of `panes` panes that ends at `index`; `None` means a window over all samples. Once there are
-    /// enough consecutive windows, it returns the sample at which the first of them ended. The first and the last
-    /// window share no sample, because a single sample that leaves a band by chance is in every window for a window's
-    /// length.
-    fn take(&mut self, index: u64, has_left: bool, panes: Option<u32>) -> Option<u64> {
-        if !has_left {
-            self.windows = 0;
-            return None;
-        }
-        self.first = if self.windows == 0 { index } else { self.first };
-        self.windows += 1;
-        let enough = panes.map_or(1, |panes| panes + 1);
-        (self.windows == enough).then_some(self.first)
-    }
-}
-
-impl Visibility {
-    /// For a diagnoser with a number of window lengths, and a fault that begins at the sample `onset`.
-    pub fn new(lengths: usize, onset: u64) -> Self {
-        let out_of_band = vec![OutOfBand::default(); lengths];
-        Visibility { onset, out_of_band, seen: None, by_chance: 0 }
-    }
-
-    /// Takes the windows that end at a sample.
-    pub fn look(&mut self, index: u64, session: &Session) {
-        let diagnoser = session.diagnoser();
-        if index == self.onset {
-            self.out_of_band.fill(OutOfBand::default());
-        }
-        for (place, out_of_band) in self.out_of_band.iter_mut().enumerate() {
-            if !session.has_new_window(place) || !session.is_full(place) {
-                continue;
-            }
-            let (window, length) = (session.window(place), &diagnoser.lengths[place]);
-            let bands = length.panel.bands.iter().enumerate();
-            let is_out =
-                |(sensor, band): (usize, &SensorBand)| window.largest(sensor) > band.half_width;
-            let has_left = match window.excess() {
-                Some(excess) => excess.iter().any(|excess| *excess > 1.0),
-                None => bands.into_iter().any(is_out),
-            };
-            let Some(first) = out_of_band.take(index, has_left, length.span.panes) else {
-                continue;
-            };
-            if index < self.onset {
-                self.by_chance += 1;
-            } else if self.seen.is_none_or(|seen| first < seen) {
-                self.seen = Some(first);
-            }
-        }
-    }
-}
-
-impl Observer for Watching {
-    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        let measured = match self.missing {
-            None => measured,
-            Some(sensor) => {
-                self.measured.clear();
-                self.measured.extend_from_slice(measured);
-                self.measured[sensor] = f64::NAN;
-                &self.measured
-            }
-        };
-        for (session, story) in &mut self.sessions {
-            story.take(session.push(inputs, measured, twin));
-        }
-        self.visibility.look(index as u64, &self.sessions[0].0);
-    }
-}
-
 /// The target rates of false alarms of which a diagnoser is judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rates {
@@ -456,7 +300,7 @@ impl Rates {
     }
 }
 
-/// Flies the planned flights of a scenario, observed by a diagnoser.
+/// Flies the planned flights of a scenario, watched by a diagnoser.
 ///
 /// # Errors
 /// The error of [`Diagnoser::check`].
@@ -465,108 +309,90 @@ pub fn watch(
     diagnoser: &Diagnoser,
     rates: Rates,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<WatchedFlights, Error> {
+) -> Result<Vec<Outcome>, Error> {
+    let asked = match rates {
+        Rates::Own => vec![diagnoser.tuning.false_alarms_per_h],
+        Rates::Several => asked(diagnoser),
+    };
     let with_rate = |false_alarms_per_h| {
         let mut other = diagnoser.clone();
         other.tuning.false_alarms_per_h = false_alarms_per_h;
-        Session::new(Arc::new(other))
+        Ok(Watching { session: Session::new(Arc::new(other))?, missing: None })
     };
-    let sessions = match rates {
-        Rates::Own => vec![Session::new(Arc::new(diagnoser.clone()))?],
-        Rates::Several => asked(diagnoser).into_iter().map(with_rate).collect::<Result<_, _>>()?,
-    };
-    Ok(watched(flown, &sessions, None, progress))
+    let watching: Vec<Watching> = asked.into_iter().map(with_rate).collect::<Result<_, Error>>()?;
+    Ok(watch_planned(flown, &watching, progress))
 }
 
-/// Flies the planned flights of a scenario with a missing sensor, and evaluates the results.
+/// Flies the planned flights of a scenario once, watched by a diagnosis without each sensor in turn. Returns the
+/// outcomes, and the results for each sensor.
 ///
 /// # Errors
 /// The error of [`Diagnoser::check`].
-pub fn without(
+pub fn without_sensors(
     study: &Study,
     flown: &FlightCampaign,
     (setting, limit_s): (&str, f64),
     diagnoser: &Arc<Diagnoser>,
-    sensor: usize,
-) -> Result<MissingSensorMetrics, Error> {
-    let sessions = [Session::new(diagnoser.clone())?];
-    let watched = watched(flown, &sessions, Some(sensor), &|_, _| ());
-    let ended = ended(&flown.plan, watched.ended);
-    let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
-    let off = judged.off_commands();
-    let outcomes = judged.outcomes(0, |_| true);
-    Ok(MissingSensorMetrics {
-        setting: setting.into(),
-        sensor: diagnoser.sensors[sensor].name.clone(),
-        flights: outcomes.len() as u64,
-        in_time: judged
-            .share(off, &|outcome| outcome.isolated_s.is_some_and(|time_s| time_s <= limit_s)),
-        isolated: judged.share(off, &|outcome| outcome.isolated_s.is_some()),
-        healthy: judged.healthy(0),
-        wrong_shutdowns: wrong_shutdowns(&outcomes),
-    })
-}
-
-/// Runs sessions on the planned flights.
-fn watched(
-    flown: &FlightCampaign,
-    sessions: &[Session],
-    missing: Option<usize>,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> WatchedFlights {
-    let period_s = flown.period_s();
-    let lengths = sessions[0].diagnoser().lengths.len();
-    let mut watched = WatchedFlights::default();
-    flown.fly(
-        &flown.which,
-        |flight| Watching {
-            sessions: sessions.iter().map(|s| (s.clone(), RaisedLog::default())).collect(),
-            missing,
-            measured: vec![],
-            visibility: Visibility::new(lengths, (flight.onset_s / period_s).ceil() as u64),
-        },
-        |flight, watching, outcome| {
-            match outcome {
-                Ok(_) => {
-                    let Watching { visibility, sessions, .. } = watching;
-                    let Visibility { seen, by_chance, .. } = visibility;
-                    let stories = sessions.into_iter().map(|(_, story)| story).collect();
-                    let number = flight.number;
-                    watched.ended.push(Remembered { number, seen, by_chance, stories });
-                }
-                Err(_) => watched.failed += 1,
-            }
-            progress(watched.ended.len() + watched.failed as usize, flown.which.len());
-        },
-    );
-    watched
+) -> Result<(Vec<Outcome>, Vec<MissingSensorMetrics>), Error> {
+    let session = Session::new(diagnoser.clone())?;
+    let sensors = 0..diagnoser.sensors.len();
+    let without = |sensor| Watching { session: session.clone(), missing: Some(sensor) };
+    let watching: Vec<Watching> = sensors.clone().map(without).collect();
+    let outcomes = watch_planned(flown, &watching, progress);
+    let metrics = sensors.map(|sensor| {
+        let sensor = &diagnoser.sensors[sensor].name;
+        let judged = Judged::new(study, &outcomes, |row| row.missing == *sensor);
+        let soon = |row: &Outcome| row.right_action_s.is_some_and(|time_s| time_s <= limit_s);
+        MissingSensorMetrics {
+            setting: setting.into(),
+            sensor: sensor.clone(),
+            flights: judged.faults(|_| true).len() as u64,
+            in_time: judged.share_of_visible(&soon),
+            isolated: judged.share_of_visible(&|row| row.right_action_s.is_some()),
+            healthy: judged.healthy(),
+            wrong_shutdowns: wrong_shutdowns(&judged.faults(|_| true)),
+        }
+    });
+    let metrics = metrics.collect();
+    Ok((outcomes, metrics))
 }
 
-/// Combines the recorded results with the flights of their plan.
-fn ended(plan: &[PlannedFlight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
-    remembered.sort_by_key(|remembered| remembered.number);
-    let of = |Remembered { number, seen, by_chance, stories }| Ended {
-        flight: plan[number],
-        seen,
-        by_chance,
-        stories,
-    };
-    remembered.into_iter().map(of).collect()
-}
-
-/// Evaluates all test flights against a latency limit.
+/// Evaluates the outcomes of flights against a latency limit. The diagnoser's own target rate comes first in them.
 pub fn merit(
     study: &Study,
-    flights: &Flights,
     (setting, limit_s): (&str, f64),
     diagnoser: &Diagnoser,
-    watched: WatchedFlights,
+    outcomes: &[Outcome],
 ) -> FlightMetrics {
-    let plan = plan::flights(study, flights, Purpose::Judge);
-    let WatchedFlights { ended, failed } = watched;
-    let ended = self::ended(&plan, ended);
-    let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
-    judged.merit((setting, limit_s), failed)
+    let at = |asked_per_h: f64| Judged::new(study, outcomes, |row| row.target_per_h == asked_per_h);
+    let judged = at(diagnoser.tuning.false_alarms_per_h);
+    let failed = outcomes.iter().filter(|row| !row.is_finished);
+    let flown = asked(diagnoser).into_iter();
+    let flown = flown.filter(|&rate| outcomes.iter().any(|row| row.target_per_h == rate));
+    let mut trade: Vec<TradePoint> = flown.clone().map(|rate| at(rate).trade(rate)).collect();
+    trade.sort_by(|a, b| b.asked_per_h.total_cmp(&a.asked_per_h));
+    let soon = |time_s: Option<f64>| time_s.is_some_and(|time_s| time_s <= limit_s);
+    let wrong_kinds = judged.wrong_kinds();
+    FlightMetrics {
+        setting: setting.into(),
+        flights: judged.faults(|_| true).len() as u64,
+        failed: (failed.count() / flown.count().max(1)) as u64,
+        failed_to_learn: 0,
+        healthy_evidence: diagnoser.healthy_evidence,
+        on_the_move_to_learn: vec![],
+        limit_s,
+        in_time: judged.share_of_visible(&|row| soon(row.right_action_s)),
+        visible_in_time: judged.share_of_visible(&|row| soon(row.visible_s)),
+        in_time_since_visible: judged.share_of_visible(&|row| soon(row.waited_s())),
+        classes: [0.0, STRONG].into_iter().flat_map(|least| judged.classes(least)).collect(),
+        kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
+        onsets: judged.onsets(),
+        healthy: judged.healthy(),
+        wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
+        trade,
+        wrong_kinds,
+    }
 }
 
 /// The target rates, the diagnoser's own first.
@@ -576,284 +402,170 @@ fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
     std::iter::once(own).chain(others).collect()
 }
 
-/// The outcome of a flight with a fault.
-struct FlightOutcome {
-    kind: String,
-    /// Faults of one kind at one intensity are correlated, and so are those of one kind.
-    cluster: u32,
-    kind_number: u32,
-    /// Seconds from the onset until the fault was visible, and until the right command.
-    seen_s: Option<f64>,
-    isolated_s: Option<f64>,
-    /// Whether the actuator and the command raised first after the onset were right.
-    first: Option<(bool, bool)>,
-    /// Whether a shutdown of the wrong actuator was raised at any time.
-    is_wrong_shutdown: bool,
-}
-
-impl FlightOutcome {
-    /// The time from visibility to isolation, s.
-    fn waited_s(&self) -> Option<f64> {
-        Some((self.isolated_s? - self.seen_s?).max(0.0))
-    }
-
-    /// Whether the right command for the right actuator was raised first.
-    fn is_isolated(&self) -> bool {
-        self.first == Some((true, true))
-    }
-}
-
+/// The finished flights of one diagnosis.
 struct Judged<'j> {
     study: &'j Study,
-    diagnoser: &'j Diagnoser,
-    ended: &'j [Ended],
-    period_s: f64,
+    rows: Vec<&'j Outcome>,
+    /// The first fault of each kind, and of each kind at each intensity.
+    clusters: BTreeMap<(&'j str, u64), (u32, u32)>,
 }
 
-impl Judged<'_> {
-    fn merit(&self, (setting, limit_s): (&str, f64), failed: u64) -> FlightMetrics {
-        let commands = &self.diagnoser.names().actions;
-        let mut classes = vec![];
-        for least in [0.0, STRONG] {
-            classes.extend(
-                commands.chunks(1).filter_map(|command| {
-                    self.class(0, command, |flight| flight.intensity >= least)
-                }),
-            );
+impl<'j> Judged<'j> {
+    fn new(study: &'j Study, all: &'j [Outcome], is_own: impl Fn(&Outcome) -> bool) -> Self {
+        let rows = all.iter().filter(|row| row.is_finished && is_own(row)).collect();
+        let mut kinds = BTreeMap::new();
+        let mut clusters = BTreeMap::new();
+        for (fault, place) in study.faults.iter().zip(0..) {
+            let kind = *kinds.entry(fault.kind.as_str()).or_insert(place);
+            let intensity = fault.at.intensity.to_bits();
+            clusters.entry((fault.kind.as_str(), intensity)).or_insert((kind, place));
         }
-        let ways = [
-            ("at once", Onset::Step),
-            ("drift", Onset::Drift),
-            ("intermittent", Onset::Intermittent),
-        ];
-        let off = self.off_commands();
-        let onsets = ways.into_iter().filter_map(|(name, onset)| {
-            let choice = |f: &PlannedFlight| f.onset == onset && f.intensity >= STRONG;
-            Some((name.to_owned(), self.class(0, off, choice)?))
+        Judged { study, rows, clusters }
+    }
+
+    /// The flights with a fault that a choice selects.
+    fn faults(&self, choice: impl Fn(&Outcome) -> bool) -> Vec<&'j Outcome> {
+        let is_chosen = |row: &&Outcome| row.is_fault() && choice(row);
+        self.rows.iter().copied().filter(is_chosen).collect()
+    }
+
+    /// By action: the flights with faults of at least an intensity.
+    fn classes(&self, least_intensity: f64) -> Vec<ClassMetrics> {
+        let class = |action: &String| {
+            self.class(action, |row| row.action == *action && row.intensity >= least_intensity)
+        };
+        self.study.commands().iter().filter_map(class).collect()
+    }
+
+    /// By kind of onset: strong faults that need a shutdown.
+    fn onsets(&self) -> Vec<(String, ClassMetrics)> {
+        let off = self.study.shutdowns().join(", ");
+        let one = |onset: Onset| {
+            let class =
+                self.class(&off, |row| needs_shutdown(row) && row.profile == onset.name())?;
+            Some((onset.name().to_owned(), class))
+        };
+        Onset::ALL.into_iter().filter_map(one).collect()
+    }
+
+    fn class(&self, action: &str, choice: impl Fn(&Outcome) -> bool) -> Option<ClassMetrics> {
+        let outcomes = self.faults(choice);
+        let (first, others) = outcomes.split_first()?;
+        let intensities = others.iter().fold([first.intensity; 2], |[low, high], row| {
+            [low.min(row.intensity), high.max(row.intensity)]
         });
-        let onsets = onsets.collect();
-        let soon = |time_s: f64| time_s <= limit_s;
-        let mut trade: Vec<TradePoint> = asked(self.diagnoser)
-            .iter()
-            .take(self.sessions())
-            .enumerate()
-            .map(|(s, rate)| self.trade(s, *rate))
-            .collect();
-        trade.sort_by(|a, b| b.asked_per_h.total_cmp(&a.asked_per_h));
-        let mut wrong_kinds: Vec<(String, u64)> = vec![];
-        for outcome in self.outcomes(0, |_| true).iter().filter(|outcome| outcome.is_wrong_shutdown)
-        {
-            match wrong_kinds.iter_mut().find(|(kind, _)| *kind == outcome.kind) {
-                Some((_, count)) => *count += 1,
-                None => wrong_kinds.push((outcome.kind.clone(), 1)),
-            }
-        }
-        FlightMetrics {
-            setting: setting.into(),
-            flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
-            failed,
-            failed_to_learn: 0,
-            healthy_evidence: self.diagnoser.healthy_evidence,
-            on_the_move_to_learn: vec![],
-            limit_s,
-            in_time: self.share(off, &|outcome| outcome.isolated_s.is_some_and(soon)),
-            visible_in_time: self.share(off, &|outcome| outcome.seen_s.is_some_and(soon)),
-            in_time_since_visible: self.share(off, &|outcome| outcome.waited_s().is_some_and(soon)),
-            classes,
-            kinds: [0.0, STRONG].into_iter().flat_map(|least| self.kinds(least)).collect(),
-            onsets,
-            healthy: self.healthy(0),
-            wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
-            trade,
-            wrong_kinds,
-        }
-    }
-
-    /// The number of target rates that every flight was judged at.
-    fn sessions(&self) -> usize {
-        self.ended.first().map_or(1, |ended| ended.stories.len())
-    }
-
-    /// All actions that switch off.
-    fn off_commands(&self) -> &[String] {
-        &self.diagnoser.tuning.off_actions
-    }
-
-    fn is_off(&self, command: u32) -> bool {
-        let name = &self.diagnoser.names().actions[command as usize];
-        self.diagnoser.tuning.off_actions.contains(name)
-    }
-
-    fn outcomes(
-        &self,
-        session: usize,
-        choice: impl Fn(&PlannedFlight) -> bool,
-    ) -> Vec<FlightOutcome> {
-        let chosen = self.ended.iter().filter(|ended| choice(&ended.flight));
-        chosen.filter_map(|ended| self.outcome(ended, session)).collect()
-    }
-
-    fn outcome(&self, ended: &Ended, session: usize) -> Option<FlightOutcome> {
-        let fault = &self.study.faults[ended.flight.fault?];
-        let names = self.diagnoser.names();
-        let (unit, class) = (&self.study.units[fault.unit], &self.study.classes[fault.class]);
-        let onset = ended.flight.onset_s;
-        let story = &ended.stories[session];
-        let after = |sample: u64| sample as f64 * self.period_s - onset;
-        let since = story.raised.iter().filter(|raised| after(raised.sample) >= 0.0);
-        let judged = |raised: &&Raised| {
-            let is_unit = names.actuators[raised.actuator as usize] == *unit;
-            (is_unit, is_unit && names.actions[raised.action as usize] == class.command)
-        };
-        let right = since.clone().find(|raised| judged(raised).1);
-        let faults = &self.study.faults;
-        let first = |same: &dyn Fn(&FaultCase) -> bool| {
-            faults.iter().position(same).unwrap_or_default() as u32
-        };
-        let is_kind = |other: &FaultCase| other.kind == fault.kind;
-        Some(FlightOutcome {
-            kind: fault.kind.clone(),
-            cluster: first(&|o| is_kind(o) && o.at.intensity == fault.at.intensity),
-            kind_number: first(&is_kind),
-            seen_s: ended.seen.map(after),
-            isolated_s: right.map(|raised| after(raised.sample)),
-            first: since.clone().next().map(|raised| judged(&raised)),
-            is_wrong_shutdown: story.raised.iter().any(|raised| {
-                self.is_off(raised.action) && !judged(&raised).0 && after(raised.sample) >= 0.0
-            }),
-        })
-    }
-
-    /// Whether the fault of a flight calls for one of these commands.
-    fn calls_for(&self, flight: &PlannedFlight, commands: &[String]) -> bool {
-        let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
-        class.is_some_and(|class| commands.contains(&class.command))
-    }
-
-    fn class(
-        &self,
-        session: usize,
-        commands: &[String],
-        choice: impl Fn(&PlannedFlight) -> bool,
-    ) -> Option<ClassMetrics> {
-        let is_of = |flight: &PlannedFlight| self.calls_for(flight, commands) && choice(flight);
-        let intensities = self.ended.iter().map(|e| &e.flight).filter(|f| is_of(f));
-        let intensities = intensities.map(|flight| flight.intensity);
-        let ends = intensities
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], i| [low.min(i), high.max(i)]);
-        let outcomes = self.outcomes(session, is_of);
-        if outcomes.is_empty() {
-            return None;
-        }
-        let visible: Vec<&FlightOutcome> =
-            outcomes.iter().filter(|outcome| outcome.seen_s.is_some()).collect();
+        let visible: Vec<&Outcome> =
+            outcomes.iter().copied().filter(|row| row.visible_s.is_some()).collect();
         let of = visible.len() as u64;
-        let rate = |choice: &dyn Fn(&FlightOutcome) -> bool| rate(&visible, choice);
-        let all: Vec<&FlightOutcome> = outcomes.iter().collect();
+        let first_is = |first: FirstAction| self.rate(&visible, &|row| row.first == first);
+        let times = |of_row: fn(&Outcome) -> Option<f64>| {
+            latency(visible.iter().filter_map(|row| of_row(row)), of)
+        };
         Some(ClassMetrics {
-            command: commands.join(", "),
-            intensities: ends,
+            command: action.into(),
+            intensities,
             flown: outcomes.len() as u64,
-            visible: self::rate(&all, &|outcome| outcome.seen_s.is_some()),
-            isolated: rate(&|outcome| outcome.is_isolated()),
-            other_command: rate(&|outcome| outcome.first == Some((true, false))),
-            wrong_actuator: rate(&|outcome| outcome.first == Some((false, false))),
+            visible: self.rate(&outcomes, &|row| row.visible_s.is_some()),
+            isolated: first_is(FirstAction::Right),
+            other_command: first_is(FirstAction::OtherAction),
+            wrong_actuator: first_is(FirstAction::OtherActuator),
             wrong_shutdown: wrong_shutdowns(&outcomes),
-            silent: rate(&|outcome| outcome.first.is_none()),
-            detection: latency(visible.iter().filter_map(|outcome| outcome.seen_s), of),
-            isolation: latency(visible.iter().filter_map(|outcome| outcome.isolated_s), of),
-            isolation_since_visible: latency(
-                visible.iter().filter_map(|outcome| outcome.waited_s()),
-                of,
-            ),
+            silent: first_is(FirstAction::None),
+            detection: times(|row| row.visible_s),
+            isolation: times(|row| row.right_action_s),
+            isolation_since_visible: times(Outcome::waited_s),
         })
     }
 
     /// The latency of every kind of fault from an intensity on, in the order of the study.
     fn kinds(&self, least_intensity: f64) -> Vec<KindLatency> {
-        let mut kinds: BTreeMap<u32, Vec<FlightOutcome>> = BTreeMap::new();
-        for outcome in self.outcomes(0, |flight| flight.intensity >= least_intensity) {
-            kinds.entry(outcome.kind_number).or_default().push(outcome);
+        let mut kinds: BTreeMap<u32, Vec<&Outcome>> = BTreeMap::new();
+        for row in self.faults(|row| row.intensity >= least_intensity) {
+            kinds.entry(self.clusters_of(row).0).or_default().push(row);
         }
-        let latency =
-            |own: Vec<FlightOutcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
+        let latency = |own: Vec<&Outcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
         kinds.into_values().map(latency).collect()
     }
 
-    /// The share of visible, strong faults of some commands that satisfy a condition.
-    fn share(&self, commands: &[String], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
-        let is_of =
-            |flight: &PlannedFlight| self.calls_for(flight, commands) && flight.intensity >= STRONG;
-        let outcomes = self.outcomes(0, is_of);
-        let visible: Vec<&FlightOutcome> =
-            outcomes.iter().filter(|outcome| outcome.seen_s.is_some()).collect();
-        rate(&visible, holds)
+    /// The numbers of a fault's kind, and of its kind at its intensity.
+    fn clusters_of(&self, row: &Outcome) -> (u32, u32) {
+        let key = (row.kind.as_str(), row.intensity.to_bits());
+        self.clusters.get(&key).copied().unwrap_or_default()
     }
 
-    fn healthy(&self, session: usize) -> HealthyMetrics {
-        let (mut seconds, mut alarms, mut shutdowns) = (0.0, 0, 0);
+    /// The share of flights that satisfy a condition. Faults of one kind at one intensity are correlated, and so are those
+    /// of one kind; the interval is over whole clusters.
+    fn rate(&self, outcomes: &[&Outcome], holds: &dyn Fn(&Outcome) -> bool) -> Rate {
+        let trial = |row: &&Outcome| {
+            let (kind, cluster) = self.clusters_of(row);
+            Trial { cluster, kind, holds: holds(row) }
+        };
+        Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
+    }
+
+    /// The share of visible, strong faults that need a shutdown and satisfy a condition.
+    fn share_of_visible(&self, holds: &dyn Fn(&Outcome) -> bool) -> Rate {
+        let visible = self.faults(|row| needs_shutdown(row) && row.visible_s.is_some());
+        self.rate(&visible, holds)
+    }
+
+    fn healthy(&self) -> HealthyMetrics {
+        let sum = |of: fn(&Outcome) -> u64| self.rows.iter().map(|row| of(row)).sum::<u64>();
+        let (alarms, shutdowns) = (sum(|row| row.early_alarms), sum(|row| row.early_shutdowns));
+        let hours = self.rows.iter().map(|row| row.healthy_s()).sum::<f64>() / 3600.0;
         let mut alarmed = BTreeMap::new();
-        let mut flights = [0, 0];
-        for Ended { flight, stories, .. } in self.ended {
-            let until_s = flight.onset_s.min(flight.duration_s);
-            seconds += until_s;
-            let before = alarms;
-            let early = stories[session].raised.iter();
-            for raised in early.filter(|r| (r.sample as f64 * self.period_s) < until_s) {
-                alarms += 1;
-                shutdowns += u64::from(self.is_off(raised.action));
-            }
-            if until_s > 0.0 {
-                *alarmed.entry(flight.environment).or_insert(false) |= alarms > before;
-            }
-            if flight.fault.is_none() {
-                flights[0] += 1;
-                flights[1] += u64::from(alarms > before);
-            }
+        for row in self.rows.iter().filter(|row| row.healthy_s() > 0.0) {
+            *alarmed.entry(row.environment).or_insert(false) |= row.early_alarms > 0;
         }
-        let hours = seconds / 3600.0;
+        let calm = || self.rows.iter().filter(|row| !row.is_fault());
+        let with_alarm = calm().filter(|row| row.early_alarms > 0).count();
         HealthyMetrics {
             hours,
             alarms,
             shutdowns,
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
-            visible_by_chance: self.ended.iter().map(|ended| ended.by_chance).sum(),
-            flights,
+            visible_by_chance: sum(|row| row.visible_by_chance),
+            flights: [calm().count() as u64, with_alarm as u64],
             environments: EnvironmentMetrics::new(alarmed.into_values()),
         }
     }
 
-    fn trade(&self, session: usize, asked_per_h: f64) -> TradePoint {
-        let strong = |flight: &PlannedFlight| flight.intensity >= STRONG;
-        let class = self.class(session, self.off_commands(), strong);
+    fn trade(&self, asked_per_h: f64) -> TradePoint {
+        let class = self.class("", needs_shutdown);
         let of = class.as_ref().map_or(0, |class| class.visible.count);
-        let isolated = class.as_ref().and_then(|class| class.isolation.as_ref());
-        let isolated = isolated.map_or(0, |latency| latency.flights);
-        let outcomes = self.outcomes(session, |_| true);
+        let isolation = class.and_then(|class| class.isolation);
+        let isolated = isolation.as_ref().map_or(0, |latency| latency.flights);
         TradePoint {
             asked_per_h,
-            healthy: self.healthy(session),
-            isolation: class.and_then(|class| class.isolation),
+            healthy: self.healthy(),
+            isolation,
             missed: Rate::new(of - isolated, of),
-            wrong_shutdowns: wrong_shutdowns(&outcomes),
+            wrong_shutdowns: wrong_shutdowns(&self.faults(|_| true)),
         }
+    }
+
+    /// The kinds of fault in which a healthy actuator was shut down, with the number of flights.
+    fn wrong_kinds(&self) -> Vec<(String, u64)> {
+        let mut kinds: Vec<(String, u64)> = vec![];
+        for row in self.faults(|row| row.shutdown_healthy) {
+            match kinds.iter_mut().find(|(kind, _)| *kind == row.kind) {
+                Some((_, count)) => *count += 1,
+                None => kinds.push((row.kind.clone(), 1)),
+            }
+        }
+        kinds
     }
 }
 
-/// The number of flights in which a shutdown of the wrong actuator was raised.
-fn wrong_shutdowns(outcomes: &[FlightOutcome]) -> u64 {
-    outcomes.iter().filter(|outcome| outcome.is_wrong_shutdown).count() as u64
+/// Whether a fault is strong and needs a shutdown.
+fn needs_shutdown(row: &Outcome) -> bool {
+    row.needs_shutdown && row.intensity >= STRONG
 }
 
-/// The share of flights that satisfy a condition; its interval is over whole clusters.
-fn rate(outcomes: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
-    let trial = |outcome: &&FlightOutcome| Trial {
-        cluster: outcome.cluster,
-        kind: outcome.kind_number,
-        holds: holds(outcome),
-    };
-    Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
+/// The number of flights in which a healthy actuator was shut down.
+fn wrong_shutdowns(outcomes: &[&Outcome]) -> u64 {
+    outcomes.iter().filter(|row| row.shutdown_healthy).count() as u64
 }
 
 /// Times at which shares are reported, s.
@@ -892,41 +604,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn windows_in_a_row_are_enough_where_the_first_and_the_last_share_no_sample() {
-        // A single sample leaves a band, in the last of five panes: it is in five windows.
-        let mut by_chance = OutOfBand::default();
-        for index in 0..20 {
-            let has_left = (4..9).contains(&index);
-            assert_eq!(by_chance.take(index, has_left, Some(5)), None, "{index}");
-        }
-        // From the tenth sample on all windows leave the band; a gap restarts the count.
-        let mut lasts = OutOfBand::default();
-        let taken = (0..30).map(|index| lasts.take(index, index >= 10 && index != 14, Some(5)));
-        let seen: Vec<(u64, u64)> =
-            (0..).zip(taken).filter_map(|(index, first)| Some((index, first?))).collect();
-        assert_eq!(seen, [(20, 15)]);
-        // A window over all samples needs no second one.
-        assert_eq!(OutOfBand::default().take(7, true, None), Some(7));
-    }
-
-    #[test]
     fn a_late_correction_and_an_action_for_an_invisible_fault_are_no_isolation() {
-        let outcome = |seen_s: Option<f64>, first: Option<(bool, bool)>| FlightOutcome {
-            kind: "leak".into(),
-            cluster: 0,
-            kind_number: 0,
-            seen_s,
-            isolated_s: Some(2.0),
+        let outcome = |visible_s: Option<f64>, first: FirstAction| Outcome {
+            visible_s,
+            right_action_s: Some(2.0),
             first,
-            is_wrong_shutdown: false,
+            ..Outcome::default()
         };
-        let right = Some((true, true));
         let outcomes = [
-            outcome(Some(1.0), right),
-            outcome(Some(1.0), Some((false, false))),
-            outcome(None, right),
+            outcome(Some(1.0), FirstAction::Right),
+            outcome(Some(1.0), FirstAction::OtherActuator),
+            outcome(None, FirstAction::Right),
         ];
-        let kind = KindLatency::of("leak", 0.0, &outcomes);
+        let kind = KindLatency::of("leak", 0.0, &outcomes.each_ref());
         assert_eq!((kind.isolation.events, kind.isolation.of), (1, 3));
         assert_eq!(kind.detection.events, 2);
     }

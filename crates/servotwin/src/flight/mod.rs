@@ -14,7 +14,8 @@
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`fitted_twins`]: twins fitted to plants that differ from them in structure
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
-//! - [`judge`]: latency, certainty and errors of the diagnosis
+//! - [`outcome`]: what was flown and what a diagnosis did, a row for each flight; `watched` fills it
+//! - [`judge`]: latency, certainty and errors of the diagnosis, counted from outcomes
 //! - [`healthy`]: healthy flights in an environment of their own, and how near they come to an alarm
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
@@ -31,6 +32,7 @@ pub mod hard_negatives;
 pub mod healthy;
 pub mod judge;
 pub mod other_plant;
+pub mod outcome;
 pub mod plan;
 pub mod replay;
 pub mod runtime;
@@ -38,6 +40,7 @@ pub mod tracking;
 pub mod train;
 pub mod training_windows;
 pub mod unseen_faults;
+mod watched;
 pub mod watcher;
 pub mod windows;
 pub mod worst_case;

@@ -17,6 +17,20 @@ pub enum Onset {
     Intermittent,
 }
 
+impl Onset {
+    /// All of them.
+    pub const ALL: [Onset; 3] = [Onset::Step, Onset::Drift, Onset::Intermittent];
+
+    /// The name in tables and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Onset::Step => "at once",
+            Onset::Drift => "drift",
+            Onset::Intermittent => "intermittent",
+        }
+    }
+}
+
 /// How long a growing fault takes to reach its intensity, s.
 pub const DRIFT_S: f64 = 4.0;
 /// Number of steps in which it grows.

@@ -71,7 +71,7 @@ pub struct TrainingWindows {
 }
 
 /// Training flights that were not used.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LeftOut {
     /// Number of flights that failed.
     pub failed: u64,

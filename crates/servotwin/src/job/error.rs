@@ -72,6 +72,9 @@ pub enum JobError {
     /// A data set contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
     DataSet { path: PathBuf, error: EvaluationError },
+    /// The outcomes of flights cannot be read or written.
+    #[error("{}: {error}", .path.display())]
+    Outcomes { path: PathBuf, error: TableError },
     /// A data set and the parts that it was computed from have different numbers of rows.
     #[error(
         "{path}: with its training commands {rows} rows, but the parts beside it hold {windows}; 'servotwin \

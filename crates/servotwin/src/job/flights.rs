@@ -9,8 +9,9 @@ use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::fitted_twins::CalibrationRecords;
 use crate::flight::hard_negatives;
-use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, Rates, WatchedFlights};
+use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, Rates};
 use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
+use crate::flight::outcome::{self, Outcome};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
@@ -19,6 +20,7 @@ use crate::manifest::{sha256, sha256_of_text};
 use crate::parallel::Workers;
 use crate::study::flights::{Limits, Redraw, Size};
 use crate::study::{Flights, Setting, Study};
+use crate::table;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
@@ -26,6 +28,23 @@ use std::sync::Arc;
 /// The settings with flights. In the first, each specimen equals its twin, as after a perfect fit; in the second,
 /// specimens differ from it.
 pub const SETTINGS: [Setting; 2] = [Setting::Noise, Setting::Realistic];
+
+/// Flights with the faults of the study, and healthy ones.
+pub const JUDGE: &str = "judge";
+/// Flights with faults that were never trained on.
+pub const UNSEEN: &str = "unseen";
+/// The same, of chosen challenge sets.
+const CHALLENGE: &str = "challenge";
+/// The flights of [`JUDGE`], watched by a diagnosis without each sensor.
+const MISSING_SENSORS: &str = "missing_sensors";
+/// Healthy flights, each in an environment of its own.
+pub const HEALTHY: &str = "healthy";
+const SEALED_JUDGE: &str = "sealed_judge";
+const SEALED_UNSEEN: &str = "sealed_unseen";
+
+/// The suites of flights, as the files with their outcomes are named.
+pub const SUITES: [&str; 7] =
+    [JUDGE, UNSEEN, CHALLENGE, MISSING_SENSORS, HEALTHY, SEALED_JUDGE, SEALED_UNSEEN];
 
 /// The results of the flights, with the settings in the order of [`SETTINGS`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -192,18 +211,34 @@ pub fn learn_from(
     Ok((diagnoser, left_out))
 }
 
-/// Computes the figures of merit of a diagnoser from the records of all evaluation flights.
+/// Computes the figures of merit of a diagnoser from the outcomes of all evaluation flights.
 pub fn merit(
     study: &Study,
     flights: &Flights,
     setting: Setting,
     (diagnoser, left_out): (&Diagnoser, LeftOut),
-    watched: WatchedFlights,
+    outcomes: &[Outcome],
 ) -> FlightMetrics {
     let asked = (setting.name(), limit_s(flights, setting));
-    let merit = judge::merit(study, flights, asked, diagnoser, watched);
+    let merit = judge::merit(study, asked, diagnoser, outcomes);
     let LeftOut { failed, on_the_move } = left_out;
     FlightMetrics { failed_to_learn: failed, on_the_move_to_learn: on_the_move, ..merit }
+}
+
+/// Writes the outcomes of a suite of flights.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_outcomes(
+    folder: &Folder,
+    suite: &str,
+    setting: &str,
+    outcomes: &[Outcome],
+) -> Result<(), JobError> {
+    let path = folder.outcomes(suite, setting);
+    let rows =
+        outcome::table(outcomes).with_metadata("suite", suite).with_metadata("setting", setting);
+    table::write(&path, &rows).map_err(|error| JobError::Outcomes { path, error })
 }
 
 /// Trains and evaluates in the flights of some of [`settings`], and writes the results after each setting.
@@ -228,12 +263,33 @@ pub fn fly_all(
         let rates = Rates::of_size(is_full);
         let model = (diagnoser, left_out);
         let judged = judge_in(study, flights, (setting, rates), model, crew, &part)?;
-        write(folder, flights, is_full, vec![judged], None)?;
+        judged.write_outcomes(folder, [JUDGE, UNSEEN], setting)?;
+        write(folder, flights, is_full, vec![judged.metrics], None)?;
         if setting.has_tolerances() && flights.other_plant.is_some() {
             fly_other_plant(folder, study, flights, is_full, crew)?;
         }
     }
     results(folder)?.ok_or_else(|| JobError::Missing { path: folder.flights(), stage: "flights" })
+}
+
+/// The figures of merit in a scenario, and the outcomes that they were counted from.
+struct JudgedScenario {
+    metrics: (FlightMetrics, UnseenFaultMetrics),
+    /// Of the faults of the study, and of those that were never trained on.
+    outcomes: [Vec<Outcome>; 2],
+}
+
+impl JudgedScenario {
+    fn write_outcomes(
+        &self,
+        folder: &Folder,
+        suites: [&str; 2],
+        setting: Setting,
+    ) -> Result<(), JobError> {
+        let both = suites.into_iter().zip(&self.outcomes);
+        both.into_iter()
+            .try_for_each(|(suite, own)| write_outcomes(folder, suite, setting.name(), own))
+    }
 }
 
 /// Judges a diagnoser in the evaluation flights of a setting. `part` maps the share of this work to that of all work.
@@ -244,17 +300,18 @@ fn judge_in(
     (diagnoser, left_out): (Diagnoser, LeftOut),
     crew: &Crew,
     part: &(dyn Fn(f64) -> f64 + Sync),
-) -> Result<(FlightMetrics, UnseenFaultMetrics), JobError> {
+) -> Result<JudgedScenario, JobError> {
     let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
     let watched = watched(&flown, &diagnoser, rates, crew, &|share| {
         (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(0.8 * share));
     })?;
-    let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
+    let merit = merit(study, flights, setting, (&diagnoser, left_out), &watched);
     (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.8));
     let (sets, diagnoser) = (set_names(), Arc::new(diagnoser));
     let said = unseen_faults::judge(study, flights, setting, &diagnoser, &sets, crew.workers);
     crew.check()?;
-    Ok((merit, said?))
+    let (unseen, outcomes) = said?;
+    Ok(JudgedScenario { metrics: (merit, unseen), outcomes: [watched, outcomes] })
 }
 
 /// Flies planned flights, watched by a diagnoser. `told` takes the share of the flights that have ended.
@@ -264,7 +321,7 @@ fn watched(
     rates: Rates,
     crew: &Crew,
     told: &(dyn Fn(f64) + Sync),
-) -> Result<WatchedFlights, JobError> {
+) -> Result<Vec<Outcome>, JobError> {
     let share = |done: usize, of: usize| told(done as f64 / of.max(1) as f64);
     let watched = judge::watch(flown, diagnoser, rates, &share);
     crew.check()?;
@@ -308,7 +365,9 @@ pub fn fly_sealed(
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         let model = (diagnoser, LeftOut::default());
         let rates = Rates::of_size(is_full);
-        judged.push(judge_in(study, &flights, (setting, rates), model, crew, &part)?);
+        let own = judge_in(study, &flights, (setting, rates), model, crew, &part)?;
+        own.write_outcomes(folder, [SEALED_JUDGE, SEALED_UNSEEN], setting)?;
+        judged.push(own.metrics);
     }
     let results = FlightResults::new(&flights, is_full, judged, None);
     // Everything but the last line of the record counts as aborted, until the results are there.
@@ -435,8 +494,9 @@ fn judge_other_plants(
     let watched = watched(flown, &diagnoser, Rates::of_size(is_full), crew, &|share| {
         (crew.progress)("another plant: flights to be judged in", share);
     })?;
+    write_outcomes(folder, JUDGE, name, &watched)?;
     let asked = (name, limit_s(flights, Setting::Realistic));
-    Ok(judge::merit(flown.study(), flights, asked, &diagnoser, watched))
+    Ok(judge::merit(flown.study(), asked, &diagnoser, &watched))
 }
 
 /// Repeats the evaluation flights of some settings without each sensor in turn, using the stored diagnosers, and writes
@@ -452,18 +512,19 @@ pub fn without_sensors(
     crew: &Crew,
 ) -> Result<Vec<MissingSensorMetrics>, JobError> {
     let mut merits = vec![];
-    for &setting in settings {
+    for (place, &setting) in settings.iter().enumerate() {
         let diagnoser = Arc::new(diagnoser(folder, setting)?);
         let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
         let asked = (setting.name(), limit_s(flights, setting));
-        for sensor in 0..diagnoser.sensors.len() {
-            let name = &diagnoser.sensors[sensor].name;
-            let share = merits.len() as f64 / (settings.len() * diagnoser.sensors.len()) as f64;
-            (crew.progress)(&format!("{}: flights without {name}", setting.name()), share);
-            let merit = judge::without(study, &flown, asked, &diagnoser, sensor);
-            crew.check()?;
-            merits.push(merit.map_err(|error| JobError::Evaluation(error.into()))?);
-        }
+        let told = |done: usize, all: usize| {
+            let share = (place as f64 + done as f64 / all.max(1) as f64) / settings.len() as f64;
+            (crew.progress)(&format!("{}: flights without each sensor", setting.name()), share);
+        };
+        let without = judge::without_sensors(study, &flown, asked, &diagnoser, &told);
+        crew.check()?;
+        let (outcomes, metrics) = without.map_err(|error| JobError::Evaluation(error.into()))?;
+        write_outcomes(folder, MISSING_SENSORS, setting.name(), &outcomes)?;
+        merits.extend(metrics);
     }
     model_file::write(folder.missing_sensors(), &merits)?;
     Ok(merits)
@@ -488,7 +549,9 @@ pub fn fly_challenge_sets(
         (crew.progress)(&format!("{}: challenge sets", setting.name()), share);
         let judged = unseen_faults::judge(study, flights, setting, &diagnoser, sets, crew.workers);
         crew.check()?;
-        metrics.push(judged?);
+        let (counted, outcomes) = judged?;
+        write_outcomes(folder, CHALLENGE, setting.name(), &outcomes)?;
+        metrics.push(counted);
     }
     model_file::write(folder.challenge_sets(), &metrics)?;
     Ok(metrics)

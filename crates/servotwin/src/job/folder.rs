@@ -12,7 +12,7 @@
 //! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
 //! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
-//! | `flights-healthy-<setting>.json` | flights --healthy: healthy flights, each in an environment of its own |
+//! | `outcomes-<suite>-<setting>.parquet` | flights: what was flown and what a diagnosis did, a row for each flight |
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
 //! | `band-<setting>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
@@ -22,12 +22,14 @@
 //!
 //! Writers hold the folder ([`Hold`]); readers do not.
 
+use super::flights::{HEALTHY, SUITES};
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
 use crate::campaign::{PARTS, calibration_file};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::flight::healthy::HealthyPlants;
+use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED};
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
 use crate::study::{Role, Setting, Study};
@@ -96,9 +98,14 @@ impl Folder {
         self.0.join("flights.json")
     }
 
+    /// The file with the outcomes of a suite of flights in a scenario.
+    pub fn outcomes(&self, suite: &str, setting: &str) -> PathBuf {
+        self.0.join(format!("outcomes-{suite}-{setting}.parquet"))
+    }
+
     /// The file with healthy flights in many environments.
     pub fn healthy_flights(&self, plants: HealthyPlants) -> PathBuf {
-        self.0.join(format!("flights-healthy-{}.json", plants.name()))
+        self.outcomes(HEALTHY, plants.name())
     }
 
     /// The file with the results in sealed environments.
@@ -147,7 +154,10 @@ impl Folder {
         files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
-        files.extend(HealthyPlants::all().map(|plants| self.healthy_flights(plants)));
+        let settings = Setting::ALL.map(Setting::name);
+        let flown = settings.into_iter().chain([OTHER_PLANT, OTHER_PLANT_FITTED]);
+        let suites = |setting| SUITES.map(|suite| self.outcomes(suite, setting));
+        files.extend(flown.flat_map(suites));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.data_card(), self.sealed_flights(), self.challenge_sets()]);
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);

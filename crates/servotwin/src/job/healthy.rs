@@ -3,13 +3,14 @@
 
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
-use crate::evaluation::model_file;
-use crate::flight::healthy::{self, Differences, HealthyFlight, HealthyPlants, HealthySummary};
+use crate::flight::healthy::{self, Differences, HealthyPlants, HealthySummary};
 use crate::flight::other_plant::OtherPlants;
+use crate::flight::outcome::{self, Outcome};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::study::{HealthyDraw, Study};
-use serde::{Deserialize, Serialize};
+use crate::table::{self, TableError};
 use servotwin_diagnosis::diagnoser::Session;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Number of environments whose twins are in memory at a time.
@@ -18,9 +19,8 @@ pub(super) const BATCH: usize = 96;
 /// A run is stored whenever it has grown by this fraction: every batch at first, and rarely once its file is large.
 const STORED_EVERY: f64 = 0.05;
 
-/// The healthy flights of one scenario.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The healthy flights of one scenario. Its file is the table of outcomes with the other fields as metadata.
+#[derive(Debug, Clone, PartialEq)]
 pub struct HealthyRun {
     /// The scenario.
     pub setting: String,
@@ -32,25 +32,38 @@ pub struct HealthyRun {
     pub diagnoser_sha256: String,
     /// The hash of the study file.
     pub study_sha256: String,
-    /// Number of environments flown.
-    pub flown: u64,
-    /// Number of those in which the plant could not be simulated to the end.
-    pub failed: u64,
-    /// The counts of all finished flights.
-    pub summary: HealthySummary,
-    /// The finished flights.
-    pub flights: Vec<HealthyFlight>,
+    /// The outcome in each environment.
+    pub outcomes: Vec<Outcome>,
 }
 
 impl HealthyRun {
-    /// Whether both runs fly the same environments beside the same diagnoser.
-    fn is_same_as(&self, other: &HealthyRun) -> bool {
-        let of = |run: &HealthyRun| {
-            let HealthyRun { setting, seed, duration_s, diagnoser_sha256, study_sha256, .. } = run;
-            let hashes = (diagnoser_sha256.clone(), study_sha256.clone());
-            (setting.clone(), *seed, duration_s.to_bits(), hashes)
-        };
-        of(self) == of(other)
+    /// Number of flights in which the plant could not be simulated to the end.
+    pub fn failed(&self) -> usize {
+        self.outcomes.iter().filter(|row| !row.is_finished).count()
+    }
+
+    /// The counts of all finished flights.
+    pub fn summary(&self) -> HealthySummary {
+        HealthySummary::new(&self.outcomes)
+    }
+
+    fn metadata(&self) -> BTreeMap<String, String> {
+        let HealthyRun { setting, seed, duration_s, diagnoser_sha256, study_sha256, .. } = self;
+        let fields = [
+            ("setting", setting.clone()),
+            ("seed", seed.to_string()),
+            ("duration_s", duration_s.to_string()),
+            ("diagnoser_sha256", diagnoser_sha256.clone()),
+            ("study_sha256", study_sha256.clone()),
+        ];
+        fields.map(|(key, value)| (key.to_owned(), value)).into()
+    }
+
+    fn write(&self, folder: &Folder, plants: HealthyPlants) -> Result<(), JobError> {
+        let mut rows = outcome::table(&self.outcomes);
+        rows.metadata.extend(self.metadata());
+        let path = folder.healthy_flights(plants);
+        table::write(&path, &rows).map_err(|error| JobError::Outcomes { path, error })
     }
 }
 
@@ -83,9 +96,9 @@ pub fn fly(
     let session = Session::new(Arc::new(diagnoser(folder, setting)?))
         .map_err(|error| JobError::Evaluation(error.into()))?;
     let mut run = begun(folder, study, plants, (draw.seed, duration_s))?;
-    let mut stored = run.flown as usize;
-    while (run.flown as usize) < count {
-        let from = run.flown as usize;
+    let mut stored = run.outcomes.len();
+    while run.outcomes.len() < count {
+        let from = run.outcomes.len();
         let numbers = from..count.min(from + BATCH);
         let what = format!("{}: healthy flights", plants.name());
         (crew.progress)(&what, from as f64 / count as f64);
@@ -94,15 +107,12 @@ pub fn fly(
             drawn.map_err(|error| JobError::Study(error.into()))?.unwrap_or_default();
         let place = (&environments[..], numbers.clone());
         let of_seed = (draw.seed, duration_s);
-        let (flights, failed) =
-            healthy::fly(study, place, of_seed, (setting, differences), &session, crew.workers)?;
-        run.flights.extend(flights);
-        run.failed += failed;
-        run.flown = numbers.end as u64;
+        let plants_of_flights = (setting, differences);
+        let flown = healthy::fly(study, place, of_seed, plants_of_flights, &session, crew.workers)?;
+        run.outcomes.extend(flown);
         let has_grown = (numbers.end - stored) as f64 > STORED_EVERY * stored as f64;
         if has_grown || numbers.end == count {
-            run.summary = HealthySummary::new(&run.flights, duration_s);
-            model_file::write(folder.healthy_flights(plants), &run)?;
+            run.write(folder, plants)?;
             stored = numbers.end;
         }
     }
@@ -122,13 +132,10 @@ fn begun(
         duration_s,
         diagnoser_sha256: sha256(&folder.diagnoser(plants.setting()))?,
         study_sha256: sha256_of_text(&study.text),
-        flown: 0,
-        failed: 0,
-        summary: HealthySummary::new(&[], duration_s),
-        flights: vec![],
+        outcomes: vec![],
     };
     let stored = stored(folder, plants)?;
-    Ok(stored.filter(|stored| stored.is_same_as(&new)).unwrap_or(new))
+    Ok(stored.filter(|stored| stored.metadata() == new.metadata()).unwrap_or(new))
 }
 
 /// Reads the healthy flights of a scenario; `None` if there are none.
@@ -137,5 +144,18 @@ fn begun(
 /// The file cannot be read, or contradicts the manifest.
 pub fn stored(folder: &Folder, plants: HealthyPlants) -> Result<Option<HealthyRun>, JobError> {
     let path = folder.healthy_flights(plants);
-    Ok(if path.exists() { Some(model_file::read(path)?) } else { None })
+    if !path.exists() {
+        return Ok(None);
+    }
+    let wrong = |error: TableError| JobError::Outcomes { path: path.clone(), error };
+    let rows = table::read(&path).map_err(wrong)?;
+    let text = |key: &str| rows.metadata.get(key).cloned().unwrap_or_default();
+    Ok(Some(HealthyRun {
+        setting: text("setting"),
+        seed: text("seed").parse().unwrap_or_default(),
+        duration_s: text("duration_s").parse().unwrap_or_default(),
+        diagnoser_sha256: text("diagnoser_sha256"),
+        study_sha256: text("study_sha256"),
+        outcomes: outcome::from_table(&rows).map_err(wrong)?,
+    }))
 }

@@ -4,7 +4,8 @@
 
 use super::JobError;
 use super::healthy::BATCH;
-use crate::flight::healthy::{self, Differences, HealthyFlight};
+use crate::flight::healthy::{self, Differences};
+use crate::flight::outcome::Outcome;
 use crate::parallel::Workers;
 use crate::study::flights::{HELD_OUT, HELD_OUT_SEED};
 use crate::study::{Flights, Setting, Study};
@@ -35,10 +36,8 @@ pub fn with_margin(
         return Ok(diagnoser);
     }
     let (allowed, most_nats) = (diagnoser.tuning.pending_share, diagnoser.tuning.clip_nats);
-    let is_corrected: Vec<bool> =
-        diagnoser.lengths.iter().map(|length| length.baseline_corrected.is_some()).collect();
     let learned = flights.learned.len();
-    let evidence = smallest_margin((learned, &is_corrected), (allowed, most_nats), |margin| {
+    let evidence = smallest_margin(learned, (allowed, most_nats), |margin| {
         fly(study, flights, setting, diagnoser.with_shutdown_margin(margin), workers)
     })?;
     finished(setting, &evidence)?;
@@ -62,27 +61,25 @@ fn finished(setting: Setting, evidence: &HealthyEvidence) -> Result<(), JobError
 }
 
 /// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
-/// allowance is reached. `is_corrected` states for each length of windows whether residuals are baseline-corrected.
+/// allowance is reached.
 fn smallest_margin(
-    (learned, is_corrected): (usize, &[bool]),
+    learned: usize,
     (allowed, most_nats): (f64, f64),
-    mut fly: impl FnMut(ShutdownMargin) -> Result<(Vec<HealthyFlight>, u64), JobError>,
+    mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<Outcome>, JobError>,
 ) -> Result<HealthyEvidence, JobError> {
     let (mut added, mut shutdowns_before) = (ShutdownMargin::default(), None);
     loop {
-        let (flown, failed) = fly(added)?;
-        let shutdowns = flown.iter().filter(|flight| flight.shutdowns > 0).count() as u64;
+        let outcomes = fly(added)?;
+        let finished = || outcomes.iter().filter(|row| row.is_finished);
+        let shutdowns = finished().filter(|row| row.early_shutdowns > 0).count() as u64;
         let shutdowns_before = *shutdowns_before.get_or_insert(shutdowns);
-        let largest = |corrected: bool| {
-            let of_flight =
-                flown.iter().flat_map(|f| is_corrected.iter().zip(&f.shutdown_evidence_by_length));
-            let of_kind = of_flight.filter(|(is_corrected, _)| **is_corrected == corrected);
-            of_kind.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
-        };
+        let largest = |of: fn(&Outcome) -> f64| finished().map(of).fold(0.0, f64::max);
+        let [uncorrected, corrected] =
+            [largest(|row| row.shutdown_evidence), largest(|row| row.corrected_shutdown_evidence)];
         let mut has_grown = false;
         let kinds = [
-            (largest(false), &mut added.uncorrected_nats),
-            (largest(true), &mut added.baseline_corrected_nats),
+            (uncorrected, &mut added.uncorrected_nats),
+            (corrected, &mut added.baseline_corrected_nats),
         ];
         for (largest, nats) in kinds {
             if largest > allowed && *nats < most_nats {
@@ -91,42 +88,40 @@ fn smallest_margin(
             }
         }
         if !has_grown {
+            let held_out = finished().count() as u64;
             return Ok(HealthyEvidence {
                 learned: learned as u64,
-                held_out: flown.len() as u64,
-                failed,
+                held_out,
+                failed: outcomes.len() as u64 - held_out,
                 scatter: SCATTER,
                 shutdowns_before,
                 added,
-                largest: largest(false).max(largest(true)),
+                largest: uncorrected.max(corrected),
             });
         }
     }
 }
 
-/// The finished flights in the held-out environments, each as long as a healthy flight of the training, and how many
-/// failed.
+/// The flights in the held-out environments, each as long as a healthy flight of the training.
 fn fly(
     study: &Study,
     flights: &Flights,
     setting: Setting,
     diagnoser: Diagnoser,
     workers: Workers,
-) -> Result<(Vec<HealthyFlight>, u64), JobError> {
+) -> Result<Vec<Outcome>, JobError> {
     let session =
         Session::new(Arc::new(diagnoser)).map_err(|error| JobError::Evaluation(error.into()))?;
     let duration_s = flights.learn.healthy_duration_s.unwrap_or(flights.duration_s);
-    let (mut finished, mut failed) = (vec![], 0);
+    let mut outcomes = vec![];
     for (batch, environments) in flights.held_out.chunks(BATCH).enumerate() {
         let first = batch * BATCH;
         let place = (environments, first..first + environments.len());
         let of_seed = (HELD_OUT_SEED, duration_s);
         let plants = (setting, Differences::Scattered(SCATTER));
-        let (flown, fallen) = healthy::fly(study, place, of_seed, plants, &session, workers)?;
-        finished.extend(flown);
-        failed += fallen;
+        outcomes.extend(healthy::fly(study, place, of_seed, plants, &session, workers)?);
     }
-    Ok((finished, failed))
+    Ok(outcomes)
 }
 
 #[cfg(test)]
@@ -137,33 +132,27 @@ mod tests {
     /// limit for each nat.
     fn falling(
         evidence: &[[f64; 2]],
-    ) -> impl FnMut(ShutdownMargin) -> Result<(Vec<HealthyFlight>, u64), JobError> {
+    ) -> impl FnMut(ShutdownMargin) -> Result<Vec<Outcome>, JobError> {
         move |margin| {
             let flight = |[uncorrected, corrected]: &[f64; 2]| {
                 let fallen = |evidence: f64, nats: f64| (evidence - 0.25 * nats).max(0.0);
-                let by_length = vec![
-                    fallen(*uncorrected, margin.uncorrected_nats),
-                    fallen(*corrected, margin.baseline_corrected_nats),
-                ];
-                let largest = by_length[0].max(by_length[1]);
-                let shutdowns = u64::from(largest >= 1.0);
-                HealthyFlight {
-                    environment: 0,
-                    alarms: shutdowns,
-                    shutdowns,
-                    evidence: largest,
-                    shutdown_evidence: largest,
-                    shutdown_evidence_by_length: by_length,
-                }
+                let outcome = Outcome {
+                    is_finished: true,
+                    shutdown_evidence: fallen(*uncorrected, margin.uncorrected_nats),
+                    corrected_shutdown_evidence: fallen(*corrected, margin.baseline_corrected_nats),
+                    ..Outcome::default()
+                };
+                let early_shutdowns = u64::from(outcome.largest_shutdown_evidence() >= 1.0);
+                Outcome { early_shutdowns, ..outcome }
             };
-            Ok((evidence.iter().map(flight).collect(), 1))
+            let failed = Outcome { shutdown_evidence: 9.0, ..Outcome::default() };
+            Ok(evidence.iter().map(flight).chain([failed]).collect())
         }
     }
 
     #[test]
     fn each_margin_is_the_smallest_that_held_out_flights_allow() {
-        let kinds = (24, &[false, true][..]);
-        let found = |evidence| smallest_margin(kinds, (0.5, 8.0), falling(evidence)).unwrap();
+        let found = |evidence| smallest_margin(24, (0.5, 8.0), falling(evidence)).unwrap();
         let quiet = found(&[[0.0, 0.0], [0.25, 0.5]]);
         assert_eq!((quiet.added, quiet.shutdowns_before), (ShutdownMargin::default(), 0));
         assert_eq!(quiet.largest, 0.5);
@@ -179,7 +168,7 @@ mod tests {
     #[test]
     fn a_search_for_a_margin_ends_at_the_largest_one() {
         let evidence = [[1.5, 0.0]];
-        let found = smallest_margin((24, &[false, true]), (0.5, 2.0), falling(&evidence)).unwrap();
+        let found = smallest_margin(24, (0.5, 2.0), falling(&evidence)).unwrap();
         assert_eq!((found.added.uncorrected_nats, found.added.baseline_corrected_nats), (2.0, 0.0));
         assert_eq!(found.largest, 1.0);
     }

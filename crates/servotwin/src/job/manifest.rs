@@ -355,6 +355,7 @@ impl KindEffort {
 #[cfg(test)]
 mod tests {
     use crate::campaign::calibration_file;
+    use crate::job::flights::SUITES;
     use crate::job::{Folder, Subject};
     use crate::manifest::remedy;
     use crate::study::{Role, Setting};
@@ -365,6 +366,7 @@ mod tests {
         let mut files = vec![folder.study(), folder.system()];
         files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
         files.extend([folder.missing_sensors(), folder.challenge_sets(), folder.results()]);
+        files.extend(SUITES.map(|suite| folder.outcomes(suite, "noise")));
         for setting in Setting::ALL {
             files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
             files.extend([folder.diagnoser(setting), folder.band(setting)]);

@@ -3,11 +3,12 @@
 
 use servotwin::flight::campaign::{FlightCampaign, Observer};
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
-use servotwin::flight::judge::{self, FlightMetrics, Rates, WatchedFlights};
+use servotwin::flight::judge::{self, FlightMetrics, Rates};
 use servotwin::flight::other_plant::OtherPlants;
+use servotwin::flight::outcome::{Needed, Outcome};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
-use servotwin::flight::unseen_faults::{self, Sensible};
+use servotwin::flight::unseen_faults;
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, fly_all, learn, learn_from};
 use servotwin::parallel::Workers;
@@ -15,7 +16,7 @@ use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::flights::Size;
 use servotwin::study::{Flights, Setting, Study};
-use servotwin_diagnosis::diagnoser::{Diagnoser, ShutdownMargin, Tuning};
+use servotwin_diagnosis::diagnoser::{Diagnoser, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::sync::{Arc, OnceLock};
@@ -83,7 +84,7 @@ fn merit(threads: usize) -> FlightMetrics {
     )
     .unwrap();
     let watched = judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap();
-    judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched)
+    judge::merit(study(), ("noise", 1.0), diagnoser(), &watched)
 }
 
 #[test]
@@ -93,10 +94,12 @@ fn all_actions_that_switch_off_are_judged_together() {
     let flown = FlightCampaign::new(study(), flights, purpose, Setting::Noise, workers).unwrap();
     let watched = judge::watch(&flown, diagnoser(), Rates::Own, &|_, _| ()).unwrap();
     let judged = |off: &[&str]| {
-        let off_actions = off.iter().map(|&action| action.into()).collect();
-        let tuning = Tuning { off_actions, ..diagnoser().tuning.clone() };
-        let diagnoser = Diagnoser { tuning, ..(**diagnoser()).clone() };
-        let merit = judge::merit(study(), flights, ("noise", 1.0), &diagnoser, watched.clone());
+        let needs_shutdown = |row: &Outcome| off.contains(&row.action.as_str());
+        let rows = watched
+            .iter()
+            .map(|row| Outcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
+        let rows: Vec<Outcome> = rows.collect();
+        let merit = judge::merit(study(), ("noise", 1.0), diagnoser(), &rows);
         [merit.in_time.of, merit.visible_in_time.count, merit.trade[0].missed.of]
     };
     let [one, other] = ["shut_down", "change_mode"].map(|action| judged(&[action]));
@@ -186,12 +189,13 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     assert!(text(&found) == text(&**diagnoser()) && left_out == LeftOut::default());
     std::fs::remove_dir_all(folder.path()).unwrap();
 
-    let mut watched = WatchedFlights::default();
+    let mut watched: Vec<Outcome> = vec![];
     for flown in apart(Purpose::Judge, 2) {
         let sent = text(&judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap());
-        watched.add(serde_json::from_str(&sent).unwrap());
+        watched.extend(serde_json::from_str::<Vec<Outcome>>(&sent).unwrap());
     }
-    let found = judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched);
+    watched.sort_by_key(|row| row.number);
+    let found = judge::merit(study(), ("noise", 1.0), diagnoser(), &watched);
     assert_eq!(text(&found), text(&merit(2)));
 }
 
@@ -210,7 +214,9 @@ fn faults_never_trained_on_are_counted_once_each() {
     let flights = &study().flights().unwrap().unwrap();
     let judge = |sets: &[&str]| {
         let workers = Workers::new(2);
-        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), sets, workers).unwrap()
+        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), sets, workers)
+            .unwrap()
+            .0
     };
     let merit = judge(&unseen_faults::set_names());
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
@@ -238,7 +244,7 @@ fn faults_never_trained_on_are_counted_once_each() {
         assert_eq!(
             need - missed,
             own()
-                .filter(|o| o.sensible == Sensible::Shutdown)
+                .filter(|o| o.sensible == Needed::Shutdown)
                 .map(|o| o.shutdowns_at_fault)
                 .sum::<u64>(),
             "{}",

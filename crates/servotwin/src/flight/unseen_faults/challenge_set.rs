@@ -1,6 +1,7 @@
 //! Counts of the flights of a challenge set: all unseen faults of one name.
 
-use super::{ALL, Ended, Latency, Sensible, latency};
+use super::{Latency, Outcome, has_healthy_shutdown, latency};
+use crate::flight::outcome::FirstAction;
 use serde::{Deserialize, Serialize};
 
 /// What the diagnosis did in the flights of a challenge set.
@@ -35,36 +36,28 @@ impl ChallengeSetMetrics {
 }
 
 /// Counts the flights of a set; `None` if it has none.
-pub(super) fn count(set: &str, ended: &[Ended], period_s: f64) -> Option<ChallengeSetMetrics> {
-    let is_of_set = |ended: &&Ended| ALL[ended.case.foreign].set == set;
-    let (finished, failed): (Vec<&Ended>, Vec<&Ended>) =
-        ended.iter().filter(is_of_set).partition(|ended| ended.is_ok);
+pub(super) fn count(set: &str, outcomes: &[Outcome]) -> Option<ChallengeSetMetrics> {
+    let is_of_set = |row: &&Outcome| row.kind == set;
+    let (finished, failed): (Vec<&Outcome>, Vec<&Outcome>) =
+        outcomes.iter().filter(is_of_set).partition(|row| row.is_finished);
     if finished.len() + failed.len() == 0 {
         return None;
     }
-    let count = |holds: &dyn Fn(&Ended) -> bool| {
-        finished.iter().filter(|ended| holds(ended)).count() as u64
-    };
-    let needs_shutdown = |ended: &Ended| ended.heard.sensible == Sensible::Shutdown;
-    let is_right = |ended: &Ended| match ended.heard.first {
-        Some((unit, action)) => ended.heard.is_sensible(unit, action),
-        None => ended.heard.sensible == Sensible::Nothing,
-    };
-    let times_s = finished
-        .iter()
-        .filter_map(|ended| Some(ended.since_onset_s(ended.heard.right_action?, period_s)));
+    let count =
+        |holds: fn(&Outcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
+    let times_s = finished.iter().filter_map(|row| row.right_action_s);
     Some(ChallengeSetMetrics {
         name: set.into(),
         flights: finished.len() as u64,
         failed: failed.len() as u64,
-        right_action: count(&is_right),
-        other_action: count(&|ended| ended.heard.first.is_some() && !is_right(ended)),
+        right_action: count(Outcome::is_right),
+        other_action: count(|row| row.first != FirstAction::None && !row.is_right()),
         missed_shutdowns: [
-            count(&needs_shutdown),
-            count(&|ended| needs_shutdown(ended) && !ended.heard.off_at_fault),
+            count(|row| row.needs_shutdown),
+            count(|row| row.needs_shutdown && !row.shutdown_at_fault),
         ],
-        wrong_shutdowns: count(&|ended| ended.heard.off_healthy || ended.heard.off_misinformed),
-        false_alarms: count(&|ended| ended.heard.false_alarm),
+        wrong_shutdowns: count(|row| has_healthy_shutdown(row) || row.shutdown_misinformed),
+        false_alarms: count(|row| row.early_alarms > 0),
         latency: latency(times_s, finished.len() as u64),
     })
 }

@@ -5,22 +5,8 @@ use super::effect::Effect::{
     ToldMissing, ToldOff, ToldTooLarge, Value, Weather,
 };
 use super::effect::{On, other, own, whole};
-use serde::{Deserialize, Serialize};
+use crate::flight::outcome::Needed;
 use servotwin_diagnosis::features::Quantity::{PressureA, Ram, Supply};
-
-/// The command for the faulty actuator that counts as sensible.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Sensible {
-    /// A shutdown: the actuator does not work properly.
-    Shutdown,
-    /// Any command except a shutdown: only a sensor is wrong.
-    NoShutdown,
-    /// Any action.
-    Any,
-    /// No command: no actuator is at fault.
-    Nothing,
-}
 
 /// A fault without training data.
 pub struct Foreign {
@@ -33,7 +19,7 @@ pub struct Foreign {
     /// The strengths in words, with their unit.
     pub strengths_in_words: &'static str,
     /// The command that counts as sensible.
-    pub sensible: Sensible,
+    pub sensible: Needed,
     /// The effects at a strength.
     pub effects: fn(f64) -> Vec<On>,
 }
@@ -42,13 +28,13 @@ const fn foreign(
     set: &'static str,
     title: &'static str,
     (strengths, strengths_in_words): (&'static [f64], &'static str),
-    sensible: Sensible,
+    sensible: Needed,
     effects: fn(f64) -> Vec<On>,
 ) -> Foreign {
     Foreign { set, title, strengths, strengths_in_words, sensible, effects }
 }
 
-use Sensible::{Any, NoShutdown, Nothing, Shutdown};
+use Needed::{Any, NoShutdown, Nothing, Shutdown};
 
 /// A sensor with this bandwidth is practically stuck, Hz.
 const STUCK_HZ: f64 = 1e-3;

@@ -8,18 +8,21 @@ mod effect;
 mod list;
 
 pub use challenge_set::ChallengeSetMetrics;
-pub use list::{ALL, Foreign, Sensible, set_names};
+pub(super) use effect::Touched;
+pub use list::{ALL, Foreign, set_names};
 
-use super::campaign::{FlightCampaign, Observer};
+use super::campaign::FlightCampaign;
 use super::judge::{Latency, latency};
+use super::outcome::{FirstAction, Needed, Outcome, Word};
 use super::plan::{Onset, PlannedFlight, Purpose};
+use super::watched::{Truth, Watching, watch};
 use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
 use crate::study::{Flights, Setting, Study};
-use effect::{Changes, Touched};
+use effect::Changes;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Session};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -50,6 +53,21 @@ pub struct Words {
 }
 
 impl Words {
+    fn count(&mut self, outcome: &Outcome) {
+        let word = match (outcome.first, outcome.word) {
+            (FirstAction::Right, _) => &mut self.sensible,
+            (FirstAction::OtherAction, _) => &mut self.other_command,
+            (FirstAction::OtherActuator, _) => &mut self.wrong_actuator,
+            (FirstAction::None, Word::Actuator) => &mut self.actuator,
+            (FirstAction::None, Word::Unknown) => &mut self.unknown,
+            (FirstAction::None, Word::EnvironmentInvalid) => &mut self.environment_invalid,
+            (FirstAction::None, Word::NoData) => &mut self.no_data,
+            (FirstAction::None, Word::Detected) => &mut self.detected,
+            (FirstAction::None, Word::Healthy) => &mut self.healthy,
+        };
+        *word += 1;
+    }
+
     /// Each count with its name, the best result first.
     pub fn named(&self) -> [(&'static str, u64); 9] {
         [
@@ -74,7 +92,7 @@ pub struct UnseenFaultOutcome {
     /// Its strengths in words.
     pub strengths: String,
     /// The command that counts as sensible.
-    pub sensible: Sensible,
+    pub sensible: Needed,
     /// Number of completed flights.
     pub flights: u64,
     /// Number of failed flights.
@@ -135,6 +153,34 @@ struct Case {
 }
 
 impl Case {
+    /// What is right in its flight.
+    fn truth(&self, study: &Study, flight: &PlannedFlight) -> Truth {
+        let Foreign { set, title, sensible, .. } = ALL[self.foreign];
+        let names = |units: &[usize]| {
+            let name = |&unit: &usize| match study.units[unit].as_str() {
+                "" => "actuator",
+                name => name,
+            };
+            units.iter().map(name).collect::<Vec<_>>().join(", ")
+        };
+        let Changes { at_fault, misinformed, .. } = &self.changes;
+        let run = Outcome {
+            number: flight.number as u64,
+            environment: self.base as u64,
+            event: title.into(),
+            kind: set.into(),
+            intensity: self.strength,
+            onset_s: Some(flight.onset_s),
+            duration_s: flight.duration_s,
+            at_fault: names(at_fault),
+            misinformed: names(misinformed),
+            needed: sensible,
+            needs_shutdown: sensible == Needed::Shutdown,
+            ..Outcome::default()
+        };
+        Truth { run, at_fault: at_fault.clone(), misinformed: misinformed.clone() }
+    }
+
     /// Its environment, its actuator and how strong the fault is.
     fn in_words(&self, study: &Study, flights: &Flights) -> String {
         let environment = &flights.judged[self.base].name;
@@ -204,154 +250,8 @@ impl Plan {
     }
 }
 
-/// The outputs collected in a flight.
-struct Listening {
-    session: Session,
-    sensible: Sensible,
-    touched: Touched,
-    onset: u64,
-    at_fault: Vec<usize>,
-    misinformed: Vec<usize>,
-    is_off: Vec<bool>,
-    /// Actuator and action of the first alarm.
-    first: Option<(usize, u32)>,
-    heard: FindingFlags,
-    first_word: Option<u64>,
-    /// The sample of the first sensible action against a faulty actuator.
-    right_action: Option<u64>,
-    /// Whether an action was raised before the onset.
-    false_alarm: bool,
-    off_at_fault: bool,
-    off_misinformed: bool,
-    off_healthy: bool,
-}
-
-/// The findings at any time since the onset.
-#[derive(Default)]
-struct FindingFlags {
-    actuator: bool,
-    other: bool,
-    unknown: bool,
-    environment_invalid: bool,
-    no_data: bool,
-}
-
-impl FindingFlags {
-    /// Updates the flags; returns whether anything was reported.
-    fn listen(&mut self, outcome: &Outcome, is_concerned: impl Fn(usize) -> bool) -> bool {
-        let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
-        self.no_data |= lacks;
-        match outcome.finding {
-            IndexedFinding::Healthy | IndexedFinding::Unjudged => return lacks,
-            IndexedFinding::Unknown => self.unknown = true,
-            IndexedFinding::EnvironmentInvalid { .. } => self.environment_invalid = true,
-            IndexedFinding::Detected => self.other = true,
-            IndexedFinding::Actuator { actuator: unit }
-            | IndexedFinding::Action { actuator: unit, .. }
-            | IndexedFinding::Detail { actuator: unit, .. } => {
-                let is_right = is_concerned(unit as usize);
-                self.actuator |= is_right;
-                self.other |= !is_right;
-            }
-        }
-        true
-    }
-}
-
-impl Observer for Listening {
-    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        self.touched.take(index, measured, inputs);
-        let outcome = *self.session.push(&self.touched.inputs, &self.touched.measured, twin);
-        let is_late = index as u64 >= self.onset;
-        if let Some(raised) = outcome.raised {
-            let unit = raised.actuator as usize;
-            let is_guilty = is_late && self.at_fault.contains(&unit);
-            let is_misinformed = is_late && self.misinformed.contains(&unit);
-            let is_off = self.is_off[raised.action as usize];
-            // A command raised before the onset accuses a healthy unit and may persist.
-            let is_new_off = is_off && raised.sample == outcome.sample;
-            self.false_alarm |= !is_late;
-            if is_late && self.is_sensible(unit, raised.action) {
-                self.right_action = self.right_action.or(Some(index as u64));
-            }
-            self.off_at_fault |= is_off && is_guilty;
-            self.off_misinformed |= is_new_off && is_misinformed;
-            self.off_healthy |= is_new_off && !is_guilty && !is_misinformed;
-        }
-        if is_late {
-            let is_word = self.heard.listen(&outcome, |unit| {
-                self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
-            });
-            self.first_word = self.first_word.or(is_word.then_some(index as u64));
-            let raised = outcome.raised.map(|raised| (raised.actuator as usize, raised.action));
-            self.first = self.first.or(raised);
-        }
-    }
-}
-
-impl Listening {
-    fn new(
-        session: &Session,
-        is_off: &[bool],
-        flight: &PlannedFlight,
-        case: &Case,
-        period_s: f64,
-    ) -> Self {
-        let onset = (flight.onset_s / period_s).ceil() as usize;
-        Listening {
-            session: session.clone(),
-            sensible: ALL[case.foreign].sensible,
-            touched: Touched::new(case.changes.touches(), onset, flight.number as u64),
-            onset: onset as u64,
-            at_fault: case.changes.at_fault.clone(),
-            misinformed: case.changes.misinformed.clone(),
-            is_off: is_off.to_vec(),
-            first: None,
-            heard: FindingFlags::default(),
-            first_word: None,
-            right_action: None,
-            false_alarm: false,
-            off_at_fault: false,
-            off_misinformed: false,
-            off_healthy: false,
-        }
-    }
-
-    /// Whether something is wrong with a unit or with what its twin reads.
-    fn is_concerned(&self, unit: usize) -> bool {
-        self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
-    }
-
-    /// Whether an action against a unit is sensible.
-    fn is_sensible(&self, unit: usize, action: u32) -> bool {
-        let is_off = self.is_off[action as usize];
-        self.is_concerned(unit)
-            && match self.sensible {
-                Sensible::Shutdown => is_off,
-                Sensible::NoShutdown => !is_off,
-                Sensible::Any => true,
-                Sensible::Nothing => false,
-            }
-    }
-
-    fn count(&self, words: &mut Words) {
-        let heard = &self.heard;
-        let word = match self.first {
-            Some((unit, action)) if self.is_sensible(unit, action) => &mut words.sensible,
-            Some((unit, _)) if self.is_concerned(unit) => &mut words.other_command,
-            Some(_) => &mut words.wrong_actuator,
-            None if heard.actuator => &mut words.actuator,
-            None if heard.unknown => &mut words.unknown,
-            None if heard.environment_invalid => &mut words.environment_invalid,
-            None if heard.no_data => &mut words.no_data,
-            None if heard.other => &mut words.detected,
-            None => &mut words.healthy,
-        };
-        *word += 1;
-    }
-}
-
-/// Flies the unseen faults of some challenge sets in some of the test environments, and evaluates the outputs.
+/// Flies the unseen faults of some challenge sets in some of the test environments. Returns what was counted, and the
+/// outcomes.
 ///
 /// # Errors
 /// A twin cannot be simulated, or [`Diagnoser::check`] fails for a study that does not fit.
@@ -362,7 +262,7 @@ pub fn judge(
     diagnoser: &Arc<Diagnoser>,
     sets: &[&str],
     workers: Workers,
-) -> Result<UnseenFaultMetrics, CampaignError> {
+) -> Result<(UnseenFaultMetrics, Vec<Outcome>), CampaignError> {
     let Plan { cases, flights: mut plan, told } = Plan::new(study, flights);
     let case = |flight: &PlannedFlight| &cases[flight.number - FIRST];
     // Numbers, and so specimens and noise, do not depend on the chosen sets.
@@ -370,11 +270,16 @@ pub fn judge(
     let lot = (Purpose::Judge, flights.seed);
     let told = Cow::Owned(told);
     let flown = FlightCampaign::planned(study, told, plan, lot, setting, workers)?;
-    let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
-    let is_off = diagnoser.tuning.switches_off(diagnoser.names());
-    let mut ended = vec![];
-    flown.fly_altered(
-        &flown.which,
+    let session = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
+    let touched = |flight: &PlannedFlight| {
+        let onset = (flight.onset_s / flown.period_s()).ceil() as usize;
+        Some(Touched::new(case(flight).changes.touches(), onset, flight.number as u64))
+    };
+    let outcomes = watch(
+        &flown,
+        &[Watching { session, missing: None }],
+        &|flight| case(flight).truth(study, flight),
+        &touched,
         |flight, variant| {
             let case = case(flight);
             if let Some(real) = &case.real {
@@ -382,57 +287,37 @@ pub fn judge(
             }
             variant.later = case.changes.later(study, flight, &variant.overrides);
         },
-        |flight| Listening::new(&fresh, &is_off, flight, case(flight), flown.period_s()),
-        |flight, heard, outcome| {
-            let (flight, case, is_ok) = (*flight, case(flight), outcome.is_ok());
-            ended.push(Ended { flight, case, heard, is_ok });
-        },
+        &|_, _| (),
     );
-    ended.sort_by_key(|ended| ended.flight.number);
-    let outcome_of = |foreign: usize| {
-        let own: Vec<&Ended> = ended.iter().filter(|ended| ended.case.foreign == foreign).collect();
-        outcome(&ALL[foreign], &own, study, flights, flown.period_s())
+    let of = |fault: &Foreign| {
+        let own: Vec<&Outcome> = outcomes.iter().filter(|row| row.event == fault.title).collect();
+        let in_words = |row: &Outcome| cases[row.number as usize - FIRST].in_words(study, flights);
+        (!own.is_empty()).then(|| counted(fault, &own, &in_words))
     };
-    let outcomes = (0..ALL.len()).map(outcome_of).filter(|o| o.flights + o.failed > 0).collect();
-    let sets = set_names().into_iter().filter(|set| sets.contains(set));
-    let sets = sets.filter_map(|set| challenge_set::count(set, &ended, flown.period_s())).collect();
-    Ok(UnseenFaultMetrics { setting: setting.name().into(), outcomes, sets })
+    let metrics = UnseenFaultMetrics {
+        setting: setting.name().into(),
+        outcomes: ALL.iter().filter_map(of).collect(),
+        sets: set_names()
+            .into_iter()
+            .filter_map(|set| challenge_set::count(set, &outcomes))
+            .collect(),
+    };
+    Ok((metrics, outcomes))
 }
 
-/// A judged flight with an unseen fault; `is_ok` is false if the simulation failed.
-struct Ended<'c> {
-    flight: PlannedFlight,
-    case: &'c Case,
-    heard: Listening,
-    is_ok: bool,
-}
-
-impl Ended<'_> {
-    /// The time from the onset to a sample, s.
-    fn since_onset_s(&self, sample: u64, period_s: f64) -> f64 {
-        (sample as f64 * period_s - self.flight.onset_s).max(0.0)
-    }
-}
-
-/// The outcome of all flights with one of the faults.
-fn outcome(
+/// Counts all flights with one of the faults. `in_words` describes a flight.
+fn counted(
     fault: &Foreign,
-    own: &[&Ended],
-    study: &Study,
-    flights: &Flights,
-    period_s: f64,
+    own: &[&Outcome],
+    in_words: &dyn Fn(&Outcome) -> String,
 ) -> UnseenFaultOutcome {
-    let finished: Vec<&Ended> = own.iter().copied().filter(|ended| ended.is_ok).collect();
+    let finished: Vec<&Outcome> = own.iter().copied().filter(|row| row.is_finished).collect();
     let mut words = Words::default();
-    finished.iter().for_each(|ended| ended.heard.count(&mut words));
+    finished.iter().for_each(|row| words.count(row));
     let of = finished.len() as u64;
-    let times_s = finished
-        .iter()
-        .filter_map(|ended| Some(ended.since_onset_s(ended.heard.first_word?, period_s)));
-    let count = |holds: fn(&Listening) -> bool| {
-        finished.iter().filter(|ended| holds(&ended.heard)).count() as u64
-    };
-    let is_wrong = |ended: &&&Ended| ended.heard.off_healthy || ended.heard.off_misinformed;
+    let count =
+        |holds: fn(&Outcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
+    let is_wrong = |row: &&&Outcome| has_healthy_shutdown(row) || row.shutdown_misinformed;
     UnseenFaultOutcome {
         title: fault.title.into(),
         strengths: fault.strengths_in_words.into(),
@@ -440,17 +325,18 @@ fn outcome(
         flights: of,
         failed: own.len() as u64 - of,
         words,
-        shutdowns_at_fault: count(|heard| heard.off_at_fault),
-        shutdowns_healthy: count(|heard| heard.off_healthy),
+        shutdowns_at_fault: count(|row| row.shutdown_at_fault),
+        shutdowns_healthy: count(has_healthy_shutdown),
         shutdowns_behind_wrong_sensor: own
             .iter()
-            .any(|ended| !ended.case.changes.misinformed.is_empty())
-            .then(|| count(|heard| heard.off_misinformed)),
-        first_word: latency(times_s, of),
-        wrong: finished
-            .iter()
-            .filter(is_wrong)
-            .map(|ended| ended.case.in_words(study, flights))
-            .collect(),
+            .any(|row| !row.misinformed.is_empty())
+            .then(|| count(|row| row.shutdown_misinformed)),
+        first_word: latency(finished.iter().filter_map(|row| row.first_word_s), of),
+        wrong: finished.iter().filter(is_wrong).map(|row| in_words(row)).collect(),
     }
+}
+
+/// Whether a healthy actuator with right boundary sensors was shut down at any time.
+fn has_healthy_shutdown(outcome: &Outcome) -> bool {
+    outcome.shutdown_healthy || outcome.early_shutdowns > 0
 }

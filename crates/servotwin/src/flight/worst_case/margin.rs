@@ -14,8 +14,8 @@
 use super::{SearchObjective, SearchOutcome};
 use crate::flight::campaign::Observer;
 use crate::flight::evidence::EvidencePeak;
-use crate::flight::judge::{RaisedLog, Visibility};
 use crate::flight::plan::PlannedFlight;
+use crate::flight::watched::{RaisedLog, Visibility};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Raised, Session};
 use servotwin_model::math::ln;

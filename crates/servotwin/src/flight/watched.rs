@@ -1,0 +1,416 @@
+//! Flights watched by diagnoses: one observer for every suite of flights, whose result is a row of outcomes.
+
+use super::campaign::{FlightCampaign, Observer};
+use super::evidence::EvidencePeak;
+use super::outcome::{FirstAction, Needed, Outcome, Word};
+use super::plan::PlannedFlight;
+use super::unseen_faults::Touched;
+use crate::campaign::columns::HEALTHY;
+use crate::ensemble::Variant;
+use crate::study::Study;
+use servotwin_diagnosis::diagnoser::{Alarm, IndexedFinding, Raised, Session};
+use servotwin_diagnosis::panel::SensorBand;
+
+/// A diagnosis that watches a flight.
+#[derive(Clone)]
+pub struct Watching {
+    /// Its session before the first sample.
+    pub session: Session,
+    /// The index of the sensor that it lacks.
+    pub missing: Option<usize>,
+}
+
+/// What happens in a flight, and what is right.
+#[derive(Default)]
+pub(super) struct Truth {
+    /// What is known of the flight before it is flown; the rest is default.
+    pub run: Outcome,
+    /// The units at fault.
+    pub at_fault: Vec<usize>,
+    /// Healthy units whose twin reads a wrong boundary sensor.
+    pub misinformed: Vec<usize>,
+}
+
+impl Truth {
+    /// The truth of a planned flight of a study.
+    pub fn planned(study: &Study, flight: &PlannedFlight) -> Self {
+        let fault = flight.fault.map(|fault| &study.faults[fault]);
+        let class = fault.map(|fault| &study.classes[fault.class]);
+        let name = |of: Option<&String>| of.map_or(HEALTHY, String::as_str).to_owned();
+        let action = class.map(|class| class.command.clone()).unwrap_or_default();
+        let run = Outcome {
+            number: flight.number as u64,
+            environment: flight.environment as u64,
+            event: name(fault.map(|fault| &fault.id)),
+            kind: name(fault.map(|fault| &fault.kind)),
+            intensity: flight.intensity,
+            profile: if fault.is_some() { flight.onset.name() } else { "" }.into(),
+            onset_s: fault.map(|_| flight.onset_s),
+            duration_s: flight.duration_s,
+            at_fault: fault.map(|fault| study.units[fault.unit].clone()).unwrap_or_default(),
+            needed: if fault.is_some() { Needed::ItsAction } else { Needed::Nothing },
+            needs_shutdown: study.shutdowns().contains(&action),
+            action,
+            ..Outcome::default()
+        };
+        let at_fault = fault.map(|fault| fault.unit).into_iter().collect();
+        Truth { run, at_fault, misinformed: vec![] }
+    }
+}
+
+/// Flies planned flights, each watched by some diagnoses. `truth` says what is right in a flight, `touched` changes what
+/// the diagnoses receive, `alter` changes the plant. Returns one outcome for each flight and diagnosis, by flight.
+pub(super) fn watch<'f>(
+    flown: &'f FlightCampaign,
+    watching: &[Watching],
+    truth: &(impl Fn(&PlannedFlight) -> Truth + Sync),
+    touched: &(impl Fn(&PlannedFlight) -> Option<Touched> + Sync),
+    alter: impl Fn(&PlannedFlight, &mut Variant<'f>) + Sync,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<Outcome> {
+    let mut outcomes: Vec<Outcome> = vec![];
+    let mut done = 0;
+    flown.fly_altered(
+        &flown.which,
+        alter,
+        |flight| FlightWatch::new(watching, truth(flight), touched(flight), flown.period_s()),
+        |_, watch, outcome| {
+            outcomes.extend(watch.into_outcomes(outcome.is_ok()));
+            done += 1;
+            progress(done, flown.which.len());
+        },
+    );
+    // The diagnoses of a flight keep their order.
+    outcomes.sort_by_key(|outcome| outcome.number);
+    outcomes
+}
+
+/// The flights of a study's plan, as they are.
+pub(super) fn watch_planned(
+    flown: &FlightCampaign,
+    watching: &[Watching],
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<Outcome> {
+    let truth = |flight: &PlannedFlight| Truth::planned(flown.study(), flight);
+    watch(flown, watching, &truth, &|_| None, |_, _| (), progress)
+}
+
+/// A flight with its diagnoses.
+struct FlightWatch {
+    diagnoses: Vec<Diagnosis>,
+    truth: Truth,
+    touched: Option<Touched>,
+    /// The first sample since the onset.
+    onset: u64,
+    period_s: f64,
+}
+
+impl FlightWatch {
+    fn new(watching: &[Watching], truth: Truth, touched: Option<Touched>, period_s: f64) -> Self {
+        let onset_s = truth.run.onset_s.unwrap_or(f64::INFINITY);
+        let onset = (onset_s / period_s).ceil() as u64;
+        let diagnoses = watching.iter().map(|own| Diagnosis::new(own.clone(), onset)).collect();
+        FlightWatch { diagnoses, truth, touched, onset, period_s }
+    }
+
+    fn into_outcomes(self, is_finished: bool) -> Vec<Outcome> {
+        let FlightWatch { diagnoses, truth, period_s, .. } = &self;
+        let outcome = |own: &Diagnosis| {
+            let run = own.run(truth);
+            if is_finished {
+                Outcome { is_finished, ..own.outcome(run, truth, *period_s) }
+            } else {
+                run
+            }
+        };
+        diagnoses.iter().map(outcome).collect()
+    }
+}
+
+impl Observer for FlightWatch {
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        let (measured, inputs) = match &mut self.touched {
+            None => (measured, inputs),
+            Some(touched) => {
+                touched.take(index, measured, inputs);
+                (&touched.measured[..], &touched.inputs[..])
+            }
+        };
+        let (index, truth) = (index as u64, &self.truth);
+        for own in &mut self.diagnoses {
+            own.take(index, (inputs, measured, twin), truth, self.onset);
+        }
+    }
+}
+
+/// A session with what is kept of it.
+struct Diagnosis {
+    session: Session,
+    missing: Option<usize>,
+    /// The sensor values without the missing sensor.
+    measured: Vec<f64>,
+    switches_off: Vec<bool>,
+    log: RaisedLog,
+    visibility: Visibility,
+    of_any: EvidencePeak,
+    of_shutdown: EvidencePeak,
+    word: Word,
+    first_word: Option<u64>,
+}
+
+impl Diagnosis {
+    fn new(Watching { session, missing }: Watching, onset: u64) -> Self {
+        let diagnoser = session.diagnoser();
+        let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
+        Diagnosis {
+            visibility: Visibility::new(diagnoser.lengths.len(), onset),
+            of_any: EvidencePeak::new(diagnoser, |_, _| true),
+            of_shutdown: EvidencePeak::new(diagnoser, |_, action| switches_off[action]),
+            switches_off,
+            missing,
+            measured: vec![],
+            log: RaisedLog::default(),
+            word: Word::Healthy,
+            first_word: None,
+            session,
+        }
+    }
+
+    fn take(
+        &mut self,
+        index: u64,
+        (inputs, measured, twin): (&[f64], &[f64], &[f64]),
+        truth: &Truth,
+        onset: u64,
+    ) {
+        let measured = match self.missing {
+            None => measured,
+            Some(sensor) => {
+                self.measured.clear();
+                self.measured.extend_from_slice(measured);
+                self.measured[sensor] = f64::NAN;
+                &self.measured
+            }
+        };
+        let outcome = self.session.push(inputs, measured, twin);
+        self.log.take(outcome);
+        if index >= onset {
+            let word = word(outcome, truth);
+            self.word = self.word.max(word);
+            self.first_word = self.first_word.or((word > Word::Healthy).then_some(index));
+        }
+        self.visibility.look(index, &self.session);
+        self.of_any.take(&self.session);
+        self.of_shutdown.take(&self.session);
+    }
+
+    /// What is known before the flight.
+    fn run(&self, truth: &Truth) -> Outcome {
+        let diagnoser = self.session.diagnoser();
+        let missing = self.missing.map(|sensor| diagnoser.sensors[sensor].name.clone());
+        Outcome {
+            missing: missing.unwrap_or_default(),
+            target_per_h: diagnoser.tuning.false_alarms_per_h,
+            ..truth.run.clone()
+        }
+    }
+
+    fn outcome(&self, run: Outcome, truth: &Truth, period_s: f64) -> Outcome {
+        let diagnoser = self.session.diagnoser();
+        let onset_s = run.onset_s.unwrap_or(f64::INFINITY);
+        let after = |sample: u64| sample as f64 * period_s - onset_s;
+        let (late, early): (Vec<&Raised>, Vec<&Raised>) =
+            self.log.raised.iter().partition(|raised| after(raised.sample) >= 0.0);
+        let is_off = |raised: &&&Raised| self.switches_off[raised.action as usize];
+        let unit = |raised: &Raised| raised.actuator as usize;
+        let is_right = |raised: &Raised| self.is_right(raised, &run, truth);
+        let first = late.first().map_or(FirstAction::None, |raised| match raised {
+            raised if is_right(raised) => FirstAction::Right,
+            raised if truth.concerns(unit(raised)) => FirstAction::OtherAction,
+            _ => FirstAction::OtherActuator,
+        });
+        let off = |among: &dyn Fn(usize) -> bool| {
+            late.iter().filter(is_off).any(|raised| among(unit(raised)))
+        };
+        let evidence = |is_corrected: bool| {
+            let lengths = diagnoser.lengths.iter().zip(&self.of_shutdown.by_length);
+            let own =
+                lengths.filter(|(length, _)| length.baseline_corrected.is_some() == is_corrected);
+            own.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
+        };
+        Outcome {
+            visible_s: self.visibility.seen.map(after),
+            visible_by_chance: self.visibility.by_chance,
+            first,
+            right_action_s: late
+                .iter()
+                .find(|raised| is_right(raised))
+                .map(|raised| after(raised.sample)),
+            word: self.word,
+            first_word_s: self.first_word.map(|sample| after(sample).max(0.0)),
+            early_alarms: early.len() as u64,
+            early_shutdowns: early.iter().filter(is_off).count() as u64,
+            shutdown_at_fault: off(&|unit| truth.at_fault.contains(&unit)),
+            shutdown_misinformed: off(&|unit| truth.misinformed.contains(&unit)),
+            shutdown_healthy: off(&|unit| !truth.concerns(unit)),
+            evidence: self.of_any.largest(),
+            shutdown_evidence: evidence(false),
+            corrected_shutdown_evidence: evidence(true),
+            ..run
+        }
+    }
+
+    /// Whether an action is right after the onset.
+    fn is_right(&self, raised: &Raised, run: &Outcome, truth: &Truth) -> bool {
+        let is_off = self.switches_off[raised.action as usize];
+        let names = self.session.diagnoser().names();
+        truth.concerns(raised.actuator as usize)
+            && match run.needed {
+                Needed::Nothing => false,
+                Needed::ItsAction => names.actions[raised.action as usize] == run.action,
+                Needed::Shutdown => is_off,
+                Needed::NoShutdown => !is_off,
+                Needed::Any => true,
+            }
+    }
+}
+
+impl Truth {
+    /// Whether something is wrong with a unit, or with what its twin reads.
+    fn concerns(&self, unit: usize) -> bool {
+        self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
+    }
+}
+
+/// The most specific output of a sample.
+fn word(outcome: &servotwin_diagnosis::diagnoser::Outcome, truth: &Truth) -> Word {
+    let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
+    let said = match outcome.finding {
+        IndexedFinding::Healthy | IndexedFinding::Unjudged => Word::Healthy,
+        IndexedFinding::Unknown => Word::Unknown,
+        IndexedFinding::EnvironmentInvalid { .. } => Word::EnvironmentInvalid,
+        IndexedFinding::Detected => Word::Detected,
+        IndexedFinding::Actuator { actuator }
+        | IndexedFinding::Action { actuator, .. }
+        | IndexedFinding::Detail { actuator, .. } => match truth.concerns(actuator as usize) {
+            true => Word::Actuator,
+            false => Word::Detected,
+        },
+    };
+    said.max(if lacks { Word::NoData } else { Word::Healthy })
+}
+
+/// Every action of a session, at the time it was raised.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RaisedLog {
+    pub raised: Vec<Raised>,
+}
+
+impl RaisedLog {
+    /// Takes the outcome of a sample. An action that changes only its details is no new one.
+    pub fn take(&mut self, outcome: &servotwin_diagnosis::diagnoser::Outcome) {
+        let before = self.raised.last().map(|raised| (raised.actuator, raised.action));
+        let is_new = |raised: &Raised| raised.sample == outcome.sample;
+        if let Some(raised) = outcome.raised.filter(is_new)
+            && before != Some((raised.actuator, raised.action))
+        {
+            self.raised.push(raised);
+        }
+    }
+}
+
+/// Whether the fault of a flight is visible: from the first of consecutive windows that left a band.
+pub(super) struct Visibility {
+    onset: u64,
+    /// One counter for each window length.
+    out_of_band: Vec<OutOfBand>,
+    /// The sample from which it is visible.
+    pub seen: Option<u64>,
+    /// How often a fault was called visible before the onset.
+    pub by_chance: u64,
+}
+
+/// Consecutive windows that left a band.
+#[derive(Clone, Copy, Default)]
+struct OutOfBand {
+    windows: u32,
+    /// The sample at which the first of them ended.
+    first: u64,
+}
+
+impl OutOfBand {
+    /// Takes a window of `panes` panes that ends at `index`; `None` means a window over all samples. Once there are
+    /// enough consecutive windows, it returns the sample at which the first of them ended. The first and the last
+    /// window share no sample, because a single sample that leaves a band by chance is in every window for a window's
+    /// length.
+    fn take(&mut self, index: u64, has_left: bool, panes: Option<u32>) -> Option<u64> {
+        if !has_left {
+            self.windows = 0;
+            return None;
+        }
+        self.first = if self.windows == 0 { index } else { self.first };
+        self.windows += 1;
+        let enough = panes.map_or(1, |panes| panes + 1);
+        (self.windows == enough).then_some(self.first)
+    }
+}
+
+impl Visibility {
+    /// For a diagnoser with a number of window lengths, and a fault that begins at the sample `onset`.
+    pub fn new(lengths: usize, onset: u64) -> Self {
+        let out_of_band = vec![OutOfBand::default(); lengths];
+        Visibility { onset, out_of_band, seen: None, by_chance: 0 }
+    }
+
+    /// Takes the windows that end at a sample.
+    pub fn look(&mut self, index: u64, session: &Session) {
+        let diagnoser = session.diagnoser();
+        if index == self.onset {
+            self.out_of_band.fill(OutOfBand::default());
+        }
+        for (place, out_of_band) in self.out_of_band.iter_mut().enumerate() {
+            if !session.has_new_window(place) || !session.is_full(place) {
+                continue;
+            }
+            let (window, length) = (session.window(place), &diagnoser.lengths[place]);
+            let bands = length.panel.bands.iter().enumerate();
+            let is_out =
+                |(sensor, band): (usize, &SensorBand)| window.largest(sensor) > band.half_width;
+            let has_left = match window.excess() {
+                Some(excess) => excess.iter().any(|excess| *excess > 1.0),
+                None => bands.into_iter().any(is_out),
+            };
+            let Some(first) = out_of_band.take(index, has_left, length.span.panes) else {
+                continue;
+            };
+            if index < self.onset {
+                self.by_chance += 1;
+            } else if self.seen.is_none_or(|seen| first < seen) {
+                self.seen = Some(first);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_in_a_row_are_enough_where_the_first_and_the_last_share_no_sample() {
+        // A single sample leaves a band, in the last of five panes: it is in five windows.
+        let mut by_chance = OutOfBand::default();
+        for index in 0..20 {
+            let has_left = (4..9).contains(&index);
+            assert_eq!(by_chance.take(index, has_left, Some(5)), None, "{index}");
+        }
+        // From the tenth sample on all windows leave the band; a gap restarts the count.
+        let mut lasts = OutOfBand::default();
+        let taken = (0..30).map(|index| lasts.take(index, index >= 10 && index != 14, Some(5)));
+        let seen: Vec<(u64, u64)> =
+            (0..).zip(taken).filter_map(|(index, first)| Some((index, first?))).collect();
+        assert_eq!(seen, [(20, 15)]);
+        // A window over all samples needs no second one.
+        assert_eq!(OutOfBand::default().take(7, true, None), Some(7));
+    }
+}
