@@ -10,7 +10,6 @@ from .study import Report
 from .types import Between, Method, Path, Progress, Signal, Variant
 
 __all__ = [
-    "Desk",
     "Diagnoser",
     "Fitted",
     "Model",
@@ -24,7 +23,8 @@ __all__ = [
     "__version__",
     "data_set",
     "evaluate_folder",
-    "evaluation_pieces",
+    "evaluation_subjects",
+    "evaluate_subject",
     "feature_columns",
     "fit",
     "fit_record",
@@ -379,15 +379,9 @@ def merge_parts(
 ) -> list[_Ran]: ...
 def join_study(study: Study, out: Path) -> None: ...
 def make_features(out: Path, progress: Optional[Progress] = None) -> list[Any]: ...
-def evaluation_pieces(out: Path) -> list[tuple[str, str]]: ...
-@final
-class Desk:
-    def __new__(cls, out: Path, name: str, threads: Optional[int] = None) -> Desk: ...
-    def evaluate(self, piece: str, threads: Optional[int] = None) -> str: ...
-
-def join_evaluation(
-    out: Path, found: Sequence[tuple[str, str]], threads: Optional[int] = None
-) -> str: ...
+def evaluation_subjects(out: Path) -> list[str]: ...
+def evaluate_subject(out: Path, name: str, threads: Optional[int] = None) -> str: ...
+def join_evaluation(out: Path, found: Sequence[str]) -> str: ...
 def fly_all(
     study: Study,
     out: Path,

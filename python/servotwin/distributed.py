@@ -88,7 +88,7 @@ def evaluate(
     storage_options: Optional[dict[str, Any]] = None,
     progress: Union[bool, Progress] = True,
 ) -> dict[str, Any]:
-    """Judge a trained folder, each protocol of each scenario on a worker of a client.
+    """Judge a trained folder, each scenario on a worker of a client.
 
     Workers read data sets, parts and trained files where `servotwin.campaign` and `servotwin.train` have left
     them; each worker copies them from a storage.
@@ -114,28 +114,25 @@ def evaluate(
     options = storage_options or {}
     store = _Store(out, options)
     with _mirrored(store) as folder:
-        pieces = _native.evaluation_pieces(folder)
         mark = _mark((folder / "manifest.json").read_bytes(), out)
         futures = [
             client.submit(
                 _judged,
                 (mark, out, options),
                 subject,
-                piece,
                 threads or 1,
-                key=_key(f"evaluation {subject} {piece}", mark),
+                key=_key(f"evaluation {subject}", mark),
                 pure=False,
                 retries=3,
             )
-            for subject, piece in pieces
+            for subject in _native.evaluation_subjects(folder)
         ]
         try:
             with told(progress) as show:
                 found = _watched("evaluating on Dask", futures, [1] * len(futures), show)
         finally:
             client.cancel(futures)  # type: ignore[no-untyped-call]
-        own = [(subject, text) for (subject, _), text in zip(pieces, found)]
-        results: dict[str, Any] = json.loads(_native.join_evaluation(folder, own, threads))
+        results: dict[str, Any] = json.loads(_native.join_evaluation(folder, found))
         store.put_all(folder, ["evaluation.json", "manifest.json"])
     return results
 
@@ -341,22 +338,11 @@ def _mirrored(store: _Store, parts: bool = True) -> Iterator[_Path]:
         yield _Path(name)
 
 
-_DESKS: dict[tuple[str, str], _native.Desk] = {}
-"""The subject that this process evaluates, by the mark of its folder and its name."""
-
-
-def _judged(
-    where: tuple[str, str, dict[str, Any]], subject: str, piece: str, threads: int
-) -> str:
-    """Evaluate one piece in a worker."""
-    mark, out, options = where
-    desk = _DESKS.get((mark, subject))
-    if desk is None:
-        with _mirrored(_Store(out, options)) as folder:
-            desk = _native.Desk(folder, subject, threads)
-        _DESKS.clear()
-        _DESKS[(mark, subject)] = desk
-    return desk.evaluate(piece, threads)
+def _judged(where: tuple[str, str, dict[str, Any]], subject: str, threads: int) -> str:
+    """Evaluate one subject in a worker."""
+    _, out, options = where
+    with _mirrored(_Store(out, options)) as folder:
+        return _native.evaluate_subject(folder, subject, threads)
 
 
 def _diagnoser(store: _Store, about: tuple[str, str]) -> str:

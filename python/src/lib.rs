@@ -36,7 +36,6 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<diagnoser::Outcome>()?;
     module.add_class::<model::Model>()?;
     module.add_class::<model::Tree>()?;
-    module.add_class::<pieces::Desk>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)?;
     module.add_function(wrap_pyfunction!(results::run_study, module)?)?;
@@ -55,7 +54,8 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::data_set, module)?)?;
     module.add_function(wrap_pyfunction!(study::feature_columns, module)?)?;
     module.add_function(wrap_pyfunction!(study::study_of, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::evaluation_pieces, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::evaluation_subjects, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::evaluate_subject, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::join_evaluation, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::fly_all, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::flight_pieces, module)?)?;

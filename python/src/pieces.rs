@@ -36,83 +36,47 @@ fn subject(name: &str) -> Result<Subject, Failure> {
     found.ok_or_else(|| Failure::value(format!("there is no subject '{name}'")))
 }
 
-/// The pieces of a folder's evaluation: subject and piece.
+/// The subjects of a folder's evaluation.
 #[pyfunction]
-pub fn evaluation_pieces(py: Python<'_>, out: PathBuf) -> PyResult<Vec<(String, String)>> {
+pub fn evaluation_subjects(py: Python<'_>, out: PathBuf) -> PyResult<Vec<&'static str>> {
     let folder = Folder::new(out);
     let list = py.detach(|| -> Result<Vec<_>, Failure> {
         let study = folder.read_study()?;
-        let of = |subject: Subject| {
-            let pieces = job::pieces(&study, subject).into_iter();
-            pieces.map(move |piece| (subject.name().to_owned(), to_text(&piece)))
-        };
-        Ok(job::subjects(&folder, &study)?.into_iter().flat_map(of).collect())
+        Ok(job::subjects(&folder, &study)?.into_iter().map(Subject::name).collect())
     })?;
     Ok(list)
 }
 
-/// A subject of a folder with everything that its evaluation needs.
-#[pyclass(frozen, module = "servotwin._servotwin")]
-pub struct Desk {
-    study: Inner,
-    inner: job::Desk,
-}
-
-#[pymethods]
-impl Desk {
-    #[new]
-    #[pyo3(signature = (out, name, threads = None))]
-    fn new(py: Python<'_>, out: PathBuf, name: &str, threads: Option<usize>) -> PyResult<Self> {
-        let (folder, subject) = (Folder::new(out), subject(name)?);
-        let result = long(py, None, |watch| -> Result<Desk, Failure> {
-            let study = folder.read_study()?;
-            let inner = job::Desk::new(&folder, &study, subject, watch.workers(threads))?;
-            Ok(Desk { study, inner })
-        })?;
-        Ok(result?)
-    }
-
-    /// Evaluates a piece; what came of it.
-    #[pyo3(signature = (piece, threads = None))]
-    fn evaluate(&self, py: Python<'_>, piece: &str, threads: Option<usize>) -> PyResult<String> {
-        let piece = from_text(piece)?;
-        let result = long(py, None, |watch| -> Result<String, Failure> {
-            let workers = watch.workers(threads);
-            let found = self.inner.evaluate(&self.study, &[piece], workers, &|_, _| ())?;
-            Ok(to_text(&found[0]))
-        })?;
-        Ok(result?)
-    }
-}
-
-/// Joins the pieces of a folder's evaluation, in their order, and writes it; the results as JSON.
+/// Evaluates a subject of a folder; its result.
 #[pyfunction]
-#[pyo3(signature = (out, found, threads = None))]
-pub fn join_evaluation(
+#[pyo3(signature = (out, name, threads = None))]
+pub fn evaluate_subject(
     py: Python<'_>,
     out: PathBuf,
-    found: Vec<(String, String)>,
+    name: &str,
     threads: Option<usize>,
 ) -> PyResult<String> {
-    let folder = Folder::new(out);
+    let (folder, subject) = (Folder::new(out), subject(name)?);
     let result = long(py, None, |watch| -> Result<String, Failure> {
+        let study = folder.read_study()?;
+        let workers = watch.workers(threads);
+        Ok(to_text(&job::evaluate_subject(&folder, &study, subject, workers)?))
+    })?;
+    Ok(result?)
+}
+
+/// Writes the results of a folder's subjects, in their order; the whole evaluation as JSON.
+#[pyfunction]
+pub fn join_evaluation(py: Python<'_>, out: PathBuf, found: Vec<String>) -> PyResult<String> {
+    let folder = Folder::new(out);
+    let text = py.detach(|| -> Result<String, Failure> {
         let (study, _hold) = folder.open()?;
-        let mut evaluated = vec![];
-        for subject in job::subjects(&folder, &study)? {
-            let own = found.iter().filter(|(name, _)| name == subject.name());
-            let own = own.map(|(_, text)| from_text(text)).collect::<Result<Vec<_>, _>>()?;
-            if own.len() != job::pieces(&study, subject).len() {
-                let name = subject.name();
-                return Err(Failure::value(format!("pieces of subject '{name}' are missing")));
-            }
-            let desk = job::Desk::new(&folder, &study, subject, watch.workers(threads))?;
-            evaluated.push(job::Evaluated::new(&study, desk, own));
-        }
-        let results = job::write_results(&folder, &study, &evaluated)?;
+        let subjects = found.iter().map(|text| from_text(text)).collect::<Result<Vec<_>, _>>()?;
+        let results = job::write_results(&folder, &study, subjects)?;
         manifest::write(&folder, &study)?;
         Ok(to_text(&results))
     })?;
-    Ok(result?)
+    Ok(text)
 }
 
 fn sizes(study: &Inner, full: bool) -> Result<Flights, Failure> {

@@ -42,6 +42,12 @@ int32_t prove_twin_step(servotwin_twin *twin, const double *pairs)
     return servotwin_twin_step(twin, inputs) ? 1 : 0;
 }
 
+int32_t prove_twin_is_exact(servotwin_twin *twin);
+int32_t prove_twin_is_exact(servotwin_twin *twin)
+{
+    return servotwin_twin_is_exact(twin) ? 1 : 0;
+}
+
 void prove_twin_load(servotwin_twin *twin, const double *parameters);
 void prove_twin_load(servotwin_twin *twin, const double *parameters)
 {

@@ -185,11 +185,6 @@ pub static CHAPTERS: &[Chapter] = &[
             Section { id: "committee", title: "The committee", write: committee::write },
             Section { id: "settings", title: "Settings", write: settings::write },
             Section {
-                id: "robustness",
-                title: "Trained on one setting, tested on another",
-                write: robustness::write,
-            },
-            Section {
                 id: "uncertainty",
                 title: "Answers that hang on less than a sensor shows",
                 write: uncertainty::write,
@@ -197,11 +192,6 @@ pub static CHAPTERS: &[Chapter] = &[
             Section { id: "confusion", title: "Confusion matrices", write: confusion::write },
             Section { id: "classifiers", title: "Classifiers compared", write: classifiers::write },
             Section { id: "ablation", title: "What carries the result", write: ablation::write },
-            Section {
-                id: "learning",
-                title: "Commands to learn from",
-                write: commands_curve::write,
-            },
         ],
     },
     Chapter {

@@ -13,7 +13,6 @@ use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::flight::healthy::HealthySummary;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::flight::other_plant::OTHER_PLANT;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
@@ -56,7 +55,7 @@ pub struct MeasuredHealthy {
     /// The seed of the environments.
     pub seed: u64,
     /// The counts, and the extrapolated rates.
-    pub summary: HealthySummary,
+    pub summary: HealthyMetrics,
 }
 
 /// The measures in sealed environments.

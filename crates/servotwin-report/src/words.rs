@@ -1,8 +1,7 @@
 //! Formats numbers and names for reports.
 
 use servotwin::evaluation::metrics::{Rate, Tail};
-use servotwin::flight::healthy::HealthySummary;
-use servotwin::flight::judge::EnvironmentMetrics;
+use servotwin::flight::judge::{EnvironmentMetrics, HealthyMetrics};
 
 pub use servotwin_io::text::{number, spoken};
 
@@ -15,15 +14,20 @@ pub fn by_environment(all: EnvironmentMetrics) -> String {
 
 /// What healthy flights, each in an environment of its own, say of false alarms: the counts, and the rate that the tail
 /// of the largest evidence gives. First all actions, then shutdowns.
-pub fn by_environment_and_tail(summary: &HealthySummary) -> Vec<String> {
-    let HealthySummary { alarms, shutdowns, largest_evidence, largest_shutdown_evidence, .. } =
-        summary;
-    vec![
-        format!("false alarms {}", by_environment(*alarms)),
-        extrapolated(&summary.tail, *largest_evidence),
-        format!("shutdowns {}", by_environment(*shutdowns)),
-        extrapolated(&summary.shutdown_tail, *largest_shutdown_evidence),
-    ]
+pub fn by_environment_and_tail(healthy: &HealthyMetrics) -> Vec<String> {
+    let HealthyMetrics { environments, shutdown_environments, nearness, .. } = healthy;
+    let near = nearness.as_ref();
+    let of_any = near.map(|near| extrapolated(&near.tail, near.largest_evidence));
+    let of_off = near.map(|near| extrapolated(&near.shutdown_tail, near.largest_shutdown_evidence));
+    let counts = [environments, shutdown_environments].map(|all| by_environment(*all));
+    let [alarms, shutdowns] = counts;
+    let lines = [
+        Some(format!("false alarms {alarms}")),
+        of_any,
+        Some(format!("shutdowns {shutdowns}")),
+        of_off,
+    ];
+    lines.into_iter().flatten().collect()
 }
 
 /// The rate at which the largest evidence of a flight reaches its limit, by the tail of all flights.

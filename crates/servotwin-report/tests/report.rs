@@ -116,12 +116,8 @@ fn band() -> BandMerit {
 #[test]
 fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
     let (study, manifest, bands) = (Study::default(), manifest(), [band()]);
-    let results = Results {
-        format: results::FORMAT.into(),
-        study: "paper".into(),
-        subjects: vec![],
-        robustness: vec![],
-    };
+    let results =
+        Results { format: results::FORMAT.into(), study: "paper".into(), subjects: vec![] };
     // Of twenty fits of each actuator one is off by three standard errors.
     let fit = |n: usize| Comparison {
         parameter: format!("actuator_{}.servo_valve.null_bias", 1 + n / 20),
@@ -190,12 +186,8 @@ fn healthy_run() -> HealthyRun {
 #[test]
 fn constants_have_a_label_and_environments_without_alarm_a_bound() {
     let (study, manifest) = (Study::default(), manifest());
-    let results = Results {
-        format: results::FORMAT.into(),
-        study: "paper".into(),
-        subjects: vec![],
-        robustness: vec![],
-    };
+    let results =
+        Results { format: results::FORMAT.into(), study: "paper".into(), subjects: vec![] };
     let usual = || Tuning::default().constants(Some(&BASELINE_CORRECTED));
     let by_hand = Tuning { clip_nats: 7.0, ..Tuning::default() }.constants(None);
     let constants = [(Setting::Noise, usual()), (Setting::Realistic, usual())];
@@ -230,12 +222,8 @@ fn sections_have_names_and_stand_a_study_without_results() {
     let is_anchor = |id: &&str| !id.is_empty() && id.bytes().all(|b| b.is_ascii_lowercase());
     assert!(ids.iter().all(is_anchor), "{ids:?}");
     let study = Study::default();
-    let results = Results {
-        format: results::FORMAT.into(),
-        study: "paper".into(),
-        subjects: vec![],
-        robustness: vec![],
-    };
+    let results =
+        Results { format: results::FORMAT.into(), study: "paper".into(), subjects: vec![] };
     let manifest = manifest();
     let material = results_alone(&study, &results, &manifest);
     for section in all {
@@ -303,11 +291,8 @@ fn evaluation() -> Evaluation {
         constant_features: vec![],
         protocols: vec![judged],
         committee: vec![],
-        paper_band: vec![],
-        commands: vec![],
         baseline: vec![],
         random_thirds: vec![],
-        abstention: None,
         isolation: vec![],
         reliability: None,
         flips: None,
@@ -324,7 +309,7 @@ fn press_report(text: &str) -> String {
     let study = Study::parse(text, "studies/press_axis.toml").unwrap();
     let settings = servotwin::evaluation::EvaluationSettings::default();
     let subject = SubjectResult::new(Subject::Noise, &study, settings, evaluation());
-    let results = Results::new(&study, vec![subject], vec![]);
+    let results = Results::new(&study, vec![subject]);
     let manifest = manifest();
     let material = results_alone(&study, &results, &manifest);
     render(&material).0

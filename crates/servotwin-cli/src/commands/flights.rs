@@ -10,22 +10,17 @@ use serde_json::json;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::healthy::HealthyPlants;
-use servotwin::flight::judge::{
-    ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics, STRONG,
-};
-use servotwin::flight::unseen_faults::{
-    ChallengeSetMetrics, UnseenFaultMetrics, UnseenFaultOutcome, set_names,
-};
-use servotwin::job::flights::{self, Crew, FittedPlants, FlightResults, settings};
+use servotwin::flight::judge::{FlightMetrics, MissingSensorMetrics};
+use servotwin::flight::unseen_faults::{UnseenFaultOutcome, set_names};
+use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::healthy::{self, HealthyRun};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::flights::MAX_HEALTHY;
 use servotwin::study::{Flights, HealthyDraw, Setting, Study};
-use servotwin_diagnosis::diagnoser::{HealthyEvidence, ShutdownMargin};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{by_environment, by_environment_and_tail, number, rate};
+use servotwin_report::words::{by_environment_and_tail, rate};
 use std::fmt::Write;
 
 /// Train the diagnosis on flights in which faults begin, and measure how fast and how reliable it is.
@@ -152,7 +147,9 @@ fn challenge(
     let (mut text, words) = (String::new(), Vocabulary::of(study));
     for metrics in &metrics {
         let _ = writeln!(text, "{}", metrics.setting);
-        foreign(&mut text, metrics, &words);
+        for set in &metrics.sets {
+            let _ = writeln!(text, "  {}", challenge_line(set, &words));
+        }
     }
     Ok(match global {
         Global { json: true, .. } => json(&json!(metrics)),
@@ -257,14 +254,15 @@ fn other_plant(
             flights::fly_fitted_other_plant(&folder, study, sizes, is_full, crew)
         })?;
         let judged = judged.ok_or_else(no_other_plant)?;
-        of_fitted_plants(&mut text, &judged, &words);
+        scenario(&mut text, &judged.merit, study, &words);
+        text += &fitted_plants(&judged.calibration);
         json!(judged)
     } else {
         let merit = with_crew(options.study.threads, global, |crew| {
             flights::fly_other_plant(&folder, study, sizes, is_full, crew)
         })?;
         let merit = merit.ok_or_else(no_other_plant)?;
-        of_other_plant(&mut text, &merit, &words);
+        scenario(&mut text, &merit, study, &words);
         json!(merit)
     };
     manifest::write(&folder, study)?;
@@ -328,193 +326,63 @@ fn of_missing(merit: &MissingSensorMetrics, words: &Vocabulary) -> String {
     )
 }
 
-/// Describes the results for readers: a summary of about ten lines, then the details.
+/// Describes the results for readers; the report has the details.
 fn text(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
-    let mut out = summary(results, study, words);
-    for merit in &results.merits {
-        setting(&mut out, merit, words);
-        for merit in results.foreign.iter().filter(|other| other.setting == merit.setting) {
-            foreign(&mut out, merit, words);
-        }
-    }
-    if let Some(merit) = &results.other_plant {
-        of_other_plant(&mut out, merit, words);
-    }
-    if let Some(judged) = &results.other_plant_fitted {
-        of_fitted_plants(&mut out, judged, words);
-    }
-    out
-}
-
-/// What every scenario shows, over all faults and intensities.
-fn summary(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     let mut out = format!(
         "summary, of all {}s with a fault, whether a sensor shows it or not\n",
         words.run()
     );
     for merit in results.merits.iter().chain(results.of_other_plants()) {
-        let _ = writeln!(out, "  {}", merit.setting);
-        let rates = lines::in_flight(merit, study, words);
-        let of_rate = |(title, own): (String, Rate)| {
-            format!("{title} {} ({} of {})", rate(Some(own)), own.count, own.of)
-        };
-        let rates: Vec<String> = rates.into_iter().map(of_rate).collect();
-        let _ = writeln!(out, "    {}", rates.join("; "));
-        let _ = writeln!(out, "    false alarms {}", lines::alarms_in_words(&merit.healthy));
+        scenario(&mut out, merit, study, words);
     }
     if let Some(ranges) = lines::flown_ranges(study) {
         let _ = writeln!(out, "  flown: {ranges}");
     }
-    out + "\n"
+    out + "\nEvery flight is a row of the files outcomes-*.parquet; 'servotwin report' shows more.\n"
 }
 
-/// Describes the same flights beside twins that are fitted to these plants.
-fn of_fitted_plants(out: &mut String, judged: &FittedPlants, words: &Vocabulary) {
-    of_other_plant(out, &judged.merit, words);
-    let CalibrationRecords { flown, rejected, with_findings } = judged.calibration;
-    let _ = writeln!(
-        out,
+/// What a scenario shows, over all faults and intensities.
+fn scenario(out: &mut String, merit: &FlightMetrics, study: &Study, words: &Vocabulary) {
+    let FlightMetrics { setting, flights, failed, .. } = merit;
+    let run = words.run();
+    let _ = writeln!(out, "  {setting}: {flights} {run}s with a fault, {failed} not finished");
+    let rates = lines::in_flight(merit, study, words);
+    let of_rate = |(title, own): (String, Rate)| {
+        format!("{title} {} ({} of {})", rate(Some(own)), own.count, own.of)
+    };
+    let rates: Vec<String> = rates.into_iter().map(of_rate).collect();
+    let _ = writeln!(out, "    {}", rates.join("; "));
+    let _ = writeln!(out, "    false alarms {}", lines::alarms_in_words(&merit.healthy));
+    if let Some(line) = merit.without_steady_state() {
+        let _ = writeln!(out, "    {line}");
+    }
+}
+
+/// Describes the flights beside twins that are fitted to plants of another structure.
+fn fitted_plants(calibration: &CalibrationRecords) -> String {
+    let CalibrationRecords { flown, rejected, with_findings } = calibration;
+    format!(
         "  of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left \
-         a deviation"
-    );
-}
-
-/// Describes the flights of plants that differ from their twin in structure.
-fn of_other_plant(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
-    setting(out, merit, words);
-    let strong = merit.strong();
-    let _ = writeln!(
-        out,
-        "  {} of {} visible faults of intensity {STRONG} or more isolated",
-        strong.count, strong.of
-    );
-}
-
-/// Lists only answers that occurred, so that each fault fits on a line.
-fn foreign(out: &mut String, merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) {
-    if merit.outcomes.is_empty() {
-        return;
-    }
-    for set in &merit.sets {
-        let _ = writeln!(out, "  {}", challenge_line(set, vocabulary));
-    }
-    let _ = writeln!(out, "  faults never trained on:");
-    for outcome in &merit.outcomes {
-        let UnseenFaultOutcome { title, strengths, flights, words, .. } = outcome;
-        let said = words.named().into_iter().filter(|(_, count)| *count > 0);
-        let said: Vec<String> =
-            said.map(|(word, count)| format!("{count} {}", vocabulary.said(word))).collect();
-        let strengths =
-            if strengths.is_empty() { String::new() } else { format!(" ({strengths})") };
-        let first = outcome.first_word.as_ref().map(|l| format!("; median {:.2} s", l.median_s));
-        let _ = writeln!(
-            out,
-            "    {}{strengths}: of {flights} {}; shutdowns of what is at fault {}, of what is \
-             healthy {}{}",
-            vocabulary.adapted(title),
-            said.join(", "),
-            outcome.shutdowns_at_fault,
-            outcome.shutdowns_healthy,
-            first.unwrap_or_default(),
-        );
-        if let Some(count) = outcome.shutdowns_behind_wrong_sensor {
-            let unit = vocabulary.unit();
-            let _ = writeln!(
-                out,
-                "      healthy {unit} shut down behind a wrong boundary sensor: {count} of {flights}"
-            );
-        }
-        for wrong in &outcome.wrong {
-            let _ = writeln!(out, "      healthy one to be shut down: {wrong}");
-        }
-    }
+         a deviation\n"
+    )
 }
 
 /// Describes the flights of a challenge set in a line.
-fn challenge_line(set: &ChallengeSetMetrics, words: &Vocabulary) -> String {
-    let ChallengeSetMetrics { name, flights, right_action, other_action, .. } = set;
+fn challenge_line(set: &UnseenFaultOutcome, words: &Vocabulary) -> String {
+    let UnseenFaultOutcome { title, flights, right_action, other_action, .. } = set;
     let [need, missed] = set.missed_shutdowns;
     let wrong = match words.has_several() {
-        true => format!(", shutdowns of a healthy {} {}", words.unit(), set.wrong_shutdowns),
+        true => format!(", shutdowns of a healthy {} {}", words.unit(), set.wrong_shutdowns()),
         false => String::new(),
     };
     let latency = set.latency.as_ref().map_or(String::new(), |latency| {
         format!("; right action after median {:.2} s, p95 {:.2} s", latency.median_s, latency.p95_s)
     });
     format!(
-        "challenge {name}: of {flights} flights ({} failed) {right_action} right action first, {other_action} other action \
+        "challenge {title}: of {flights} flights ({} failed) {right_action} right action first, {other_action} other action \
          first, {} no action; missed shutdowns {missed} of {need}{wrong}, false alarms before the onset {}{latency}",
         set.failed,
         set.without_action(),
         set.false_alarms,
-    )
-}
-
-fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
-    let FlightMetrics { setting, flights, failed, failed_to_learn, healthy, .. } = merit;
-    let _ = writeln!(
-        out,
-        "{setting}: {flights} flights with a fault, {failed} not finished ({failed_to_learn} of those to \
-         learn from)"
-    );
-    if let Some(line) = merit.without_steady_state() {
-        let _ = writeln!(out, "  {line}");
-    }
-    for class in &merit.classes {
-        let _ = writeln!(out, "  {}", line(class, words));
-    }
-    let _ = writeln!(
-        out,
-        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour); a fault seemed visible {} times",
-        healthy.alarms,
-        healthy.shutdowns,
-        healthy.hours,
-        number(healthy.alarms_per_h_upper),
-        healthy.visible_by_chance
-    );
-    let _ = writeln!(out, "  false alarms {}", by_environment(healthy.environments));
-    if let Some(evidence) = merit.healthy_evidence {
-        let _ = writeln!(out, "  {}", margin_line(&evidence));
-    }
-    let [flown, alarmed] = healthy.flights;
-    let _ = writeln!(out, "  {alarmed} of {flown} flights without a fault have an alarm");
-    if words.has_several() {
-        let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);
-        let _ = writeln!(out, "  shutdowns of the wrong {unit}: {wrong}");
-    }
-}
-
-/// Describes what the margin of a shutdown rests on.
-fn margin_line(evidence: &HealthyEvidence) -> String {
-    let HealthyEvidence { learned, held_out, failed, scatter, shutdowns_before, added, largest } =
-        evidence;
-    let ShutdownMargin { uncorrected_nats, baseline_corrected_nats } = added;
-    format!(
-        "learned from {learned} environments; {shutdowns_before} of {held_out} held-out healthy flights with {scatter} times \
-         the scatter end with a shutdown at the usual margin ({failed} not finished); {uncorrected_nats} nats added, \
-         {baseline_corrected_nats} where residuals are baseline-corrected; largest evidence then {largest:.2} of its limit"
-    )
-}
-
-fn line(class: &ClassMetrics, words: &Vocabulary) -> String {
-    let ClassMetrics { command, intensities: [low, high], visible, isolated, silent, .. } = class;
-    let times = |latency: &Option<Latency>| match latency {
-        Some(l) => format!("median {:.2} s, p95 {:.2} s", l.median_s, l.p95_s),
-        None => "never".into(),
-    };
-    format!(
-        "{command}, intensity {low} to {high}: {} of {} visible; of these {} isolated, {} other \
-         command, {}{} silent; since the onset {}, since visible {}",
-        visible.count,
-        visible.of,
-        isolated.count,
-        class.other_command.count,
-        match words.has_several() {
-            true => format!("{} wrong {}, ", class.wrong_actuator.count, words.unit()),
-            false => String::new(),
-        },
-        silent.count,
-        times(&class.isolation),
-        times(&class.isolation_since_visible),
     )
 }

@@ -360,6 +360,7 @@ pub(super) struct RunningTwin<'c> {
     parameters_of: Symbol<'c, unsafe extern "C" fn(*const f64, *mut f64)>,
     start: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64, *const f64) -> i32>,
     step: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64) -> i32>,
+    is_exact: Symbol<'c, unsafe extern "C" fn(*mut u64) -> i32>,
     load: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64)>,
     variables: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
     gradients: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
@@ -379,6 +380,7 @@ impl Compiled {
                 parameters_of: self.library.get(b"prove_twin_parameters")?,
                 start: self.library.get(b"prove_twin_start")?,
                 step: self.library.get(b"prove_twin_step")?,
+                is_exact: self.library.get(b"prove_twin_is_exact")?,
                 load: self.library.get(b"prove_twin_load")?,
                 variables: self.library.get(b"prove_twin_variables")?,
                 gradients: self.library.get(b"prove_twin_gradients")?,
@@ -390,6 +392,11 @@ impl Compiled {
 
 // SAFETY of all calls: the lists are as long as those of the program that was exported.
 impl RunningTwin<'_> {
+    /// Whether it passes its start test.
+    pub fn is_exact(&mut self) -> bool {
+        unsafe { (self.is_exact)(self.memory.as_mut_ptr()) == 1 }
+    }
+
     /// Starts with faults of these intensities; returns whether it is well, here and below.
     pub fn start(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
         self.take(intensities, inputs);

@@ -47,6 +47,13 @@ pub struct Trial {
     pub holds: bool,
 }
 
+impl Default for Rate {
+    /// The rate of no case.
+    fn default() -> Self {
+        Rate::new(0, 0)
+    }
+}
+
 impl Rate {
     /// The rate of independent cases.
     pub fn new(count: u64, of: u64) -> Self {

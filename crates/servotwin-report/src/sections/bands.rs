@@ -1,13 +1,11 @@
 //! The bands of healthy residuals: learned for each sensor, compared with a fixed one of 3 %.
 
 use crate::Material;
-use crate::lines::{self, Measure, Who};
+use crate::lines;
 use crate::looks;
 use crate::page::{Alignment, HtmlTable, Page};
-use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, chosen, rate, stacked};
 use servotwin::evaluation::bands::{ALARMS, Band};
-use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -60,7 +58,6 @@ pub fn write(material: &Material, page: &mut Page) {
     );
     page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
             healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
-    compared(&results, words, page);
 }
 
 /// Reports that more healthy specimens leave the bands than promised, if the interval proves it.
@@ -149,35 +146,4 @@ fn effect(results: &[(&SubjectResult, &[Band])]) -> HtmlTable {
         ]);
     }
     grid
-}
-
-/// The diagnosis on new commands with both bands.
-fn compared(results: &[(&SubjectResult, &[Band])], words: &Vocabulary, page: &mut Page) {
-    let measures: Vec<Measure> =
-        lines::safety(words).into_iter().chain(lines::right(words)).collect();
-    let mut heads =
-        ["setting", "by", "band"].map(|head| (head.to_owned(), Alignment::Left)).to_vec();
-    heads.extend(measures.iter().map(|measure| (measure.title.clone(), Alignment::Right)));
-    let mut grid = HtmlTable::new(heads);
-    for (result, _) in results {
-        // The trees come first, then the committee.
-        for (who, paper) in Who::ALL.into_iter().zip(&result.evaluation.paper_band) {
-            let own = who.under(&result.evaluation, Protocol::NewCommand);
-            for (band, judged) in [("±3 %", Some(paper)), ("learned", own)] {
-                let Some(judged) = judged else { continue };
-                let is_first = who == Who::Trees && band == "±3 %";
-                let title = if is_first { result.title.clone() } else { String::new() };
-                let mut row = vec![title, who.title().to_owned(), band.to_owned()];
-                row.extend(measures.iter().map(|measure| stacked((measure.rate)(judged))));
-                grid.push(row);
-            }
-        }
-    }
-    if !grid.is_empty() {
-        page.table(
-            &grid,
-            "The diagnosis of new commands with either band. Rates of detected faults are of \
-            other faults with each band; only “of all faults” compares directly.",
-        );
-    }
 }

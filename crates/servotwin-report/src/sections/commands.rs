@@ -1,9 +1,11 @@
-//! The commands on which the diagnosis is evaluated (figure 7 of the seed paper).
+//! The commands on which the diagnosis is evaluated (figure 7 of the seed paper), and those from which it learns.
 
-use super::commands_curve::in_words;
 use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
+use crate::words::{chosen, number};
 use servotwin::shown::Shown;
+use servotwin::signal::Signal;
+use servotwin::study::{OperatingCase, Study, Training};
 use servotwin_plot::SemanticColor;
 use servotwin_plot::time_series::{Panel, Series, TimeSeries};
 
@@ -59,4 +61,127 @@ pub fn write(material: &Material, page: &mut Page) {
         grid.push(vec![name.to_owned(), signal.map(in_words).unwrap_or_default()]);
     }
     page.table(&grid, "The same commands in words.");
+    if let Some(training) = &study.training {
+        page.table(&list(study, training), &format!(
+            "Trees and committee learn from {} other commands, run for {} s each at a load of its own; of every command \
+             there are {} healthy specimens, which run {} s. Of a pattern every range is filled evenly by the draws, \
+             wide ones on a logarithmic scale.",
+            commands(training).len(),
+            chosen(training.duration_s),
+            training.healthy,
+            chosen(study.duration_s),
+        ));
+    }
+}
+
+/// The names of the training commands.
+fn commands(training: &Training) -> Vec<&str> {
+    let mut names: Vec<&str> = vec![];
+    for case in &training.cases {
+        if !names.contains(&case.command.as_str()) {
+            names.push(&case.command);
+        }
+    }
+    names
+}
+
+/// Lists the training commands with a description. Draws of one pattern share a row.
+fn list(study: &Study, training: &Training) -> HtmlTable {
+    let mut grid = HtmlTable::new([
+        ("command", Alignment::Left),
+        ("what it is", Alignment::Left),
+        ("load", Alignment::Right),
+    ]);
+    let text: toml::Table = study.text.parse().unwrap_or_default();
+    let driven = text.get("load").and_then(|load| load.get("input")).and_then(toml::Value::as_str);
+    let inputs = &study.system.network().inputs;
+    let load = driven.and_then(|name| inputs.iter().position(|input| input.id == name));
+    let section = text.get("training");
+    let named = section.and_then(|section| section.get("signals")).and_then(toml::Value::as_table);
+    let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
+    let drawn = section.and_then(|section| section.get("draws")).and_then(toml::Value::as_array);
+    // The draws of all patterns come first, in their order.
+    let mut cases: Vec<&OperatingCase> = training.cases.iter().collect();
+    for draws in drawn.into_iter().flatten() {
+        let count = draws.get("count").and_then(toml::Value::as_integer).unwrap_or(0);
+        let own: Vec<&OperatingCase> = cases.drain(..(count as usize).min(cases.len())).collect();
+        let Some((first, last)) = own.first().zip(own.last()) else { continue };
+        let names = match own.len() {
+            1 => first.command.clone(),
+            _ => format!("{} … {}", first.command, last.command),
+        };
+        grid.push(vec![
+            names,
+            draws.get("signal").map(in_words).unwrap_or_default(),
+            loads(study, load, &own),
+        ]);
+    }
+    for case in cases {
+        let words = signal(&case.command).unwrap_or_default();
+        grid.push(vec![case.command.clone(), words, loads(study, load, &[case])]);
+    }
+    grid
+}
+
+/// The loads of cases, in the unit of the load input; empty if the study has no load.
+fn loads(study: &Study, load: Option<usize>, cases: &[&OperatingCase]) -> String {
+    let Some(input) = load else { return String::new() };
+    let read = Shown::of_input(study.system.network(), input);
+    let value = |case: &&OperatingCase| read.value(case.inputs[input].value(0.0));
+    let least = cases.iter().map(value).fold(f64::INFINITY, f64::min);
+    let most = cases.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+    let size = match number(least) == number(most) {
+        true => number(least),
+        false => format!("{} … {}", number(least), number(most)),
+    };
+    match read.symbol() {
+        "" | "1" => size,
+        unit => format!("{size} {unit}"),
+    }
+}
+
+/// A signal in readable form: `noise:rms={1.8..6}deg,seed=1{n}` → `noise: rms 1.8 … 6 deg`.
+fn in_words(signal: &toml::Value) -> String {
+    let text = match signal.as_str() {
+        Some(text) => text.to_owned(),
+        None => signal.clone().try_into().map_or_else(|_| String::new(), |s: Signal| s.to_string()),
+    };
+    let term = |term: &str| {
+        let (kind, parameters) = term.split_once(':').unwrap_or((term, ""));
+        let shown = parameters.split(',').filter(|one| !one.trim().starts_with("seed="));
+        let shown: Vec<String> = shown.map(|one| with_spaces(&one.replace('=', " "))).collect();
+        let parameters = shown.join(", ").replace("..", " … ").replace(['{', '}'], "");
+        format!("{}: {parameters}", kind.trim()).trim_end_matches([':', ' ']).to_owned()
+    };
+    text.split(" + ").map(term).collect::<Vec<_>>().join("; plus ")
+}
+
+/// Puts a space between every number and its unit.
+fn with_spaces(text: &str) -> String {
+    let mut spaced = String::new();
+    for character in text.chars() {
+        if character.is_alphabetic()
+            && spaced.ends_with(|last: char| matches!(last, '0'..='9' | '}'))
+        {
+            spaced.push(' ');
+        }
+        spaced.push(character);
+    }
+    spaced
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_is_read_without_its_seed() {
+        let words = |text: &str| in_words(&toml::Value::String(text.into()));
+        let pattern = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}";
+        assert_eq!(words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
+        assert_eq!(
+            words("step:size=6deg + ramp:rate=1deg/s"),
+            "step: size 6 deg; plus ramp: rate 1 deg/s"
+        );
+    }
 }

@@ -1,5 +1,5 @@
-//! The committee compared with the trees: its right answers, the calibration of its confidence, and
-//! the gain from its abstentions.
+//! The committee compared with the trees: its right answers, the calibration of its confidence, and what may stay not
+//! isolated.
 
 use crate::Material;
 use crate::lines::{self, Who};
@@ -7,17 +7,12 @@ use crate::looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
-use servotwin::evaluation::abstention::{Abstention, Level};
 use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule, RULE};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
-use servotwin_plot::Figure;
 use servotwin_plot::SemanticColor;
 use servotwin_plot::lines::{Curve, Lines};
-
-/// Reads a share of a level with the ends of its interval.
-type Reading<'r> = &'r dyn Fn(&Level) -> Option<(f64, f64, f64)>;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -44,7 +39,6 @@ pub fn write(material: &Material, page: &mut Page) {
             ));
     }
     believed(&results, words, page);
-    silence(&results, words, page);
     isolation(&results, words, page);
 }
 
@@ -125,45 +119,6 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
          the calibration error the mean distance of confidence from the share of right answers over \
          the tenths. Both are best at zero.",
     );
-}
-
-/// Writes what the diagnosis gains when the committee abstains.
-fn silence(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
-    let mut begun = false;
-    for result in results {
-        let Some(abstention) = &result.evaluation.abstention else { continue };
-        if !begun {
-            page.heading("What its silence buys");
-            page.text(
-                "An answer that is withheld leaves the fault detected but not isolated: it is known \
-                 that something is wrong, and not what. The least certain answers go first; rates are of the answers that are left.",
-            );
-            begun = true;
-        }
-        if abstention.levels.iter().all(is_flawless) {
-            page.text(&format!(
-                "Setting: {}. No answer about {} is wrong, none withheld or many: there is nothing to buy.",
-                result.title,
-                words.action_wrong()
-            ));
-            continue;
-        }
-        page.figure(
-            &format!("silence_{}", result.subject.name()),
-            trade(abstention, words),
-            &format!(
-                "Setting: {}. Errors of the committee on new commands among the answers that are left, \
-                 against the share withheld; whiskers of the first curve: 95 %.",
-                result.title
-            ),
-        );
-        page.table(&levels(abstention, words), &format!(
-            "Setting: {}. The same in numbers. The fixed confidence is the one that {} % of the answers \
-             did not reach on training commands left out of training: chosen without looking at these.",
-            result.title,
-            chosen(100.0 * servotwin::evaluation::committee::WITHHELD)
-        ));
-    }
 }
 
 /// Writes what is decided if a fault may stay not isolated.
@@ -266,86 +221,4 @@ fn decided_where(rates: &IsolationRates) -> &'static str {
 /// A share with its count below it.
 fn counted(rate: Rate) -> String {
     format!("{}\n{} of {}", share(Some(rate)), rate.count, rate.of)
-}
-
-fn is_flawless(level: &Level) -> bool {
-    level.right_action.count == level.right_action.of
-}
-
-fn trade(abstention: &Abstention, words: &Vocabulary) -> Figure {
-    let mut lines = Lines::new("", "answers withheld (%)", "of the answers that are left (%)");
-    let curve = |name: &str, of: Reading| {
-        let known = abstention.levels.iter().filter_map(|level| Some((level, of(level)?)));
-        let known: Vec<_> = known
-            .filter_map(|(level, values)| Some((100.0 * level.abstained.share?, values)))
-            .collect();
-        let percent = |share: f64| 100.0 * share;
-        let points = known.iter().map(|&(at, (value, ..))| (at, percent(value))).collect();
-        let ends = known.iter().map(|&(_, (_, low, high))| (percent(low), percent(high)));
-        (Curve::new(name, points), ends.collect::<Vec<_>>())
-    };
-    let shown = |rate: Rate| Some((rate.share?, rate.low, rate.high));
-    let missed = |level: &Level| shown(level.shutdown_answered_wrongly);
-    let wrong_shutdown = |level: &Level| shown(level.wrong_actuator_shutdown);
-    let wrong = |level: &Level| {
-        let right = level.right_action;
-        Some((1.0 - right.share?, 1.0 - right.high, 1.0 - right.low))
-    };
-    // The intervals of three curves at the same places would hide each other.
-    let (worst, ends) = curve(&format!("{} wrong", words.action_wrong()), &wrong);
-    lines = lines.with(worst.with_intervals(ends).looking(SemanticColor::Plain(0).look()));
-    if words.has_off() {
-        let title = format!("fault that calls for a {} answered wrongly", words.off());
-        lines =
-            lines.with(curve(&title, &missed).0.looking(SemanticColor::Command(0).look().at(1)));
-    }
-    if words.has_off() && words.has_several() {
-        let title = format!("wrong {} {}", words.unit(), words.switched_off());
-        lines = lines
-            .with(curve(&title, &wrong_shutdown).0.looking(SemanticColor::Plain(1).look().at(2)));
-    }
-    lines.draw()
-}
-
-fn levels(abstention: &Abstention, words: &Vocabulary) -> HtmlTable {
-    let mut heads = vec![
-        ("answers only".to_owned(), Alignment::Left),
-        ("withheld".to_owned(), Alignment::Right),
-        (format!("{} right", words.action()), Alignment::Right),
-    ];
-    let (off, wrong_unit) = (words.has_off(), words.has_off() && words.has_several());
-    if wrong_unit {
-        let head = format!("wrong {} {}", words.unit(), words.switched_off());
-        heads.push((head, Alignment::Right));
-    }
-    if off {
-        heads.push((format!("{} fault answered wrongly", words.off()), Alignment::Right));
-    }
-    let mut grid = HtmlTable::new(heads);
-    let mut push = |title: String, level: &Level| {
-        // Without any abstention there is no rate to estimate.
-        let withheld = match level.abstained.count {
-            0 => "none".into(),
-            _ => stacked(Some(level.abstained)),
-        };
-        let mut row = vec![title, withheld, stacked(Some(level.right_action))];
-        row.extend(wrong_unit.then(|| stacked(Some(level.wrong_actuator_shutdown))));
-        row.extend(off.then(|| stacked(Some(level.shutdown_answered_wrongly))));
-        grid.push(row);
-    };
-    for (share, level) in servotwin::evaluation::abstention::SHARES.iter().zip(&abstention.levels) {
-        let title = match *share {
-            0.0 => "always".to_owned(),
-            share => format!("but for the least certain {} %", chosen(100.0 * share)),
-        };
-        push(title, level);
-    }
-    if let Some((least, level)) = &abstention.fixed {
-        push(format!("with a confidence of at least {}", number(*least)), level);
-    }
-    push("where the trees say the same".into(), &abstention.agreement);
-    if let Some(both) = &abstention.both {
-        push("with that confidence, and the trees agree".into(), both);
-    }
-    grid
 }

@@ -6,9 +6,7 @@ use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
 use servotwin::flight::outcome::Needed;
-use servotwin::flight::unseen_faults::{
-    ChallengeSetMetrics, UnseenFaultMetrics, UnseenFaultOutcome, Words,
-};
+use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -91,7 +89,7 @@ fn behind_wrong_sensor(merit: &UnseenFaultMetrics, words: &Vocabulary) -> String
 }
 
 /// One row for each challenge set.
-fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> HtmlTable {
+fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> HtmlTable {
     let columns = [
         format!("{}s", words.run()),
         "failed".into(),
@@ -110,18 +108,18 @@ fn challenges(sets: &[ChallengeSetMetrics], words: &Vocabulary) -> HtmlTable {
         let [need, missed] = set.missed_shutdowns;
         let latency = set.latency.as_ref();
         let row = vec![
-            set.name.clone(),
+            set.title.clone(),
             set.flights.to_string(),
             set.failed.to_string(),
             set.right_action.to_string(),
             set.other_action.to_string(),
             set.without_action().to_string(),
             if need == 0 { NONE.into() } else { format!("{missed} of {need}") },
-            set.wrong_shutdowns.to_string(),
+            set.wrong_shutdowns().to_string(),
             set.false_alarms.to_string(),
             latency.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.p95_s)),
         ];
-        if set.wrong_shutdowns > 0 { grid.push_strong(row) } else { grid.push(row) }
+        if set.wrong_shutdowns() > 0 { grid.push_strong(row) } else { grid.push(row) }
     }
     grid
 }
@@ -150,11 +148,12 @@ fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
 
 fn row(outcome: &UnseenFaultOutcome, words: &Vocabulary) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
-    let sensible = match outcome.sensible {
-        Needed::Shutdown => format!("sensible: a {}", words.off()),
-        Needed::NoShutdown => format!("sensible: anything but a {}", words.off()),
-        Needed::Any | Needed::ItsAction => "sensible: any command".into(),
-        Needed::Nothing => "sensible: no command".into(),
+    let sensible = match outcome.needed {
+        Some(Needed::Shutdown) => format!("sensible: a {}", words.off()),
+        Some(Needed::NoShutdown) => format!("sensible: anything but a {}", words.off()),
+        Some(Needed::Any | Needed::ItsAction) => "sensible: any command".into(),
+        Some(Needed::Nothing) => "sensible: no command".into(),
+        None => String::new(),
     };
     let small = match outcome.strengths.as_str() {
         "" => sensible,

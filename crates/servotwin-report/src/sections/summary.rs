@@ -7,16 +7,12 @@ use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::{PAPER, Vocabulary};
 use crate::words::{NONE, number, percent, rate, stacked};
 use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::abstention::{Level, SHARES};
 use servotwin::evaluation::baseline::RandomThirds;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
-
-/// The share of withheld answers that the findings report on.
-const SILENT: f64 = 0.03;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -80,33 +76,10 @@ fn held_out(evaluation: &Evaluation) -> &'static str {
     }
 }
 
-/// The gain from abstaining, and the errors that no training removes.
+/// The errors that no training removes.
 fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
     let mut list = vec![];
     let mut push = |about: &str, text: String| list.push((about.to_owned(), text));
-    // Such a small share of few answers rounds to none, and then there is nothing to report.
-    let is_silent = |level: &&Level| level.abstained.count > 0 && level.right_action.of > 0;
-    if let Some(level) = silent(evaluation).filter(is_silent) {
-        let mut text = format!(
-            "A committee that withholds the least certain {} of its answers is right about {} in {} of \
-             the others",
-            percent(level.abstained.share),
-            words.action(),
-            rate(Some(level.right_action)),
-        );
-        if words.has_off() && words.has_several() {
-            let wrong = rate(Some(level.wrong_actuator_shutdown));
-            text += &format!(", the wrong {} is {} in {wrong}", words.unit(), words.switched_off());
-        }
-        if words.has_off() && level.shutdown_answered_wrongly.of > 0 {
-            let wrong = rate(Some(level.shutdown_answered_wrongly));
-            text += &format!(
-                ", a fault that calls for a {} is answered wrongly in {wrong}",
-                words.off()
-            );
-        }
-        push("Silence", text + ".");
-    }
     if let Some((trees, committee)) =
         evaluation.flips.as_ref().filter(|flips| flips.0.action.of > 0)
     {
@@ -122,11 +95,6 @@ fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
         );
     }
     list
-}
-
-fn silent(evaluation: &Evaluation) -> Option<&Level> {
-    let place = SHARES.iter().position(|share| *share == SILENT)?;
-    evaluation.abstention.as_ref()?.levels.get(place)
 }
 
 /// A table with measures in rows and settings in columns.

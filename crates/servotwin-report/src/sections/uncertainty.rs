@@ -4,13 +4,9 @@ use crate::Material;
 use crate::lines::{self, Who};
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
-use crate::words::{of_unit, percent, stacked};
-use servotwin::campaign::{DataFeature, data_features};
-use servotwin::evaluation::flips::{Flips, Share, SplitFlips};
+use crate::words::stacked;
+use servotwin::evaluation::flips::Flips;
 use servotwin::job::results::SubjectResult;
-
-/// The maximum number of questions shown for each setting.
-const SHOWN: usize = 15;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -49,10 +45,6 @@ pub fn write(material: &Material, page: &mut Page) {
             words.action_wrong()
         ),
     );
-    let features = data_features(material.study);
-    for (result, (trees, _)) in &results {
-        worst(result, trees, &features, page);
-    }
 }
 
 fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> HtmlTable {
@@ -78,52 +70,4 @@ fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) ->
         }
     }
     grid
-}
-
-fn changed(share: &Share) -> String {
-    percent((share.of > 0).then(|| share.share()))
-}
-
-/// Writes the questions whose answers change most often.
-fn worst(result: &SubjectResult, trees: &Flips, features: &[DataFeature], page: &mut Page) {
-    let asked = trees.splits.iter().filter(|split| split.flips.of > 0);
-    let (all, flipping): (usize, usize) = asked
-        .clone()
-        .fold((0, 0), |(all, some), split| (all + 1, some + usize::from(split.flips.count > 0)));
-    let mut grid = HtmlTable::new([
-        ("tree", Alignment::Left),
-        ("asks", Alignment::Left),
-        ("uncertainty there", Alignment::Right),
-        ("asked", Alignment::Right),
-        ("another answer", Alignment::Right),
-    ]);
-    for split in asked.filter(|split| split.flips.count > 0).take(SHOWN) {
-        grid.push(row(split, features));
-    }
-    if grid.is_empty() {
-        page.text(&format!(
-            "Setting: {}. None of the {all} questions of the trees ever gets another answer.",
-            result.title
-        ));
-    } else {
-        page.table(&grid, &format!(
-            "Setting: {}. Of the {all} questions that the trees ask of these faults {flipping} ever get \
-             another answer; the worst first (at most {SHOWN}). The uncertainty is the feature's standard \
-             deviation over the moves, the median of the windows that are asked; “asked” counts windows \
-             times moves.",
-            result.title
-        ));
-    }
-}
-
-fn row(split: &SplitFlips, features: &[DataFeature]) -> Vec<String> {
-    let known = features.iter().find(|known| known.feature.name == split.feature);
-    let unit = known.map_or("", |known| known.feature.unit);
-    vec![
-        split.stage.clone(),
-        format!("{} ≤ {}", split.feature, of_unit(split.threshold, unit)),
-        of_unit(split.uncertainty, unit),
-        split.flips.of.to_string(),
-        changed(&split.flips),
-    ]
 }

@@ -22,7 +22,7 @@ pub struct Confused {
 }
 
 /// All confusions between kinds of fault.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ambiguity {
     /// Pairs, the most frequent first.
     pub pairs: Vec<Confused>,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_learning::metrics::Rate;
 
 /// The detection results of a data set.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
     /// Share of the faults that leave the band.
     pub detected: Rate,

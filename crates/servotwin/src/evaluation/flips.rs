@@ -2,8 +2,7 @@
 //!
 //! A window is uncertain due to the noise and quantization of its sensors and the solver's error
 //! ([`augmentation::disturbed`]). The judged windows are perturbed accordingly, their features recomputed, and the
-//! answers compared. A tree's question whose answer depends on details below the sensors' uncertainty flips; a robust
-//! one does not.
+//! answers compared. A tree that asks for details below the sensors' uncertainty flips; a robust one does not.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -11,9 +10,8 @@ use super::protocol::trial;
 use crate::parallel::{self, Workers};
 use crate::signal::random::NormalDeviates;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::{self, Sensors};
-use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Stage};
+use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy};
 use servotwin_diagnosis::random::Random as Choices;
 use servotwin_diagnosis::residual::Window;
 use servotwin_learning::augmentation;
@@ -54,32 +52,6 @@ pub struct Moved {
     pub factor: f64,
 }
 
-/// How often the answer to a question changed.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Share {
-    /// Number of changed answers.
-    pub count: u64,
-    /// Number of perturbations.
-    pub of: u64,
-}
-
-/// How often the answer to one question of a tree changed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SplitFlips {
-    /// The stage's id.
-    pub stage: String,
-    /// The index of the node.
-    pub node: usize,
-    /// The feature in the question.
-    pub feature: String,
-    /// The threshold of the question.
-    pub threshold: f64,
-    /// Median standard deviation of the feature over the rows that reach the node.
-    pub uncertainty: f64,
-    /// How often the answer changed.
-    pub flips: Share,
-}
-
 /// Flips of a hierarchy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Flips {
@@ -91,20 +63,6 @@ pub struct Flips {
     pub action: Rate,
     /// The share that changes any part of the answer.
     pub answer: Rate,
-    /// Each question of each tree over the rows that reach it; the worst first.
-    pub splits: Vec<SplitFlips>,
-}
-
-impl Share {
-    /// The share of changed answers; 0 without perturbations.
-    pub fn share(&self) -> f64 {
-        if self.of > 0 { self.count as f64 / self.of as f64 } else { 0.0 }
-    }
-
-    fn add(&mut self, changed: bool) {
-        self.count += u64::from(changed);
-        self.of += 1;
-    }
 }
 
 impl Moving<'_> {
@@ -163,8 +121,6 @@ struct Seen {
     row: usize,
     /// For each perturbation, whether the actuator, actuator or command, and any part of the answer changed.
     changes: Vec<[bool; 3]>,
-    /// For each question on the path: stage, node, changes, standard deviation of the feature.
-    questions: Vec<(usize, usize, Share, f64)>,
 }
 
 /// Perturbs the windows of the given rows and compares the answers.
@@ -189,13 +145,7 @@ pub fn evaluate(
         });
         Rate::clustered(&trials.collect::<Vec<_>>())
     };
-    Ok(Flips {
-        draws: moving.draws,
-        actuator: share(0),
-        action: share(1),
-        answer: share(2),
-        splits: splits(hierarchy, &seen),
-    })
+    Ok(Flips { draws: moving.draws, actuator: share(0), action: share(1), answer: share(2) })
 }
 
 fn seen(
@@ -209,76 +159,13 @@ fn seen(
         let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
         Ok(hierarchy.diagnose(&rows, &mut scratch)?)
     };
-    let still = moving.views(&moving.windows[row], views);
-    let said = ask(&still)?;
-    let moved: Vec<Vec<Vec<f64>>> =
-        moving.moved(row).iter().map(|window| moving.views(window, views)).collect();
-    let mut seen = Seen { row, changes: vec![], questions: vec![] };
-    for rows in &moved {
-        let again = ask(rows)?;
+    let said = ask(&moving.views(&moving.windows[row], views))?;
+    let mut seen = Seen { row, changes: vec![] };
+    for window in moving.moved(row) {
+        let again = ask(&moving.views(&window, views))?;
         let is_other_action = again.actuator_and_action() != said.actuator_and_action();
         let is_other_answer = is_other_action || again.detail != said.detail;
         seen.changes.push([again.actuator != said.actuator, is_other_action, is_other_answer]);
     }
-    let rows: Vec<&[f64]> = still.iter().map(Vec::as_slice).collect();
-    for (stage, nodes) in hierarchy.explain(&rows)? {
-        let place = hierarchy.stages.iter().position(|own| std::ptr::eq(own, stage)).unwrap_or(0);
-        let view = stage.place.view(said.actuator.unwrap_or(0));
-        for &node in &nodes {
-            let asked = question(stage, node, &still[view], &moved, view);
-            seen.questions.extend(asked.map(|(share, width)| (place, node, share, width)));
-        }
-    }
     Ok(seen)
-}
-
-/// How often the answer to a node's question changes, and the feature's standard deviation.
-fn question(
-    stage: &Stage,
-    node: usize,
-    still: &[f64],
-    moved: &[Vec<Vec<f64>>],
-    view: usize,
-) -> Option<(Share, f64)> {
-    let Model::Cart(tree) = &stage.model else { return None };
-    let (column, threshold) = tree.split(node)?;
-    let column = stage.columns[column] as usize;
-    let goes_left = still[column] <= threshold;
-    let (mut share, mut squares) = (Share::default(), 0.0);
-    for rows in moved {
-        let value = rows[view][column];
-        share.add((value <= threshold) != goes_left);
-        squares += (value - still[column]).powi(2);
-    }
-    Some((share, (squares / moved.len().max(1) as f64).sqrt()))
-}
-
-fn splits(hierarchy: &Hierarchy, seen: &[Seen]) -> Vec<SplitFlips> {
-    let mut splits = vec![];
-    for (place, stage) in hierarchy.stages.iter().enumerate() {
-        let Model::Cart(tree) = &stage.model else { continue };
-        for node in 0..tree.nodes() {
-            let Some((column, threshold)) = tree.split(node) else { continue };
-            let own =
-                |question: &&(usize, usize, Share, f64)| (question.0, question.1) == (place, node);
-            let own = seen.iter().flat_map(|seen| seen.questions.iter().filter(own));
-            let (mut flips, mut widths) = (Share::default(), vec![]);
-            for (_, _, share, width) in own {
-                flips.count += share.count;
-                flips.of += share.of;
-                widths.push(*width);
-            }
-            widths.sort_by(f64::total_cmp);
-            splits.push(SplitFlips {
-                stage: stage.id.clone(),
-                node,
-                feature: hierarchy.names.features[stage.columns[column] as usize].clone(),
-                threshold,
-                uncertainty: widths.get(widths.len() / 2).copied().unwrap_or(0.0),
-                flips,
-            });
-        }
-    }
-    splits.sort_by(|a, b| b.flips.share().total_cmp(&a.flips.share()));
-    splits
 }

@@ -2,11 +2,10 @@
 //!
 //! [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
 //! and the committee under every protocol, the seed paper's trees, all classifiers, ablations, confused faults,
-//! abstention and flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and
+//! what may stay not isolated, and flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and
 //! seeds give the same bytes, on any number of threads.
 
 pub mod ablation;
-pub mod abstention;
 pub mod ambiguity;
 pub mod bands;
 pub mod baseline;
@@ -18,9 +17,7 @@ mod error;
 pub mod flips;
 pub mod isolation;
 pub mod model_file;
-pub mod piece;
 pub mod protocol;
-pub mod robustness;
 pub mod run;
 pub mod traces;
 
@@ -29,13 +26,11 @@ pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 
 use crate::parallel::Workers;
-use abstention::Abstention;
 use bands::Band;
 use baseline::RandomThirds;
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
-use isolation::Isolation;
-use piece::Bench;
+use isolation::{Isolation, IsolationInputs};
 use protocol::{Holding, Protocol, ProtocolResult};
 use run::{RowOutcome, first_error};
 use serde::{Deserialize, Serialize};
@@ -76,8 +71,6 @@ pub struct EvaluationSettings {
     pub classifiers: Vec<classifiers::Settings>,
     /// Whether to run the ablation.
     pub ablation: bool,
-    /// Whether to compute the learning curve: trees trained on fewer commands.
-    pub learning_curve: bool,
 }
 
 impl Default for EvaluationSettings {
@@ -102,7 +95,6 @@ impl Default for EvaluationSettings {
             committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
             ablation: true,
-            learning_curve: true,
         }
     }
 }
@@ -112,7 +104,7 @@ impl EvaluationSettings {
     pub fn quick(mut self) -> Self {
         // Training a committee without each kind of fault in turn would lengthen the evaluation by half.
         self.committee_protocols.retain(|protocol| *protocol == Protocol::NewCommand);
-        EvaluationSettings { ablation: false, learning_curve: false, ..self }
+        EvaluationSettings { ablation: false, ..self }
     }
 }
 
@@ -157,7 +149,7 @@ pub struct FalseAlarms {
 }
 
 /// All results on the data sets of a scenario.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Detection by the band in use.
     pub detection: detection::Detection,
@@ -173,16 +165,10 @@ pub struct Evaluation {
     pub protocols: Vec<ProtocolResult>,
     /// The committee under its protocols.
     pub committee: Vec<ProtocolResult>,
-    /// Trees and committee on a new command, detected by the paper's band of 3 %; empty if that band is in use.
-    pub paper_band: Vec<ProtocolResult>,
-    /// The trees on a new command, by the number of training commands.
-    pub commands: Vec<(usize, ProtocolResult)>,
     /// The seed paper's trees: its features, without symmetric copies and pooling.
     pub baseline: Vec<ProtocolResult>,
     /// The seed paper's test of these trees, repeated.
     pub random_thirds: Vec<RandomThirds>,
-    /// The trade-off between abstention and errors.
-    pub abstention: Option<Abstention>,
     /// What is decided if a fault may stay not isolated, where kinds are left out and under new commands.
     pub isolation: Vec<Isolation>,
     /// Calibration of the committee's confidence.
@@ -226,9 +212,6 @@ impl Evaluation {
 /// Protocols of the committee.
 const OF_COMMITTEE: [Protocol; 3] =
     [Protocol::KindLeftOut, Protocol::UnseenIntensity, Protocol::NewCommand];
-
-/// Numbers of training commands in the learning curve.
-const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
 
 /// The trained diagnosis of a scenario.
 #[derive(Debug, Clone, PartialEq)]
@@ -292,7 +275,7 @@ pub struct Context<'c> {
     pub progress: &'c dyn Fn(&str, f64),
 }
 
-/// Evaluates the data sets of a scenario, piece by piece.
+/// Evaluates the data sets of a scenario.
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`], or training fails.
@@ -301,9 +284,97 @@ pub fn evaluate(
     settings: &EvaluationSettings,
     context: &Context,
 ) -> Result<Evaluation, EvaluationError> {
-    let bench = Bench::new(data, settings, context);
-    let found = piece::all(settings).into_iter().map(|piece| bench.evaluate(piece));
-    Ok(piece::joined(found.collect::<Result<_, _>>()?))
+    let Context { trained, all_features, workers, progress, .. } = *context;
+    let unbanded = match data.sensors.is_empty() {
+        true => data.clone(),
+        false => data.with_bands(&vec![BAND; data.sensors.len()]),
+    };
+    let (data, bands) = banded(data, settings, context.pools);
+    let data = &data;
+    let mut evaluation = Evaluation {
+        detection: detection::evaluate(data),
+        paper_detection: detection::share(&unbanded, true),
+        bands,
+        features: data.features.len(),
+        constant_features: data.constant.clone(),
+        stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
+        false_alarms: false_alarms(&unbanded, data, trained, &settings.shutdowns)?,
+        ..Evaluation::default()
+    };
+    under_protocols(data, settings, context, &mut evaluation)?;
+    if settings.protocols.len() > 1 {
+        progress("trees of fewer features", 0.5);
+        evaluation.baseline = baseline::evaluate(all_features, settings, workers)?;
+    }
+    if !settings.classifiers.is_empty() {
+        // Where classifiers are compared, as in the paper.
+        progress("the seed paper's test", 0.52);
+        evaluation.random_thirds = baseline::random_thirds(all_features, settings, workers)?;
+        progress("comparing classifiers", 0.55);
+        let (list, holding) = (&settings.classifiers, settings.comparison_holding);
+        evaluation.classifiers =
+            comparison::evaluate(data, &settings.training, list, holding, workers)?;
+    }
+    if settings.ablation {
+        progress("taking parts away", 0.8);
+        let training = run::settled(data, &settings.training);
+        // Perturbed windows would not change the comparison of feature families.
+        let still = data.without(|row| row.moved > 0);
+        evaluation.ablation = ablation::evaluate(&still, &training, settings.holding, workers)?;
+    }
+    progress("moving windows", 0.9);
+    evaluation.reliability = reliability(data, trained)?;
+    evaluation.flips = flips(data, trained, context)?;
+    Ok(evaluation)
+}
+
+/// Evaluates trees and committee under every protocol, and what may stay not isolated.
+fn under_protocols(
+    data: &DataSet,
+    settings: &EvaluationSettings,
+    context: &Context,
+    evaluation: &mut Evaluation,
+) -> Result<(), EvaluationError> {
+    let Context { trained, workers, progress, .. } = *context;
+    let EvaluationSettings { training, committee, holding, shutdowns, .. } = settings;
+    for (place, &protocol) in settings.protocols.iter().enumerate() {
+        progress(protocol.title(), 0.075 * place as f64);
+        if protocol == Protocol::NewCommand {
+            let found = protocol::evaluate_trained(data, &trained.trees, *holding, shutdowns)?;
+            evaluation.protocols.extend(found);
+            continue;
+        }
+        let found = protocol::evaluate(protocol, data, training, *holding, shutdowns, workers)?;
+        let Some((result, outcomes)) = found else { continue };
+        if protocol.scope() == run::Scope::AllTracing {
+            evaluation.ambiguity = ambiguity::evaluate(data, &outcomes);
+        }
+        evaluation.protocols.push(result);
+    }
+    // The committee is calibrated on training commands.
+    if !data.has_training() {
+        return Ok(());
+    }
+    progress("committee", 0.3);
+    let holding = Holding { lessons: settings.committee_lessons, ..*holding };
+    let (inputs, of_committee) =
+        (IsolationInputs { data, settings, trained, workers }, data.for_committee()?);
+    for &protocol in &settings.committee_protocols {
+        let (result, outcomes) = if protocol == Protocol::NewCommand {
+            let hierarchy = &trained.committee.hierarchy;
+            (protocol::evaluate_trained(data, hierarchy, holding, shutdowns)?, vec![])
+        } else {
+            let data = &of_committee;
+            let found = protocol::evaluate(protocol, data, committee, holding, shutdowns, workers)?;
+            found.map_or((None, vec![]), |(result, outcomes)| (Some(result), outcomes))
+        };
+        let Some(result) = result else { continue };
+        evaluation.committee.push(result);
+        if isolation::PROTOCOLS.contains(&protocol) {
+            evaluation.isolation.extend(inputs.evaluate(protocol, &outcomes)?);
+        }
+    }
+    Ok(())
 }
 
 /// The detected judged faults; empty if the diagnosis was trained on judged rows.
@@ -315,23 +386,15 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     data.rows_where(Role::Judged, wanted)
 }
 
-/// Evaluates abstention and the calibration of the confidence.
-fn silence(
-    data: &DataSet,
-    settings: &EvaluationSettings,
-    trained: &Trained,
-) -> Result<Option<(Abstention, Reliability)>, EvaluationError> {
+/// Evaluates the calibration of the committee's confidence.
+fn reliability(data: &DataSet, trained: &Trained) -> Result<Option<Reliability>, EvaluationError> {
     let rows = unseen(data);
     if rows.is_empty() {
         return Ok(None);
     }
     let committee = run::ask(data, &trained.committee.hierarchy, &rows)?;
-    let trees = run::ask(data, &trained.trees, &rows)?;
-    let shutdowns = data.commands(&settings.shutdowns);
-    let least = trained.committee.least_confidence;
     let is_right = |o: &RowOutcome| matches!(first_error(data, o), None | Some(Question::Detail));
-    let reliability = committee::reliability(&committee, is_right);
-    Ok(Some((abstention::evaluate(data, &committee, &trees, least, &shutdowns), reliability)))
+    Ok(Some(committee::reliability(&committee, is_right)))
 }
 
 fn flips(
@@ -345,28 +408,7 @@ fn flips(
     Ok(Some((of(&trained.trees)?, of(&trained.committee.hierarchy)?)))
 }
 
-/// Evaluates the trees on new commands, trained on the first training commands only.
-fn commands(
-    data: &DataSet,
-    settings: &EvaluationSettings,
-    workers: Workers,
-) -> Result<Vec<(usize, ProtocolResult)>, EvaluationError> {
-    let mut flown: Vec<u32> =
-        data.rows_where(Role::Training, |_| true).iter().map(|&row| data.rows[row].flown).collect();
-    flown.sort_unstable();
-    flown.dedup();
-    let mut curve = vec![];
-    for count in COMMANDS.into_iter().filter(|&count| count < flown.len()) {
-        let first = &flown[..count];
-        let fewer = data.without(|row| row.role == Role::Training && !first.contains(&row.flown));
-        let protocol = Protocol::NewCommand;
-        let EvaluationSettings { training, holding, shutdowns, .. } = settings;
-        let found = protocol::evaluate(protocol, &fewer, training, *holding, shutdowns, workers)?;
-        curve.extend(found.map(|(result, _)| (count, result)));
-    }
-    Ok(curve)
-}
-
+/// The size of a stage's tree.
 fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) -> StageSize {
     let Model::Cart(tree) = &stage.model else {
         return StageSize {

@@ -2,11 +2,10 @@
 //!
 //! False alarms cluster. What raises one in an environment raises others there, so hours in one environment do not count
 //! like hours in many. Here the environment is the unit: each is flown once, by a specimen of its own. A flight without an
-//! alarm still has information, because the evidence for an action reaches some part of its limit. These largest values
-//! are block maxima, and their tail gives a rate of false alarms where counting gives only a bound.
+//! alarm still has information, because the evidence for an action reaches some part of its limit
+//! ([`Nearness`](super::judge::Nearness)).
 
 use super::campaign::FlightCampaign;
-use super::judge::EnvironmentMetrics;
 use super::other_plant::{OTHER_PLANT, OtherPlants};
 use super::outcome::Outcome;
 use super::plan::{Onset, PlannedFlight, Purpose};
@@ -15,9 +14,7 @@ use crate::experiment::CampaignError;
 use crate::parallel::Workers;
 use crate::study::flights::Environment;
 use crate::study::{Setting, Study};
-use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Session;
-use servotwin_learning::metrics::Tail;
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -63,51 +60,6 @@ pub enum Differences<'p> {
     Scattered(f64),
     /// In structure.
     Structure(&'p OtherPlants),
-}
-
-/// What many healthy flights gave, counted by environment.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HealthySummary {
-    /// Duration of all flights, h.
-    pub hours: f64,
-    /// Environments with an alarm.
-    pub alarms: EnvironmentMetrics,
-    /// Environments with a shutdown.
-    pub shutdowns: EnvironmentMetrics,
-    /// The largest evidence for any action in any flight, in parts of its limit.
-    pub largest_evidence: f64,
-    /// The largest evidence for a shutdown in any flight, in parts of its limit.
-    pub largest_shutdown_evidence: f64,
-    /// The tail of the largest evidence for any action, extrapolated to the limit; `None` for too few flights.
-    pub tail: Option<Tail>,
-    /// The same for shutdowns.
-    pub shutdown_tail: Option<Tail>,
-}
-
-impl HealthySummary {
-    /// Counts the finished flights.
-    pub fn new(outcomes: &[Outcome]) -> Self {
-        let flights: Vec<&Outcome> = outcomes.iter().filter(|row| row.is_finished).collect();
-        let environments = |count: fn(&Outcome) -> u64| {
-            EnvironmentMetrics::new(flights.iter().map(|row| count(row) > 0))
-        };
-        let maxima = |evidence: fn(&Outcome) -> f64| -> Vec<f64> {
-            flights.iter().map(|row| evidence(row)).collect()
-        };
-        let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
-        let of_any = maxima(|row| row.evidence);
-        let of_shutdown = maxima(Outcome::largest_shutdown_evidence);
-        HealthySummary {
-            hours: flights.iter().map(|row| row.duration_s).sum::<f64>() / 3600.0,
-            alarms: environments(|row| row.early_alarms),
-            shutdowns: environments(|row| row.early_shutdowns),
-            largest_evidence: largest(&of_any),
-            largest_shutdown_evidence: largest(&of_shutdown),
-            tail: Tail::fit(&of_any, 1.0),
-            shutdown_tail: Tail::fit(&of_shutdown, 1.0),
-        }
-    }
 }
 
 /// Flies each environment once without a fault, watched by a session. `environments` have the given numbers; the

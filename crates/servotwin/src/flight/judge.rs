@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_learning::metrics::{
-    MedianTime, Rate, Trial, clopper_pearson_upper, poisson_at_most,
+    MedianTime, Rate, Tail, Trial, clopper_pearson_upper, poisson_at_most,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -114,6 +114,73 @@ pub struct HealthyMetrics {
     pub flights: [u64; 2],
     /// The same alarms by environment.
     pub environments: EnvironmentMetrics,
+    /// The same shutdowns by environment.
+    pub shutdown_environments: EnvironmentMetrics,
+    /// How near flights without a fault come to an alarm, where each has an environment of its own.
+    pub nearness: Option<Nearness>,
+}
+
+/// How near healthy flights come to an alarm. The largest evidence of each flight is a block maximum, and their tail
+/// gives a rate where counting gives only a bound.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Nearness {
+    /// The largest evidence for any action in any flight, in parts of its limit.
+    pub largest_evidence: f64,
+    /// The largest evidence for a shutdown in any flight, in parts of its limit.
+    pub largest_shutdown_evidence: f64,
+    /// The tail of the largest evidence for any action, extrapolated to the limit; `None` for too few flights.
+    pub tail: Option<Tail>,
+    /// The same for shutdowns.
+    pub shutdown_tail: Option<Tail>,
+}
+
+impl Nearness {
+    fn new(flights: &[&Outcome]) -> Self {
+        let maxima = |evidence: fn(&Outcome) -> f64| -> Vec<f64> {
+            flights.iter().map(|row| evidence(row)).collect()
+        };
+        let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
+        let of_any = maxima(|row| row.evidence);
+        let of_shutdown = maxima(Outcome::largest_shutdown_evidence);
+        Nearness {
+            largest_evidence: largest(&of_any),
+            largest_shutdown_evidence: largest(&of_shutdown),
+            tail: Tail::fit(&of_any, 1.0),
+            shutdown_tail: Tail::fit(&of_shutdown, 1.0),
+        }
+    }
+}
+
+impl HealthyMetrics {
+    /// Counts the time without a fault in finished flights.
+    pub fn new(rows: &[&Outcome]) -> Self {
+        let sum = |of: fn(&Outcome) -> u64| rows.iter().map(|row| of(row)).sum::<u64>();
+        let (alarms, shutdowns) = (sum(|row| row.early_alarms), sum(|row| row.early_shutdowns));
+        let hours = rows.iter().map(|row| row.healthy_s()).sum::<f64>() / 3600.0;
+        let environments = |count: fn(&Outcome) -> u64| {
+            let mut alarmed = BTreeMap::new();
+            for row in rows.iter().filter(|row| row.healthy_s() > 0.0) {
+                *alarmed.entry(row.environment).or_insert(false) |= count(row) > 0;
+            }
+            EnvironmentMetrics::new(alarmed.into_values())
+        };
+        let calm: Vec<&Outcome> = rows.iter().copied().filter(|row| !row.is_fault()).collect();
+        let with_alarm = calm.iter().filter(|row| row.early_alarms > 0).count();
+        let of_alarms = environments(|row| row.early_alarms);
+        let is_one_each = calm.len() == rows.len() && of_alarms.flown == rows.len() as u64;
+        HealthyMetrics {
+            hours,
+            alarms,
+            shutdowns,
+            alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
+            alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
+            visible_by_chance: sum(|row| row.visible_by_chance),
+            flights: [calm.len() as u64, with_alarm as u64],
+            environments: of_alarms,
+            shutdown_environments: environments(|row| row.early_shutdowns),
+            nearness: is_one_each.then(|| Nearness::new(&calm)),
+        }
+    }
 }
 
 /// False alarms counted by environment. Alarms cluster: what raises one raises others in the same environment. So hours
@@ -130,7 +197,7 @@ pub struct EnvironmentMetrics {
 
 impl EnvironmentMetrics {
     /// From each environment with time without a fault: whether an alarm was raised in it.
-    pub(super) fn new(alarmed: impl Iterator<Item = bool>) -> Self {
+    fn new(alarmed: impl Iterator<Item = bool>) -> Self {
         let (mut flown, mut with_alarm) = (0, 0);
         for alarmed in alarmed {
             flown += 1;
@@ -350,7 +417,7 @@ pub fn without_sensors(
             flights: judged.faults(|_| true).len() as u64,
             in_time: judged.share_of_visible(&soon),
             isolated: judged.share_of_visible(&|row| row.right_action_s.is_some()),
-            healthy: judged.healthy(),
+            healthy: HealthyMetrics::new(&judged.rows),
             wrong_shutdowns: wrong_shutdowns(&judged.faults(|_| true)),
         }
     });
@@ -388,7 +455,7 @@ pub fn merit(
         classes: [0.0, STRONG].into_iter().flat_map(|least| judged.classes(least)).collect(),
         kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
         onsets: judged.onsets(),
-        healthy: judged.healthy(),
+        healthy: HealthyMetrics::new(&judged.rows),
         wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
         trade,
         wrong_kinds,
@@ -509,28 +576,6 @@ impl<'j> Judged<'j> {
         self.rate(&visible, holds)
     }
 
-    fn healthy(&self) -> HealthyMetrics {
-        let sum = |of: fn(&Outcome) -> u64| self.rows.iter().map(|row| of(row)).sum::<u64>();
-        let (alarms, shutdowns) = (sum(|row| row.early_alarms), sum(|row| row.early_shutdowns));
-        let hours = self.rows.iter().map(|row| row.healthy_s()).sum::<f64>() / 3600.0;
-        let mut alarmed = BTreeMap::new();
-        for row in self.rows.iter().filter(|row| row.healthy_s() > 0.0) {
-            *alarmed.entry(row.environment).or_insert(false) |= row.early_alarms > 0;
-        }
-        let calm = || self.rows.iter().filter(|row| !row.is_fault());
-        let with_alarm = calm().filter(|row| row.early_alarms > 0).count();
-        HealthyMetrics {
-            hours,
-            alarms,
-            shutdowns,
-            alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
-            alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
-            visible_by_chance: sum(|row| row.visible_by_chance),
-            flights: [calm().count() as u64, with_alarm as u64],
-            environments: EnvironmentMetrics::new(alarmed.into_values()),
-        }
-    }
-
     fn trade(&self, asked_per_h: f64) -> TradePoint {
         let class = self.class("", needs_shutdown);
         let of = class.as_ref().map_or(0, |class| class.visible.count);
@@ -538,7 +583,7 @@ impl<'j> Judged<'j> {
         let isolated = isolation.as_ref().map_or(0, |latency| latency.flights);
         TradePoint {
             asked_per_h,
-            healthy: self.healthy(),
+            healthy: HealthyMetrics::new(&self.rows),
             isolation,
             missed: Rate::new(of - isolated, of),
             wrong_shutdowns: wrong_shutdowns(&self.faults(|_| true)),

@@ -3,7 +3,8 @@
 
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
-use crate::flight::healthy::{self, Differences, HealthyPlants, HealthySummary};
+use crate::flight::healthy::{self, Differences, HealthyPlants};
+use crate::flight::judge::HealthyMetrics;
 use crate::flight::other_plant::OtherPlants;
 use crate::flight::outcome::{self, Outcome};
 use crate::manifest::{sha256, sha256_of_text};
@@ -43,8 +44,9 @@ impl HealthyRun {
     }
 
     /// The counts of all finished flights.
-    pub fn summary(&self) -> HealthySummary {
-        HealthySummary::new(&self.outcomes)
+    pub fn summary(&self) -> HealthyMetrics {
+        let finished: Vec<&Outcome> = self.outcomes.iter().filter(|row| row.is_finished).collect();
+        HealthyMetrics::new(&finished)
     }
 
     fn metadata(&self) -> BTreeMap<String, String> {

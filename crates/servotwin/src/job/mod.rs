@@ -27,8 +27,6 @@ pub use subject::Subject;
 use crate::campaign::{Campaign, data_features};
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
-use crate::evaluation::piece::{self, Bench, Found, Piece};
-use crate::evaluation::robustness::Tested;
 use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
 use crate::parallel::{self, Workers};
 use crate::study::{Role, Study};
@@ -158,61 +156,36 @@ impl Prepared {
         model_file::write_model(folder.panel(self.subject), &panel)?;
         Ok(trained)
     }
-}
 
-/// Lists the pieces of a subject's evaluation.
-pub fn pieces(study: &Study, subject: Subject) -> Vec<Piece> {
-    piece::all(&subject.settings(study))
-}
-
-/// A subject with everything that its evaluation needs.
-pub struct Desk {
-    prepared: Prepared,
-    trained: Trained,
-}
-
-impl Desk {
-    /// Reads the data sets and the trained models of a subject.
-    ///
-    /// # Errors
-    /// A file is missing or cannot be read.
-    pub fn new(
-        folder: &Folder,
-        study: &Study,
-        subject: Subject,
-        workers: Workers,
-    ) -> Result<Self, JobError> {
-        let prepared = Prepared::read(folder, study, subject, workers)?;
-        let trained = trained(folder, subject)?;
-        Ok(Desk { prepared, trained })
-    }
-
-    /// Evaluates some pieces.
-    ///
-    /// # Errors
-    /// The evaluation fails.
-    pub fn evaluate(
+    fn evaluate(
         &self,
         study: &Study,
-        pieces: &[Piece],
+        trained: &Trained,
         workers: Workers,
         progress: &dyn Fn(&str, f64),
-    ) -> Result<Vec<Found>, JobError> {
-        let Prepared { subject, all_features, windows, data } = &self.prepared;
+    ) -> Result<SubjectResult, JobError> {
+        let Prepared { subject, all_features, windows, data } = self;
         let moving = moving(study, *subject, windows, JUDGED);
         let (pools, settings) = (pools(study), subject.settings(study));
-        let context = Context {
-            trained: &self.trained,
-            pools: &pools,
-            all_features,
-            moving: moving.as_ref(),
-            workers,
-            progress,
-        };
-        let bench = Bench::new(data, &settings, &context);
-        let found = pieces.iter().map(|&piece| bench.evaluate(piece));
-        Ok(found.collect::<Result<_, _>>()?)
+        let moving = moving.as_ref();
+        let context = Context { trained, pools: &pools, all_features, moving, workers, progress };
+        let evaluation = evaluation::evaluate(data, &settings, &context)?;
+        Ok(SubjectResult::new(*subject, study, settings, evaluation))
     }
+}
+
+/// Evaluates the trained model of a subject in a folder.
+///
+/// # Errors
+/// A file is missing or cannot be read; the evaluation fails.
+pub fn evaluate_subject(
+    folder: &Folder,
+    study: &Study,
+    subject: Subject,
+    workers: Workers,
+) -> Result<SubjectResult, JobError> {
+    let prepared = Prepared::read(folder, study, subject, workers)?;
+    prepared.evaluate(study, &trained(folder, subject)?, workers, &|_, _| ())
 }
 
 /// Trains every subject in a folder and writes the models. Subjects are processed in parallel, because much of
@@ -233,27 +206,6 @@ pub fn train_all(
     trained?.into_iter().collect()
 }
 
-/// The results of a subject, and its part in the robustness tests.
-pub struct Evaluated {
-    result: SubjectResult,
-    /// Data set and model for tests across settings. `None` with the extra sensor, whose features the others lack.
-    tested: Option<Tested>,
-}
-
-impl Evaluated {
-    /// Joins the evaluated pieces of a subject.
-    pub fn new(study: &Study, desk: Desk, found: Vec<Found>) -> Self {
-        let Desk { prepared: Prepared { subject, data, .. }, trained } = desk;
-        let settings = subject.settings(study);
-        let tested = (!subject.extra_sensor()).then(|| {
-            let (data, _) = evaluation::banded(&data, &settings, &pools(study));
-            Tested { name: subject.name().to_owned(), data, trained }
-        });
-        let result = SubjectResult::new(subject, study, settings, piece::joined(found));
-        Evaluated { result, tested }
-    }
-}
-
 /// Evaluates the trained model of every subject in a folder and writes the results. `progress` receives the task at
 /// hand and the share that is done, from 0 to 1.
 ///
@@ -268,7 +220,7 @@ pub fn evaluate_all(
     let subjects = subjects(folder, study)?;
     let stored = |prepared: &Prepared| trained(folder, prepared.subject);
     let evaluated = evaluate_with(folder, study, &subjects, workers, progress, &stored)?;
-    write_results(folder, study, &evaluated)
+    write_results(folder, study, evaluated)
 }
 
 /// Trains and evaluates some subjects, to the same bytes as [`train_all`] and [`evaluate_all`]. The shared preparation
@@ -282,7 +234,7 @@ pub fn train_and_evaluate(
     subjects: &[Subject],
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
-) -> Result<Vec<Evaluated>, JobError> {
+) -> Result<Vec<SubjectResult>, JobError> {
     let train = |prepared: &Prepared| prepared.train(folder, study, workers);
     evaluate_with(folder, study, subjects, workers, progress, &train)
 }
@@ -294,7 +246,7 @@ fn evaluate_with(
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
     trained: &(dyn Fn(&Prepared) -> Result<Trained, JobError> + Sync),
-) -> Result<Vec<Evaluated>, JobError> {
+) -> Result<Vec<SubjectResult>, JobError> {
     let shares = Mutex::new(vec![0.0; subjects.len()]);
     let numbered: Vec<(usize, Subject)> = subjects.iter().copied().enumerate().collect();
     let evaluated = parallel::map(&numbered, workers, |&(place, subject)| {
@@ -306,27 +258,23 @@ fn evaluate_with(
         };
         let prepared = Prepared::read(folder, study, subject, workers)?;
         let trained = trained(&prepared)?;
-        let desk = Desk { prepared, trained };
-        let found = desk.evaluate(study, &pieces(study, subject), workers, &told)?;
+        let result = prepared.evaluate(study, &trained, workers, &told)?;
         told("done", 1.0);
-        Ok::<_, JobError>(Evaluated::new(study, desk, found))
+        Ok::<_, JobError>(result)
     });
     evaluated?.into_iter().collect()
 }
 
-/// Tests every model in the settings of the others, and writes the results of some subjects.
+/// Writes the results of some subjects.
 ///
 /// # Errors
-/// The file cannot be written; the evaluation fails.
+/// The file cannot be written.
 pub fn write_results(
     folder: &Folder,
     study: &Study,
-    evaluated: &[Evaluated],
+    subjects: Vec<SubjectResult>,
 ) -> Result<Results, JobError> {
-    let tested: Vec<&Tested> = evaluated.iter().filter_map(|one| one.tested.as_ref()).collect();
-    let robustness = evaluation::robustness::evaluate(&tested, &study.shutdowns())?;
-    let list = evaluated.iter().map(|one| one.result.clone()).collect();
-    let results = Results::new(study, list, robustness);
+    let results = Results::new(study, subjects);
     model_file::write(folder.results(), &results)?;
     Ok(results)
 }

@@ -1,7 +1,6 @@
 //! The evaluation of all subjects: `evaluation.json`.
 
 use super::{Folder, JobError, Subject};
-use crate::evaluation::robustness::Cross;
 use crate::evaluation::{Evaluation, EvaluationSettings, model_file};
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
@@ -18,8 +17,6 @@ pub struct Results {
     pub study: String,
     /// One entry for each subject.
     pub subjects: Vec<SubjectResult>,
-    /// Results of models trained on one setting and tested on another.
-    pub robustness: Vec<Cross>,
 }
 
 /// The evaluation of one subject.
@@ -37,8 +34,8 @@ pub struct SubjectResult {
 
 impl Results {
     /// Assembles the results of a study.
-    pub fn new(study: &Study, subjects: Vec<SubjectResult>, robustness: Vec<Cross>) -> Self {
-        Results { format: FORMAT.into(), study: study.name.clone(), subjects, robustness }
+    pub fn new(study: &Study, subjects: Vec<SubjectResult>) -> Self {
+        Results { format: FORMAT.into(), study: study.name.clone(), subjects }
     }
 
     /// Reads the results in a folder.

@@ -12,7 +12,8 @@
 use super::flights::{Crew, FlightResults};
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
-use super::{Evaluated, JobError, Results, Subject};
+use super::results::SubjectResult;
+use super::{JobError, Results, Subject};
 use super::{data_card, flights, manifest, subjects, train_and_evaluate};
 use crate::campaign::{Campaign, CampaignError, CampaignOutcome};
 use crate::parallel::Workers;
@@ -193,7 +194,7 @@ impl<'r> StudyRun<'r> {
             stage
         };
         let mut evaluated = vec![];
-        let mut results = Results::new(study, vec![], vec![]);
+        let mut results = Results::new(study, vec![]);
         for settings in groups {
             for role in study.roles() {
                 begin();
@@ -202,7 +203,7 @@ impl<'r> StudyRun<'r> {
             self.check()?;
             let stage = begin();
             evaluated.extend(self.evaluate(&settings)?);
-            results = super::write_results(&self.folder, study, &evaluated)?;
+            results = super::write_results(&self.folder, study, evaluated.clone())?;
             data_card::write(&self.folder, study)?;
             manifest::write(&self.folder, study)?;
             let remaining = of - stage;
@@ -255,7 +256,7 @@ impl<'r> StudyRun<'r> {
         Ok(results)
     }
 
-    fn evaluate(&self, settings: &[Setting]) -> Result<Vec<Evaluated>, JobError> {
+    fn evaluate(&self, settings: &[Setting]) -> Result<Vec<SubjectResult>, JobError> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Evaluating { what, share });
         let mut subjects = subjects(&self.folder, self.study)?;

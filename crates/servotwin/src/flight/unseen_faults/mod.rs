@@ -3,11 +3,9 @@
 //! The right name cannot be expected for an unknown fault. The requirement is that the healthy actuator stays on, and
 //! that the output is sensible: the right actuator, an unknown fault, or a wrong input of the twin.
 
-mod challenge_set;
 mod effect;
 mod list;
 
-pub use challenge_set::ChallengeSetMetrics;
 pub(super) use effect::Touched;
 pub use list::{ALL, Foreign, set_names};
 
@@ -84,33 +82,55 @@ impl Words {
     }
 }
 
-/// The outcome of an unseen fault.
+/// What was counted in the flights of an unseen fault, or of all of a challenge set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnseenFaultOutcome {
-    /// The fault's title.
+    /// The title of the fault, or the name of the set.
     pub title: String,
-    /// Its strengths in words.
+    /// The strengths of the fault in words; empty for a set.
     pub strengths: String,
-    /// The command that counts as sensible.
-    pub sensible: Needed,
+    /// What is right for the fault; `None` for a set.
+    pub needed: Option<Needed>,
     /// Number of completed flights.
     pub flights: u64,
     /// Number of failed flights.
     pub failed: u64,
+    /// Flights in which the first action after the onset was right, or where none is right, none was raised.
+    pub right_action: u64,
+    /// Flights in which another action was the first after the onset, against whatever actuator.
+    pub other_action: u64,
     /// The outputs of the diagnosis.
     pub words: Words,
+    /// Flights that need a shutdown, and those of them without a shutdown of an actuator at fault.
+    pub missed_shutdowns: [u64; 2],
     /// Number of shutdowns of an actuator at fault.
     pub shutdowns_at_fault: u64,
-    /// Number of shutdowns of a healthy actuator whose boundary sensors are right.
+    /// Number of shutdowns, at any time, of a healthy actuator whose boundary sensors are right.
     pub shutdowns_healthy: u64,
     /// Flights in which a healthy actuator was shut down because a boundary sensor (a supply or return pressure that
     /// its twin reads) was wrong. `None` if no such sensor was wrong.
     pub shutdowns_behind_wrong_sensor: Option<u64>,
+    /// Flights with an action before the onset.
+    pub false_alarms: u64,
     /// From the onset to the first output of any kind.
     pub first_word: Option<Latency>,
+    /// From the onset to the first right action.
+    pub latency: Option<Latency>,
     /// Flights in which a shutdown of a healthy actuator was raised, whether its boundary sensors were right or wrong:
     /// environment, unit, strength.
     pub wrong: Vec<String>,
+}
+
+impl UnseenFaultOutcome {
+    /// Flights without an action after the onset that need one.
+    pub fn without_action(&self) -> u64 {
+        self.flights - self.right_action - self.other_action
+    }
+
+    /// Flights in which a healthy actuator was shut down at any time, whether its boundary sensors were right or wrong.
+    pub fn wrong_shutdowns(&self) -> u64 {
+        self.wrong.len() as u64
+    }
 }
 
 /// The outcomes of all unseen faults in a scenario.
@@ -121,7 +141,7 @@ pub struct UnseenFaultMetrics {
     /// One for each fault that applies to the study's system.
     pub outcomes: Vec<UnseenFaultOutcome>,
     /// One for each challenge set with a flight.
-    pub sets: Vec<ChallengeSetMetrics>,
+    pub sets: Vec<UnseenFaultOutcome>,
 }
 
 impl UnseenFaultMetrics {
@@ -289,25 +309,27 @@ pub fn judge(
         },
         &|_, _| (),
     );
-    let of = |fault: &Foreign| {
-        let own: Vec<&Outcome> = outcomes.iter().filter(|row| row.event == fault.title).collect();
-        let in_words = |row: &Outcome| cases[row.number as usize - FIRST].in_words(study, flights);
-        (!own.is_empty()).then(|| counted(fault, &own, &in_words))
+    let in_words = |row: &Outcome| cases[row.number as usize - FIRST].in_words(study, flights);
+    let of = |title: &str, is_own: &dyn Fn(&Outcome) -> bool| {
+        let own: Vec<&Outcome> = outcomes.iter().filter(|row| is_own(row)).collect();
+        (!own.is_empty()).then(|| counted(title, &own, &in_words))
+    };
+    let of_fault = |fault: &Foreign| {
+        let counted = of(fault.title, &|row| row.event == fault.title)?;
+        let (strengths, needed) = (fault.strengths_in_words.into(), Some(fault.sensible));
+        Some(UnseenFaultOutcome { strengths, needed, ..counted })
     };
     let metrics = UnseenFaultMetrics {
         setting: setting.name().into(),
-        outcomes: ALL.iter().filter_map(of).collect(),
-        sets: set_names()
-            .into_iter()
-            .filter_map(|set| challenge_set::count(set, &outcomes))
-            .collect(),
+        outcomes: ALL.iter().filter_map(of_fault).collect(),
+        sets: set_names().into_iter().filter_map(|set| of(set, &|row| row.kind == set)).collect(),
     };
     Ok((metrics, outcomes))
 }
 
-/// Counts all flights with one of the faults. `in_words` describes a flight.
+/// Counts some flights. `in_words` describes a flight.
 fn counted(
-    fault: &Foreign,
+    title: &str,
     own: &[&Outcome],
     in_words: &dyn Fn(&Outcome) -> String,
 ) -> UnseenFaultOutcome {
@@ -317,26 +339,30 @@ fn counted(
     let of = finished.len() as u64;
     let count =
         |holds: fn(&Outcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
-    let is_wrong = |row: &&&Outcome| has_healthy_shutdown(row) || row.shutdown_misinformed;
+    let has_shutdown = |row: &Outcome| row.shutdown_healthy || row.early_shutdowns > 0;
+    let is_wrong = |row: &&&Outcome| has_shutdown(row) || row.shutdown_misinformed;
     UnseenFaultOutcome {
-        title: fault.title.into(),
-        strengths: fault.strengths_in_words.into(),
-        sensible: fault.sensible,
+        title: title.into(),
+        strengths: String::new(),
+        needed: None,
         flights: of,
         failed: own.len() as u64 - of,
+        right_action: count(Outcome::is_right),
+        other_action: count(|row| row.first != FirstAction::None && !row.is_right()),
         words,
+        missed_shutdowns: [
+            count(|row| row.needs_shutdown),
+            count(|row| row.needs_shutdown && !row.shutdown_at_fault),
+        ],
         shutdowns_at_fault: count(|row| row.shutdown_at_fault),
-        shutdowns_healthy: count(has_healthy_shutdown),
+        shutdowns_healthy: count(has_shutdown),
         shutdowns_behind_wrong_sensor: own
             .iter()
             .any(|row| !row.misinformed.is_empty())
             .then(|| count(|row| row.shutdown_misinformed)),
+        false_alarms: count(|row| row.early_alarms > 0),
         first_word: latency(finished.iter().filter_map(|row| row.first_word_s), of),
+        latency: latency(finished.iter().filter_map(|row| row.right_action_s), of),
         wrong: finished.iter().filter(is_wrong).map(|row| in_words(row)).collect(),
     }
-}
-
-/// Whether a healthy actuator with right boundary sensors was shut down at any time.
-fn has_healthy_shutdown(outcome: &Outcome) -> bool {
-    outcome.shutdown_healthy || outcome.early_shutdowns > 0
 }
