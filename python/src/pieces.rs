@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
 use servotwin::flight::campaign::FlightCampaign;
-use servotwin::flight::judge::{self, Rates};
+use servotwin::flight::judge;
 use servotwin::flight::outcome::Outcome;
 use servotwin::flight::plan;
 use servotwin::flight::plan::Purpose;
@@ -169,8 +169,7 @@ pub fn fly_piece(
         let text = match diagnoser {
             None => to_text(&training_windows::cut(study, &flights, &flown)),
             Some(diagnoser) => {
-                let rates = Rates::of_size(full);
-                let watched = judge::watch(&flown, &diagnoser, rates, &|_, _| ());
+                let watched = judge::watch(&flown, &diagnoser, &|_, _| ());
                 to_text(&watched.map_err(Failure::value)?)
             }
         };

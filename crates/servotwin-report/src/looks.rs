@@ -56,12 +56,6 @@ pub fn subject(subject: Subject) -> Look {
     SemanticColor::Setting(place.unwrap_or(0)).look()
 }
 
-/// The style of a setting, by its name.
-pub fn setting(name: &str) -> Look {
-    let known = Subject::ALL.into_iter().find(|subject| subject.name() == name);
-    known.map_or_else(|| SemanticColor::Plain(1).look(), subject)
-}
-
 /// Styles of two series that have no meaning in other figures.
 pub fn plain() -> Vec<Look> {
     vec![SemanticColor::Plain(0).look(), SemanticColor::Plain(1).look()]

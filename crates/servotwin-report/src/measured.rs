@@ -298,8 +298,7 @@ impl MeasuredFlights {
         foreign: Option<&UnseenFaultMetrics>,
         words: &Vocabulary,
     ) -> Self {
-        let strong = merit.classes.iter().filter(|class| class.intensities[0] >= STRONG);
-        let actions = strong.filter(|class| class.flown > 0).cloned().collect();
+        let actions = merit.strong_classes.clone();
         MeasuredFlights {
             scenario: merit.setting.clone(),
             flights: merit.flights,

@@ -3,15 +3,15 @@
 use crate::error::SafetyError;
 use crate::interval::{CountedValue, poisson_rate_per_h};
 use crate::rates::{FailureRates, RatedFault};
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, STRONG};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics};
 
 /// The faults whose flights are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FaultIntensities {
     All,
-    /// From [`STRONG`] on.
+    /// From [`STRONG`](servotwin::flight::judge::STRONG) on.
     Strong,
-    /// Below [`STRONG`].
+    /// Below it.
     Weak,
 }
 
@@ -35,11 +35,11 @@ pub(crate) struct ActionCounts {
 impl ActionCounts {
     /// The counts of an action.
     pub fn of(metrics: &FlightMetrics, action: &str, intensities: FaultIntensities) -> Self {
-        let mut own = metrics.classes.iter().filter(|class| class.command == action);
-        // The first entry of an action has all intensities, the last one the strong ones.
-        let all = own.clone().next().map(Self::of_class).unwrap_or_default();
-        let strong = own.rfind(|class| class.intensities[0] >= STRONG);
-        let strong = strong.map(Self::of_class).unwrap_or_default();
+        let own = |classes: &[ClassMetrics]| {
+            let own = classes.iter().find(|class| class.command == action);
+            own.map(Self::of_class).unwrap_or_default()
+        };
+        let (all, strong) = (own(&metrics.classes), own(&metrics.strong_classes));
         match intensities {
             FaultIntensities::All => all,
             FaultIntensities::Strong => strong,

@@ -3,7 +3,7 @@
 use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, spoken};
-use servotwin::job::manifest::{DataSetEntry, KindEffort, MovingVariant};
+use servotwin::job::manifest::{DataSetEntry, KindEffort};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -13,12 +13,6 @@ pub fn write(material: &Material, page: &mut Page) {
     for set in &strange {
         let efforts = set.efforts.iter().filter(|effort| is_strange(effort));
         page.table(&grid(efforts), &format!("{}: {}", called(set), caption(set)));
-    }
-    for set in sets.iter().filter(|set| !set.on_the_move.is_empty()) {
-        let shown = set.on_the_move.len().min(MAX_NAMED);
-        let of_all = format!("{shown} of {}", set.on_the_move.len());
-        let text = format!("Without a steady state: {} ({of_all} variants)", called(set));
-        page.folded(&text, |page| page.table(&named(&set.on_the_move[..shown]), NAMED));
     }
     if strange.is_empty() && !sets.is_empty() {
         page.text(
@@ -32,15 +26,9 @@ pub fn write(material: &Material, page: &mut Page) {
     }
 }
 
-/// The maximum number of variants without a steady state that are listed by name.
-const MAX_NAMED: usize = 50;
-
 const RINGS: &str = "Variants that ring take more than five times the steps of their twin, because a part of them \
                      oscillates fast (a limit cycle): what their sensors show is true on average and in size, not \
                      sample by sample.";
-
-const NAMED: &str = "Variants that began on the move, because no steady state was found for them or for their twin. \
-                     They teach no band.";
 
 /// The caption of a data set's table.
 fn caption(set: &DataSetEntry) -> String {
@@ -53,7 +41,7 @@ fn caption(set: &DataSetEntry) -> String {
     }
     if moving > 0 {
         parts.push(format!(
-            "For {moving} variants no steady state was found, and the run began on the move. {}",
+            "For {moving} variants no steady state was found, and the run began on the move (manifest.json names them). {}",
             match cycles {
                 0 => "No limit cycle was measured among them.".into(),
                 _ if cycles == moving =>
@@ -65,26 +53,6 @@ fn caption(set: &DataSetEntry) -> String {
         ));
     }
     parts.join(" ")
-}
-
-fn named(variants: &[MovingVariant]) -> HtmlTable {
-    let mut grid = HtmlTable::new([
-        ("variant", Alignment::Right),
-        ("fault", Alignment::Left),
-        ("intensity", Alignment::Right),
-        ("case", Alignment::Left),
-        ("limit cycle", Alignment::Left),
-    ]);
-    for one in variants {
-        grid.push(vec![
-            one.variant.to_string(),
-            spoken(&one.fault),
-            number(one.intensity),
-            one.case.clone(),
-            if one.limit_cycle { "measured" } else { "not measured" }.into(),
-        ]);
-    }
-    grid
 }
 
 const STEPS: &str = "The solver takes the steps that its error control asks for: many where a part oscillates fast or \

@@ -3,7 +3,6 @@
 
 use crate::Material;
 use crate::lines;
-use crate::looks;
 use crate::looks::Looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
@@ -98,10 +97,6 @@ pub fn write(material: &Material, page: &mut Page) {
              intermittent fault is there for 1 s and away for 1 s.",
             words.off()
         ));
-    page.heading("False alarms against latency");
-    if results.merits.iter().any(|merit| merit.trade.len() > 1) {
-        trade(results, words, page);
-    }
     wrong_kinds(results, words, page);
 }
 
@@ -280,7 +275,8 @@ impl SettingLimits<'_> {
             let mut commands = onsets.iter().flat_map(|(_, onset)| onset.command.split(", "));
             commands.any(|command| command == class.command)
         };
-        let classes: Vec<&ClassMetrics> = strong(self.merit).filter(has_onset).collect();
+        let classes: Vec<&ClassMetrics> =
+            self.merit.strong_classes.iter().filter(has_onset).collect();
         if !classes.is_empty() {
             let of = classes.iter().map(|class| class.visible.count).sum::<u64>();
             let latencies = classes.iter().filter_map(|class| class.isolation.as_ref());
@@ -329,7 +325,7 @@ impl SettingLimits<'_> {
         if strong.of > 0 {
             let title =
                 format!("visible faults of intensity {STRONG} and more with the right action");
-            self.explain(title, Rate::new(strong.count, strong.of));
+            self.explain(title, strong);
         }
     }
 
@@ -467,17 +463,11 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     }
 }
 
-/// The classes with strong faults only. They follow the classes with all intensities.
-fn strong(merit: &FlightMetrics) -> impl Iterator<Item = &ClassMetrics> {
-    let half = merit.classes.len() / 2;
-    merit.classes[half..].iter()
-}
-
 fn latencies(merit: &FlightMetrics, looks: &Looks) -> Figure {
     let mut lines = Lines::new("", "time since the onset / s", "isolated / % of visible");
     lines.x_log = true;
     lines.y_range = Some((0.0, 100.0));
-    for class in strong(merit) {
+    for class in &merit.strong_classes {
         let points = class.isolation.iter().flat_map(|latency| &latency.by_s);
         let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
         lines = lines.with(
@@ -509,7 +499,7 @@ fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
     let times_heads = ["silent", "until visible", "until isolated", "visible to isolated"];
     heads.extend(times_heads.map(|head| (head.into(), Alignment::Right)));
     let mut grid = HtmlTable::new(heads);
-    for class in &merit.classes {
+    for class in merit.classes.iter().chain(&merit.strong_classes) {
         let [low, high] = class.intensities;
         let count =
             |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
@@ -548,65 +538,6 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
         }
     }
     grid
-}
-
-/// Writes the same flights with other target rates of false alarms.
-fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
-    page.text(&format!(
-        "The sequential test gets the rate of false alarms that is allowed, and takes the time that this \
-         needs. The same {}s, with several rates asked for:",
-        words.run()
-    ));
-    let mut lines = Lines::new("", "false alarms asked for, per hour", "time since the onset / s");
-    lines.x_log = true;
-    let right = [
-        "asked for, per hour",
-        "false alarms measured",
-        "isolated: median, 95 %",
-        "never isolated",
-    ];
-    let right = right.map(|head| (head.to_owned(), Alignment::Right));
-    let wrong =
-        words.has_several().then(|| (format!("wrong {} off", words.unit()), Alignment::Right));
-    let left = [("setting".to_owned(), Alignment::Left)];
-    let mut grid = HtmlTable::new(left.into_iter().chain(right).chain(wrong));
-    for merit in &results.merits {
-        let isolated =
-            merit.trade.iter().filter_map(|p| Some((p.asked_per_h, p.isolation.as_ref()?)));
-        let mut isolated: Vec<(f64, &Latency)> = isolated.collect();
-        isolated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let curve = |name: &str, of: fn(&Latency) -> f64, place: usize| {
-            let points = isolated.iter().map(|(asked, latency)| (*asked, of(latency))).collect();
-            Curve::new(format!("{}, {name}", merit.setting), points)
-                .looking(looks::setting(&merit.setting).at(place))
-        };
-        lines = lines.with(curve("median", |l| l.median_s, 0)).with(curve("95 %", |l| l.p95_s, 1));
-        for point in &merit.trade {
-            let healthy = &point.healthy;
-            let isolation = point.isolation.as_ref();
-            let mut row = vec![
-                merit.setting.clone(),
-                chosen(point.asked_per_h),
-                format!(
-                    "{} in {:.1} h\nat most {} per hour (95 %)",
-                    healthy.alarms,
-                    healthy.hours,
-                    number(healthy.alarms_per_h_upper)
-                ),
-                isolation.map_or(NONE.into(), |l| format!("{:.2} s, {:.2} s", l.median_s, l.p95_s)),
-                stacked(Some(point.missed)),
-            ];
-            row.extend(words.has_several().then(|| point.wrong_shutdowns.to_string()));
-            grid.push(row);
-        }
-    }
-    let caption = format!(
-        "How long the isolation of visible {} faults of intensity {STRONG} and more takes, by the \
-         rate of false alarms that is asked for.",
-        words.off()
-    );
-    page.figure("flights_trade", lines.draw(), &caption);
-    page.table(&grid, "The same in numbers; latencies are of the faults that were isolated.");
 }
 
 fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
@@ -714,7 +645,7 @@ fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
     }
     parts.push(format!(
         "{} visible faults of intensity {STRONG} and more get the right action",
-        rate(Some(Rate::new(strong.count, strong.of)))
+        rate(Some(strong))
     ));
     let setting = &merit.setting;
     format!(" In plants that are not their twin, setting {setting}: {}.", parts.join("; "))

@@ -39,14 +39,15 @@ fn metrics(classes: &[(&str, u64, u64, u64, u64)], shutdowns: u64, hours: f64) -
         "hours": hours, "alarms": shutdowns, "shutdowns": shutdowns, "alarms_per_h": 0.0, "alarms_per_h_upper": 1.0,
         "visible_by_chance": 0, "flights": [0, 0],
         "environments": {"flown": 0, "with_alarm": 0, "share_upper": 1.0},
+        "shutdown_environments": {"flown": 0, "with_alarm": 0, "share_upper": 1.0},
     });
     let text = json!({
         "setting": "noise", "flights": 1, "failed": 0, "failed_to_learn": 0, "on_the_move_to_learn": [],
         "limit_s": 1.0, "in_time": rate(0, 0),
         "visible_in_time": rate(0, 0), "in_time_since_visible": rate(0, 0),
-        "classes": classes.iter().map(class).collect::<Vec<_>>(), "kinds": [], "onsets": [],
+        "classes": classes.iter().map(class).collect::<Vec<_>>(), "strong_classes": [], "kinds": [], "onsets": [],
         "healthy": healthy,
-        "wrong_shutdowns": 0, "trade": [], "wrong_kinds": [],
+        "wrong_shutdowns": 0, "wrong_kinds": [],
     });
     serde_json::from_value(text).unwrap()
 }

@@ -1,8 +1,6 @@
 //! Evaluates the diagnosis over many flights: latency, certainty and errors.
 //!
-//! Every flight has an environment, a specimen and noise that were not used in training. In the full size, the same
-//! flights are evaluated at several target rates of false alarms, which gives the trade-off between alarms and latency.
-//! The few hours of the usual size cannot tell these rates apart.
+//! Every flight has an environment, a specimen and noise that were not used in training.
 
 use super::campaign::FlightCampaign;
 use super::outcome::{FirstAction, Outcome};
@@ -18,9 +16,6 @@ use servotwin_learning::metrics::{
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Target rates of false alarms besides the diagnoser's own, per hour.
-const ASKED_PER_H: [f64; 2] = [1.0, 1e-6];
 
 /// The least intensity whose latencies are compared with the limit.
 pub const STRONG: f64 = 0.5;
@@ -207,70 +202,30 @@ impl EnvironmentMetrics {
     }
 }
 
-/// A point of the trade-off between alarms and latency.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TradePoint {
-    /// The target rate of false alarms, per hour.
-    pub asked_per_h: f64,
-    /// Results of healthy flights.
-    pub healthy: HealthyMetrics,
-    /// Isolation latency of visible, strong shutdown faults.
-    pub isolation: Option<Latency>,
-    /// Share of visible, strong shutdown faults that were never isolated.
-    pub missed: Rate,
-    /// Number of flights with a shutdown of the wrong actuator.
-    pub wrong_shutdowns: u64,
-}
-
-/// Counts of visible, strong faults.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct StrongFaults {
-    /// Number for which the right command was raised first.
-    pub count: u64,
-    /// Number of all of them.
-    pub of: u64,
-}
-
 /// The most flights without a steady state that are named in a message; the results file lists all.
 const MAX_NAMED: usize = 10;
 
 impl FlightMetrics {
-    /// Counts the visible faults of at least [`STRONG`] for which the right command was raised first.
-    pub fn strong(&self) -> StrongFaults {
-        // Where all faults are strong, the classes of all intensities have the same content as those of the strong ones.
-        let strong: BTreeMap<&str, &ClassMetrics> = (self.classes.iter())
-            .filter(|class| class.intensities[0] >= STRONG)
-            .map(|class| (class.command.as_str(), class))
-            .collect();
-        strong.into_values().fold(StrongFaults::default(), |sum, class| StrongFaults {
-            count: sum.count + class.isolated.count,
-            of: sum.of + class.isolated.of,
-        })
+    /// The visible faults of at least [`STRONG`] for which the right action was raised first.
+    pub fn strong(&self) -> Rate {
+        let sum = |of: fn(&ClassMetrics) -> u64| self.strong_classes.iter().map(of).sum();
+        Rate::new(sum(|class| class.isolated.count), sum(|class| class.isolated.of))
     }
 
     /// Flights, of all with a fault, in which the right action for the right actuator came first. A fault that never
     /// became visible counts as missed.
     pub fn right_actions(&self) -> Rate {
-        let sum = |of: fn(&ClassMetrics) -> u64| self.of_all_intensities().map(of).sum();
+        let sum = |of: fn(&ClassMetrics) -> u64| self.classes.iter().map(of).sum();
         Rate::new(sum(|class| class.isolated.count), sum(|class| class.flown))
     }
 
     /// Flights, of all with a fault that needs one of these shutdowns, in which it was not the first action.
     pub fn missed_shutdowns(&self, shutdowns: &[String]) -> Rate {
-        let own = self.of_all_intensities().filter(|class| shutdowns.contains(&class.command));
+        let own = self.classes.iter().filter(|class| shutdowns.contains(&class.command));
         let (missed, flown) = own.fold((0, 0), |(missed, flown), class| {
             (missed + class.flown - class.isolated.count, flown + class.flown)
         });
         Rate::new(missed, flown)
-    }
-
-    /// The first entry of every action, which has all intensities.
-    fn of_all_intensities(&self) -> impl Iterator<Item = &ClassMetrics> {
-        let is_first = |place: usize, class: &ClassMetrics| {
-            self.classes[..place].iter().all(|other| other.command != class.command)
-        };
-        let classes = self.classes.iter().enumerate();
-        classes.filter(move |(place, class)| is_first(*place, class)).map(|(_, class)| class)
     }
 
     /// Names the training flights that began without a steady state; `None` if there are none.
@@ -316,8 +271,10 @@ pub struct FlightMetrics {
     pub visible_in_time: Rate,
     /// The share isolated within the limit after they became visible.
     pub in_time_since_visible: Rate,
-    /// By command: first all intensities, then the strong ones.
+    /// By action, faults of all intensities.
     pub classes: Vec<ClassMetrics>,
+    /// By action, faults of at least [`STRONG`].
+    pub strong_classes: Vec<ClassMetrics>,
     /// By kind of fault: first all intensities, then the strong ones.
     pub kinds: Vec<KindLatency>,
     /// By kind of onset: strong shutdown faults.
@@ -326,8 +283,6 @@ pub struct FlightMetrics {
     pub healthy: HealthyMetrics,
     /// Number of flights with a shutdown of the wrong actuator.
     pub wrong_shutdowns: u64,
-    /// The trade-off between alarms and latency; in the usual size only the diagnoser's own target rate.
-    pub trade: Vec<TradePoint>,
     /// Kinds of fault for which a shutdown of the wrong actuator was raised, with the number of flights.
     pub wrong_kinds: Vec<(String, u64)>,
 }
@@ -351,22 +306,6 @@ pub struct MissingSensorMetrics {
     pub wrong_shutdowns: u64,
 }
 
-/// The target rates of false alarms of which a diagnoser is judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rates {
-    /// The diagnoser's own.
-    Own,
-    /// Others besides, for the trade-off between alarms and latency.
-    Several,
-}
-
-impl Rates {
-    /// Those for flights of the full size, or of the usual one.
-    pub fn of_size(is_full: bool) -> Self {
-        if is_full { Rates::Several } else { Rates::Own }
-    }
-}
-
 /// Flies the planned flights of a scenario, watched by a diagnoser.
 ///
 /// # Errors
@@ -374,20 +313,10 @@ impl Rates {
 pub fn watch(
     flown: &FlightCampaign,
     diagnoser: &Diagnoser,
-    rates: Rates,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<Outcome>, Error> {
-    let asked = match rates {
-        Rates::Own => vec![diagnoser.tuning.false_alarms_per_h],
-        Rates::Several => asked(diagnoser),
-    };
-    let with_rate = |false_alarms_per_h| {
-        let mut other = diagnoser.clone();
-        other.tuning.false_alarms_per_h = false_alarms_per_h;
-        Ok(Watching { session: Session::new(Arc::new(other))?, missing: None })
-    };
-    let watching: Vec<Watching> = asked.into_iter().map(with_rate).collect::<Result<_, Error>>()?;
-    Ok(watch_planned(flown, &watching, progress))
+    let session = Session::new(Arc::new(diagnoser.clone()))?;
+    Ok(watch_planned(flown, &[Watching { session, missing: None }], progress))
 }
 
 /// Flies the planned flights of a scenario once, watched by a diagnosis without each sensor in turn. Returns the
@@ -425,26 +354,20 @@ pub fn without_sensors(
     Ok((outcomes, metrics))
 }
 
-/// Evaluates the outcomes of flights against a latency limit. The diagnoser's own target rate comes first in them.
+/// Evaluates the outcomes of flights against a latency limit.
 pub fn merit(
     study: &Study,
     (setting, limit_s): (&str, f64),
     diagnoser: &Diagnoser,
     outcomes: &[Outcome],
 ) -> FlightMetrics {
-    let at = |asked_per_h: f64| Judged::new(study, outcomes, |row| row.target_per_h == asked_per_h);
-    let judged = at(diagnoser.tuning.false_alarms_per_h);
-    let failed = outcomes.iter().filter(|row| !row.is_finished);
-    let flown = asked(diagnoser).into_iter();
-    let flown = flown.filter(|&rate| outcomes.iter().any(|row| row.target_per_h == rate));
-    let mut trade: Vec<TradePoint> = flown.clone().map(|rate| at(rate).trade(rate)).collect();
-    trade.sort_by(|a, b| b.asked_per_h.total_cmp(&a.asked_per_h));
+    let judged = Judged::new(study, outcomes, |_| true);
     let soon = |time_s: Option<f64>| time_s.is_some_and(|time_s| time_s <= limit_s);
     let wrong_kinds = judged.wrong_kinds();
     FlightMetrics {
         setting: setting.into(),
         flights: judged.faults(|_| true).len() as u64,
-        failed: (failed.count() / flown.count().max(1)) as u64,
+        failed: outcomes.iter().filter(|row| !row.is_finished).count() as u64,
         failed_to_learn: 0,
         healthy_evidence: diagnoser.healthy_evidence,
         on_the_move_to_learn: vec![],
@@ -452,21 +375,14 @@ pub fn merit(
         in_time: judged.share_of_visible(&|row| soon(row.right_action_s)),
         visible_in_time: judged.share_of_visible(&|row| soon(row.visible_s)),
         in_time_since_visible: judged.share_of_visible(&|row| soon(row.waited_s())),
-        classes: [0.0, STRONG].into_iter().flat_map(|least| judged.classes(least)).collect(),
+        classes: judged.classes(0.0),
+        strong_classes: judged.classes(STRONG),
         kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
         onsets: judged.onsets(),
         healthy: HealthyMetrics::new(&judged.rows),
         wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
-        trade,
         wrong_kinds,
     }
-}
-
-/// The target rates, the diagnoser's own first.
-fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
-    let own = diagnoser.tuning.false_alarms_per_h;
-    let others = ASKED_PER_H.into_iter().filter(|rate| *rate != own);
-    std::iter::once(own).chain(others).collect()
 }
 
 /// The finished flights of one diagnosis.
@@ -574,20 +490,6 @@ impl<'j> Judged<'j> {
     fn share_of_visible(&self, holds: &dyn Fn(&Outcome) -> bool) -> Rate {
         let visible = self.faults(|row| needs_shutdown(row) && row.visible_s.is_some());
         self.rate(&visible, holds)
-    }
-
-    fn trade(&self, asked_per_h: f64) -> TradePoint {
-        let class = self.class("", needs_shutdown);
-        let of = class.as_ref().map_or(0, |class| class.visible.count);
-        let isolation = class.and_then(|class| class.isolation);
-        let isolated = isolation.as_ref().map_or(0, |latency| latency.flights);
-        TradePoint {
-            asked_per_h,
-            healthy: HealthyMetrics::new(&self.rows),
-            isolation,
-            missed: Rate::new(of - isolated, of),
-            wrong_shutdowns: wrong_shutdowns(&self.faults(|_| true)),
-        }
     }
 
     /// The kinds of fault in which a healthy actuator was shut down, with the number of flights.

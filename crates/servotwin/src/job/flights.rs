@@ -9,7 +9,7 @@ use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::fitted_twins::CalibrationRecords;
 use crate::flight::hard_negatives;
-use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, Rates};
+use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics};
 use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
 use crate::flight::outcome::{self, Outcome};
 use crate::flight::plan::Purpose;
@@ -260,9 +260,8 @@ pub fn fly_all(
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
         let (diagnoser, left_out) = learn(folder, study, flights, setting, crew)?;
         let part = |share: f64| part(0.4 + 0.6 * share);
-        let rates = Rates::of_size(is_full);
         let model = (diagnoser, left_out);
-        let judged = judge_in(study, flights, (setting, rates), model, crew, &part)?;
+        let judged = judge_in(study, flights, setting, model, crew, &part)?;
         judged.write_outcomes(folder, [JUDGE, UNSEEN], setting)?;
         write(folder, flights, is_full, vec![judged.metrics], None)?;
         if setting.has_tolerances() && flights.other_plant.is_some() {
@@ -296,13 +295,13 @@ impl JudgedScenario {
 fn judge_in(
     study: &Study,
     flights: &Flights,
-    (setting, rates): (Setting, Rates),
+    setting: Setting,
     (diagnoser, left_out): (Diagnoser, LeftOut),
     crew: &Crew,
     part: &(dyn Fn(f64) -> f64 + Sync),
 ) -> Result<JudgedScenario, JobError> {
     let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
-    let watched = watched(&flown, &diagnoser, rates, crew, &|share| {
+    let watched = watched(&flown, &diagnoser, crew, &|share| {
         (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(0.8 * share));
     })?;
     let merit = merit(study, flights, setting, (&diagnoser, left_out), &watched);
@@ -318,12 +317,11 @@ fn judge_in(
 fn watched(
     flown: &FlightCampaign,
     diagnoser: &Diagnoser,
-    rates: Rates,
     crew: &Crew,
     told: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<Outcome>, JobError> {
     let share = |done: usize, of: usize| told(done as f64 / of.max(1) as f64);
-    let watched = judge::watch(flown, diagnoser, rates, &share);
+    let watched = judge::watch(flown, diagnoser, &share);
     crew.check()?;
     watched.map_err(|error| JobError::Evaluation(error.into()))
 }
@@ -364,8 +362,7 @@ pub fn fly_sealed(
     for (place, (&setting, diagnoser)) in settings.iter().zip(diagnosers).enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         let model = (diagnoser, LeftOut::default());
-        let rates = Rates::of_size(is_full);
-        let own = judge_in(study, &flights, (setting, rates), model, crew, &part)?;
+        let own = judge_in(study, &flights, setting, model, crew, &part)?;
         own.write_outcomes(folder, [SEALED_JUDGE, SEALED_UNSEEN], setting)?;
         judged.push(own.metrics);
     }
@@ -432,7 +429,7 @@ pub fn fly_other_plant(
 ) -> Result<Option<FlightMetrics>, JobError> {
     let Some((plants, flights)) = other_plants(study, flights)? else { return Ok(None) };
     let flown = campaign_of_other_plants(study, &flights, &plants, crew)?;
-    let merit = judge_other_plants(folder, &flown, &flights, (OTHER_PLANT, is_full), crew)?;
+    let merit = judge_other_plants(folder, &flown, &flights, OTHER_PLANT, crew)?;
     write(folder, &flights, is_full, vec![], Some(merit.clone()))?;
     Ok(Some(merit))
 }
@@ -452,8 +449,7 @@ pub fn fly_fitted_other_plant(
     (crew.progress)("another plant: fitting its twins", 0.0);
     let flown = campaign_of_other_plants(study, &flights, &plants, crew)?;
     let (flown, calibration) = flown.beside_fitted_twins(crew.workers)?;
-    let asked = (OTHER_PLANT_FITTED, is_full);
-    let merit = judge_other_plants(folder, &flown, &flights, asked, crew)?;
+    let merit = judge_other_plants(folder, &flown, &flights, OTHER_PLANT_FITTED, crew)?;
     let mut all = joined(folder, &flights, is_full, vec![], None)?;
     let judged = FittedPlants { merit, calibration };
     all.other_plant_fitted = Some(judged.clone());
@@ -487,11 +483,11 @@ fn judge_other_plants(
     folder: &Folder,
     flown: &FlightCampaign,
     flights: &Flights,
-    (name, is_full): (&str, bool),
+    name: &str,
     crew: &Crew,
 ) -> Result<FlightMetrics, JobError> {
     let diagnoser = diagnoser(folder, Setting::Realistic)?;
-    let watched = watched(flown, &diagnoser, Rates::of_size(is_full), crew, &|share| {
+    let watched = watched(flown, &diagnoser, crew, &|share| {
         (crew.progress)("another plant: flights to be judged in", share);
     })?;
     write_outcomes(folder, JUDGE, name, &watched)?;

@@ -3,7 +3,7 @@
 
 use servotwin::flight::campaign::{FlightCampaign, Observer};
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
-use servotwin::flight::judge::{self, FlightMetrics, Rates};
+use servotwin::flight::judge::{self, FlightMetrics};
 use servotwin::flight::other_plant::OtherPlants;
 use servotwin::flight::outcome::{Needed, Outcome};
 use servotwin::flight::plan::Purpose;
@@ -83,7 +83,7 @@ fn merit(threads: usize) -> FlightMetrics {
         Workers::new(threads),
     )
     .unwrap();
-    let watched = judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap();
+    let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
     judge::merit(study(), ("noise", 1.0), diagnoser(), &watched)
 }
 
@@ -92,7 +92,7 @@ fn all_actions_that_switch_off_are_judged_together() {
     let flights = &study().flights().unwrap().unwrap();
     let (purpose, workers) = (Purpose::Judge, Workers::new(2));
     let flown = FlightCampaign::new(study(), flights, purpose, Setting::Noise, workers).unwrap();
-    let watched = judge::watch(&flown, diagnoser(), Rates::Own, &|_, _| ()).unwrap();
+    let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
     let judged = |off: &[&str]| {
         let needs_shutdown = |row: &Outcome| off.contains(&row.action.as_str());
         let rows = watched
@@ -100,7 +100,7 @@ fn all_actions_that_switch_off_are_judged_together() {
             .map(|row| Outcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
         let rows: Vec<Outcome> = rows.collect();
         let merit = judge::merit(study(), ("noise", 1.0), diagnoser(), &rows);
-        [merit.in_time.of, merit.visible_in_time.count, merit.trade[0].missed.of]
+        [merit.in_time.of, merit.visible_in_time.count]
     };
     let [one, other] = ["shut_down", "change_mode"].map(|action| judged(&[action]));
     assert!(one[0] > 0 && other[0] > 0, "{one:?} {other:?}");
@@ -191,7 +191,7 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
 
     let mut watched: Vec<Outcome> = vec![];
     for flown in apart(Purpose::Judge, 2) {
-        let sent = text(&judge::watch(&flown, diagnoser(), Rates::Several, &|_, _| ()).unwrap());
+        let sent = text(&judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap());
         watched.extend(serde_json::from_str::<Vec<Outcome>>(&sent).unwrap());
     }
     watched.sort_by_key(|row| row.number);
