@@ -10,7 +10,7 @@ use serde_json::json;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::healthy::HealthyPlants;
-use servotwin::flight::judge::{FlightMetrics, MissingSensorMetrics};
+use servotwin::flight::judge::FlightMetrics;
 use servotwin::flight::unseen_faults::{UnseenFaultOutcome, set_names};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::healthy::{self, HealthyRun};
@@ -98,7 +98,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         return Ok(match global {
             Global { json: true, .. } => json(&json!(merits)),
             Global { quiet: true, .. } => String::new(),
-            _ => merits.iter().map(|merit| of_missing(merit, &words)).collect(),
+            _ => merits.iter().fold(String::new(), |mut text, merit| {
+                scenario(&mut text, merit, &study, &words);
+                text
+            }),
         });
     }
     if !options.challenge.is_empty() {
@@ -297,33 +300,6 @@ where
     stages.end();
     stop::check()?;
     Ok(done?)
-}
-
-/// Describes the flights without one sensor in a line.
-fn of_missing(merit: &MissingSensorMetrics, words: &Vocabulary) -> String {
-    let MissingSensorMetrics {
-        setting,
-        sensor,
-        flights,
-        in_time,
-        isolated,
-        healthy,
-        wrong_shutdowns,
-    } = merit;
-    let wrong = match words.has_several() {
-        true => format!(", shutdowns of the wrong {} {wrong_shutdowns}", words.unit()),
-        false => String::new(),
-    };
-    format!(
-        "{setting} without {sensor}: {flights} flights with a fault{wrong}; of {} visible, strong shutdown \
-         faults {} isolated, {} in time; healthy: {} alarms and {} shutdowns in {:.1} h\n",
-        isolated.of,
-        isolated.count,
-        in_time.count,
-        healthy.alarms,
-        healthy.shutdowns,
-        healthy.hours
-    )
 }
 
 /// Describes the results for readers; the report has the details.

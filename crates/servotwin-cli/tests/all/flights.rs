@@ -196,7 +196,7 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
     assert_eq!(fly(&apart, &["--missing-sensors", "--setting", "noise"]), of_both);
     let text = std::fs::read_to_string(Path::new(&apart).join("missing_sensors.json")).unwrap();
     let merits: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let sensors: Vec<_> = merits.as_array().unwrap().iter().map(|m| &m["sensor"]).collect();
+    let sensors: Vec<_> = merits.as_array().unwrap().iter().map(|m| &m["setting"]).collect();
     assert_eq!(sensors.len(), 8, "{sensors:?}");
     assert!(
         merits.as_array().unwrap().iter().all(|m| m["flights"] == 6 && m["wrong_shutdowns"] == 0)

@@ -287,25 +287,6 @@ pub struct FlightMetrics {
     pub wrong_kinds: Vec<(String, u64)>,
 }
 
-/// The performance with a missing sensor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MissingSensorMetrics {
-    /// The scenario's name.
-    pub setting: String,
-    /// The sensor, which is missing during the whole flight.
-    pub sensor: String,
-    /// Number of flights with a fault.
-    pub flights: u64,
-    /// The share of visible, strong shutdown faults isolated within the limit.
-    pub in_time: Rate,
-    /// The share of visible, strong shutdown faults isolated at any time.
-    pub isolated: Rate,
-    /// Results without a fault.
-    pub healthy: HealthyMetrics,
-    /// Number of flights with a shutdown of the wrong actuator.
-    pub wrong_shutdowns: u64,
-}
-
 /// Flies the planned flights of a scenario, watched by a diagnoser.
 ///
 /// # Errors
@@ -319,39 +300,19 @@ pub fn watch(
     Ok(watch_planned(flown, &[Watching { session, missing: None }], progress))
 }
 
-/// Flies the planned flights of a scenario once, watched by a diagnosis without each sensor in turn. Returns the
-/// outcomes, and the results for each sensor.
+/// Flies the planned flights of a scenario once, watched by a diagnosis without each sensor in turn.
 ///
 /// # Errors
 /// The error of [`Diagnoser::check`].
-pub fn without_sensors(
-    study: &Study,
+pub fn watch_without_sensors(
     flown: &FlightCampaign,
-    (setting, limit_s): (&str, f64),
     diagnoser: &Arc<Diagnoser>,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<(Vec<Outcome>, Vec<MissingSensorMetrics>), Error> {
+) -> Result<Vec<Outcome>, Error> {
     let session = Session::new(diagnoser.clone())?;
-    let sensors = 0..diagnoser.sensors.len();
     let without = |sensor| Watching { session: session.clone(), missing: Some(sensor) };
-    let watching: Vec<Watching> = sensors.clone().map(without).collect();
-    let outcomes = watch_planned(flown, &watching, progress);
-    let metrics = sensors.map(|sensor| {
-        let sensor = &diagnoser.sensors[sensor].name;
-        let judged = Judged::new(study, &outcomes, |row| row.missing == *sensor);
-        let soon = |row: &Outcome| row.right_action_s.is_some_and(|time_s| time_s <= limit_s);
-        MissingSensorMetrics {
-            setting: setting.into(),
-            sensor: sensor.clone(),
-            flights: judged.faults(|_| true).len() as u64,
-            in_time: judged.share_of_visible(&soon),
-            isolated: judged.share_of_visible(&|row| row.right_action_s.is_some()),
-            healthy: HealthyMetrics::new(&judged.rows),
-            wrong_shutdowns: wrong_shutdowns(&judged.faults(|_| true)),
-        }
-    });
-    let metrics = metrics.collect();
-    Ok((outcomes, metrics))
+    let watching: Vec<Watching> = (0..diagnoser.sensors.len()).map(without).collect();
+    Ok(watch_planned(flown, &watching, progress))
 }
 
 /// Evaluates the outcomes of flights against a latency limit.

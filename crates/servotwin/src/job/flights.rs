@@ -9,7 +9,7 @@ use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::fitted_twins::CalibrationRecords;
 use crate::flight::hard_negatives;
-use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics};
+use crate::flight::judge::{self, FlightMetrics};
 use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
 use crate::flight::outcome::{self, Outcome};
 use crate::flight::plan::Purpose;
@@ -506,21 +506,25 @@ pub fn without_sensors(
     flights: &Flights,
     settings: &[Setting],
     crew: &Crew,
-) -> Result<Vec<MissingSensorMetrics>, JobError> {
+) -> Result<Vec<FlightMetrics>, JobError> {
     let mut merits = vec![];
     for (place, &setting) in settings.iter().enumerate() {
         let diagnoser = Arc::new(diagnoser(folder, setting)?);
         let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
-        let asked = (setting.name(), limit_s(flights, setting));
         let told = |done: usize, all: usize| {
             let share = (place as f64 + done as f64 / all.max(1) as f64) / settings.len() as f64;
             (crew.progress)(&format!("{}: flights without each sensor", setting.name()), share);
         };
-        let without = judge::without_sensors(study, &flown, asked, &diagnoser, &told);
+        let watched = judge::watch_without_sensors(&flown, &diagnoser, &told);
         crew.check()?;
-        let (outcomes, metrics) = without.map_err(|error| JobError::Evaluation(error.into()))?;
+        let outcomes = watched.map_err(|error| JobError::Evaluation(error.into()))?;
         write_outcomes(folder, MISSING_SENSORS, setting.name(), &outcomes)?;
-        merits.extend(metrics);
+        merits.extend(diagnoser.sensors.iter().map(|sensor| {
+            let own = outcomes.iter().filter(|row| row.missing == sensor.name).cloned();
+            let name = format!("{} without {}", setting.name(), sensor.name);
+            let asked = (name.as_str(), limit_s(flights, setting));
+            judge::merit(study, asked, &diagnoser, &own.collect::<Vec<_>>())
+        }));
     }
     model_file::write(folder.missing_sensors(), &merits)?;
     Ok(merits)
