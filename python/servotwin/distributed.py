@@ -203,7 +203,8 @@ def flights(
         finally:
             client.cancel(sent)  # type: ignore[no-untyped-call]
         results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, measured, threads))
-        store.put_all(folder, ["flights.json", *sorted(path.name for path in folder.glob("outcomes-*.parquet")), "manifest.json"])
+        outcomes = sorted(path.name for path in folder.glob("outcomes-*.parquet"))
+        store.put_all(folder, ["flights.json", *outcomes, "manifest.json"])
     return results
 
 
