@@ -61,7 +61,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-const MORE: &str = "This was the quick study; --full has longer records, more training commands, and flights\n";
+const MORE: &str =
+    "This was the quick study; --full has longer records, more training commands, and flights\n";
 
 /// Shows the progress of a study to the user.
 struct Screen<'s> {
