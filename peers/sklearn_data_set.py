@@ -65,7 +65,6 @@ class Rows:
         self.actuator = table["actuator"].to_numpy()
         self.command = table["command"].to_numpy()
         self.detail = table["detail"].to_numpy()
-        self.reflected = table["reflected"].to_numpy()
 
     def reading(self, names):
         """The same rows with some of the features only."""
@@ -157,7 +156,7 @@ def compare(setting):
     if not path.exists():
         return
     train = Rows(path, bands, names)
-    test = faults[~data.reflected[faults]]
+    test = faults
     everything = np.arange(len(train.actuator))
     for name, models, features, field in (
         ("new command, trees", trees, names, "protocols"),

@@ -463,8 +463,8 @@ fn safety_does_not_hang_on_a_name() {
         let results = std::fs::read_to_string(format!("{out}/evaluation.json")).unwrap();
         let results: serde_json::Value = serde_json::from_str(&results).unwrap();
         let protocols = results["subjects"][0]["evaluation"]["protocols"].as_array().unwrap();
-        let grouped = protocols.iter().find(|p| p["protocol"] == "grouped").unwrap();
-        grouped["safety"].clone()
+        let unseen = protocols.iter().find(|p| p["protocol"] == "unseen_intensity").unwrap();
+        unseen["safety"].clone()
     };
     let usual = study("shut_down", "shut_down = { switches_off = true }");
     assert!(usual["missed_shutdown"]["of"].as_u64().unwrap() > 0, "{usual}");
