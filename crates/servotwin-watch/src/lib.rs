@@ -356,7 +356,10 @@ impl<'w> Watch<'w> {
             }
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);
-            self.plausibility.twin(as_logged, observation.twin);
+            // A twin whose input is not accepted follows an earlier value, and is no comparison for a sensor.
+            if observation.finding.state != DiagnosisState::EnvironmentInvalid {
+                self.plausibility.twin(as_logged, observation.twin);
+            }
             counts.judged += u64::from(observation.finding.state.is_judgement());
             let changed = !observation.finding.says_the_same(finding);
             if changed {

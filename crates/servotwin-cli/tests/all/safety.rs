@@ -491,7 +491,7 @@ fn weakened(name: &str) -> (Folder, String) {
     let path = Path::new(&out).join("diagnoser-noise.json");
     let text = fs::read_to_string(&path).unwrap();
     let mut diagnoser: serde_json::Value = serde_json::from_str(&text).unwrap();
-    diagnoser["tuning"]["least_limit_nats"] = 40.0.into();
+    diagnoser["tuning"]["least_limit_nats"] = 50.0.into();
     diagnoser["tuning"]["evidence_cap"] = 3.0.into();
     diagnoser.as_object_mut().unwrap().remove("sha256");
     fs::write(&path, diagnoser.to_string()).unwrap();
