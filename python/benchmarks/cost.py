@@ -3,8 +3,8 @@
     python python/benchmarks/cost.py
 
 Simulates the whole setting `realistic`: a part of it says little, because some variants cost twenty times as much as
-others. The merge is measured with runs of 0.1 s, whose windows are as large. Plans are measured with ten million variants, the study's faults in 12,196 cases of 0.1 s, of
-which one shard is run.
+others. The merge is measured with runs of 0.1 s, whose windows are as large. Plans are measured with ten million
+variants, the study's faults in 12,196 cases of 0.1 s, of which one share is run.
 """
 
 import math
