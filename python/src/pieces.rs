@@ -28,7 +28,8 @@ fn to_text(value: &impl Serialize) -> String {
 }
 
 fn from_text<T: DeserializeOwned>(text: &str) -> Result<T, Failure> {
-    serde_json::from_str(text).map_err(|error| Failure::value(format!("no piece: {error}")))
+    // A diagnoser is sent as its file is, with its checksum.
+    model_file::parse("the piece".as_ref(), text).map_err(Failure::value)
 }
 
 fn subject(name: &str) -> Result<Subject, Failure> {
