@@ -225,7 +225,8 @@ def test_an_evaluation_and_flights_have_the_bytes_of_one_machine(judged, tmp_pat
         )
         distributed.flights(study, client, str(tmp_path / "flown"), progress=False)
     assert results == json.loads(evaluated["evaluation.json"])
-    assert told[-1][1] == told[-1][2] > 20
+    # Ideal, noise and realistic, each judged by one task.
+    assert told[-1][1] == told[-1][2] == 3
     assert_same(tmp_path / "evaluated", evaluated)
     assert_same(tmp_path / "flown", flown)
 
