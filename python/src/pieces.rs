@@ -11,7 +11,7 @@ use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
 use servotwin::flight::campaign::FlightCampaign;
 use servotwin::flight::judge;
-use servotwin::flight::outcome::Outcome;
+use servotwin::flight::outcome::FlightOutcome;
 use servotwin::flight::plan;
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, TrainingWindows};
@@ -257,12 +257,12 @@ pub fn join_flights(
         for (name, left_out, texts, said) in &found {
             let setting = setting(study, name)?;
             let diagnoser = model_file::read_diagnoser(folder.diagnoser(setting))?;
-            let mut judged: Vec<Outcome> = vec![];
+            let mut judged: Vec<FlightOutcome> = vec![];
             for text in texts {
-                judged.extend(from_text::<Vec<Outcome>>(text)?);
+                judged.extend(from_text::<Vec<FlightOutcome>>(text)?);
             }
             judged.sort_by_key(|outcome| outcome.number);
-            let (counted, unseen): (UnseenFaultMetrics, Vec<Outcome>) = from_text(said)?;
+            let (counted, unseen): (UnseenFaultMetrics, Vec<FlightOutcome>) = from_text(said)?;
             flights::write_outcomes(&folder, flights::JUDGE, name, &judged)?;
             flights::write_outcomes(&folder, flights::UNSEEN, name, &unseen)?;
             let learned = (&diagnoser, from_text(left_out)?);

@@ -7,7 +7,7 @@ use servotwin::evaluation::detection::{Curve, Detection, Least};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
 use servotwin::flight::band::BandMerit;
-use servotwin::flight::outcome::Outcome;
+use servotwin::flight::outcome::FlightOutcome;
 use servotwin::job::healthy::HealthyRun;
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
@@ -166,12 +166,12 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
 
 /// The healthy flights of a scenario, the largest evidence of which spreads evenly up to 0.5 of its limit.
 fn healthy_run() -> HealthyRun {
-    let flight = |environment: u64| Outcome {
+    let flight = |environment: u64| FlightOutcome {
         environment,
         duration_s: 300.0,
         is_finished: true,
         evidence: 0.001 * environment as f64,
-        ..Outcome::default()
+        ..FlightOutcome::default()
     };
     HealthyRun {
         setting: "realistic".into(),

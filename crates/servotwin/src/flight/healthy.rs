@@ -7,7 +7,7 @@
 
 use super::campaign::FlightCampaign;
 use super::other_plant::{OTHER_PLANT, OtherPlants};
-use super::outcome::Outcome;
+use super::outcome::FlightOutcome;
 use super::plan::{Onset, PlannedFlight, Purpose};
 use super::watched::{Truth, Watching, watch};
 use crate::experiment::CampaignError;
@@ -74,7 +74,7 @@ pub fn fly(
     (setting, differences): (Setting, Differences),
     session: &Session,
     workers: Workers,
-) -> Result<Vec<Outcome>, CampaignError> {
+) -> Result<Vec<FlightOutcome>, CampaignError> {
     let flight = |(environment, number): (usize, usize)| PlannedFlight {
         number: FIRST_NUMBER + number,
         environment,

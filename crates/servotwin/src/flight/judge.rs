@@ -3,7 +3,7 @@
 //! Every flight has an environment, a specimen and noise that were not used in training.
 
 use super::campaign::FlightCampaign;
-use super::outcome::{FirstAction, Outcome};
+use super::outcome::{FirstAction, FlightOutcome};
 use super::plan::Onset;
 use super::training_windows::MovingFlight;
 use super::watched::{Watching, watch_planned};
@@ -79,8 +79,8 @@ pub struct KindLatency {
 }
 
 impl KindLatency {
-    fn of(kind: &str, least_intensity: f64, outcomes: &[&Outcome]) -> Self {
-        let isolated_s = |row: &&Outcome| row.right_action_s.filter(|_| row.is_isolated());
+    fn of(kind: &str, least_intensity: f64, outcomes: &[&FlightOutcome]) -> Self {
+        let isolated_s = |row: &&FlightOutcome| row.right_action_s.filter(|_| row.is_isolated());
         KindLatency {
             kind: kind.into(),
             least_intensity,
@@ -130,13 +130,13 @@ pub struct Nearness {
 }
 
 impl Nearness {
-    fn new(flights: &[&Outcome]) -> Self {
-        let maxima = |evidence: fn(&Outcome) -> f64| -> Vec<f64> {
+    fn new(flights: &[&FlightOutcome]) -> Self {
+        let maxima = |evidence: fn(&FlightOutcome) -> f64| -> Vec<f64> {
             flights.iter().map(|row| evidence(row)).collect()
         };
         let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
         let of_any = maxima(|row| row.evidence);
-        let of_shutdown = maxima(Outcome::largest_shutdown_evidence);
+        let of_shutdown = maxima(FlightOutcome::largest_shutdown_evidence);
         Nearness {
             largest_evidence: largest(&of_any),
             largest_shutdown_evidence: largest(&of_shutdown),
@@ -148,18 +148,19 @@ impl Nearness {
 
 impl HealthyMetrics {
     /// Counts the time without a fault in finished flights.
-    pub fn new(rows: &[&Outcome]) -> Self {
-        let sum = |of: fn(&Outcome) -> u64| rows.iter().map(|row| of(row)).sum::<u64>();
+    pub fn new(rows: &[&FlightOutcome]) -> Self {
+        let sum = |of: fn(&FlightOutcome) -> u64| rows.iter().map(|row| of(row)).sum::<u64>();
         let (alarms, shutdowns) = (sum(|row| row.early_alarms), sum(|row| row.early_shutdowns));
         let hours = rows.iter().map(|row| row.healthy_s()).sum::<f64>() / 3600.0;
-        let environments = |count: fn(&Outcome) -> u64| {
+        let environments = |count: fn(&FlightOutcome) -> u64| {
             let mut alarmed = BTreeMap::new();
             for row in rows.iter().filter(|row| row.healthy_s() > 0.0) {
                 *alarmed.entry(row.environment).or_insert(false) |= count(row) > 0;
             }
             EnvironmentMetrics::new(alarmed.into_values())
         };
-        let calm: Vec<&Outcome> = rows.iter().copied().filter(|row| !row.is_fault()).collect();
+        let calm: Vec<&FlightOutcome> =
+            rows.iter().copied().filter(|row| !row.is_fault()).collect();
         let with_alarm = calm.iter().filter(|row| row.early_alarms > 0).count();
         let of_alarms = environments(|row| row.early_alarms);
         let is_one_each = calm.len() == rows.len() && of_alarms.flown == rows.len() as u64;
@@ -295,7 +296,7 @@ pub fn watch(
     flown: &FlightCampaign,
     diagnoser: &Diagnoser,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<Outcome>, Error> {
+) -> Result<Vec<FlightOutcome>, Error> {
     let session = Session::new(Arc::new(diagnoser.clone()))?;
     Ok(watch_planned(flown, &[Watching { session, missing: None }], progress))
 }
@@ -308,7 +309,7 @@ pub fn watch_without_sensors(
     flown: &FlightCampaign,
     diagnoser: &Arc<Diagnoser>,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<Outcome>, Error> {
+) -> Result<Vec<FlightOutcome>, Error> {
     let session = Session::new(diagnoser.clone())?;
     let without = |sensor| Watching { session: session.clone(), missing: Some(sensor) };
     let watching: Vec<Watching> = (0..diagnoser.sensors.len()).map(without).collect();
@@ -320,9 +321,9 @@ pub fn merit(
     study: &Study,
     (setting, limit_s): (&str, f64),
     diagnoser: &Diagnoser,
-    outcomes: &[Outcome],
+    outcomes: &[FlightOutcome],
 ) -> FlightMetrics {
-    let judged = Judged::new(study, outcomes, |_| true);
+    let judged = Judged::new(study, outcomes);
     let soon = |time_s: Option<f64>| time_s.is_some_and(|time_s| time_s <= limit_s);
     let wrong_kinds = judged.wrong_kinds();
     FlightMetrics {
@@ -349,14 +350,14 @@ pub fn merit(
 /// The finished flights of one diagnosis.
 struct Judged<'j> {
     study: &'j Study,
-    rows: Vec<&'j Outcome>,
+    rows: Vec<&'j FlightOutcome>,
     /// The first fault of each kind, and of each kind at each intensity.
     clusters: BTreeMap<(&'j str, u64), (u32, u32)>,
 }
 
 impl<'j> Judged<'j> {
-    fn new(study: &'j Study, all: &'j [Outcome], is_own: impl Fn(&Outcome) -> bool) -> Self {
-        let rows = all.iter().filter(|row| row.is_finished && is_own(row)).collect();
+    fn new(study: &'j Study, all: &'j [FlightOutcome]) -> Self {
+        let rows = all.iter().filter(|row| row.is_finished).collect();
         let mut kinds = BTreeMap::new();
         let mut clusters = BTreeMap::new();
         for (fault, place) in study.faults.iter().zip(0..) {
@@ -368,8 +369,8 @@ impl<'j> Judged<'j> {
     }
 
     /// The flights with a fault that a choice selects.
-    fn faults(&self, choice: impl Fn(&Outcome) -> bool) -> Vec<&'j Outcome> {
-        let is_chosen = |row: &&Outcome| row.is_fault() && choice(row);
+    fn faults(&self, choice: impl Fn(&FlightOutcome) -> bool) -> Vec<&'j FlightOutcome> {
+        let is_chosen = |row: &&FlightOutcome| row.is_fault() && choice(row);
         self.rows.iter().copied().filter(is_chosen).collect()
     }
 
@@ -392,17 +393,17 @@ impl<'j> Judged<'j> {
         Onset::ALL.into_iter().filter_map(one).collect()
     }
 
-    fn class(&self, action: &str, choice: impl Fn(&Outcome) -> bool) -> Option<ClassMetrics> {
+    fn class(&self, action: &str, choice: impl Fn(&FlightOutcome) -> bool) -> Option<ClassMetrics> {
         let outcomes = self.faults(choice);
         let (first, others) = outcomes.split_first()?;
         let intensities = others.iter().fold([first.intensity; 2], |[low, high], row| {
             [low.min(row.intensity), high.max(row.intensity)]
         });
-        let visible: Vec<&Outcome> =
+        let visible: Vec<&FlightOutcome> =
             outcomes.iter().copied().filter(|row| row.visible_s.is_some()).collect();
         let of = visible.len() as u64;
         let first_is = |first: FirstAction| self.rate(&visible, &|row| row.first == first);
-        let times = |of_row: fn(&Outcome) -> Option<f64>| {
+        let times = |of_row: fn(&FlightOutcome) -> Option<f64>| {
             latency(visible.iter().filter_map(|row| of_row(row)), of)
         };
         Some(ClassMetrics {
@@ -417,30 +418,31 @@ impl<'j> Judged<'j> {
             silent: first_is(FirstAction::None),
             detection: times(|row| row.visible_s),
             isolation: times(|row| row.right_action_s),
-            isolation_since_visible: times(Outcome::waited_s),
+            isolation_since_visible: times(FlightOutcome::waited_s),
         })
     }
 
     /// The latency of every kind of fault from an intensity on, in the order of the study.
     fn kinds(&self, least_intensity: f64) -> Vec<KindLatency> {
-        let mut kinds: BTreeMap<u32, Vec<&Outcome>> = BTreeMap::new();
+        let mut kinds: BTreeMap<u32, Vec<&FlightOutcome>> = BTreeMap::new();
         for row in self.faults(|row| row.intensity >= least_intensity) {
             kinds.entry(self.clusters_of(row).0).or_default().push(row);
         }
-        let latency = |own: Vec<&Outcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
+        let latency =
+            |own: Vec<&FlightOutcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
         kinds.into_values().map(latency).collect()
     }
 
     /// The numbers of a fault's kind, and of its kind at its intensity.
-    fn clusters_of(&self, row: &Outcome) -> (u32, u32) {
+    fn clusters_of(&self, row: &FlightOutcome) -> (u32, u32) {
         let key = (row.kind.as_str(), row.intensity.to_bits());
         self.clusters.get(&key).copied().unwrap_or_default()
     }
 
     /// The share of flights that satisfy a condition. Faults of one kind at one intensity are correlated, and so are those
     /// of one kind; the interval is over whole clusters.
-    fn rate(&self, outcomes: &[&Outcome], holds: &dyn Fn(&Outcome) -> bool) -> Rate {
-        let trial = |row: &&Outcome| {
+    fn rate(&self, outcomes: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
+        let trial = |row: &&FlightOutcome| {
             let (kind, cluster) = self.clusters_of(row);
             Trial { cluster, kind, holds: holds(row) }
         };
@@ -448,7 +450,7 @@ impl<'j> Judged<'j> {
     }
 
     /// The share of visible, strong faults that need a shutdown and satisfy a condition.
-    fn share_of_visible(&self, holds: &dyn Fn(&Outcome) -> bool) -> Rate {
+    fn share_of_visible(&self, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
         let visible = self.faults(|row| needs_shutdown(row) && row.visible_s.is_some());
         self.rate(&visible, holds)
     }
@@ -467,12 +469,12 @@ impl<'j> Judged<'j> {
 }
 
 /// Whether a fault is strong and needs a shutdown.
-fn needs_shutdown(row: &Outcome) -> bool {
+fn needs_shutdown(row: &FlightOutcome) -> bool {
     row.needs_shutdown && row.intensity >= STRONG
 }
 
 /// The number of flights in which a healthy actuator was shut down.
-fn wrong_shutdowns(outcomes: &[&Outcome]) -> u64 {
+fn wrong_shutdowns(outcomes: &[&FlightOutcome]) -> u64 {
     outcomes.iter().filter(|row| row.shutdown_healthy).count() as u64
 }
 
@@ -513,11 +515,11 @@ mod tests {
 
     #[test]
     fn a_late_correction_and_an_action_for_an_invisible_fault_are_no_isolation() {
-        let outcome = |visible_s: Option<f64>, first: FirstAction| Outcome {
+        let outcome = |visible_s: Option<f64>, first: FirstAction| FlightOutcome {
             visible_s,
             right_action_s: Some(2.0),
             first,
-            ..Outcome::default()
+            ..FlightOutcome::default()
         };
         let outcomes = [
             outcome(Some(1.0), FirstAction::Right),

@@ -60,7 +60,7 @@ pub enum Word {
 /// A flight, and what one diagnosis did in it. Times are seconds since the onset.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Outcome {
+pub struct FlightOutcome {
     /// The number of the flight, from which specimen and noise follow.
     pub number: u64,
     /// The number of its environment.
@@ -123,7 +123,7 @@ pub struct Outcome {
     pub corrected_shutdown_evidence: f64,
 }
 
-impl Outcome {
+impl FlightOutcome {
     /// Whether something was wrong.
     pub fn is_fault(&self) -> bool {
         self.onset_s.is_some()
@@ -193,10 +193,10 @@ const COLUMNS: [(&str, &str, &str); 30] = [
 ];
 
 /// The table of outcomes, with a unit and a description for every column.
-pub fn table(outcomes: &[Outcome]) -> Table {
-    let value = |row: &Outcome| serde_json::to_value(row).expect("plain fields");
+pub fn table(outcomes: &[FlightOutcome]) -> Table {
+    let value = |row: &FlightOutcome| serde_json::to_value(row).expect("plain fields");
     let rows: Vec<Value> = outcomes.iter().map(value).collect();
-    let kinds = value(&Outcome::default());
+    let kinds = value(&FlightOutcome::default());
     let column = |&(field, unit, description): &(&str, &str, &str)| {
         let of = || rows.iter().map(|row| &row[field]);
         let values = match &kinds[field] {
@@ -218,7 +218,7 @@ pub fn table(outcomes: &[Outcome]) -> Table {
 ///
 /// # Errors
 /// A column is missing, or a cell has no value that it may have.
-pub fn from_table(table: &Table) -> Result<Vec<Outcome>, TableError> {
+pub fn from_table(table: &Table) -> Result<Vec<FlightOutcome>, TableError> {
     let mut rows = vec![serde_json::Map::new(); table.row_count()];
     for (field, ..) in COLUMNS {
         let column = table.column(field)?;
@@ -249,8 +249,13 @@ mod tests {
 
     #[test]
     fn a_table_keeps_every_field_with_a_unit_and_a_description() {
-        let calm = Outcome { number: 3, duration_s: 20.0, is_finished: true, ..Outcome::default() };
-        let fault = Outcome {
+        let calm = FlightOutcome {
+            number: 3,
+            duration_s: 20.0,
+            is_finished: true,
+            ..FlightOutcome::default()
+        };
+        let fault = FlightOutcome {
             event: "actuator_1.leakage_a.leakage".into(),
             onset_s: Some(5.25),
             needed: Needed::ItsAction,

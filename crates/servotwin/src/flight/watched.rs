@@ -2,13 +2,13 @@
 
 use super::campaign::{FlightCampaign, Observer};
 use super::evidence::EvidencePeak;
-use super::outcome::{FirstAction, Needed, Outcome, Word};
+use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
 use super::plan::PlannedFlight;
 use super::unseen_faults::Touched;
 use crate::campaign::columns::HEALTHY;
 use crate::ensemble::Variant;
 use crate::study::Study;
-use servotwin_diagnosis::diagnoser::{Alarm, IndexedFinding, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Alarm, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
 
 /// A diagnosis that watches a flight.
@@ -24,10 +24,10 @@ pub struct Watching {
 #[derive(Default)]
 pub(super) struct Truth {
     /// What is known of the flight before it is flown; the rest is default.
-    pub run: Outcome,
-    /// The units at fault.
+    pub run: FlightOutcome,
+    /// The actuators at fault.
     pub at_fault: Vec<usize>,
-    /// Healthy units whose twin reads a wrong boundary sensor.
+    /// Healthy actuators whose twin reads a wrong boundary sensor.
     pub misinformed: Vec<usize>,
 }
 
@@ -38,7 +38,7 @@ impl Truth {
         let class = fault.map(|fault| &study.classes[fault.class]);
         let name = |of: Option<&String>| of.map_or(HEALTHY, String::as_str).to_owned();
         let action = class.map(|class| class.command.clone()).unwrap_or_default();
-        let run = Outcome {
+        let run = FlightOutcome {
             number: flight.number as u64,
             environment: flight.environment as u64,
             event: name(fault.map(|fault| &fault.id)),
@@ -51,7 +51,7 @@ impl Truth {
             needed: if fault.is_some() { Needed::ItsAction } else { Needed::Nothing },
             needs_shutdown: study.shutdowns().contains(&action),
             action,
-            ..Outcome::default()
+            ..FlightOutcome::default()
         };
         let at_fault = fault.map(|fault| fault.unit).into_iter().collect();
         Truth { run, at_fault, misinformed: vec![] }
@@ -67,8 +67,8 @@ pub(super) fn watch<'f>(
     touched: &(impl Fn(&PlannedFlight) -> Option<Touched> + Sync),
     alter: impl Fn(&PlannedFlight, &mut Variant<'f>) + Sync,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Vec<Outcome> {
-    let mut outcomes: Vec<Outcome> = vec![];
+) -> Vec<FlightOutcome> {
+    let mut outcomes: Vec<FlightOutcome> = vec![];
     let mut done = 0;
     flown.fly_altered(
         &flown.which,
@@ -90,7 +90,7 @@ pub(super) fn watch_planned(
     flown: &FlightCampaign,
     watching: &[Watching],
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Vec<Outcome> {
+) -> Vec<FlightOutcome> {
     let truth = |flight: &PlannedFlight| Truth::planned(flown.study(), flight);
     watch(flown, watching, &truth, &|_| None, |_, _| (), progress)
 }
@@ -113,12 +113,12 @@ impl FlightWatch {
         FlightWatch { diagnoses, truth, touched, onset, period_s }
     }
 
-    fn into_outcomes(self, is_finished: bool) -> Vec<Outcome> {
+    fn into_outcomes(self, is_finished: bool) -> Vec<FlightOutcome> {
         let FlightWatch { diagnoses, truth, period_s, .. } = &self;
         let outcome = |own: &Diagnosis| {
             let run = own.run(truth);
             if is_finished {
-                Outcome { is_finished, ..own.outcome(run, truth, *period_s) }
+                FlightOutcome { is_finished, ..own.outcome(run, truth, *period_s) }
             } else {
                 run
             }
@@ -205,32 +205,32 @@ impl Diagnosis {
     }
 
     /// What is known before the flight.
-    fn run(&self, truth: &Truth) -> Outcome {
+    fn run(&self, truth: &Truth) -> FlightOutcome {
         let diagnoser = self.session.diagnoser();
         let missing = self.missing.map(|sensor| diagnoser.sensors[sensor].name.clone());
-        Outcome {
+        FlightOutcome {
             missing: missing.unwrap_or_default(),
             target_per_h: diagnoser.tuning.false_alarms_per_h,
             ..truth.run.clone()
         }
     }
 
-    fn outcome(&self, run: Outcome, truth: &Truth, period_s: f64) -> Outcome {
+    fn outcome(&self, run: FlightOutcome, truth: &Truth, period_s: f64) -> FlightOutcome {
         let diagnoser = self.session.diagnoser();
         let onset_s = run.onset_s.unwrap_or(f64::INFINITY);
         let after = |sample: u64| sample as f64 * period_s - onset_s;
         let (late, early): (Vec<&Raised>, Vec<&Raised>) =
             self.log.raised.iter().partition(|raised| after(raised.sample) >= 0.0);
         let is_off = |raised: &&&Raised| self.switches_off[raised.action as usize];
-        let unit = |raised: &Raised| raised.actuator as usize;
+        let actuator = |raised: &Raised| raised.actuator as usize;
         let is_right = |raised: &Raised| self.is_right(raised, &run, truth);
         let first = late.first().map_or(FirstAction::None, |raised| match raised {
             raised if is_right(raised) => FirstAction::Right,
-            raised if truth.concerns(unit(raised)) => FirstAction::OtherAction,
+            raised if truth.concerns(actuator(raised)) => FirstAction::OtherAction,
             _ => FirstAction::OtherActuator,
         });
         let off = |among: &dyn Fn(usize) -> bool| {
-            late.iter().filter(is_off).any(|raised| among(unit(raised)))
+            late.iter().filter(is_off).any(|raised| among(actuator(raised)))
         };
         let evidence = |is_corrected: bool| {
             let lengths = diagnoser.lengths.iter().zip(&self.of_shutdown.by_length);
@@ -238,7 +238,7 @@ impl Diagnosis {
                 lengths.filter(|(length, _)| length.baseline_corrected.is_some() == is_corrected);
             own.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
         };
-        Outcome {
+        FlightOutcome {
             visible_s: self.visibility.seen.map(after),
             visible_by_chance: self.visibility.by_chance,
             first,
@@ -250,9 +250,9 @@ impl Diagnosis {
             first_word_s: self.first_word.map(|sample| after(sample).max(0.0)),
             early_alarms: early.len() as u64,
             early_shutdowns: early.iter().filter(is_off).count() as u64,
-            shutdown_at_fault: off(&|unit| truth.at_fault.contains(&unit)),
-            shutdown_misinformed: off(&|unit| truth.misinformed.contains(&unit)),
-            shutdown_healthy: off(&|unit| !truth.concerns(unit)),
+            shutdown_at_fault: off(&|own| truth.at_fault.contains(&own)),
+            shutdown_misinformed: off(&|own| truth.misinformed.contains(&own)),
+            shutdown_healthy: off(&|own| !truth.concerns(own)),
             evidence: self.of_any.largest(),
             shutdown_evidence: evidence(false),
             corrected_shutdown_evidence: evidence(true),
@@ -261,7 +261,7 @@ impl Diagnosis {
     }
 
     /// Whether an action is right after the onset.
-    fn is_right(&self, raised: &Raised, run: &Outcome, truth: &Truth) -> bool {
+    fn is_right(&self, raised: &Raised, run: &FlightOutcome, truth: &Truth) -> bool {
         let is_off = self.switches_off[raised.action as usize];
         let names = self.session.diagnoser().names();
         truth.concerns(raised.actuator as usize)
@@ -276,14 +276,14 @@ impl Diagnosis {
 }
 
 impl Truth {
-    /// Whether something is wrong with a unit, or with what its twin reads.
-    fn concerns(&self, unit: usize) -> bool {
-        self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
+    /// Whether something is wrong with an actuator, or with what its twin reads.
+    fn concerns(&self, actuator: usize) -> bool {
+        self.at_fault.contains(&actuator) || self.misinformed.contains(&actuator)
     }
 }
 
 /// The most specific output of a sample.
-fn word(outcome: &servotwin_diagnosis::diagnoser::Outcome, truth: &Truth) -> Word {
+fn word(outcome: &Outcome, truth: &Truth) -> Word {
     let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
     let said = match outcome.finding {
         IndexedFinding::Healthy | IndexedFinding::Unjudged => Word::Healthy,
@@ -308,7 +308,7 @@ pub(super) struct RaisedLog {
 
 impl RaisedLog {
     /// Takes the outcome of a sample. An action that changes only its details is no new one.
-    pub fn take(&mut self, outcome: &servotwin_diagnosis::diagnoser::Outcome) {
+    pub fn take(&mut self, outcome: &Outcome) {
         let before = self.raised.last().map(|raised| (raised.actuator, raised.action));
         let is_new = |raised: &Raised| raised.sample == outcome.sample;
         if let Some(raised) = outcome.raised.filter(is_new)

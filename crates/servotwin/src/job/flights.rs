@@ -11,7 +11,7 @@ use crate::flight::fitted_twins::CalibrationRecords;
 use crate::flight::hard_negatives;
 use crate::flight::judge::{self, FlightMetrics};
 use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
-use crate::flight::outcome::{self, Outcome};
+use crate::flight::outcome::{self, FlightOutcome};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
@@ -217,7 +217,7 @@ pub fn merit(
     flights: &Flights,
     setting: Setting,
     (diagnoser, left_out): (&Diagnoser, LeftOut),
-    outcomes: &[Outcome],
+    outcomes: &[FlightOutcome],
 ) -> FlightMetrics {
     let asked = (setting.name(), limit_s(flights, setting));
     let merit = judge::merit(study, asked, diagnoser, outcomes);
@@ -233,7 +233,7 @@ pub fn write_outcomes(
     folder: &Folder,
     suite: &str,
     setting: &str,
-    outcomes: &[Outcome],
+    outcomes: &[FlightOutcome],
 ) -> Result<(), JobError> {
     let path = folder.outcomes(suite, setting);
     let rows =
@@ -275,7 +275,7 @@ pub fn fly_all(
 struct JudgedScenario {
     metrics: (FlightMetrics, UnseenFaultMetrics),
     /// Of the faults of the study, and of those that were never trained on.
-    outcomes: [Vec<Outcome>; 2],
+    outcomes: [Vec<FlightOutcome>; 2],
 }
 
 impl JudgedScenario {
@@ -319,7 +319,7 @@ fn watched(
     diagnoser: &Diagnoser,
     crew: &Crew,
     told: &(dyn Fn(f64) + Sync),
-) -> Result<Vec<Outcome>, JobError> {
+) -> Result<Vec<FlightOutcome>, JobError> {
     let share = |done: usize, of: usize| told(done as f64 / of.max(1) as f64);
     let watched = judge::watch(flown, diagnoser, &share);
     crew.check()?;

@@ -6,7 +6,7 @@ use super::{Folder, JobError};
 use crate::flight::healthy::{self, Differences, HealthyPlants};
 use crate::flight::judge::HealthyMetrics;
 use crate::flight::other_plant::OtherPlants;
-use crate::flight::outcome::{self, Outcome};
+use crate::flight::outcome::{self, FlightOutcome};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::study::{HealthyDraw, Study};
 use crate::table::{self, TableError};
@@ -34,7 +34,7 @@ pub struct HealthyRun {
     /// The hash of the study file.
     pub study_sha256: String,
     /// The outcome in each environment.
-    pub outcomes: Vec<Outcome>,
+    pub outcomes: Vec<FlightOutcome>,
 }
 
 impl HealthyRun {
@@ -45,7 +45,8 @@ impl HealthyRun {
 
     /// The counts of all finished flights.
     pub fn summary(&self) -> HealthyMetrics {
-        let finished: Vec<&Outcome> = self.outcomes.iter().filter(|row| row.is_finished).collect();
+        let finished: Vec<&FlightOutcome> =
+            self.outcomes.iter().filter(|row| row.is_finished).collect();
         HealthyMetrics::new(&finished)
     }
 

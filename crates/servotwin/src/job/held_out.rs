@@ -5,7 +5,7 @@
 use super::JobError;
 use super::healthy::BATCH;
 use crate::flight::healthy::{self, Differences};
-use crate::flight::outcome::Outcome;
+use crate::flight::outcome::FlightOutcome;
 use crate::parallel::Workers;
 use crate::study::flights::{HELD_OUT, HELD_OUT_SEED};
 use crate::study::{Flights, Setting, Study};
@@ -65,7 +65,7 @@ fn finished(setting: Setting, evidence: &HealthyEvidence) -> Result<(), JobError
 fn smallest_margin(
     learned: usize,
     (allowed, most_nats): (f64, f64),
-    mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<Outcome>, JobError>,
+    mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<FlightOutcome>, JobError>,
 ) -> Result<HealthyEvidence, JobError> {
     let (mut added, mut shutdowns_before) = (ShutdownMargin::default(), None);
     loop {
@@ -73,7 +73,7 @@ fn smallest_margin(
         let finished = || outcomes.iter().filter(|row| row.is_finished);
         let shutdowns = finished().filter(|row| row.early_shutdowns > 0).count() as u64;
         let shutdowns_before = *shutdowns_before.get_or_insert(shutdowns);
-        let largest = |of: fn(&Outcome) -> f64| finished().map(of).fold(0.0, f64::max);
+        let largest = |of: fn(&FlightOutcome) -> f64| finished().map(of).fold(0.0, f64::max);
         let [uncorrected, corrected] =
             [largest(|row| row.shutdown_evidence), largest(|row| row.corrected_shutdown_evidence)];
         let mut has_grown = false;
@@ -109,7 +109,7 @@ fn fly(
     setting: Setting,
     diagnoser: Diagnoser,
     workers: Workers,
-) -> Result<Vec<Outcome>, JobError> {
+) -> Result<Vec<FlightOutcome>, JobError> {
     let session =
         Session::new(Arc::new(diagnoser)).map_err(|error| JobError::Evaluation(error.into()))?;
     let duration_s = flights.learn.healthy_duration_s.unwrap_or(flights.duration_s);
@@ -132,20 +132,20 @@ mod tests {
     /// limit for each nat.
     fn falling(
         evidence: &[[f64; 2]],
-    ) -> impl FnMut(ShutdownMargin) -> Result<Vec<Outcome>, JobError> {
+    ) -> impl FnMut(ShutdownMargin) -> Result<Vec<FlightOutcome>, JobError> {
         move |margin| {
             let flight = |[uncorrected, corrected]: &[f64; 2]| {
                 let fallen = |evidence: f64, nats: f64| (evidence - 0.25 * nats).max(0.0);
-                let outcome = Outcome {
+                let outcome = FlightOutcome {
                     is_finished: true,
                     shutdown_evidence: fallen(*uncorrected, margin.uncorrected_nats),
                     corrected_shutdown_evidence: fallen(*corrected, margin.baseline_corrected_nats),
-                    ..Outcome::default()
+                    ..FlightOutcome::default()
                 };
                 let early_shutdowns = u64::from(outcome.largest_shutdown_evidence() >= 1.0);
-                Outcome { early_shutdowns, ..outcome }
+                FlightOutcome { early_shutdowns, ..outcome }
             };
-            let failed = Outcome { shutdown_evidence: 9.0, ..Outcome::default() };
+            let failed = FlightOutcome { shutdown_evidence: 9.0, ..FlightOutcome::default() };
             Ok(evidence.iter().map(flight).chain([failed]).collect())
         }
     }

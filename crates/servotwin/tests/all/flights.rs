@@ -5,7 +5,7 @@ use servotwin::flight::campaign::{FlightCampaign, Observer};
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::judge::{self, FlightMetrics};
 use servotwin::flight::other_plant::OtherPlants;
-use servotwin::flight::outcome::{Needed, Outcome};
+use servotwin::flight::outcome::{FlightOutcome, Needed};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
 use servotwin::flight::unseen_faults;
@@ -94,11 +94,11 @@ fn all_actions_that_switch_off_are_judged_together() {
     let flown = FlightCampaign::new(study(), flights, purpose, Setting::Noise, workers).unwrap();
     let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
     let judged = |off: &[&str]| {
-        let needs_shutdown = |row: &Outcome| off.contains(&row.action.as_str());
+        let needs_shutdown = |row: &FlightOutcome| off.contains(&row.action.as_str());
         let rows = watched
             .iter()
-            .map(|row| Outcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
-        let rows: Vec<Outcome> = rows.collect();
+            .map(|row| FlightOutcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
+        let rows: Vec<FlightOutcome> = rows.collect();
         let merit = judge::merit(study(), ("noise", 1.0), diagnoser(), &rows);
         [merit.in_time.of, merit.visible_in_time.count]
     };
@@ -189,10 +189,10 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     assert!(text(&found) == text(&**diagnoser()) && left_out == LeftOut::default());
     std::fs::remove_dir_all(folder.path()).unwrap();
 
-    let mut watched: Vec<Outcome> = vec![];
+    let mut watched: Vec<FlightOutcome> = vec![];
     for flown in apart(Purpose::Judge, 2) {
         let sent = text(&judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap());
-        watched.extend(serde_json::from_str::<Vec<Outcome>>(&sent).unwrap());
+        watched.extend(serde_json::from_str::<Vec<FlightOutcome>>(&sent).unwrap());
     }
     watched.sort_by_key(|row| row.number);
     let found = judge::merit(study(), ("noise", 1.0), diagnoser(), &watched);

@@ -18,8 +18,8 @@ pub struct Foreign {
     pub strengths: &'static [f64],
     /// The strengths in words, with their unit.
     pub strengths_in_words: &'static str,
-    /// The command that counts as sensible.
-    pub sensible: Needed,
+    /// What is right after the onset.
+    pub needed: Needed,
     /// The effects at a strength.
     pub effects: fn(f64) -> Vec<On>,
 }
@@ -28,10 +28,10 @@ const fn foreign(
     set: &'static str,
     title: &'static str,
     (strengths, strengths_in_words): (&'static [f64], &'static str),
-    sensible: Needed,
+    needed: Needed,
     effects: fn(f64) -> Vec<On>,
 ) -> Foreign {
-    Foreign { set, title, strengths, strengths_in_words, sensible, effects }
+    Foreign { set, title, strengths, strengths_in_words, needed, effects }
 }
 
 use Needed::{Any, NoShutdown, Nothing, Shutdown};

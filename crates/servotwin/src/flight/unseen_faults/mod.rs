@@ -11,7 +11,7 @@ pub use list::{ALL, Foreign, set_names};
 
 use super::campaign::FlightCampaign;
 use super::judge::{Latency, latency};
-use super::outcome::{FirstAction, Needed, Outcome, Word};
+use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
 use super::plan::{Onset, PlannedFlight, Purpose};
 use super::watched::{Truth, Watching, watch};
 use crate::experiment::CampaignError;
@@ -51,7 +51,7 @@ pub struct Words {
 }
 
 impl Words {
-    fn count(&mut self, outcome: &Outcome) {
+    fn count(&mut self, outcome: &FlightOutcome) {
         let word = match (outcome.first, outcome.word) {
             (FirstAction::Right, _) => &mut self.sensible,
             (FirstAction::OtherAction, _) => &mut self.other_command,
@@ -175,7 +175,7 @@ struct Case {
 impl Case {
     /// What is right in its flight.
     fn truth(&self, study: &Study, flight: &PlannedFlight) -> Truth {
-        let Foreign { set, title, sensible, .. } = ALL[self.foreign];
+        let Foreign { set, title, needed, .. } = ALL[self.foreign];
         let names = |units: &[usize]| {
             let name = |&unit: &usize| match study.units[unit].as_str() {
                 "" => "actuator",
@@ -184,7 +184,7 @@ impl Case {
             units.iter().map(name).collect::<Vec<_>>().join(", ")
         };
         let Changes { at_fault, misinformed, .. } = &self.changes;
-        let run = Outcome {
+        let run = FlightOutcome {
             number: flight.number as u64,
             environment: self.base as u64,
             event: title.into(),
@@ -194,9 +194,9 @@ impl Case {
             duration_s: flight.duration_s,
             at_fault: names(at_fault),
             misinformed: names(misinformed),
-            needed: sensible,
-            needs_shutdown: sensible == Needed::Shutdown,
-            ..Outcome::default()
+            needed,
+            needs_shutdown: needed == Needed::Shutdown,
+            ..FlightOutcome::default()
         };
         Truth { run, at_fault: at_fault.clone(), misinformed: misinformed.clone() }
     }
@@ -282,7 +282,7 @@ pub fn judge(
     diagnoser: &Arc<Diagnoser>,
     sets: &[&str],
     workers: Workers,
-) -> Result<(UnseenFaultMetrics, Vec<Outcome>), CampaignError> {
+) -> Result<(UnseenFaultMetrics, Vec<FlightOutcome>), CampaignError> {
     let Plan { cases, flights: mut plan, told } = Plan::new(study, flights);
     let case = |flight: &PlannedFlight| &cases[flight.number - FIRST];
     // Numbers, and so specimens and noise, do not depend on the chosen sets.
@@ -309,14 +309,15 @@ pub fn judge(
         },
         &|_, _| (),
     );
-    let in_words = |row: &Outcome| cases[row.number as usize - FIRST].in_words(study, flights);
-    let of = |title: &str, is_own: &dyn Fn(&Outcome) -> bool| {
-        let own: Vec<&Outcome> = outcomes.iter().filter(|row| is_own(row)).collect();
+    let in_words =
+        |row: &FlightOutcome| cases[row.number as usize - FIRST].in_words(study, flights);
+    let of = |title: &str, is_own: &dyn Fn(&FlightOutcome) -> bool| {
+        let own: Vec<&FlightOutcome> = outcomes.iter().filter(|row| is_own(row)).collect();
         (!own.is_empty()).then(|| counted(title, &own, &in_words))
     };
     let of_fault = |fault: &Foreign| {
         let counted = of(fault.title, &|row| row.event == fault.title)?;
-        let (strengths, needed) = (fault.strengths_in_words.into(), Some(fault.sensible));
+        let (strengths, needed) = (fault.strengths_in_words.into(), Some(fault.needed));
         Some(UnseenFaultOutcome { strengths, needed, ..counted })
     };
     let metrics = UnseenFaultMetrics {
@@ -330,24 +331,24 @@ pub fn judge(
 /// Counts some flights. `in_words` describes a flight.
 fn counted(
     title: &str,
-    own: &[&Outcome],
-    in_words: &dyn Fn(&Outcome) -> String,
+    own: &[&FlightOutcome],
+    in_words: &dyn Fn(&FlightOutcome) -> String,
 ) -> UnseenFaultOutcome {
-    let finished: Vec<&Outcome> = own.iter().copied().filter(|row| row.is_finished).collect();
+    let finished: Vec<&FlightOutcome> = own.iter().copied().filter(|row| row.is_finished).collect();
     let mut words = Words::default();
     finished.iter().for_each(|row| words.count(row));
     let of = finished.len() as u64;
     let count =
-        |holds: fn(&Outcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
-    let has_shutdown = |row: &Outcome| row.shutdown_healthy || row.early_shutdowns > 0;
-    let is_wrong = |row: &&&Outcome| has_shutdown(row) || row.shutdown_misinformed;
+        |holds: fn(&FlightOutcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
+    let has_shutdown = |row: &FlightOutcome| row.shutdown_healthy || row.early_shutdowns > 0;
+    let is_wrong = |row: &&&FlightOutcome| has_shutdown(row) || row.shutdown_misinformed;
     UnseenFaultOutcome {
         title: title.into(),
         strengths: String::new(),
         needed: None,
         flights: of,
         failed: own.len() as u64 - of,
-        right_action: count(Outcome::is_right),
+        right_action: count(FlightOutcome::is_right),
         other_action: count(|row| row.first != FirstAction::None && !row.is_right()),
         words,
         missed_shutdowns: [
