@@ -125,7 +125,8 @@ pub fn sha256_of_text(text: &str) -> String {
     in_hexadecimal(Sha256::new_with_prefix(text))
 }
 
-fn in_hexadecimal(digest: Sha256) -> String {
+/// The sum of what a digest has taken, in hexadecimal digits.
+pub fn in_hexadecimal(digest: Sha256) -> String {
     digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

@@ -4,6 +4,7 @@
 //! therefore give the same files as a single machine.
 
 use super::{Campaign, CampaignError, PreparedCampaign, Setting, Study, VariantEffort};
+use crate::manifest::in_hexadecimal;
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::residual::Window;
@@ -117,7 +118,7 @@ fn checksum(table: &Table) -> String {
             _ => {}
         }
     }
-    digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    in_hexadecimal(digest)
 }
 
 /// Name of the column with one of the window's values.

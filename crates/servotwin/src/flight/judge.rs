@@ -325,7 +325,6 @@ pub fn merit(
 ) -> FlightMetrics {
     let judged = Judged::new(study, outcomes);
     let soon = |time_s: Option<f64>| time_s.is_some_and(|time_s| time_s <= limit_s);
-    let wrong_kinds = judged.wrong_kinds();
     FlightMetrics {
         setting: setting.into(),
         flights: judged.faults(|_| true).len() as u64,
@@ -342,8 +341,8 @@ pub fn merit(
         kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
         onsets: judged.onsets(),
         healthy: HealthyMetrics::new(&judged.rows),
-        wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
-        wrong_kinds,
+        wrong_shutdowns: wrong_shutdowns(&judged.faults(|_| true)),
+        wrong_kinds: judged.wrong_kinds(),
     }
 }
 

@@ -56,6 +56,11 @@ impl Truth {
         let at_fault = fault.map(|fault| fault.unit).into_iter().collect();
         Truth { run, at_fault, misinformed: vec![] }
     }
+
+    /// Whether something is wrong with an actuator, or with what its twin reads.
+    fn concerns(&self, actuator: usize) -> bool {
+        self.at_fault.contains(&actuator) || self.misinformed.contains(&actuator)
+    }
 }
 
 /// Flies planned flights, each watched by some diagnoses. `truth` says what is right in a flight, `touched` changes what
@@ -272,13 +277,6 @@ impl Diagnosis {
                 Needed::NoShutdown => !is_off,
                 Needed::Any => true,
             }
-    }
-}
-
-impl Truth {
-    /// Whether something is wrong with an actuator, or with what its twin reads.
-    fn concerns(&self, actuator: usize) -> bool {
-        self.at_fault.contains(&actuator) || self.misinformed.contains(&actuator)
     }
 }
 

@@ -285,9 +285,8 @@ impl JudgedScenario {
         suites: [&str; 2],
         setting: Setting,
     ) -> Result<(), JobError> {
-        let both = suites.into_iter().zip(&self.outcomes);
-        both.into_iter()
-            .try_for_each(|(suite, own)| write_outcomes(folder, suite, setting.name(), own))
+        let mut both = suites.into_iter().zip(&self.outcomes);
+        both.try_for_each(|(suite, own)| write_outcomes(folder, suite, setting.name(), own))
     }
 }
 

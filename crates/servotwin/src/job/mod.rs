@@ -258,9 +258,7 @@ fn evaluate_with(
         };
         let prepared = Prepared::read(folder, study, subject, workers)?;
         let trained = trained(&prepared)?;
-        let result = prepared.evaluate(study, &trained, workers, &told)?;
-        told("done", 1.0);
-        Ok::<_, JobError>(result)
+        prepared.evaluate(study, &trained, workers, &told).inspect(|_| told("done", 1.0))
     });
     evaluated?.into_iter().collect()
 }
