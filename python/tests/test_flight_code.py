@@ -197,9 +197,10 @@ def test_single_precision_has_no_doubles_and_one_that_is_sown_is_found(compiler,
 
 
 def test_cppcheck_and_misra_find_no_other_deviations_in_single_precision(single):
-    of_twin = re.compile("twin|hybrid|main")
+    of_twin = re.compile("_twin|_hybrid|main")
     known = {(name, file) for name, file in DEVIATIONS if not of_twin.search(file)}
-    assert found_by_cppcheck(single) == known
+    # Without the twin the flight control computer calls the session itself.
+    assert found_by_cppcheck(single) == known | {("misra-c2012-8.7", "servotwin_session.c")}
 
 
 def open_properties(folder):

@@ -76,7 +76,7 @@ impl Moment {
     /// Reads a text; `None` if it is no time. The forms `11/21/2026` and `21-11-2026` are rejected, because the order
     /// of month and day is not known ([`refusal`]).
     pub fn read(text: &str) -> Option<Self> {
-        let (day, time) = split(text.trim());
+        let (day, time) = split(short(text)?);
         let (seconds, zone_s) = time.map_or(Some((0.0, None)), time_of_day)?;
         let days = day.map_or(Some(0.0), date)?;
         Some(Moment { clock_s: DAY_S * days + seconds, zone_s, has_date: day.is_some() })
@@ -153,7 +153,7 @@ pub fn seconds(text: &str) -> Option<f64> {
 
 /// Why a text that looks like a time is none.
 pub fn refusal(text: &str) -> Option<&'static str> {
-    let (day, time) = split(text.trim());
+    let (day, time) = split(short(text)?);
     let parts: Vec<&str> = day?.split(['/', '-']).collect();
     let is_number = |part: &&str| !part.is_empty() && number(part).is_some();
     let is_year_last = parts.len() == 3 && parts[0].len() <= 2 && parts[2].len() >= 2;
@@ -165,6 +165,12 @@ pub fn refusal(text: &str) -> Option<&'static str> {
     };
     let is_zone = date(day?).is_some() && time.is_some_and(is_zone);
     is_zone.then_some("this zone is not known: write its offset (+01:00) or UTC")
+}
+
+/// The text without blanks around it; `None` if it is too long for a time, because a cell may hold megabytes.
+fn short(text: &str) -> Option<&str> {
+    const LONGEST: usize = 64;
+    Some(text.trim()).filter(|text| text.len() <= LONGEST)
 }
 
 /// The date and the time of day of a text.
