@@ -85,8 +85,8 @@ class Rows:
 
 def own_columns(names):
     """Features of actuator 1 alone: those that end in its number or in one of its sensors."""
-    sensors = ["p_A1", "p_B1", "x_p1", "x_v1", "p_S1", "p_T1"]
-    both = ["p_A2", "p_B2", "x_p2", "x_v2", "p_S2", "p_T2"]
+    sensors = ["p_a_1", "p_b_1", "x_p_1", "x_v_1", "p_s_1", "p_t_1"]
+    both = ["p_a_2", "p_b_2", "x_p_2", "x_v_2", "p_s_2", "p_t_2"]
 
     def is_own(name):
         if any(other in name for other in both):

@@ -10,6 +10,7 @@ use servotwin::evaluation::bands::Band;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
 use servotwin::flight::judge::{FlightMetrics, HealthyMetrics};
+use servotwin::flight::measure;
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{Shown, shown};
@@ -84,18 +85,11 @@ pub fn right(words: &Vocabulary) -> Vec<Measure> {
 }
 
 /// What the flights of a scenario show, over all faults and intensities, also those that no sensor shows.
-pub fn in_flight(merit: &FlightMetrics, study: &Study, words: &Vocabulary) -> Vec<(String, Rate)> {
-    let mut lines = vec![(format!("right {} first", words.action()), merit.right_actions())];
-    if words.has_off() {
-        let missed = merit.missed_shutdowns(&study.shutdowns());
-        lines.push((format!("{} missed (of all)", words.off()), missed));
-    }
-    if words.has_off() && words.has_several() {
-        let wrong = Rate::new(merit.wrong_shutdowns, merit.flights);
-        lines.push((format!("wrong {} {}", words.unit(), words.switched_off()), wrong));
-    }
-    lines.retain(|(_, rate)| rate.of > 0);
-    lines
+pub fn in_flight(merit: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Rate)> {
+    let line = |measure: &&measure::Measure| {
+        (words.of_flights(measure.sentence, merit.limit_s), merit.rates.of(measure))
+    };
+    measure::FIRST.iter().map(line).filter(|(_, rate)| rate.of > 0).collect()
 }
 
 /// False alarms per hour, their upper limit, and their counts.

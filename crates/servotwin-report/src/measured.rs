@@ -14,6 +14,7 @@ use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
+use servotwin::flight::measure;
 use servotwin::flight::other_plant::OTHER_PLANT;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
@@ -123,7 +124,7 @@ impl Measured {
             version: env!("CARGO_PKG_VERSION"),
             commands: commands(study, results, flights),
             variants: variants.collect(),
-            flights: flights.map_or_else(Vec::new, |flights| all_scenarios(study, flights, &words)),
+            flights: flights.map_or_else(Vec::new, |flights| all_scenarios(flights, &words)),
             sealed: None,
             healthy: vec![],
         }
@@ -143,7 +144,7 @@ impl Measured {
 
     /// Adds the results in sealed environments. `known` are the openings on record now, where the record is at hand.
     pub fn add_sealed(&mut self, study: &Study, sealed: &SealedResults, known: Option<Openings>) {
-        let mut flights = all_scenarios(study, &sealed.results, &Vocabulary::of(study));
+        let mut flights = all_scenarios(&sealed.results, &Vocabulary::of(study));
         flights.iter_mut().for_each(|flights| flights.scenario += ", sealed environments");
         self.sealed = Some(MeasuredSealed { opening: sealed.in_words(known), flights });
     }
@@ -196,15 +197,11 @@ Nobody tuned anything on these environments: their seed was drawn after the diag
 Every opening is on record, also those without a result.\n";
 
 /// The measures of every scenario of the flights.
-fn all_scenarios(
-    study: &Study,
-    flights: &FlightResults,
-    words: &Vocabulary,
-) -> Vec<MeasuredFlights> {
+fn all_scenarios(flights: &FlightResults, words: &Vocabulary) -> Vec<MeasuredFlights> {
     let foreign =
         |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
     let merits = flights.merits.iter().chain(&flights.other_plant);
-    merits.map(|merit| MeasuredFlights::new(study, merit, foreign(merit), words)).collect()
+    merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), words)).collect()
 }
 
 /// Trees, committee and training rows together, where a fault may stay not isolated.
@@ -293,7 +290,6 @@ fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
 
 impl MeasuredFlights {
     fn new(
-        study: &Study,
         merit: &FlightMetrics,
         foreign: Option<&UnseenFaultMetrics>,
         words: &Vocabulary,
@@ -302,7 +298,7 @@ impl MeasuredFlights {
         MeasuredFlights {
             scenario: merit.setting.clone(),
             flights: merit.flights,
-            rates: of_flights(study, merit, foreign, words),
+            rates: of_flights(merit, foreign, words),
             actions,
             healthy: merit.healthy.clone(),
         }
@@ -336,7 +332,6 @@ impl MeasuredFlights {
 
 /// The rates counted in flights.
 fn of_flights(
-    study: &Study,
     merit: &FlightMetrics,
     foreign: Option<&UnseenFaultMetrics>,
     words: &Vocabulary,
@@ -352,27 +347,13 @@ fn of_flights(
             });
         }
     };
-    for (measure, rate) in lines::in_flight(merit, study, words) {
-        push(
-            measure,
-            "all faults and intensities, also those that never become visible",
-            Some(rate),
-        );
-    }
-    if words.has_off() {
-        let faults =
-            format!("{} faults of intensity {STRONG} and more that become visible", words.off());
-        let limit = format!("within {} s", chosen(merit.limit_s));
-        let since = Some(merit.in_time_since_visible);
-        push(format!("isolated {limit} of becoming visible"), &faults, since);
-        push(format!("isolated {limit} of the onset"), &faults, Some(merit.in_time));
-        push(format!("visible {limit} of the onset"), &faults, Some(merit.visible_in_time));
+    for measure in measure::ALL {
+        let [sentence, faults] =
+            [measure.sentence, measure.of].map(|text| words.of_flights(text, merit.limit_s));
+        push(sentence, &faults, Some(merit.rates.of(measure)));
     }
     let (unit, off) = (words.unit(), words.switched_off());
     if merit.setting == OTHER_PLANT {
-        let strong = merit.strong();
-        let faults = format!("all faults of intensity {STRONG} and more that become visible");
-        push(format!("{} right", words.action()), &faults, counted(strong.count, strong.of));
         let [flown, alarmed] = merit.healthy.flights;
         let alarmed = counted(alarmed, flown);
         push(format!("{} with an alarm", words.run()), "healthy flights", alarmed);
@@ -440,16 +421,22 @@ fn rate_cell(rate: &Rate) -> String {
 fn action_table(actions: &[ClassMetrics]) -> String {
     let row = |class: &ClassMetrics| {
         let of = |rate: &Rate| format!("{} of {}", rate.count, rate.of);
-        let never = format!("{} of {}", class.visible.of - class.visible.count, class.visible.of);
-        let shares = [&class.isolated, &class.other_command, &class.wrong_actuator, &class.silent];
+        let visible = class.rates.of(&measure::VISIBLE);
+        let never = format!("{} of {}", visible.of - visible.count, visible.of);
+        let shares = [
+            &measure::RIGHT_ACTION,
+            &measure::OTHER_ACTION,
+            &measure::WRONG_ACTUATOR,
+            &measure::SILENT,
+        ];
         let times = class
             .isolation
             .as_ref()
             .map(|latency| [latency.median_s, latency.p95_s, latency.longest_s]);
         let time =
             |place: usize| times.map_or(NONE.into(), |times| format!("{:.2} s", times[place]));
-        let shares = shares.into_iter().map(of);
-        let mut cells = vec![begun(&spoken(&class.command)), of(&class.visible), never];
+        let shares = shares.into_iter().map(|measure| of(&class.rates.of(measure)));
+        let mut cells = vec![begun(&spoken(&class.command)), of(&visible), never];
         cells.extend(shares.chain([0, 1, 2].map(time)));
         cells
     };

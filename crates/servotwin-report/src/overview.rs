@@ -127,7 +127,7 @@ fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
     let merits = &material.flights?.merits;
     let merit = merits.iter().find(|merit| merit.setting == result.subject.setting().name())?;
     let run = words.run();
-    let rates = lines::in_flight(merit, material.study, words).into_iter().map(|(title, rate)| {
+    let rates = lines::in_flight(merit, words).into_iter().map(|(title, rate)| {
         let interval = format!("{:.2} … {:.2} %", 100.0 * rate.low, 100.0 * rate.high);
         let note = format!("{} of {} {run}s, {interval}", rate.count, rate.of);
         card("open", &format!("In {run}: {title}"), [&percent(rate.share), &note], None)

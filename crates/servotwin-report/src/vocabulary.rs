@@ -3,7 +3,8 @@
 //! Actuators and actions have the names that the study gives them. With a single actuator no other can be wrongly
 //! accused. Only the paper's study refers to the paper's figures.
 
-use super::words::spoken;
+use super::words::{chosen, spoken};
+use servotwin::flight::judge::STRONG;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::{FAULTY, HEALTHY, Question};
 
@@ -120,6 +121,17 @@ impl Vocabulary {
             true => format!("{} or command", self.unit),
             false => "command".into(),
         }
+    }
+
+    /// The words of a [measure](servotwin::flight::measure::Measure) in this study; `limit_s` is the limit on latency.
+    pub fn of_flights(&self, words: &str, limit_s: f64) -> String {
+        words
+            .replace("{action}", &self.action())
+            .replace("{off}", &self.off())
+            .replace("{unit}", self.unit())
+            .replace("{switched_off}", self.switched_off())
+            .replace("{limit}", &format!("{} s", chosen(limit_s)))
+            .replace("{strong}", &chosen(STRONG))
     }
 
     /// What a question of the hierarchy determines. For a single actuator that is whether it is faulty.

@@ -4,6 +4,7 @@ use crate::error::SafetyError;
 use crate::interval::{CountedValue, poisson_rate_per_h};
 use crate::rates::{FailureRates, RatedFault};
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics};
+use servotwin::flight::measure::{self, Measure};
 
 /// The faults whose flights are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,13 +56,15 @@ impl ActionCounts {
     }
 
     fn of_class(class: &ClassMetrics) -> Self {
+        let count = |measure: &Measure| class.rates.of(measure).count;
+        let invisible = class.flown - count(&measure::VISIBLE);
         ActionCounts {
             flown: class.flown,
-            missed: class.flown - class.isolated.count,
-            hidden: class.flown - class.visible.count + class.silent.count,
-            invisible: class.flown - class.visible.count,
-            other_action: class.other_command.count,
-            wrong_shutdown: class.wrong_shutdown,
+            missed: class.flown - count(&measure::RIGHT_ACTION_OF_ALL),
+            hidden: invisible + count(&measure::SILENT),
+            invisible,
+            other_action: count(&measure::OTHER_ACTION),
+            wrong_shutdown: count(&measure::WRONG_SHUTDOWN),
         }
     }
 }

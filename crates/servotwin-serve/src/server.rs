@@ -22,7 +22,7 @@
 //! page that the user has open can inject a fault or ask for a session. Behind a proxy that ends TLS the page has
 //! another scheme, so hosts are compared. Beyond this machine a token is needed as well.
 //!
-//! A connection that sends no request within [`PATIENCE`] ends, as does a viewer that takes nothing for so long.
+//! A connection that sends no request within ten seconds ends, as does a viewer that takes nothing for so long.
 
 use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
 use crate::page::{FLEET, HTML, PARTS, saved_page};

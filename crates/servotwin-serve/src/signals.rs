@@ -227,10 +227,11 @@ impl Signals {
 
     fn sensors(&mut self, study: &Study, diagnoser: &Diagnoser) {
         for (place, sensor) in diagnoser.sensors.iter().enumerate() {
-            let unit = study.system.sensors[study.measured[place]].unit;
+            let declared = study.system.sensors.iter().find(|declared| declared.id == sensor.name);
+            let declared = declared.expect("the diagnoser fits the study");
+            let (id, label, unit) = (&declared.id, &declared.label, declared.unit);
             let actuator = sensor.actuator.map(|actuator| actuator as usize);
             let band = diagnoser.lengths[0].panel.bands.get(place);
-            let (id, label) = (&study.system.sensors[study.measured[place]].id, &sensor.name);
             let quantity = Quantity::ALL.iter().find(|(known, _)| *known == sensor.quantity);
             let reading = Signal {
                 actuator,

@@ -181,8 +181,8 @@ pub fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)
 
 /// The sensors that a diagnoser reads.
 pub fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
-    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
-    let sensors = system.sensors.iter().filter(|sensor| read(&sensor.label));
+    let read = |id: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *id);
+    let sensors = system.sensors.iter().filter(|sensor| read(&sensor.id));
     sensors.map(|sensor| sensor.id.as_str()).collect()
 }
 

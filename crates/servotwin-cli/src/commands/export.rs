@@ -228,12 +228,12 @@ pub fn twin_of<'s>(
 /// A twin with all sensors of its study.
 fn twin_alone(study: &Study) -> Result<ExportedTwin<'_>, RuntimeError> {
     let network = study.system.network();
-    let sensors = study.system.sensors.iter().map(|sensor| sensor.label.as_str());
+    let sensors = study.system.sensors.iter().map(|sensor| sensor.id.as_str());
     let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
     twin(study, SolverSettings::campaign(), study.sample_period_s, ranges.collect(), sensors)
 }
 
-/// A twin of a study with these sensors, by label.
+/// A twin of a study with these sensors, by id.
 fn twin<'s, 'n>(
     study: &'s Study,
     settings: SolverSettings,
@@ -242,7 +242,7 @@ fn twin<'s, 'n>(
     sensors: impl Iterator<Item = &'n str> + Clone,
 ) -> Result<ExportedTwin<'s>, RuntimeError> {
     let known = &study.system.sensors;
-    let place = |label: &str| known.iter().position(|sensor| sensor.label == label);
+    let place = |id: &str| known.iter().position(|sensor| sensor.id == id);
     let inputs =
         (0..study.system.network().inputs.len()).map(|input| study.system.accepted_range(input));
     let readable = sensors.clone().filter_map(place).map(|place| study.system.readable(place));

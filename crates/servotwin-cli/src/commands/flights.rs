@@ -99,7 +99,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             Global { json: true, .. } => json(&json!(merits)),
             Global { quiet: true, .. } => String::new(),
             _ => merits.iter().fold(String::new(), |mut text, merit| {
-                scenario(&mut text, merit, &study, &words);
+                scenario(&mut text, merit, &words);
                 text
             }),
         });
@@ -257,7 +257,7 @@ fn other_plant(
             flights::fly_fitted_other_plant(&folder, study, sizes, is_full, crew)
         })?;
         let judged = judged.ok_or_else(no_other_plant)?;
-        scenario(&mut text, &judged.merit, study, &words);
+        scenario(&mut text, &judged.merit, &words);
         text += &fitted_plants(&judged.calibration);
         json!(judged)
     } else {
@@ -265,7 +265,7 @@ fn other_plant(
             flights::fly_other_plant(&folder, study, sizes, is_full, crew)
         })?;
         let merit = merit.ok_or_else(no_other_plant)?;
-        scenario(&mut text, &merit, study, &words);
+        scenario(&mut text, &merit, &words);
         json!(merit)
     };
     manifest::write(&folder, study)?;
@@ -309,7 +309,7 @@ fn text(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         words.run()
     );
     for merit in results.merits.iter().chain(results.of_other_plants()) {
-        scenario(&mut out, merit, study, words);
+        scenario(&mut out, merit, words);
     }
     if let Some(ranges) = lines::flown_ranges(study) {
         let _ = writeln!(out, "  flown: {ranges}");
@@ -318,11 +318,11 @@ fn text(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
 }
 
 /// What a scenario shows, over all faults and intensities.
-fn scenario(out: &mut String, merit: &FlightMetrics, study: &Study, words: &Vocabulary) {
+fn scenario(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
     let FlightMetrics { setting, flights, failed, .. } = merit;
     let run = words.run();
     let _ = writeln!(out, "  {setting}: {flights} {run}s with a fault, {failed} not finished");
-    let rates = lines::in_flight(merit, study, words);
+    let rates = lines::in_flight(merit, words);
     let of_rate = |(title, own): (String, Rate)| {
         format!("{title} {} ({} of {})", rate(Some(own)), own.count, own.of)
     };

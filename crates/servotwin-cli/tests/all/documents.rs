@@ -168,9 +168,9 @@ fn fits(pattern: &str, name: &str) -> bool {
 
 #[test]
 fn a_pattern_fits_the_names_that_it_stands_for() {
-    assert!(fits("rms_SENSOR_over_OTHER", "rms_p_A1_over_x_v1"));
+    assert!(fits("rms_SENSOR_over_OTHER", "rms_p_a_1_over_x_v_1"));
     assert!(fits("mean_gap", "mean_gap") && !fits("mean_gap", "mean_gap_2"));
-    assert!(!fits("crest_SENSOR", "gain_p_A1"));
+    assert!(!fits("crest_SENSOR", "gain_p_a_1"));
 }
 
 #[test]

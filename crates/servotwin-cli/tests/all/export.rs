@@ -184,7 +184,7 @@ fn twin_and_diagnosis_say_in_c_what_a_watch_says() {
     let diagnoser = Arc::new(model_file::read_diagnoser(Path::new(&model)).unwrap());
     let mut watcher = Watcher::new(&study, diagnoser.clone()).unwrap();
     let (mut text, mut expected) = (String::new(), String::new());
-    let place = |label: &str| study.system.sensors.iter().position(|s| s.label == label).unwrap();
+    let place = |id: &str| study.system.sensors.iter().position(|s| s.id == id).unwrap();
     let places: Vec<usize> = diagnoser.sensors.iter().map(|sensor| place(&sensor.name)).collect();
     let mut was_off = false;
     for (inputs, measured) in flight(&study, &diagnoser) {

@@ -275,7 +275,7 @@ fn brute_force_confirms_the_search_over_sensors() {
     let trade = SensorTrade::new(&results, &TradeOptions::default(), &crew).unwrap();
     let runs = SensorRuns::read(&results, &trade.candidates).unwrap();
     let table = Table::read(Path::new(&out).join("dataset-realistic.parquet")).unwrap();
-    let largest = ["p_A", "p_B", "x_p", "x_v", "p_S"]
+    let largest = ["p_a", "p_b", "x_p", "x_v", "p_s"]
         .map(|name| table.f64(&format!("largest:{name}")).unwrap().to_vec());
     let (kinds, failures) = (table.text("kind").unwrap(), table.text("failure").unwrap());
     let faults =
@@ -339,7 +339,7 @@ fn an_upgraded_sensor_is_simulated_anew_and_judged_beside_the_sets() {
         kinds.iter().zip(values.iter()).filter(|(k, _)| *k == "healthy").map(|(_, v)| *v).collect()
     };
     assert_eq!(healthy(&before, "largest:x_v"), healthy(&after, "largest:x_v"));
-    let [before, after] = [&before, &after].map(|table| healthy(table, "largest:p_S"));
+    let [before, after] = [&before, &after].map(|table| healthy(table, "largest:p_s"));
     assert!(
         before.iter().zip(&after).all(|(before, after)| after < before),
         "{before:?} {after:?}"

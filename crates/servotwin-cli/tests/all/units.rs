@@ -85,9 +85,12 @@ fn whole_way(units: usize) {
         assert_eq!(html.to_lowercase().contains(of_several), units > 1, "{of_several}");
     }
     for merit in results(out, "flights.json")["merits"].as_array().unwrap() {
-        assert_eq!(merit["wrong_shutdowns"], 0, "{merit}");
+        let rates = &merit["rates"];
+        // One alone has no other that could be shut down in its place.
+        assert_eq!(rates.get("wrong_shutdown").is_some(), units > 1, "{merit}");
+        assert_eq!(rates["wrong_shutdown"]["count"].as_u64().unwrap_or(0), 0, "{merit}");
         assert_eq!(merit["flights"], 10 * units, "every fault of every unit is flown");
-        assert!(merit["in_time"]["count"].as_u64().unwrap() > 0, "{merit}");
+        assert!(rates["isolated_in_time"]["count"].as_u64().unwrap() > 0, "{merit}");
     }
     // A judged fault of the last unit.
     let variant = (10 * units - 1).to_string();

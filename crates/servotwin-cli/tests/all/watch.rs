@@ -211,7 +211,7 @@ fn mistakes_in_watching_are_said_with_their_place() {
         ["simulate", "spring_actuator", "--command", "1deg", "--duration", "1s", "-q", "--out"];
     assert!(servotwin(&[&run[..], &[&spring]].concat()).status.success());
     let other =
-        format!("{model}: the diagnoser reads sensor 'p_A1', which the study 'spring_actuator'");
+        format!("{model}: the diagnoser reads sensor 'p_a_1', which the study 'spring_actuator'");
     // A log without the numbers of sensors, and one that is too short.
     let (emptied, short) = (folder.file("emptied.csv"), folder.file("short.csv"));
     let head: Vec<&str> = rows.lines().next().unwrap().split(',').collect();

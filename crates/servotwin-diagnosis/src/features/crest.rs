@@ -64,7 +64,7 @@ mod tests {
     /// The crest factor of a noisy residual over this many samples.
     fn crest(samples: u32, residual: impl Fn(f64) -> f64) -> f64 {
         let sensors = Sensors(alloc::vec![Sensor {
-            name: "x_v1".into(),
+            name: "x_v_1".into(),
             quantity: Quantity::Spool,
             actuator: Some(0),
             noise: NOISE,

@@ -74,7 +74,7 @@ impl Quantity {
 /// A sensor with the data that features need.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
-    /// The name from which feature names are built, e.g. `p_A1`.
+    /// The id in the study, from which feature names are built, e.g. `p_a_1`.
     pub name: String,
     /// The measured quantity.
     pub quantity: Quantity,
@@ -215,7 +215,7 @@ fn largest_other<N: Number>(values: &[N], own: usize) -> N {
 /// The description of a feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feature {
-    /// Unique name, e.g. `mean_p_A1`.
+    /// Unique name, e.g. `mean_p_a_1`.
     pub name: String,
     /// The unit: `of scale` for fractions of the sensors' scale, `1` for ratios, and so on.
     pub unit: &'static str,

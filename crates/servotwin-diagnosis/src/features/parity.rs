@@ -155,8 +155,8 @@ mod tests {
             is_noisy: true,
             follows: follows.to_vec(),
         };
-        let ram = sensor("x_p1", Quantity::Ram, &[]);
-        Sensors(alloc::vec![ram, sensor("x_v1", Quantity::Spool, &[(0, -6.0)])])
+        let ram = sensor("x_p_1", Quantity::Ram, &[]);
+        Sensors(alloc::vec![ram, sensor("x_v_1", Quantity::Spool, &[(0, -6.0)])])
     }
 
     /// The features of half a second with a twin spool amplitude of 0.3. `residuals` gives those of ram and spool for

@@ -84,8 +84,8 @@ pub(super) fn compare(
     let Subject { study, diagnoser, twin } = subject;
     let Some(mut others) = started(compiled, evidence)? else { return Ok(()) };
     let mut watcher = Watcher::new(study, (*diagnoser).clone())?.stepping(twin.settings);
-    let place = |label: &str| diagnoser.sensors.iter().position(|sensor| sensor.name == label);
-    let places: Vec<_> = study.system.sensors.iter().map(|sensor| place(&sensor.label)).collect();
+    let place = |id: &str| diagnoser.sensors.iter().position(|sensor| sensor.name == id);
+    let places: Vec<_> = study.system.sensors.iter().map(|sensor| place(&sensor.id)).collect();
     let mut generated = Samples::new(subject);
     let mut expected = vec![0.0; diagnoser.sensors.len()];
     let turn = (samples / (2 * twin.reactions.len() as u64 + 3)).max(1);

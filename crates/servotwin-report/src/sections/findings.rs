@@ -36,8 +36,7 @@ pub(super) fn all(
     list.extend(confused(hardest, words));
     list.extend(additional_sensor(material));
     list.extend(limits(material, hardest, words));
-    let at_work =
-        material.flights.and_then(|results| flights::finding(material.study, results, words));
+    let at_work = material.flights.and_then(|results| flights::finding(results, words));
     list.extend(at_work.map(|text| ("At work".to_owned(), text)));
     list
 }

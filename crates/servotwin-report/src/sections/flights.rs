@@ -11,7 +11,8 @@ use crate::words::{
 };
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::fitted_twins::CalibrationRecords;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
+use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
+use servotwin::flight::measure::{self, Measure};
 use servotwin::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
@@ -42,6 +43,11 @@ pub fn write(material: &Material, page: &mut Page) {
             }
         ));
     page.note(&sizes(results, material.study, words));
+    page.table(
+        &all_measures(results, words),
+        "Every measure of these flights, with the faults in which it is counted and 95 % intervals from drawing kinds \
+         of fault at their intensities.",
+    );
     if let Some(sealed) = material.sealed {
         page.heading("In sealed environments");
         page.text(&format!(
@@ -244,7 +250,8 @@ impl SettingLimits<'_> {
     }
 
     fn latency(&mut self) {
-        let FlightMetrics { setting, in_time, limit_s, onsets, .. } = self.merit;
+        let FlightMetrics { setting, limit_s, .. } = self.merit;
+        let in_time = self.merit.rates.of(&measure::ISOLATED_IN_TIME);
         if in_time.of == 0 {
             return;
         }
@@ -264,26 +271,19 @@ impl SettingLimits<'_> {
         self.push(
             format!("visible {off} faults of intensity {STRONG} and more, isolated in time"),
             self.marked(limit, key),
-            stacked(Some(*in_time)),
+            stacked(Some(in_time)),
             verdict,
         );
-        let by_then = format!("of them left any band within {} s", chosen(*limit_s));
-        self.explain(by_then, self.merit.visible_in_time);
-        let since = "of them isolated, counted from when they were visible".into();
-        self.explain(since, self.merit.in_time_since_visible);
-        let has_onset = |class: &&ClassMetrics| {
-            let mut commands = onsets.iter().flat_map(|(_, onset)| onset.command.split(", "));
-            commands.any(|command| command == class.command)
-        };
-        let classes: Vec<&ClassMetrics> =
-            self.merit.strong_classes.iter().filter(has_onset).collect();
-        if !classes.is_empty() {
-            let of = classes.iter().map(|class| class.visible.count).sum::<u64>();
-            let latencies = classes.iter().filter_map(|class| class.isolation.as_ref());
-            let isolated = latencies.map(|latency| latency.flights).sum::<u64>();
-            let never = format!("the same faults, never {}", self.words.switched_off());
-            self.explain(never, Rate::new(of - isolated, of));
+        for measure in
+            [&measure::VISIBLE_IN_TIME, &measure::ISOLATED_SINCE_VISIBLE, &measure::NEVER_ISOLATED]
+        {
+            let sentence = self.words.of_flights(measure.sentence, *limit_s);
+            self.explain(format!("the same faults, {sentence}"), self.merit.rates.of(measure));
         }
+        let (of_all, words) = (&measure::ISOLATED_IN_TIME_OF_ALL, self.words);
+        let [faults, sentence] =
+            [of_all.of, of_all.sentence].map(|text| words.of_flights(text, *limit_s));
+        self.explain(format!("{faults}: {sentence}"), self.merit.rates.of(of_all));
     }
 
     fn false_alarms(&mut self) {
@@ -313,7 +313,7 @@ impl SettingLimits<'_> {
     /// Explains the false alarms of plants that differ in structure, where alarms are less rare than elsewhere.
     fn alarmed_flights(&mut self) {
         let merit = self.merit;
-        let strong = merit.strong();
+        let strong = merit.rates.of(&measure::RIGHT_ACTION_OF_STRONG);
         let [flown, alarmed] = merit.healthy.flights;
         if ![OTHER_PLANT, OTHER_PLANT_FITTED].contains(&merit.setting.as_str()) {
             return;
@@ -352,7 +352,8 @@ impl SettingLimits<'_> {
         let merit = self.merit;
         if self.words.has_several() && merit.flights > 0 {
             let title = format!("the wrong {unit} {off}, all trained faults");
-            self.wrong(title, (merit.wrong_shutdowns, merit.flights));
+            let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
+            self.wrong(title, (wrong.count, wrong.of));
         }
         let is_own = |other: &&UnseenFaultMetrics| other.setting == merit.setting;
         let Some(unseen) = self.results.foreign.iter().find(is_own) else {
@@ -377,6 +378,26 @@ impl SettingLimits<'_> {
             none_allowed(wrong, limit),
         );
     }
+}
+
+/// The measures in all settings.
+fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
+    let merits: Vec<&FlightMetrics> =
+        results.merits.iter().chain(results.of_other_plants()).collect();
+    let left = ["measure", "of"].map(|head| (head.to_owned(), Alignment::Left));
+    let settings = merits.iter().map(|merit| (merit.setting.clone(), Alignment::Right));
+    let mut grid = HtmlTable::new(left.into_iter().chain(settings));
+    for measure in measure::ALL {
+        let rates: Vec<Rate> = merits.iter().map(|merit| merit.rates.of(measure)).collect();
+        if rates.iter().any(|rate| rate.of > 0) {
+            let text = |text| words.of_flights(text, merits[0].limit_s);
+            let cells = rates.iter().map(|rate| stacked(Some(*rate)));
+            grid.push(
+                [text(measure.sentence), text(measure.of)].into_iter().chain(cells).collect(),
+            );
+        }
+    }
+    grid
 }
 
 fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> HtmlTable {
@@ -505,10 +526,11 @@ fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
             |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
         let command =
             format!("{}\nintensity {} … {}", spoken(&class.command), chosen(low), chosen(high));
-        let mut row = vec![command, count(&class.visible), count(&class.isolated)];
-        row.push(count(&class.other_command));
-        row.extend(words.has_several().then(|| count(&class.wrong_actuator)));
-        row.push(count(&class.silent));
+        let cell = |measure: &Measure| count(&class.rates.of(measure));
+        let mut row = vec![command, cell(&measure::VISIBLE), cell(&measure::RIGHT_ACTION)];
+        row.push(cell(&measure::OTHER_ACTION));
+        row.extend(words.has_several().then(|| cell(&measure::WRONG_ACTUATOR)));
+        row.push(cell(&measure::SILENT));
         row.extend([&class.detection, &class.isolation, &class.isolation_since_visible].map(times));
         grid.push(row);
     }
@@ -525,15 +547,20 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     for merit in &results.merits {
         for (name, class) in &merit.onsets {
             let isolation = class.isolation.as_ref();
+            let visible = class.rates.of(&measure::VISIBLE);
             let mut row = vec![
                 name.clone(),
                 merit.setting.clone(),
-                format!("{} of {}", class.visible.count, class.visible.of),
-                stacked(Some(class.isolated)),
-                stacked(Some(class.silent)),
+                format!("{} of {}", visible.count, visible.of),
+                stacked(Some(class.rates.of(&measure::RIGHT_ACTION))),
+                stacked(Some(class.rates.of(&measure::SILENT))),
                 isolation.map_or(NONE.into(), |l| format!("{:.2} s, {:.2} s", l.median_s, l.p95_s)),
             ];
-            row.extend(words.has_several().then(|| class.wrong_shutdown.to_string()));
+            row.extend(
+                words
+                    .has_several()
+                    .then(|| class.rates.of(&measure::WRONG_SHUTDOWN).count.to_string()),
+            );
             grid.push(row);
         }
     }
@@ -558,32 +585,30 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
 }
 
 /// The finding for the first screen: one sentence about the hardest setting.
-pub(super) fn finding(
-    study: &Study,
-    results: &FlightResults,
-    words: &Vocabulary,
-) -> Option<String> {
+pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<String> {
     let merit = results.merits.last()?;
     let (unit, run) = (words.unit(), words.run());
-    let all = lines::in_flight(merit, study, words).into_iter().take(2);
+    let all = lines::in_flight(merit, words).into_iter().take(2);
     let mut parts: Vec<String> = all
         .map(|(title, own)| format!("{title} in {} of all {}", rate(Some(own)), own.of))
         .collect();
-    if words.has_off() && merit.in_time.of > 0 {
+    let in_time = merit.rates.of(&measure::ISOLATED_IN_TIME);
+    if in_time.of > 0 {
         parts.push(format!(
             "{} of the visible {} faults of intensity {STRONG} and more are isolated within {} s",
-            rate(Some(merit.in_time)),
+            rate(Some(in_time)),
             words.off(),
             chosen(merit.limit_s)
         ));
     }
-    if words.has_off() && words.has_several() && merit.flights > 0 {
+    let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
+    if wrong.of > 0 {
         parts.push(format!(
             "the wrong {unit} is {} in {} of {} {run}s ({})",
             words.switched_off(),
-            merit.wrong_shutdowns,
-            merit.flights,
-            at_most(merit.wrong_shutdowns, merit.flights)
+            wrong.count,
+            wrong.of,
+            at_most(wrong.count, wrong.of)
         ));
     }
     let foreign = results.foreign.iter().find(|other| other.setting == merit.setting);
@@ -624,7 +649,9 @@ fn fitted_plants(results: &FlightResults) -> String {
 
 /// A sentence on plants that differ from their twin in structure.
 fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
-    let (healthy, strong) = (&merit.healthy, merit.strong());
+    let healthy = &merit.healthy;
+    let [strong, wrong] = [&measure::RIGHT_ACTION_OF_STRONG, &measure::WRONG_SHUTDOWN]
+        .map(|measure| merit.rates.of(measure));
     let (unit, run, off) = (words.unit(), words.run(), words.switched_off());
     let mut parts = vec![format!(
         "{} false alarms in {:.1} healthy hours (95 %: at most {} per hour)",
@@ -639,9 +666,9 @@ fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
         let shutdowns = healthy.shutdowns;
         parts.push(format!("a healthy {unit} is {off} {shutdowns} times with nothing wrong"));
     }
-    if words.has_off() && words.has_several() {
-        let (wrong, flights) = (merit.wrong_shutdowns, merit.flights);
-        parts.push(format!("the wrong {unit} is {off} in {wrong} of {flights} {run}s"));
+    if wrong.of > 0 {
+        let Rate { count, of, .. } = wrong;
+        parts.push(format!("the wrong {unit} is {off} in {count} of {of} {run}s"));
     }
     parts.push(format!(
         "{} visible faults of intensity {STRONG} and more get the right action",

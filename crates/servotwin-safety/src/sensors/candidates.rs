@@ -21,10 +21,8 @@ pub type SensorMask = u64;
 /// A sensor that may be in a set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CandidateSensor {
-    /// The id in the study.
+    /// The id in the study, from which the names of features are built.
     pub id: String,
-    /// The label, from which the names of features are built.
-    pub label: String,
     /// The component that reads it, if one does: control needs it.
     pub read_by: Option<String>,
     /// Whether the system does not have it yet.
@@ -59,7 +57,6 @@ impl Candidates {
         let mut list: Vec<CandidateSensor> = (0..count)
             .map(|place| CandidateSensor {
                 id: study.system.sensors[study.measured[place]].id.clone(),
-                label: study.sensors.0[place].name.clone(),
                 read_by: reader(study, study.measured[place]),
                 is_extra: place >= base,
                 cost: 1.0,

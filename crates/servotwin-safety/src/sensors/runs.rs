@@ -152,14 +152,14 @@ fn subject(results: &StudyResultsFolder, extra: bool) -> Subject {
 
 /// Adds the largest residual of the extra sensor, which is a feature like others.
 fn add_extra(data: &mut DataSet, sensor: &CandidateSensor) {
-    let name = format!("largest_{}", sensor.label);
+    let name = format!("largest_{}", sensor.id);
     let Some(column) = data.features.iter().position(|own| own.name == name) else { return };
     let mut values = vec![0.0; data.features.len()];
     for (place, row) in data.rows.iter_mut().enumerate() {
         data.examples.row_into(0, place, &mut values);
         row.largest.push(values[column]);
     }
-    data.sensors.push(sensor.label.clone());
+    data.sensors.push(sensor.id.clone());
 }
 
 /// The least number of training rows in a leaf of the tree for the kind.

@@ -29,9 +29,11 @@ fn metrics(classes: &[(&str, u64, u64, u64, u64)], shutdowns: u64, hours: f64) -
     let rate = |count: u64, of: u64| json!({"count": count, "of": of, "share": null, "low": 0.0, "high": 1.0, "by_kind": null});
     let class = |&(command, flown, isolated, other, wrong): &(&str, u64, u64, u64, u64)| {
         json!({
-            "command": command, "intensities": [0.1, 1.0], "flown": flown, "visible": rate(flown, flown),
-            "isolated": rate(isolated, flown), "other_command": rate(other, flown),
-            "wrong_actuator": rate(wrong, flown), "wrong_shutdown": wrong, "silent": rate(0, flown),
+            "command": command, "intensities": [0.1, 1.0], "flown": flown,
+            "rates": {
+                "visible": rate(flown, flown), "right_action_of_all": rate(isolated, flown),
+                "other_action": rate(other, flown), "wrong_shutdown": rate(wrong, flown), "silent": rate(0, flown),
+            },
             "detection": null, "isolation": null, "isolation_since_visible": null,
         })
     };
@@ -43,11 +45,10 @@ fn metrics(classes: &[(&str, u64, u64, u64, u64)], shutdowns: u64, hours: f64) -
     });
     let text = json!({
         "setting": "noise", "flights": 1, "failed": 0, "failed_to_learn": 0, "on_the_move_to_learn": [],
-        "limit_s": 1.0, "in_time": rate(0, 0),
-        "visible_in_time": rate(0, 0), "in_time_since_visible": rate(0, 0),
+        "limit_s": 1.0, "rates": {},
         "classes": classes.iter().map(class).collect::<Vec<_>>(), "strong_classes": [], "kinds": [], "onsets": [],
         "healthy": healthy,
-        "wrong_shutdowns": 0, "wrong_kinds": [],
+        "wrong_kinds": [],
     });
     serde_json::from_value(text).unwrap()
 }

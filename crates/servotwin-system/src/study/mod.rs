@@ -739,8 +739,6 @@ impl Reader<'_> {
         for (position, sensor) in list.iter().enumerate() {
             let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
             if let Ok(sensor) = self.sensor(position, text) {
-                let at = KeyPath::of(&["sensors", &list[position].id]).name();
-                self.named_apart(&at, &sensor, &seen);
                 measured.push(position);
                 seen.push(sensor);
             }
@@ -750,7 +748,7 @@ impl Reader<'_> {
             let at = KeyPath::of(&["extra_sensor", "id"]);
             let unknown = || self.unknown(&at, "sensor in the system", &extra.id, ids());
             let position = position.ok_or_else(unknown)?;
-            let (name, noise) = (list[position].label.clone(), self.noise(position));
+            let (name, noise) = (extra.id.clone(), self.noise(position));
             let sensor = Sensor {
                 name,
                 quantity: Quantity::Surface,
@@ -759,7 +757,10 @@ impl Reader<'_> {
                 is_noisy: true,
                 follows: vec![],
             };
-            self.named_apart(&at, &sensor, &seen);
+            if seen.iter().any(|other: &Sensor| other.name == sensor.name) {
+                let name = sensor.name.clone();
+                self.note(&self.span(&at), StudyMistake::Repeated { what: "sensor", name });
+            }
             measured.push(position);
             seen.push(sensor);
         }
@@ -767,16 +768,8 @@ impl Reader<'_> {
         Ok((measured, Sensors(seen)))
     }
 
-    /// Notes a sensor with the same label as another, because features are named after labels.
-    fn named_apart(&self, at: &KeyPath, sensor: &Sensor, others: &[Sensor]) {
-        if others.iter().any(|other| other.name == sensor.name) {
-            let mistake = StudyMistake::Repeated { what: "sensor", name: sensor.name.clone() };
-            self.note(&self.span(at), mistake);
-        }
-    }
-
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
-        let crate::system::Sensor { id, label, .. } = &self.system.sensors[position];
+        let id = &self.system.sensors[position].id;
         let at = KeyPath::of(&["sensors", id]);
         let words = || Quantity::ALL.iter().map(|(_, word)| *word);
         let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
@@ -793,7 +786,7 @@ impl Reader<'_> {
         )?;
         // All actuators move the surface together, so its sensor belongs to none of them.
         let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
-        let (name, noise) = (label.clone(), self.noise(position));
+        let (name, noise) = (id.clone(), self.noise(position));
         Ok(Sensor {
             name,
             quantity: *quantity,

@@ -143,8 +143,8 @@ mod tests {
             let name = |&sensor: &usize| study.sensors.0[sensor].name.clone();
             reaction.takes_out.iter().map(name).collect::<Vec<_>>()
         };
-        assert_eq!(named(0, "displacement_sensor"), ["x_p1"]);
-        assert_eq!(named(1, "cylinder_pressure_sensor"), ["p_A2", "p_B2"]);
+        assert_eq!(named(0, "displacement_sensor"), ["x_p_1"]);
+        assert_eq!(named(1, "cylinder_pressure_sensor"), ["p_a_2", "p_b_2"]);
         let wrong = study.text.replace("[\"x_p_1\", \"x_p_2\"]", "[\"x_p_1\", \"ram\"]");
         let error =
             Study::parse(&wrong, "wrong.toml").err().expect("a quantity is no sensor").to_string();

@@ -3,7 +3,8 @@
 //! Every flight has an environment, a specimen and noise that were not used in training.
 
 use super::campaign::FlightCampaign;
-use super::outcome::{FirstAction, FlightOutcome};
+use super::measure::Rates;
+use super::outcome::FlightOutcome;
 use super::plan::Onset;
 use super::training_windows::MovingFlight;
 use super::watched::{Watching, watch_planned};
@@ -44,18 +45,8 @@ pub struct ClassMetrics {
     pub intensities: [f64; 2],
     /// Number of flights.
     pub flown: u64,
-    /// Flights in which the fault was visible.
-    pub visible: Rate,
-    /// Visible faults for which the right command for the right actuator was raised first.
-    pub isolated: Rate,
-    /// Visible faults for which another command for the right actuator was raised first.
-    pub other_command: Rate,
-    /// Visible faults for which a command for the wrong actuator was raised first.
-    pub wrong_actuator: Rate,
-    /// Flights in which a shutdown of the wrong actuator was raised at any time.
-    pub wrong_shutdown: u64,
-    /// Visible faults for which no command was raised.
-    pub silent: Rate,
+    /// All measures of these flights.
+    pub rates: Rates,
     /// From the onset to the first of the windows that made the fault visible.
     pub detection: Option<Latency>,
     /// From the onset to the right action.
@@ -74,7 +65,7 @@ pub struct KindLatency {
     /// From the onset until the fault was visible.
     pub detection: MedianTime,
     /// From the onset to the right action for the right actuator, where it was the first one and the fault was visible:
-    /// the flights that [`ClassMetrics::isolated`] counts.
+    /// the flights that [`RIGHT_ACTION_OF_ALL`](super::measure::RIGHT_ACTION_OF_ALL) counts.
     pub isolation: MedianTime,
 }
 
@@ -207,28 +198,6 @@ impl EnvironmentMetrics {
 const MAX_NAMED: usize = 10;
 
 impl FlightMetrics {
-    /// The visible faults of at least [`STRONG`] for which the right action was raised first.
-    pub fn strong(&self) -> Rate {
-        let sum = |of: fn(&ClassMetrics) -> u64| self.strong_classes.iter().map(of).sum();
-        Rate::new(sum(|class| class.isolated.count), sum(|class| class.isolated.of))
-    }
-
-    /// Flights, of all with a fault, in which the right action for the right actuator came first. A fault that never
-    /// became visible counts as missed.
-    pub fn right_actions(&self) -> Rate {
-        let sum = |of: fn(&ClassMetrics) -> u64| self.classes.iter().map(of).sum();
-        Rate::new(sum(|class| class.isolated.count), sum(|class| class.flown))
-    }
-
-    /// Flights, of all with a fault that needs one of these shutdowns, in which it was not the first action.
-    pub fn missed_shutdowns(&self, shutdowns: &[String]) -> Rate {
-        let own = self.classes.iter().filter(|class| shutdowns.contains(&class.command));
-        let (missed, flown) = own.fold((0, 0), |(missed, flown), class| {
-            (missed + class.flown - class.isolated.count, flown + class.flown)
-        });
-        Rate::new(missed, flown)
-    }
-
     /// Names the training flights that began without a steady state; `None` if there are none.
     pub fn without_steady_state(&self) -> Option<String> {
         let moving = &self.on_the_move_to_learn;
@@ -266,12 +235,8 @@ pub struct FlightMetrics {
     pub healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
-    /// The share isolated within the limit.
-    pub in_time: Rate,
-    /// The share visible within the limit; the others could hardly be isolated.
-    pub visible_in_time: Rate,
-    /// The share isolated within the limit after they became visible.
-    pub in_time_since_visible: Rate,
+    /// All measures of all faults.
+    pub rates: Rates,
     /// By action, faults of all intensities.
     pub classes: Vec<ClassMetrics>,
     /// By action, faults of at least [`STRONG`].
@@ -282,8 +247,6 @@ pub struct FlightMetrics {
     pub onsets: Vec<(String, ClassMetrics)>,
     /// Results without a fault.
     pub healthy: HealthyMetrics,
-    /// Number of flights with a shutdown of the wrong actuator.
-    pub wrong_shutdowns: u64,
     /// Kinds of fault for which a shutdown of the wrong actuator was raised, with the number of flights.
     pub wrong_kinds: Vec<(String, u64)>,
 }
@@ -323,25 +286,22 @@ pub fn merit(
     diagnoser: &Diagnoser,
     outcomes: &[FlightOutcome],
 ) -> FlightMetrics {
-    let judged = Judged::new(study, outcomes);
-    let soon = |time_s: Option<f64>| time_s.is_some_and(|time_s| time_s <= limit_s);
+    let judged = Judged::new(study, limit_s, outcomes);
+    let faults = judged.faults(|_| true);
     FlightMetrics {
         setting: setting.into(),
-        flights: judged.faults(|_| true).len() as u64,
+        flights: faults.len() as u64,
         failed: outcomes.iter().filter(|row| !row.is_finished).count() as u64,
         failed_to_learn: 0,
         healthy_evidence: diagnoser.healthy_evidence,
         on_the_move_to_learn: vec![],
         limit_s,
-        in_time: judged.share_of_visible(&|row| soon(row.right_action_s)),
-        visible_in_time: judged.share_of_visible(&|row| soon(row.visible_s)),
-        in_time_since_visible: judged.share_of_visible(&|row| soon(row.waited_s())),
+        rates: judged.rates(&faults),
         classes: judged.classes(0.0),
         strong_classes: judged.classes(STRONG),
         kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
         onsets: judged.onsets(),
         healthy: HealthyMetrics::new(&judged.rows),
-        wrong_shutdowns: wrong_shutdowns(&judged.faults(|_| true)),
         wrong_kinds: judged.wrong_kinds(),
     }
 }
@@ -349,13 +309,14 @@ pub fn merit(
 /// The finished flights of one diagnosis.
 struct Judged<'j> {
     study: &'j Study,
+    limit_s: f64,
     rows: Vec<&'j FlightOutcome>,
     /// The first fault of each kind, and of each kind at each intensity.
     clusters: BTreeMap<(&'j str, u64), (u32, u32)>,
 }
 
 impl<'j> Judged<'j> {
-    fn new(study: &'j Study, all: &'j [FlightOutcome]) -> Self {
+    fn new(study: &'j Study, limit_s: f64, all: &'j [FlightOutcome]) -> Self {
         let rows = all.iter().filter(|row| row.is_finished).collect();
         let mut kinds = BTreeMap::new();
         let mut clusters = BTreeMap::new();
@@ -364,7 +325,7 @@ impl<'j> Judged<'j> {
             let intensity = fault.at.intensity.to_bits();
             clusters.entry((fault.kind.as_str(), intensity)).or_insert((kind, place));
         }
-        Judged { study, rows, clusters }
+        Judged { study, limit_s, rows, clusters }
     }
 
     /// The flights with a fault that a choice selects.
@@ -384,9 +345,9 @@ impl<'j> Judged<'j> {
     /// By kind of onset: strong faults that need a shutdown.
     fn onsets(&self) -> Vec<(String, ClassMetrics)> {
         let off = self.study.shutdowns().join(", ");
+        let is_meant = |row: &FlightOutcome| row.needs_shutdown && row.intensity >= STRONG;
         let one = |onset: Onset| {
-            let class =
-                self.class(&off, |row| needs_shutdown(row) && row.profile == onset.name())?;
+            let class = self.class(&off, |row| is_meant(row) && row.profile == onset.name())?;
             Some((onset.name().to_owned(), class))
         };
         Onset::ALL.into_iter().filter_map(one).collect()
@@ -401,7 +362,6 @@ impl<'j> Judged<'j> {
         let visible: Vec<&FlightOutcome> =
             outcomes.iter().copied().filter(|row| row.visible_s.is_some()).collect();
         let of = visible.len() as u64;
-        let first_is = |first: FirstAction| self.rate(&visible, &|row| row.first == first);
         let times = |of_row: fn(&FlightOutcome) -> Option<f64>| {
             latency(visible.iter().filter_map(|row| of_row(row)), of)
         };
@@ -409,12 +369,7 @@ impl<'j> Judged<'j> {
             command: action.into(),
             intensities,
             flown: outcomes.len() as u64,
-            visible: self.rate(&outcomes, &|row| row.visible_s.is_some()),
-            isolated: first_is(FirstAction::Right),
-            other_command: first_is(FirstAction::OtherAction),
-            wrong_actuator: first_is(FirstAction::OtherActuator),
-            wrong_shutdown: wrong_shutdowns(&outcomes),
-            silent: first_is(FirstAction::None),
+            rates: self.rates(&outcomes),
             detection: times(|row| row.visible_s),
             isolation: times(|row| row.right_action_s),
             isolation_since_visible: times(FlightOutcome::waited_s),
@@ -448,10 +403,8 @@ impl<'j> Judged<'j> {
         Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
     }
 
-    /// The share of visible, strong faults that need a shutdown and satisfy a condition.
-    fn share_of_visible(&self, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
-        let visible = self.faults(|row| needs_shutdown(row) && row.visible_s.is_some());
-        self.rate(&visible, holds)
+    fn rates(&self, faults: &[&'j FlightOutcome]) -> Rates {
+        Rates::count(self.study, self.limit_s, faults, |of, holds| self.rate(of, holds))
     }
 
     /// The kinds of fault in which a healthy actuator was shut down, with the number of flights.
@@ -465,16 +418,6 @@ impl<'j> Judged<'j> {
         }
         kinds
     }
-}
-
-/// Whether a fault is strong and needs a shutdown.
-fn needs_shutdown(row: &FlightOutcome) -> bool {
-    row.needs_shutdown && row.intensity >= STRONG
-}
-
-/// The number of flights in which a healthy actuator was shut down.
-fn wrong_shutdowns(outcomes: &[&FlightOutcome]) -> u64 {
-    outcomes.iter().filter(|row| row.shutdown_healthy).count() as u64
 }
 
 /// Times at which shares are reported, s.
@@ -510,6 +453,7 @@ fn most_of_poisson(count: u64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::outcome::FirstAction;
     use super::*;
 
     #[test]

@@ -31,6 +31,7 @@ pub mod fitted_twins;
 pub mod hard_negatives;
 pub mod healthy;
 pub mod judge;
+pub mod measure;
 pub mod other_plant;
 pub mod outcome;
 pub mod plan;

@@ -84,7 +84,7 @@ pub fn defaults(study: &Study) -> Vec<Knot> {
     study.system.network().inputs.iter().map(|input| Knot::from(input.default)).collect()
 }
 
-/// The slots of sensors in the system's variables, by label.
+/// The slots of sensors in the system's variables, by id.
 ///
 /// # Errors
 /// [`RuntimeError::Sensor`].
@@ -94,7 +94,7 @@ pub fn slots<'n>(
 ) -> Result<Vec<Slot>, RuntimeError> {
     let slot = |name: &str| {
         let sensors = &study.system.sensors;
-        let sensor = sensors.iter().find(|sensor| sensor.label == name);
+        let sensor = sensors.iter().find(|sensor| sensor.id == name);
         let missing = || RuntimeError::Sensor { name: name.into(), study: study.name.clone() };
         let signal = &sensor.ok_or_else(missing)?.signal;
         Ok(study.system.program.observable(signal).ok_or_else(missing)?.slot)

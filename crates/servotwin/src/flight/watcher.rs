@@ -71,7 +71,7 @@ impl<'s> Watcher<'s> {
     /// The diagnoser does not fit this study.
     pub fn new(study: &'s Study, diagnoser: Arc<Diagnoser>) -> Result<Self, RuntimeError> {
         let sensors = &study.system.sensors;
-        let place = |name: &str| sensors.iter().position(|sensor| sensor.label == name);
+        let place = |name: &str| sensors.iter().position(|sensor| sensor.id == name);
         let named = diagnoser.sensors.iter();
         let unknown = |name: &String| {
             let (name, study) = (name.clone(), study.name.clone());
@@ -93,7 +93,7 @@ impl<'s> Watcher<'s> {
         });
         Ok(Watcher {
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
-            slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.label.as_str()))?,
+            slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.id.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
             units: study.units.clone(),
             off: off.collect(),

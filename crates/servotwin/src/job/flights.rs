@@ -10,6 +10,7 @@ use crate::flight::campaign::FlightCampaign;
 use crate::flight::fitted_twins::CalibrationRecords;
 use crate::flight::hard_negatives;
 use crate::flight::judge::{self, FlightMetrics};
+use crate::flight::measure;
 use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
 use crate::flight::outcome::{self, FlightOutcome};
 use crate::flight::plan::Purpose;
@@ -389,14 +390,14 @@ impl SealedResults {
     /// The results in a line, for the record.
     fn summary(&self) -> String {
         let of = |merit: &FlightMetrics| {
-            let since = &merit.in_time_since_visible;
+            let since = merit.rates.of(&measure::ISOLATED_SINCE_VISIBLE);
             format!(
                 "{}: {} of {} in time since visible, {} healthy shutdowns, {} wrong shutdowns",
                 merit.setting,
                 since.count,
                 since.of,
                 merit.healthy.shutdowns,
-                merit.wrong_shutdowns
+                merit.rates.of(&measure::WRONG_SHUTDOWN).count
             )
         };
         self.results.merits.iter().map(of).collect::<Vec<_>>().join("; ")

@@ -4,6 +4,7 @@
 use servotwin::flight::campaign::{FlightCampaign, Observer};
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::judge::{self, FlightMetrics};
+use servotwin::flight::measure;
 use servotwin::flight::other_plant::OtherPlants;
 use servotwin::flight::outcome::{FlightOutcome, Needed};
 use servotwin::flight::plan::Purpose;
@@ -100,7 +101,10 @@ fn all_actions_that_switch_off_are_judged_together() {
             .map(|row| FlightOutcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
         let rows: Vec<FlightOutcome> = rows.collect();
         let merit = judge::merit(study(), ("noise", 1.0), diagnoser(), &rows);
-        [merit.in_time.of, merit.visible_in_time.count]
+        [
+            merit.rates.of(&measure::ISOLATED_IN_TIME).of,
+            merit.rates.of(&measure::VISIBLE_IN_TIME).count,
+        ]
     };
     let [one, other] = ["shut_down", "change_mode"].map(|action| judged(&[action]));
     assert!(one[0] > 0 && other[0] > 0, "{one:?} {other:?}");
@@ -203,10 +207,12 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
 fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
     let merit = merit(2);
     assert_eq!((merit.failed, merit.flights), (0, 16));
-    assert_eq!((merit.healthy.alarms, merit.wrong_shutdowns), (0, 0));
+    let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
+    assert_eq!((merit.healthy.alarms, wrong.count, wrong.of), (0, 0, 16));
     let shut_down = merit.classes.iter().find(|class| class.command == "shut_down").unwrap();
-    assert_eq!(shut_down.visible.count, shut_down.visible.of);
-    assert!(shut_down.isolated.count > 0, "{shut_down:?}");
+    let visible = shut_down.rates.of(&measure::VISIBLE);
+    assert_eq!(visible.count, visible.of);
+    assert!(shut_down.rates.of(&measure::RIGHT_ACTION).count > 0, "{shut_down:?}");
 }
 
 #[test]

@@ -204,7 +204,7 @@ fn with_parameters() -> &'static Study {
 /// The study has fewer sensors than its system, so a sensor has other places in the two lists.
 #[test]
 fn a_reaction_takes_the_sensors_out_that_it_names() {
-    for (unit, name) in [(0, "x_v1"), (1, "x_v2")] {
+    for (unit, name) in [(0, "x_v_1"), (1, "x_v_2")] {
         let reaction = with_parameters().reactions.of(unit, "shut_down", None);
         let place = |&sensor: &usize| place_of(sensor, study(), diagnoser()).unwrap();
         let out = reaction.takes_out.iter().map(place).map(|at| &diagnoser().sensors[at].name);

@@ -13,7 +13,7 @@
 //! mode = "none"
 //!
 //! [[sensors]]                          # or measured and nominal separately
-//! name = "p_A1"
+//! name = "p_a_1"
 //! measured = "pressure_a_pa"
 //! nominal = "twin_pressure_a_pa"       # a column; or, to be learned from the healthy rows,
 //! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
