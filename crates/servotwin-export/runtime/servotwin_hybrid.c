@@ -203,7 +203,9 @@ bool servotwin_hybrid_start(servotwin_hybrid *hybrid)
 {
     clear(hybrid);
     const bool is_exact = servotwin_twin_is_exact(&hybrid->twin);
-    return servotwin_session_start(&hybrid->session) && is_exact;
+    const bool knows_answer = servotwin_session_start(&hybrid->session);
+    servotwin_session_restart(&hybrid->session);
+    return knows_answer && is_exact;
 }
 
 /* A value, or NaN for one that is not possible. */

@@ -36,6 +36,7 @@ extern const int32_t servotwin_twin_sensors[];
 
 /*
  * Runs a sample with a known answer through twin and diagnosis, then clears everything; takes as long as a first sample.
+ * The actuator may be in motion, but the twin begins at rest: at first it settles, without judgement.
  * Returns false, and nothing may be used, if this build computes otherwise than in training.
  */
 bool servotwin_hybrid_start(servotwin_hybrid *hybrid);

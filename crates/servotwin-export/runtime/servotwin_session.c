@@ -240,8 +240,7 @@ static void clear_windows(servotwin_session *session)
     session->has_judged = false;
 }
 
-/* Starts again with a twin that must settle first. A raised action stays. */
-static void restart(servotwin_session *session)
+void servotwin_session_restart(servotwin_session *session)
 {
     clear_windows(session);
     session->settling = servotwin_tuning.settle_samples;
@@ -294,7 +293,7 @@ static bool switch_actuator(servotwin_session *session, int32_t actuator, bool i
     if (is_known) {
         session->is_off[actuator] = is_off;
         drop_active_of(session, actuator);
-        restart(session);
+        servotwin_session_restart(session);
     }
     return is_known;
 }
@@ -335,7 +334,7 @@ bool servotwin_session_inhibit(servotwin_session *session, int32_t actuator, boo
         if (is_inhibited) {
             drop_active_of(session, actuator);
         }
-        restart(session);
+        servotwin_session_restart(session);
     }
     return is_known;
 }
@@ -345,7 +344,7 @@ bool servotwin_session_take_out(servotwin_session *session, int32_t sensor, bool
     const bool is_known = (sensor >= 0) && (sensor < SERVOTWIN_SENSORS);
     if (is_known) {
         session->is_taken_out[sensor] = is_out;
-        restart(session);
+        servotwin_session_restart(session);
     }
     return is_known;
 }
@@ -417,7 +416,7 @@ static void distrust(servotwin_session *session, const servotwin_outcome *said)
     servotwin_outcome whole = *said;
     whole.alarm = session->outcome.alarm;
     if (!is_same_finding(&session->outcome, &whole) || session->has_judged) {
-        restart(session);
+        servotwin_session_restart(session);
     }
     session->settling = servotwin_tuning.settle_samples;
     whole.alarm = (said->why == SERVOTWIN_MISSING) ? SERVOTWIN_NO_DATA : SERVOTWIN_ERROR;
@@ -933,7 +932,7 @@ const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *
 {
     session->outcome.sample = session->samples;
     session->samples++;
-    restart(session);
+    servotwin_session_restart(session);
     say_unjudged(session, SERVOTWIN_ERROR);
     return &session->outcome;
 }

@@ -118,6 +118,9 @@ const servotwin_outcome *servotwin_session_push(
     servotwin_session *session, const servotwin_real *inputs, const servotwin_real *measured,
     const servotwin_real *twin);
 
+/* Starts again with a twin that must settle first, without judgement. What is raised stands. */
+void servotwin_session_restart(servotwin_session *session);
+
 /* Takes a sample for which the twin could not be simulated. The next one needs a twin that settles again. */
 const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *session);
 

@@ -65,7 +65,8 @@ struct StoredTwin {
 }
 
 impl<'s> Watcher<'s> {
-    /// Creates a runtime before its first sample.
+    /// Creates a runtime before its first sample. Who watches may begin in motion, but the twin begins at rest: at first
+    /// it settles, without judgement, as after a gap.
     ///
     /// # Errors
     /// The diagnoser does not fit this study.
@@ -91,8 +92,10 @@ impl<'s> Watcher<'s> {
                 .find(|r| r.switches_off && !r.inputs.is_empty())
                 .unwrap_or_default()
         });
+        let mut runtime = Runtime::new(study, diagnoser.clone(), vec![])?;
+        runtime.restart();
         Ok(Watcher {
-            runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
+            runtime,
             slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.id.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
             units: study.units.clone(),
