@@ -49,7 +49,7 @@ impl Card {
     /// Whether the target is met. If the interval contains the target, the verdict stays open.
     fn verdict(&self) -> (&'static str, &'static str) {
         match self.target {
-            Target::Never if self.rate.count == 0 => ("met", "target: never · met"),
+            Target::Never if self.rate.count == 0 => ("met", "target: never · none seen"),
             Target::Never => ("missed", "target: never · missed"),
             Target::AtLeast(share) if self.rate.low >= share => ("met", "target: 95 % · met"),
             Target::AtLeast(share) if self.rate.high < share => ("missed", "target: 95 % · missed"),

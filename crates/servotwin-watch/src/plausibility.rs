@@ -6,7 +6,7 @@
 //! *contradiction*: findings on such a log are not those of its actuator.
 
 use super::counts::{Irregularity, WatchCounts};
-use super::map::Map;
+use super::map::{LARGEST_RATE_HZ, Map};
 use super::sequencer::Stamped;
 use servotwin::beside::{self, Comparisons, Spread, TwinComparison};
 use servotwin::system::{Sensor, System};
@@ -297,14 +297,19 @@ pub(crate) fn coarse_in_words(
     let tally = counts.of(Irregularity::CoarseTime);
     let accident = (MOST_COARSE * counts.frames as f64).max(map.rules.witnesses as f64);
     let (column, _) = map.time_column().filter(|_| tally.count as f64 > accident)?;
+    let rate = match rate_hz <= LARGEST_RATE_HZ {
+        true => format!("rate_hz = {}", rounded(rate_hz)),
+        false => {
+            "or another unit than that of the map; rate_hz with the rate of the log".to_owned()
+        }
+    };
     Some(format!(
         "{} {}s have the time of another and other values, first {}: the times in '{}' have too few digits; \
-         rate_hz = {} instead of column below [time] of a map file counts rows",
+         {rate} instead of column below [time] of a map file counts rows",
         tally.count,
         counts.counted,
         counts.place(tally),
-        servotwin_io::sanitize::text(column),
-        rounded(rate_hz)
+        servotwin_io::sanitize::text(column)
     ))
 }
 

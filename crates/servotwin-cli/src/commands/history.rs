@@ -182,18 +182,56 @@ fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Fa
     Ok(all)
 }
 
-/// The logs in the order of their dates, or of their names where a log has no date.
+/// The logs in the order of the dates in them, of the dates in their names where a log has none, or else of their names.
 fn in_order(mut all: Vec<(Option<f64>, Log)>, global: Global) -> Vec<Log> {
-    let is_usable = |(_, (_, record)): &&(Option<f64>, Log)| record.is_ok();
-    let is_dated = all.iter().filter(is_usable).all(|(begin_s, _)| begin_s.is_some());
-    if is_dated && !all.is_sorted_by_key(|(begin_s, _)| begin_s.unwrap_or(f64::NAN)) {
+    let usable = || all.iter().filter(|(_, (_, record))| record.is_ok());
+    let dated = usable().filter(|(begin_s, _)| begin_s.is_some()).count();
+    let is_in_names = dated == 0 && usable().all(|(_, (name, _))| date_in(name).is_some());
+    let is_dated = dated == usable().count() || is_in_names;
+    if is_in_names {
+        all.iter_mut().for_each(|(begin_s, (name, _))| *begin_s = date_in(name));
+    }
+    let days: Vec<f64> = all.iter().filter_map(|(begin_s, _)| *begin_s).collect();
+    let is_sorted = days.is_sorted();
+    if is_dated && !is_sorted {
         all.sort_by(|(one, _), (other, _)| one.partial_cmp(other).unwrap_or(Ordering::Equal));
-        note(
-            global,
-            "the flights are in the order of the dates in their logs, which is not that of their names",
+        let place = if is_in_names { "names" } else { "logs" };
+        let text = format!(
+            "the flights are in the order of the dates in their {place}, which is not that of their names"
         );
+        note(global, &text);
+    } else if !is_sorted {
+        let text = format!(
+            "the flights are in the order of their names, which contradicts the dates in {dated} of {} logs: name them \
+             by their dates (2026-11-21)",
+            all.len()
+        );
+        note(global, &text);
+    } else if let Some(name) = all.iter().map(|(_, (name, _))| name).find(|n| is_doubtful(n)) {
+        let text = format!(
+            "the flights are in the order of their names: whether '{}' begins with the day or the month is not known; \
+             name them by their dates (2026-11-21)",
+            servotwin::sanitize::text(name)
+        );
+        note(global, &text);
     }
     all.into_iter().map(|(_, log)| log).collect()
+}
+
+/// The parts of a file's name that may be a date.
+fn parts_of(name: &str) -> impl Iterator<Item = &str> {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    stem.split(['_', ' '])
+}
+
+/// The date in a file's name, s since 1970.
+fn date_in(name: &str) -> Option<f64> {
+    parts_of(name).find_map(moment::seconds)
+}
+
+/// Whether a file's name has a date whose order of day and month is not known.
+fn is_doubtful(name: &str) -> bool {
+    parts_of(name).any(|part| moment::refusal(part).is_some())
 }
 
 /// A log as a record, and its first time, if that is a date.
@@ -606,7 +644,7 @@ fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
 
 #[cfg(test)]
 mod tests {
-    use super::when;
+    use super::{date_in, is_doubtful, when};
     use servotwin::fit::trend::{Point, Trend};
 
     #[test]
@@ -615,5 +653,14 @@ mod tests {
         let falling: Vec<Point> = (0..10).map(flight).collect();
         let sentence = when(&Trend::of(&falling).unwrap(), 0.5);
         assert_eq!(sentence, "no trend: the threshold is not reached");
+    }
+
+    #[test]
+    fn dates_in_names_order_flights_and_doubtful_ones_are_told() {
+        let names = ["26.10.2026.csv", "flight_1-Nov-2026.csv", "2026-11-21_rig.csv"];
+        let days = names.map(|name| date_in(name).expect(name));
+        assert!(days.is_sorted(), "{days:?}");
+        assert!(date_in("flight_10.csv").is_none() && !is_doubtful("flight_10.csv"));
+        assert!(is_doubtful("10-11-2026.csv") && is_doubtful("rig_10-11-2026.csv"));
     }
 }

@@ -92,8 +92,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let twin = twin.transpose()?;
     let place = study.as_ref().map(|(_, place)| place.as_path());
     let whole = (&*diagnoser, file.as_path());
-    let compared = folder.compare(&description, whole, twin.as_ref().zip(place))?;
     folder.forget_certificate()?;
+    let compared = folder.compare(&description, whole, twin.as_ref().zip(place))?;
     let (mut evidence, mut single) = (vec![], None);
     if compared.differences.is_empty() {
         let plan = Plan {

@@ -166,7 +166,12 @@ impl FmeaFlights {
             Some(basis) => results.basis.changes_since(&basis),
             None => Some("their model is not recorded".into()),
         };
-        Ok(Some(FmeaFlights { list, case: one("case")?, setting: one("setting")?, stale }))
+        let (setting, wanted) = (one("setting")?, results.flown_setting().name());
+        let other = || {
+            (setting != wanted).then(|| format!("the scenario changed from {setting} to {wanted}"))
+        };
+        let stale = stale.or_else(other);
+        Ok(Some(FmeaFlights { list, case: one("case")?, setting, stale }))
     }
 
     /// Whether all of these faults were flown, or tried.

@@ -484,7 +484,8 @@ impl Guess {
         let candidate = &candidates[place];
         let name = &candidate.column.name;
         let unit = candidate.unit.filter(|(unit, _)| *unit == target.unit);
-        let unknown = candidate.unknown.filter(|_| target.unit != Unit::None);
+        let other = declared_unit(candidate.column).filter(|_| unit.is_none());
+        let unknown = candidate.unknown.or(other).filter(|_| target.unit != Unit::None);
         if let Some(unknown) = unknown {
             let (column, unit) = (quoted(name), quoted(unknown));
             let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{UNKNOWN}");
@@ -562,14 +563,19 @@ fn time_unit(column: &LogColumn) -> Option<&str> {
 /// The unit of a log or of brackets behind a name, if it is not known. A number in brackets, or a word for a time, is no
 /// unit.
 fn unknown_unit(column: &LogColumn) -> Option<&str> {
+    declared_unit(column).filter(|text| !matches!(*text, "-" | "–") && known(text).is_none())
+}
+
+/// The unit of a log or of brackets behind a name, whether it is known or not.
+fn declared_unit(column: &LogColumn) -> Option<&str> {
     let inner = || {
         let inner = column.name.trim().strip_suffix([']', ')'])?;
         Some(&inner[inner.rfind(['[', '('])? + 1..])
     };
     let given = Some(column.unit.trim()).filter(|unit| !unit.is_empty());
     let text = given.or_else(inner)?.trim();
-    let is_none = matches!(text, "" | "-" | "–" | DATE) || text.bytes().all(|b| b.is_ascii_digit());
-    (!is_none && known(text).is_none() && !is_time_name(&key(text))).then_some(text)
+    let is_none = matches!(text, "" | DATE) || text.bytes().all(|b| b.is_ascii_digit());
+    (!is_none && !is_time_name(&key(text))).then_some(text)
 }
 
 /// The unit of days that count from a known day, by the first of them: spreadsheets count from 1900.

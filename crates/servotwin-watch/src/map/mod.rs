@@ -10,6 +10,7 @@ mod words;
 
 pub use guess::{Guess, Trust, guess};
 pub use mistake::Mistake;
+pub(crate) use read::LARGEST_RATE_HZ;
 pub(crate) use times::other_raster;
 
 use super::sequencer::{SequencerRules, Stamped};

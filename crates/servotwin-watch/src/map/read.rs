@@ -37,6 +37,8 @@ struct Reader<'s> {
 }
 
 /// The allowed keys of the file and of each section.
+/// The largest rate of rows, Hz.
+pub(crate) const LARGEST_RATE_HZ: f64 = 1e6;
 const SECTIONS: [&str; 5] = ["format", "time", "inputs", "sensors", "samples"];
 const TIME: [&str; 3] = ["column", "unit", "rate_hz"];
 const CHANNEL: [&str; 6] = ["column", "value", "unit", "factor", "offset", "hold_s"];
@@ -129,7 +131,7 @@ impl<'s> Reader<'s> {
 
     fn time(&mut self, entries: &[Entry]) {
         self.known(entries, "[time]", &TIME);
-        let rate = self.number(entries, "rate_hz", (1e-3, 1e6), "rows per second");
+        let rate = self.number(entries, "rate_hz", (1e-3, LARGEST_RATE_HZ), "rows per second");
         match (get(entries, "column"), rate) {
             (Some(column), None) => {
                 let place = self.column(column);

@@ -9,7 +9,7 @@ use servotwin_model::spec::Unit;
 /// Times that differ by less than this many steps are the same.
 const SAME_STEPS: f64 = 0.5;
 /// Times with a constant difference below this many steps are those of two clocks; a longer one is another zero.
-const OWN_ZERO_STEPS: f64 = 50.0;
+const OWN_ZERO_STEPS: f64 = 10_000.0;
 
 /// The columns whose name is that of a time, apart from its unit.
 pub(super) fn time_columns(columns: &[LogColumn]) -> Vec<usize> {
@@ -54,13 +54,19 @@ fn speaks_of_time(column: &LogColumn) -> bool {
     if column.name.len() > LONGEST || column.step().is_none() {
         return false;
     }
-    let ways = splits(base(&column.name));
+    let ways = splits(without_copy(base(&column.name)));
     let is_other = ways.iter().any(|(_, unit)| unit.is_some_and(|(unit, _)| unit != Unit::Second));
     let (stem, _) = ways[0];
     let (words, _) = words(stem);
     let is_letter = words.len() == 1 && words[0] == "t";
     let is_word = |word: &String| word.len() > 1 && is_time_name(word);
     column.unit == DATE || (!is_other && (is_letter || words.iter().any(is_word)))
+}
+
+/// A name without the number that pandas writes behind the second of a name: `time_s.1`.
+fn without_copy(name: &str) -> &str {
+    let copy = name.rsplit_once('.').filter(|(_, number)| number.parse::<u32>().is_ok());
+    copy.map_or(name, |(name, _)| name)
 }
 
 /// Whether two columns give the same times, in whatever unit and from whatever zero.

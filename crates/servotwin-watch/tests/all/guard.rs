@@ -169,6 +169,11 @@ fn an_unknown_unit_and_two_columns_of_one_meaning_are_no_signal() {
     for part in ["unknown unit 'furlong'", "known: Pa, bar", "barg"] {
         assert!(told.contains(part), "{part}: {told}");
     }
+    // A pressure in parts of something is none in Pa.
+    for (column, said) in [("p_a [%]", "'%' is no unit of 'p_a'"), ("p_a [-]", "'-'")] {
+        let told = plan(&["time_s", "command_m", column]).err().unwrap().to_string();
+        assert!(told.contains(said) && told.contains("Pa, bar"), "{column}: {told}");
+    }
     let plan = plan(&["time_s", "command_m", "p_a_pa", "p_a [bar]", "p_b_pa"]).unwrap();
     let unmeasured: Vec<&str> = plan.map.unmeasured().collect();
     assert!(unmeasured.contains(&"p_a") && !unmeasured.contains(&"p_b"), "{unmeasured:?}");
@@ -222,6 +227,17 @@ fn rows_of_two_times_are_refused_unless_the_map_uses_one_of_them() {
         let map = Map::parse(&text, "map.toml", &study.system).unwrap();
         intake::read(&log, Some(&map), LogSpan::default(), &study).map(|whole| whole.counts.samples)
     };
+    // Nor is one whose clock runs two seconds behind, nor the second of a name that pandas numbers.
+    let other = |name: &str, time_s: fn(f64) -> f64| {
+        let mut text = format!("time_s,command_m,p_a_pa,{name},p_b_pa\n");
+        for k in (0..300).map(f64::from) {
+            let _ = writeln!(text, "{},0,1e6,{},2e6", 0.01 * k, time_s(0.01 * k));
+        }
+        intake::read(&folder.write("other.csv", text), None, LogSpan::default(), &study)
+    };
+    assert!(other("time_2_s", |time_s| time_s + 2.0).is_err());
+    assert!(other("time_s.1", |time_s| 2.0 * time_s).is_err());
+    assert!(other("utc_s", |time_s| time_s + 1.79e9).is_ok(), "the same times from another zero");
     assert_eq!(map("time_s", "p_a").unwrap(), 300);
     assert_eq!(map("time_2_s", "p_b").unwrap(), 300);
     assert!(map("time_s", "p_b").is_err());

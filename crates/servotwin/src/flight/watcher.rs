@@ -23,6 +23,8 @@ pub struct Watcher<'s> {
     units: Vec<String>,
     /// The reaction that the log shows while a unit is off, by unit.
     off: Vec<Reaction>,
+    /// Whether the inputs show a unit off, by unit.
+    is_seen_off: Vec<bool>,
     measured: Vec<f64>,
     twin: Vec<f64>,
     residuals: Vec<f64>,
@@ -99,6 +101,7 @@ impl<'s> Watcher<'s> {
             slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.id.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
             units: study.units.clone(),
+            is_seen_off: vec![false; names.actuators.len()],
             off: off.collect(),
             measured: vec![f64::NAN; places.len()],
             twin: vec![f64::NAN; sensors.len()],
@@ -204,11 +207,13 @@ impl<'s> Watcher<'s> {
             let told = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
             let is_set =
                 |&(input, value): &(usize, f64)| self.runtime.believed(input, told(input)) == value;
-            match (self.runtime.session().is_off(unit), reaction.inputs.iter().all(is_set)) {
+            // A change of the inputs switches. A unit that was told to be off stays so, whatever they show.
+            match (self.is_seen_off[unit], reaction.inputs.iter().all(is_set)) {
                 (false, true) => self.runtime.follow(unit, reaction)?,
                 (true, false) => self.runtime.release(unit)?,
-                _ => {}
+                _ => continue,
             }
+            self.is_seen_off[unit] = !self.is_seen_off[unit];
         }
         Ok(())
     }
@@ -438,6 +443,7 @@ impl Observer for Watcher<'_> {
             .restore(&Checkpoint { twin, session, buses, reactions })
             .map_err(|error| error.to_string())?;
         self.runtime = runtime;
+        self.is_seen_off = stored.is_off;
         self.outside_for = stored.outside_for;
         (self.scatter, self.panes) = (stored.scatter, stored.panes);
         self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());

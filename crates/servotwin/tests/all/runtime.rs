@@ -238,6 +238,30 @@ fn a_healthy_actuator_that_was_off_is_judged_by_its_own_parameters_again() {
     assert!(watcher.observation().residuals.iter().all(|r| r.is_nan() || r.abs() < 0.05));
 }
 
+#[test]
+fn a_unit_that_was_told_to_be_off_stays_off_whatever_the_inputs_show() {
+    let mut watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
+    let reaction = with_parameters().reactions.of(0, "shut_down", None).clone();
+    for (k, (inputs, measured)) in samples(vec![], |_| 1.0).into_iter().enumerate().take(100) {
+        if k == 50 {
+            watcher.runtime_mut().follow(0, &reaction).unwrap();
+        }
+        watcher.push(k as f64 * 0.02, &inputs, &measured);
+        assert_eq!(watcher.runtime().session().is_off(0), k >= 50, "sample {k}");
+    }
+}
+
+#[test]
+fn nothing_is_judged_while_the_twin_settles_beside_a_log_that_may_begin_in_motion() {
+    let mut watcher = Watcher::new(study(), diagnoser().clone()).unwrap();
+    let settling = (diagnoser().tuning.settle_s / diagnoser().period_s).round() as usize;
+    for (k, (inputs, measured)) in samples(vec![], |_| 1.0).into_iter().enumerate() {
+        let state = watcher.push(k as f64 * 0.02, &inputs, &measured).finding.state;
+        assert!(k >= settling || state == DiagnosisState::NoData, "sample {k}: {state:?}");
+    }
+    assert_eq!(watcher.observation().finding.state, DiagnosisState::Healthy);
+}
+
 /// Gaps, invalid inputs, restarts, stored states and switches in any order: what was raised stands until it is reset, and
 /// the healthy actuator is never raised.
 #[test]

@@ -1,0 +1,289 @@
+//! The measures of flights, in one list. A measure is the share of some outcomes in which something happened; every file,
+//! table and page that gives such a share counts it here. A new measure is one entry.
+
+use super::judge::STRONG;
+use super::outcome::{FirstAction, FlightOutcome};
+use crate::study::Study;
+use serde::{Deserialize, Serialize};
+use servotwin_learning::metrics::Rate;
+use std::collections::BTreeMap;
+
+/// A share of outcomes.
+///
+/// In its words `{action}` stands for what an answer names, `{off}` for a shutdown, `{unit}` for an actuator,
+/// `{switched_off}` for shut down, `{limit}` for the limit on latency, and `{strong}` for [`STRONG`].
+pub struct Measure {
+    /// The key in files.
+    pub name: &'static str,
+    /// What happened.
+    pub sentence: &'static str,
+    /// In which faults it is counted.
+    pub of: &'static str,
+    /// Whether a study can have it.
+    applies: fn(&Study) -> bool,
+    /// Whether a fault is counted.
+    counts: fn(&FlightOutcome) -> bool,
+    /// Whether it happened; the second argument is the limit on latency, s.
+    holds: fn(&FlightOutcome, f64) -> bool,
+}
+
+const EVERY_FAULT: &str = "all faults and intensities, also those that never become visible";
+const VISIBLE_FAULT: &str = "all faults and intensities that become visible";
+const STRONG_FAULT: &str = "all faults of intensity {strong} and more that become visible";
+const STRONG_SHUTDOWN_OF_ALL: &str =
+    "{off} faults of intensity {strong} and more, also those that never become visible";
+const STRONG_SHUTDOWN: &str = "{off} faults of intensity {strong} and more that become visible";
+
+/// The right action for the right actuator came first.
+pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
+    name: "right_action_of_all",
+    sentence: "right {action} first",
+    of: EVERY_FAULT,
+    applies: |_| true,
+    counts: |_| true,
+    holds: |row, _| row.is_isolated(),
+};
+
+/// A shutdown was needed, and was not the first action.
+pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
+    name: "shutdown_missed_of_all",
+    sentence: "{off} missed (of all)",
+    of: EVERY_FAULT,
+    applies: |_| true,
+    counts: |row| row.needs_shutdown,
+    holds: |row, _| !row.is_isolated(),
+};
+
+/// A healthy actuator was shut down, at any time after the onset.
+pub const WRONG_SHUTDOWN: Measure = Measure {
+    name: "wrong_shutdown",
+    sentence: "wrong {unit} {switched_off}",
+    of: EVERY_FAULT,
+    applies: |study| has_several(study) && !study.shutdowns().is_empty(),
+    counts: |_| true,
+    holds: |row, _| row.shutdown_healthy,
+};
+
+/// Windows left their bands for longer than chance allows.
+pub const VISIBLE: Measure = Measure {
+    name: "visible",
+    sentence: "visible at any time",
+    of: EVERY_FAULT,
+    applies: |_| true,
+    counts: |_| true,
+    holds: |row, _| is_visible(row),
+};
+
+/// The right action came in time, of all strong faults that need a shutdown.
+pub const ISOLATED_IN_TIME_OF_ALL: Measure = Measure {
+    name: "isolated_in_time_of_all",
+    sentence: "isolated within {limit} of the onset",
+    of: STRONG_SHUTDOWN_OF_ALL,
+    applies: |_| true,
+    counts: is_strong_shutdown,
+    holds: |row, limit_s| is_soon(row.right_action_s, limit_s),
+};
+
+/// The right action came in time.
+pub const ISOLATED_IN_TIME: Measure = Measure {
+    name: "isolated_in_time",
+    sentence: "isolated within {limit} of the onset",
+    of: STRONG_SHUTDOWN,
+    applies: |_| true,
+    counts: is_visible_strong_shutdown,
+    holds: |row, limit_s| is_soon(row.right_action_s, limit_s),
+};
+
+/// The fault was visible in time; if not, it could hardly be isolated.
+pub const VISIBLE_IN_TIME: Measure = Measure {
+    name: "visible_in_time",
+    sentence: "visible within {limit} of the onset",
+    of: STRONG_SHUTDOWN,
+    applies: |_| true,
+    counts: is_visible_strong_shutdown,
+    holds: |row, limit_s| is_soon(row.visible_s, limit_s),
+};
+
+/// The right action came in time after the fault was visible.
+pub const ISOLATED_SINCE_VISIBLE: Measure = Measure {
+    name: "isolated_since_visible",
+    sentence: "isolated within {limit} of becoming visible",
+    of: STRONG_SHUTDOWN,
+    applies: |_| true,
+    counts: is_visible_strong_shutdown,
+    holds: |row, limit_s| is_soon(row.waited_s(), limit_s),
+};
+
+/// The right action never came.
+pub const NEVER_ISOLATED: Measure = Measure {
+    name: "never_isolated",
+    sentence: "never isolated",
+    of: STRONG_SHUTDOWN,
+    applies: |_| true,
+    counts: is_visible_strong_shutdown,
+    holds: |row, _| row.right_action_s.is_none(),
+};
+
+/// The right action came first, of strong faults.
+pub const RIGHT_ACTION_OF_STRONG: Measure = Measure {
+    name: "right_action_of_strong",
+    sentence: "right {action} first",
+    of: STRONG_FAULT,
+    applies: |_| true,
+    counts: |row| is_visible(row) && row.intensity >= STRONG,
+    holds: |row, _| row.first == FirstAction::Right,
+};
+
+/// The right action came first, of visible faults.
+pub const RIGHT_ACTION: Measure = Measure {
+    name: "right_action",
+    sentence: "right {action} first",
+    of: VISIBLE_FAULT,
+    applies: |_| true,
+    counts: is_visible,
+    holds: |row, _| row.first == FirstAction::Right,
+};
+
+/// Another action for the right actuator came first.
+pub const OTHER_ACTION: Measure = Measure {
+    name: "other_action",
+    sentence: "another command first",
+    of: VISIBLE_FAULT,
+    applies: |_| true,
+    counts: is_visible,
+    holds: |row, _| row.first == FirstAction::OtherAction,
+};
+
+/// An action for a healthy actuator came first.
+pub const WRONG_ACTUATOR: Measure = Measure {
+    name: "wrong_actuator",
+    sentence: "wrong {unit} first",
+    of: VISIBLE_FAULT,
+    applies: has_several,
+    counts: is_visible,
+    holds: |row, _| row.first == FirstAction::OtherActuator,
+};
+
+/// No action came.
+pub const SILENT: Measure = Measure {
+    name: "silent",
+    sentence: "silent",
+    of: VISIBLE_FAULT,
+    applies: |_| true,
+    counts: is_visible,
+    holds: |row, _| row.first == FirstAction::None,
+};
+
+/// All measures, in the order of pages; those of the same faults stand together.
+pub const ALL: [&Measure; 14] = [
+    &RIGHT_ACTION_OF_ALL,
+    &SHUTDOWN_MISSED_OF_ALL,
+    &WRONG_SHUTDOWN,
+    &VISIBLE,
+    &ISOLATED_IN_TIME_OF_ALL,
+    &ISOLATED_IN_TIME,
+    &VISIBLE_IN_TIME,
+    &ISOLATED_SINCE_VISIBLE,
+    &NEVER_ISOLATED,
+    &RIGHT_ACTION_OF_STRONG,
+    &RIGHT_ACTION,
+    &OTHER_ACTION,
+    &WRONG_ACTUATOR,
+    &SILENT,
+];
+
+/// The measures that head every summary.
+pub const FIRST: [&Measure; 3] = [&RIGHT_ACTION_OF_ALL, &SHUTDOWN_MISSED_OF_ALL, &WRONG_SHUTDOWN];
+
+/// The measures of some flights, by name. Those that count no flight are left out.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Rates(BTreeMap<String, Rate>);
+
+impl Rates {
+    /// Counts all measures in flights with a fault. `rate` makes a share with its interval of outcomes and a condition;
+    /// `limit_s` is the limit on latency.
+    pub(super) fn count<'o>(
+        study: &Study,
+        limit_s: f64,
+        faults: &[&'o FlightOutcome],
+        rate: impl Fn(&[&'o FlightOutcome], &dyn Fn(&FlightOutcome) -> bool) -> Rate,
+    ) -> Self {
+        let count = |measure: &&Measure| {
+            let of = faults.iter().copied().filter(|row| (measure.counts)(row));
+            let of: Vec<&FlightOutcome> = of.collect();
+            let holds = |row: &FlightOutcome| (measure.holds)(row, limit_s);
+            (!of.is_empty()).then(|| (measure.name.to_owned(), rate(&of, &holds)))
+        };
+        Rates(ALL.iter().filter(|measure| (measure.applies)(study)).filter_map(count).collect())
+    }
+
+    /// The share of one measure; of no flight if it was not counted.
+    pub fn of(&self, measure: &Measure) -> Rate {
+        self.0.get(measure.name).copied().unwrap_or_else(|| Rate::new(0, 0))
+    }
+}
+
+fn has_several(study: &Study) -> bool {
+    study.units.len() > 1
+}
+
+fn is_visible(row: &FlightOutcome) -> bool {
+    row.visible_s.is_some()
+}
+
+fn is_strong_shutdown(row: &FlightOutcome) -> bool {
+    row.needs_shutdown && row.intensity >= STRONG
+}
+
+fn is_visible_strong_shutdown(row: &FlightOutcome) -> bool {
+    is_strong_shutdown(row) && is_visible(row)
+}
+
+fn is_soon(time_s: Option<f64>, limit_s: f64) -> bool {
+    time_s.is_some_and(|time_s| time_s <= limit_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_measure_has_a_name_and_words_of_its_own() {
+        let names: BTreeSet<&str> = ALL.iter().map(|measure| measure.name).collect();
+        let words: BTreeSet<_> = ALL.iter().map(|measure| (measure.of, measure.sentence)).collect();
+        assert_eq!([names.len(), words.len()], [ALL.len(); 2]);
+        assert!(ALL.chunk_by(|one, next| one.of == next.of).count() == 5, "same faults together");
+    }
+
+    #[test]
+    fn what_never_became_visible_counts_as_missed_and_a_late_shutdown_as_no_first_action() {
+        let row = |visible_s: Option<f64>, first: FirstAction| FlightOutcome {
+            onset_s: Some(1.0),
+            needs_shutdown: true,
+            intensity: 1.0,
+            visible_s,
+            first,
+            right_action_s: (first == FirstAction::Right).then_some(1.5),
+            ..FlightOutcome::default()
+        };
+        let rows = [
+            row(Some(1.0), FirstAction::Right),
+            row(Some(3.0), FirstAction::None),
+            row(None, FirstAction::Right),
+            row(Some(1.0), FirstAction::OtherAction),
+        ];
+        let plain = |of: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool| {
+            Rate::new(of.iter().filter(|row| holds(row)).count() as u64, of.len() as u64)
+        };
+        let rates = Rates::count(&Study::default(), 2.0, &rows.iter().collect::<Vec<_>>(), plain);
+        let counted = |measure: &Measure| [rates.of(measure).count, rates.of(measure).of];
+        assert_eq!(counted(&RIGHT_ACTION_OF_ALL), [1, 4]);
+        assert_eq!(counted(&SHUTDOWN_MISSED_OF_ALL), [3, 4]);
+        assert_eq!(counted(&VISIBLE_IN_TIME), [2, 3]);
+        assert_eq!(counted(&ISOLATED_IN_TIME_OF_ALL), [2, 4]);
+        assert_eq!(counted(&NEVER_ISOLATED), [2, 3]);
+        assert_eq!(counted(&SILENT), [1, 3]);
+    }
+}
