@@ -107,8 +107,7 @@ def test_logs_are_shown_one_alone_or_several_as_a_fleet(study, learned, tmp_path
     diagnoser = servotwin.Diagnoser(learned)
     inputs, measured, _ = flight(diagnoser)
     system = servotwin.System()
-    labels = dict(zip(system.sensors["label"], system.sensors["id"]))
-    names = [*system.inputs["id"], *(labels[name] for name in diagnoser.sensors)]
+    names = [*system.inputs["id"], *diagnoser.sensors]
     units = dict(zip([*system.inputs["id"], *system.sensors["id"]],
                      [*system.inputs["unit"], *system.sensors["unit"]]))
     log = tmp_path / "log.csv"

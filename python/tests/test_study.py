@@ -79,8 +79,8 @@ def test_the_results_of_a_whole_run_are_in_its_folder(study, results):
     )
     watched = servotwin.watch(study, diagnoser, log)
     assert watched.columns[:3] == ["time_s", "state", "phase"]
-    # The first finding comes with the first whole window of 0.5 s at 50 Hz.
-    assert watched["time_s"][0] == 0.48 and watched["state"][0] != "no data"
+    # The first finding comes with the first whole window of 0.5 s at 50 Hz, once the twin has settled for a second.
+    assert watched["time_s"][0] == 1.48 and watched["state"][0] != "no data"
     assert found.report().path == results / "report.html"
     assert "<iframe" in found.report()._repr_html_()
     again = pickle.loads(pickle.dumps(found))

@@ -93,6 +93,16 @@ static double number_of(int32_t place)
     return (place == SERVOTWIN_NONE) ? 0.0 : ((double)place + 1.0);
 }
 
+/* What is raised: of an actuator that is judged, or else the first shutdown that stands for one that is off. */
+static const servotwin_raised *what_is_raised(const servotwin_fmu *fmu, const servotwin_outcome *outcome)
+{
+    const servotwin_raised *raised = &outcome->raised;
+    for (int32_t actuator = 0; (actuator < SERVOTWIN_ACTUATORS) && !raised->is_raised; actuator++) {
+        raised = &fmu->hybrid.session.stands[actuator];
+    }
+    return raised;
+}
+
 static void take_sample(servotwin_fmu *fmu)
 {
     const servotwin_outcome *outcome = servotwin_hybrid_push(&fmu->hybrid, fmu->inputs, fmu->measured);
@@ -100,7 +110,7 @@ static void take_sample(servotwin_fmu *fmu)
     fmu->samples++;
     results[SERVOTWIN_FMU_IS_SIMULATED] = (outcome != NULL) ? 1.0 : 0.0;
     if (outcome != NULL) {
-        const servotwin_raised *raised = &outcome->raised;
+        const servotwin_raised *raised = what_is_raised(fmu, outcome);
         results[SERVOTWIN_FMU_FINDING] = (double)outcome->finding;
         results[SERVOTWIN_FMU_ACTUATOR] = number_of(outcome->actuator);
         results[SERVOTWIN_FMU_ACTION] = number_of(outcome->action);
