@@ -29,7 +29,7 @@ pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), Evalu
     write_text(path.as_ref(), &to_json(path.as_ref(), value)?)
 }
 
-/// As [`write`], with a checksum in the first line.
+/// As [`write()`], with a checksum in the first line.
 pub fn write_model(path: impl AsRef<Path>, model: &impl Serialize) -> Result<(), EvaluationError> {
     let plain = to_json(path.as_ref(), model)?;
     let sealed = plain.replacen(
