@@ -87,7 +87,8 @@ pub fn right(words: &Vocabulary) -> Vec<Measure> {
 /// What the flights of a scenario show, over all faults and intensities, also those that no sensor shows.
 pub fn in_flight(merit: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Rate)> {
     let line = |measure: &&measure::Measure| {
-        (words.of_flights(measure.sentence, merit.limit_s), merit.rates.of(measure))
+        let [sentence, _] = words.describe_measure(measure, &[merit.limit_s]);
+        (sentence, merit.rates.of(measure))
     };
     measure::FIRST.iter().map(line).filter(|(_, rate)| rate.of > 0).collect()
 }

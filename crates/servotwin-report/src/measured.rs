@@ -348,8 +348,7 @@ fn of_flights(
         }
     };
     for measure in measure::ALL {
-        let [sentence, faults] =
-            [measure.sentence, measure.of].map(|text| words.of_flights(text, merit.limit_s));
+        let [sentence, faults] = words.describe_measure(measure, &[merit.limit_s]);
         push(sentence, &faults, Some(merit.rates.of(measure)));
     }
     let (unit, off) = (words.unit(), words.switched_off());

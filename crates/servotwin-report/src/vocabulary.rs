@@ -5,6 +5,7 @@
 
 use super::words::{chosen, spoken};
 use servotwin::flight::judge::STRONG;
+use servotwin::flight::measure::Measure;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::{FAULTY, HEALTHY, Question};
 
@@ -123,15 +124,20 @@ impl Vocabulary {
         }
     }
 
-    /// The words of a [measure](servotwin::flight::measure::Measure) in this study; `limit_s` is the limit on latency.
-    pub fn of_flights(&self, words: &str, limit_s: f64) -> String {
-        words
-            .replace("{action}", &self.action())
-            .replace("{off}", &self.off())
-            .replace("{unit}", self.unit())
-            .replace("{switched_off}", self.switched_off())
-            .replace("{limit}", &format!("{} s", chosen(limit_s)))
-            .replace("{strong}", &chosen(STRONG))
+    /// Describes a measure of flights: what happened, and in which faults. `limits_s` are the limits on latency of the
+    /// scenarios.
+    pub fn describe_measure(&self, measure: &Measure, limits_s: &[f64]) -> [String; 2] {
+        let mut limits: Vec<String> = limits_s.iter().map(|&limit| chosen(limit)).collect();
+        limits.dedup();
+        let limit = format!("{} s", limits.join(" or "));
+        [measure.sentence, measure.of.words].map(|text| {
+            text.replace("{action}", &self.action())
+                .replace("{off}", &self.off())
+                .replace("{unit}", self.unit())
+                .replace("{switched_off}", self.switched_off())
+                .replace("{limit}", &limit)
+                .replace("{strong}", &chosen(STRONG))
+        })
     }
 
     /// What a question of the hierarchy determines. For a single actuator that is whether it is faulty.

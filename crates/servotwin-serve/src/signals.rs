@@ -227,8 +227,7 @@ impl Signals {
 
     fn sensors(&mut self, study: &Study, diagnoser: &Diagnoser) {
         for (place, sensor) in diagnoser.sensors.iter().enumerate() {
-            let declared = study.system.sensors.iter().find(|declared| declared.id == sensor.name);
-            let declared = declared.expect("the diagnoser fits the study");
+            let declared = study.system.sensor(&sensor.name).expect("the diagnoser fits the study");
             let (id, label, unit) = (&declared.id, &declared.label, declared.unit);
             let actuator = sensor.actuator.map(|actuator| actuator as usize);
             let band = diagnoser.lengths[0].panel.bands.get(place);

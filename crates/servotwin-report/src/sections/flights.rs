@@ -277,12 +277,11 @@ impl SettingLimits<'_> {
         for measure in
             [&measure::VISIBLE_IN_TIME, &measure::ISOLATED_SINCE_VISIBLE, &measure::NEVER_ISOLATED]
         {
-            let sentence = self.words.of_flights(measure.sentence, *limit_s);
+            let [sentence, _] = self.words.describe_measure(measure, &[*limit_s]);
             self.explain(format!("the same faults, {sentence}"), self.merit.rates.of(measure));
         }
-        let (of_all, words) = (&measure::ISOLATED_IN_TIME_OF_ALL, self.words);
-        let [faults, sentence] =
-            [of_all.of, of_all.sentence].map(|text| words.of_flights(text, *limit_s));
+        let of_all = &measure::ISOLATED_IN_TIME_OF_ALL;
+        let [sentence, faults] = self.words.describe_measure(of_all, &[*limit_s]);
         self.explain(format!("{faults}: {sentence}"), self.merit.rates.of(of_all));
     }
 
@@ -384,17 +383,16 @@ impl SettingLimits<'_> {
 fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     let merits: Vec<&FlightMetrics> =
         results.merits.iter().chain(results.of_other_plants()).collect();
+    let limits_s: Vec<f64> = merits.iter().map(|merit| merit.limit_s).collect();
     let left = ["measure", "of"].map(|head| (head.to_owned(), Alignment::Left));
     let settings = merits.iter().map(|merit| (merit.setting.clone(), Alignment::Right));
     let mut grid = HtmlTable::new(left.into_iter().chain(settings));
     for measure in measure::ALL {
         let rates: Vec<Rate> = merits.iter().map(|merit| merit.rates.of(measure)).collect();
         if rates.iter().any(|rate| rate.of > 0) {
-            let text = |text| words.of_flights(text, merits[0].limit_s);
+            let described = words.describe_measure(measure, &limits_s);
             let cells = rates.iter().map(|rate| stacked(Some(*rate)));
-            grid.push(
-                [text(measure.sentence), text(measure.of)].into_iter().chain(cells).collect(),
-            );
+            grid.push(described.into_iter().chain(cells).collect());
         }
     }
     grid

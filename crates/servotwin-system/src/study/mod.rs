@@ -757,8 +757,8 @@ impl Reader<'_> {
                 is_noisy: true,
                 follows: vec![],
             };
-            if seen.iter().any(|other: &Sensor| other.name == sensor.name) {
-                let name = sensor.name.clone();
+            if measured.contains(&position) {
+                let name = extra.id.clone();
                 self.note(&self.span(&at), StudyMistake::Repeated { what: "sensor", name });
             }
             measured.push(position);

@@ -94,8 +94,6 @@ struct Candidate<'c> {
     behind: Vec<(String, Option<Named<'c>>)>,
     /// The unit used for this column.
     unit: Option<Named<'c>>,
-    /// Its unit, if that is not known.
-    unknown: Option<&'c str>,
     meaning: ColumnMeaning,
     numbers: Vec<u32>,
 }
@@ -253,7 +251,6 @@ impl<'c> Candidate<'c> {
         let stem = named.map_or(name, |(stem, _)| stem);
         let (words, numbers) = words(stem);
         let unit = known(&column.unit).or(named.map(|(_, unit)| unit));
-        let unknown = unknown_unit(column).filter(|_| unit.is_none());
         let keys = ways.iter().map(|(stem, unit)| (key(stem), *unit)).collect();
         let behind = ways.iter().flat_map(|(stem, unit)| {
             let points = stem.match_indices('.').map(|(place, _)| &stem[place + 1..]);
@@ -261,7 +258,7 @@ impl<'c> Candidate<'c> {
         });
         let behind = behind.collect();
         let meaning = ColumnMeaning::of(&words);
-        Candidate { column, keys, behind, unit, unknown, meaning, numbers }
+        Candidate { column, keys, behind, unit, meaning, numbers }
     }
 
     /// How well a column fits a target; 0 means not at all.
@@ -484,8 +481,8 @@ impl Guess {
         let candidate = &candidates[place];
         let name = &candidate.column.name;
         let unit = candidate.unit.filter(|(unit, _)| *unit == target.unit);
-        let other = declared_unit(candidate.column).filter(|_| unit.is_none());
-        let unknown = candidate.unknown.or(other).filter(|_| target.unit != Unit::None);
+        let unknown =
+            declared_unit(candidate.column).filter(|_| unit.is_none() && target.unit != Unit::None);
         if let Some(unknown) = unknown {
             let (column, unit) = (quoted(name), quoted(unknown));
             let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{UNKNOWN}");

@@ -18,29 +18,51 @@ pub struct Measure {
     /// What happened.
     pub sentence: &'static str,
     /// In which faults it is counted.
-    pub of: &'static str,
-    /// Whether a study can have it.
-    applies: fn(&Study) -> bool,
-    /// Whether a fault is counted.
-    counts: fn(&FlightOutcome) -> bool,
+    pub of: CountedFaults,
     /// Whether it happened; the second argument is the limit on latency, s.
     holds: fn(&FlightOutcome, f64) -> bool,
 }
 
-const EVERY_FAULT: &str = "all faults and intensities, also those that never become visible";
-const VISIBLE_FAULT: &str = "all faults and intensities that become visible";
-const STRONG_FAULT: &str = "all faults of intensity {strong} and more that become visible";
-const STRONG_SHUTDOWN_OF_ALL: &str =
-    "{off} faults of intensity {strong} and more, also those that never become visible";
-const STRONG_SHUTDOWN: &str = "{off} faults of intensity {strong} and more that become visible";
+/// The faults in which a measure is counted.
+pub struct CountedFaults {
+    /// The faults in words.
+    pub words: &'static str,
+    /// Whether a study can have such a measure.
+    applies: fn(&Study) -> bool,
+    /// Whether a fault is counted.
+    counts: fn(&FlightOutcome) -> bool,
+}
+
+impl CountedFaults {
+    const fn new(words: &'static str, counts: fn(&FlightOutcome) -> bool) -> Self {
+        CountedFaults { words, applies: |_| true, counts }
+    }
+}
+
+const EVERY_FAULT: CountedFaults =
+    CountedFaults::new("all faults and intensities, also those that never become visible", |_| {
+        true
+    });
+const VISIBLE_FAULT: CountedFaults =
+    CountedFaults::new("all faults and intensities that become visible", is_visible);
+const STRONG_FAULT: CountedFaults =
+    CountedFaults::new("all faults of intensity {strong} and more that become visible", |row| {
+        is_visible(row) && row.intensity >= STRONG
+    });
+const STRONG_SHUTDOWN_OF_ALL: CountedFaults = CountedFaults::new(
+    "{off} faults of intensity {strong} and more, also those that never become visible",
+    is_strong_shutdown,
+);
+const STRONG_SHUTDOWN: CountedFaults = CountedFaults::new(
+    "{off} faults of intensity {strong} and more that become visible",
+    is_visible_strong_shutdown,
+);
 
 /// The right action for the right actuator came first.
 pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
     name: "right_action_of_all",
     sentence: "right {action} first",
     of: EVERY_FAULT,
-    applies: |_| true,
-    counts: |_| true,
     holds: |row, _| row.is_isolated(),
 };
 
@@ -48,9 +70,7 @@ pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
 pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
     name: "shutdown_missed_of_all",
     sentence: "{off} missed (of all)",
-    of: EVERY_FAULT,
-    applies: |_| true,
-    counts: |row| row.needs_shutdown,
+    of: CountedFaults { counts: |row| row.needs_shutdown, ..EVERY_FAULT },
     holds: |row, _| !row.is_isolated(),
 };
 
@@ -58,9 +78,10 @@ pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
 pub const WRONG_SHUTDOWN: Measure = Measure {
     name: "wrong_shutdown",
     sentence: "wrong {unit} {switched_off}",
-    of: EVERY_FAULT,
-    applies: |study| has_several(study) && !study.shutdowns().is_empty(),
-    counts: |_| true,
+    of: CountedFaults {
+        applies: |study| has_several(study) && !study.shutdowns().is_empty(),
+        ..EVERY_FAULT
+    },
     holds: |row, _| row.shutdown_healthy,
 };
 
@@ -69,8 +90,6 @@ pub const VISIBLE: Measure = Measure {
     name: "visible",
     sentence: "visible at any time",
     of: EVERY_FAULT,
-    applies: |_| true,
-    counts: |_| true,
     holds: |row, _| is_visible(row),
 };
 
@@ -79,8 +98,6 @@ pub const ISOLATED_IN_TIME_OF_ALL: Measure = Measure {
     name: "isolated_in_time_of_all",
     sentence: "isolated within {limit} of the onset",
     of: STRONG_SHUTDOWN_OF_ALL,
-    applies: |_| true,
-    counts: is_strong_shutdown,
     holds: |row, limit_s| is_soon(row.right_action_s, limit_s),
 };
 
@@ -89,8 +106,6 @@ pub const ISOLATED_IN_TIME: Measure = Measure {
     name: "isolated_in_time",
     sentence: "isolated within {limit} of the onset",
     of: STRONG_SHUTDOWN,
-    applies: |_| true,
-    counts: is_visible_strong_shutdown,
     holds: |row, limit_s| is_soon(row.right_action_s, limit_s),
 };
 
@@ -99,8 +114,6 @@ pub const VISIBLE_IN_TIME: Measure = Measure {
     name: "visible_in_time",
     sentence: "visible within {limit} of the onset",
     of: STRONG_SHUTDOWN,
-    applies: |_| true,
-    counts: is_visible_strong_shutdown,
     holds: |row, limit_s| is_soon(row.visible_s, limit_s),
 };
 
@@ -109,8 +122,6 @@ pub const ISOLATED_SINCE_VISIBLE: Measure = Measure {
     name: "isolated_since_visible",
     sentence: "isolated within {limit} of becoming visible",
     of: STRONG_SHUTDOWN,
-    applies: |_| true,
-    counts: is_visible_strong_shutdown,
     holds: |row, limit_s| is_soon(row.waited_s(), limit_s),
 };
 
@@ -119,8 +130,6 @@ pub const NEVER_ISOLATED: Measure = Measure {
     name: "never_isolated",
     sentence: "never isolated",
     of: STRONG_SHUTDOWN,
-    applies: |_| true,
-    counts: is_visible_strong_shutdown,
     holds: |row, _| row.right_action_s.is_none(),
 };
 
@@ -129,8 +138,6 @@ pub const RIGHT_ACTION_OF_STRONG: Measure = Measure {
     name: "right_action_of_strong",
     sentence: "right {action} first",
     of: STRONG_FAULT,
-    applies: |_| true,
-    counts: |row| is_visible(row) && row.intensity >= STRONG,
     holds: |row, _| row.first == FirstAction::Right,
 };
 
@@ -139,8 +146,6 @@ pub const RIGHT_ACTION: Measure = Measure {
     name: "right_action",
     sentence: "right {action} first",
     of: VISIBLE_FAULT,
-    applies: |_| true,
-    counts: is_visible,
     holds: |row, _| row.first == FirstAction::Right,
 };
 
@@ -149,8 +154,6 @@ pub const OTHER_ACTION: Measure = Measure {
     name: "other_action",
     sentence: "another command first",
     of: VISIBLE_FAULT,
-    applies: |_| true,
-    counts: is_visible,
     holds: |row, _| row.first == FirstAction::OtherAction,
 };
 
@@ -158,9 +161,7 @@ pub const OTHER_ACTION: Measure = Measure {
 pub const WRONG_ACTUATOR: Measure = Measure {
     name: "wrong_actuator",
     sentence: "wrong {unit} first",
-    of: VISIBLE_FAULT,
-    applies: has_several,
-    counts: is_visible,
+    of: CountedFaults { applies: has_several, ..VISIBLE_FAULT },
     holds: |row, _| row.first == FirstAction::OtherActuator,
 };
 
@@ -169,8 +170,6 @@ pub const SILENT: Measure = Measure {
     name: "silent",
     sentence: "silent",
     of: VISIBLE_FAULT,
-    applies: |_| true,
-    counts: is_visible,
     holds: |row, _| row.first == FirstAction::None,
 };
 
@@ -210,12 +209,12 @@ impl Rates {
         rate: impl Fn(&[&'o FlightOutcome], &dyn Fn(&FlightOutcome) -> bool) -> Rate,
     ) -> Self {
         let count = |measure: &&Measure| {
-            let of = faults.iter().copied().filter(|row| (measure.counts)(row));
+            let of = faults.iter().copied().filter(|row| (measure.of.counts)(row));
             let of: Vec<&FlightOutcome> = of.collect();
             let holds = |row: &FlightOutcome| (measure.holds)(row, limit_s);
             (!of.is_empty()).then(|| (measure.name.to_owned(), rate(&of, &holds)))
         };
-        Rates(ALL.iter().filter(|measure| (measure.applies)(study)).filter_map(count).collect())
+        Rates(ALL.iter().filter(|measure| (measure.of.applies)(study)).filter_map(count).collect())
     }
 
     /// The share of one measure; of no flight if it was not counted.
@@ -252,9 +251,13 @@ mod tests {
     #[test]
     fn every_measure_has_a_name_and_words_of_its_own() {
         let names: BTreeSet<&str> = ALL.iter().map(|measure| measure.name).collect();
-        let words: BTreeSet<_> = ALL.iter().map(|measure| (measure.of, measure.sentence)).collect();
+        let words: BTreeSet<_> =
+            ALL.iter().map(|measure| (measure.of.words, measure.sentence)).collect();
         assert_eq!([names.len(), words.len()], [ALL.len(); 2]);
-        assert!(ALL.chunk_by(|one, next| one.of == next.of).count() == 5, "same faults together");
+        assert!(
+            ALL.chunk_by(|one, next| one.of.words == next.of.words).count() == 5,
+            "same faults together"
+        );
     }
 
     #[test]

@@ -93,8 +93,7 @@ pub fn slots<'n>(
     names: impl Iterator<Item = &'n str>,
 ) -> Result<Vec<Slot>, RuntimeError> {
     let slot = |name: &str| {
-        let sensors = &study.system.sensors;
-        let sensor = sensors.iter().find(|sensor| sensor.id == name);
+        let sensor = study.system.sensor(name);
         let missing = || RuntimeError::Sensor { name: name.into(), study: study.name.clone() };
         let signal = &sensor.ok_or_else(missing)?.signal;
         Ok(study.system.program.observable(signal).ok_or_else(missing)?.slot)
