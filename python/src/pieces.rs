@@ -168,7 +168,7 @@ pub fn fly_piece(
         let own = |flown: usize| flown == environment;
         let flown = FlightCampaign::where_it_is(study, &flights, purpose, setting, own, workers)?;
         let text = match diagnoser {
-            None => to_text(&training_windows::cut(study, &flights, &flown)),
+            None => to_text(&training_windows::of_flights(&flights, &flown)),
             Some(diagnoser) => {
                 let watched = judge::watch(&flown, &diagnoser, &|_, _| ());
                 to_text(&watched.map_err(Failure::value)?)

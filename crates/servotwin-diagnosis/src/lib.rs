@@ -1,7 +1,7 @@
 //! From residuals to a diagnosis: the code that runs beside an actuator.
 //!
-//! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, and [`features`] computes
-//! a row of numbers from it. [`classifiers`] runs trained models behind one trait. [`hierarchy`] runs the trees from
+//! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, [`windows`] slides
+//! windows of all kinds over the samples, and [`features`] computes a row of numbers from one. [`classifiers`] runs trained models behind one trait. [`hierarchy`] runs the trees from
 //! the actuator down to the detail, [`explained`] finds the actions whose training rows resemble a row, and [`panel`]
 //! joins bands, trees and committee. [`diagnoser`] does all of this sample by sample. The crate `servotwin-learning`
 //! trains the models.
@@ -26,5 +26,6 @@ pub mod random;
 pub mod residual;
 pub mod sliding;
 pub mod tree;
+pub mod windows;
 
 pub use error::Error;

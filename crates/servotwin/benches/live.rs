@@ -27,7 +27,7 @@ fn main() {
     let setting = Setting::Realistic;
     let flown = FlightCampaign::new(&study, flights, Purpose::Learn, setting, Workers::all())
         .expect("a twin");
-    let lessons = training_windows::cut(&study, flights, &flown);
+    let lessons = training_windows::of_flights(flights, &flown);
     let tables = training_windows::tables(&study, flights, setting, lessons, Workers::all());
     let tables = tables.expect("windows");
     let pools = job::pools(&study);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! inputs   → environment   (believed?)
-//! measured → streams       (windows of several lengths) → judge (bands, features, trees, committee)
+//! measured → windows       (of several lengths)          → judge (bands, features, trees, committee)
 //! twin     ↗               → decision (the sequential test) → alarm → outcome
 //! ```
 //!
@@ -20,6 +20,7 @@ use crate::features::{self, Quantity, Sensors};
 use crate::hierarchy::Names;
 use crate::panel::Panel;
 use crate::sliding::WindowSpan;
+use crate::windows::{WindowKind, Windows};
 
 mod alarm;
 mod boundary;
@@ -32,7 +33,6 @@ mod outcome;
 pub mod scatter;
 mod sensor_health;
 mod session;
-mod streams;
 pub mod tuning;
 mod window_classifier;
 
@@ -241,6 +241,21 @@ impl Diagnoser {
         if named.is_empty() { crate::hierarchy::FAULTY.into() } else { named.join(" / ") }
     }
 
+    /// Empty windows of all lengths.
+    ///
+    /// # Errors
+    /// As [`Windows::new`].
+    pub fn windows(&self) -> Result<Windows, Error> {
+        let kind = |length: &Length| WindowKind {
+            span: length.span,
+            is_baseline_corrected: length.baseline_corrected.is_some(),
+        };
+        let kinds: Vec<WindowKind> = self.lengths.iter().map(kind).collect();
+        let windows = Windows::new((self.sensors.len(), self.watched()), &kinds, self.baseline)?;
+        let is_conditional = self.conditional_band.is_some();
+        Ok(if is_conditional { windows.within_a_conditional_band() } else { windows })
+    }
+
     /// Checks that the parts of a loaded diagnoser fit together.
     ///
     /// # Errors
@@ -263,7 +278,7 @@ impl Diagnoser {
         self.healthy_evidence.iter().try_for_each(HealthyEvidence::check)?;
         let is_plain = self.lengths[0].baseline_corrected.is_none();
         holds(is_plain, "the first window length is not of residuals as they are")?;
-        streams::Streams::new(self).map(drop)?;
+        self.windows().map(drop)?;
         self.lengths
             .iter()
             .try_for_each(|length| window_classifier::WindowClassifier::new(self, length).map(drop))

@@ -12,7 +12,6 @@ use super::decision::{DecisionLimits, Evidence, Hypotheses};
 use super::environment::{self, Guard, Invalid, Why};
 use super::outcome::{Alarm, IndexedFinding, Outcome, Places, Raised};
 use super::sensor_health::{Patience, SensorHealth};
-use super::streams::{StoredBaselineCorrected, StreamSample, Streams};
 use super::tuning::Tuning;
 use super::window_classifier::{self, WindowClassifier};
 use super::{Boundary, Diagnoser, LARGEST_COUNT, Length};
@@ -22,6 +21,7 @@ use crate::hierarchy::Stage;
 use crate::random::Random;
 use crate::residual::Window;
 use crate::sliding;
+use crate::windows::{StoredBaselineCorrected, WindowSample, Windows};
 
 /// The format name at the start of a stored state.
 const FORMAT: &str = "servotwin session 1";
@@ -82,7 +82,7 @@ pub struct Session {
     /// The limits of the evidence for each length.
     limits: Vec<DecisionLimits>,
     guard: Guard,
-    streams: Streams,
+    windows: Windows,
     /// Operating point and band at the newest sample.
     here: Option<Here>,
     memory: Memory,
@@ -148,7 +148,7 @@ impl Session {
             tunings: diagnoser.lengths.iter().map(|length| diagnoser.tuning_of(length)).collect(),
             limits: diagnoser.lengths.iter().map(|length| diagnoser.limits_of(length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
-            streams: Streams::new(&diagnoser)?,
+            windows: diagnoser.windows()?,
             here: diagnoser.conditional_band.as_ref().map(Here::new),
             memory,
             measured: vec![0.0; diagnoser.sensors.len()],
@@ -326,17 +326,17 @@ impl Session {
     /// # Panics
     /// Here and below, if there is no such length.
     pub fn window(&self, length: usize) -> &Window {
-        self.streams.window(length)
+        self.windows.window(length)
     }
 
     /// Whether a length's window is full, so that it is judged.
     pub fn is_full(&self, length: usize) -> bool {
-        self.streams.is_full(length)
+        self.windows.is_full(length)
     }
 
     /// Whether the last sample completed a new window of a length.
     pub fn has_new_window(&self, length: usize) -> bool {
-        self.streams.has_ended(length)
+        self.windows.has_ended(length)
     }
 
     /// The feature rows of a length's last window outside its bands, one for each view.
@@ -389,7 +389,7 @@ impl Session {
     /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.
     pub fn common_mode(&self, length: usize, actuator: usize) -> f64 {
         let bands = &self.diagnoser.lengths[length].panel.bands;
-        self.classifiers[length].common_mode(actuator, self.streams.window(length), bands)
+        self.classifiers[length].common_mode(actuator, self.windows.window(length), bands)
     }
 
     /// The stages that a length's trees passed through for the last window outside its bands, each with its nodes from
@@ -414,7 +414,7 @@ impl Session {
 
     /// Returns the complete state for storing.
     pub fn save(&self) -> StoredSession {
-        let (windows, baseline_corrected) = self.streams.store();
+        let (windows, baseline_corrected) = self.windows.store();
         let judged = self.classifiers.iter().map(|classifier| classifier.memory.clone()).collect();
         StoredSession {
             format: FORMAT.into(),
@@ -462,7 +462,7 @@ impl Session {
             let broken = "a number of the state is none that a diagnosis can have";
             return Err(Error::CorruptModel { broken });
         }
-        self.streams.restore(windows, baseline_corrected.as_ref())?;
+        self.windows.restore(windows, baseline_corrected.as_ref())?;
         self.memory = memory.clone();
         self.guard.memory = environment.clone();
         for (classifier, judged) in
@@ -505,7 +505,7 @@ impl Session {
     }
 
     fn clear_windows(&mut self) {
-        self.streams.clear();
+        self.windows.clear();
         self.memory.asked.fill(None);
         self.memory.evidence.iter_mut().for_each(Evidence::clear);
         self.memory.doubts.iter_mut().for_each(Doubt::clear);
@@ -640,7 +640,7 @@ impl Session {
             return;
         }
         let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
-        let has_new = self.streams.add(&StreamSample {
+        let has_new = self.windows.add(&WindowSample {
             measured: &self.measured,
             twin,
             scales: &self.scales,
@@ -677,11 +677,11 @@ impl Session {
             *is_masked = alarm.is_masked(actuator);
         }
         for (place, classifier) in self.classifiers.iter_mut().enumerate() {
-            if !self.streams.has_ended(place) || !self.streams.is_full(place) {
+            if !self.windows.has_ended(place) || !self.windows.is_full(place) {
                 continue;
             }
-            let window = self.streams.window(place);
-            let share = self.streams.share_of_newest(place);
+            let window = self.windows.window(place);
+            let share = self.windows.share_of_newest(place);
             let length = &diagnoser.lengths[place];
             let said = classifier.classify(length, window, &self.is_masked, &self.stands_in)?;
             let evidence = &mut self.memory.evidence[place];
@@ -697,11 +697,11 @@ impl Session {
         let boundaries = &diagnoser.boundaries;
         for (place, length) in diagnoser.lengths.iter().enumerate() {
             let Some(panes) = length.span.panes else { continue };
-            if !self.streams.has_ended(place) || !self.streams.is_full(place) {
+            if !self.windows.has_ended(place) || !self.windows.is_full(place) {
                 continue;
             }
-            let window = self.streams.window(place);
-            let of_window = (panes, self.streams.share_of_newest(place), diagnoser.period_s);
+            let window = self.windows.window(place);
+            let of_window = (panes, self.windows.share_of_newest(place), diagnoser.period_s);
             let doubts = self.memory.doubts.iter_mut().skip(place * boundaries.len());
             for (doubt, boundary) in doubts.zip(boundaries) {
                 doubt.take(boundary, window, &length.panel.bands, &diagnoser.tuning, of_window);
@@ -798,13 +798,13 @@ impl Session {
     /// The hypothesis that a new window raises, and its length: the longest window first, then the largest margin.
     fn candidate(&self, diagnoser: &Diagnoser) -> Option<(usize, usize)> {
         let mut best: Option<(u64, f64, usize, usize)> = None;
-        for length in self.lengths().filter(|&length| self.streams.has_ended(length)) {
+        for length in self.lengths().filter(|&length| self.windows.has_ended(length)) {
             for claim in 1..self.hypotheses.count() {
                 let margin = self.margin(length, claim);
                 if margin < 1.0 || !self.may_raise(diagnoser, length, claim) {
                     continue;
                 }
-                let samples = self.streams.window(length).count();
+                let samples = self.windows.window(length).count();
                 let is_better = best.is_none_or(|(s, m, _, _)| (samples, margin) > (s, m));
                 if is_better {
                     best = Some((samples, margin, length, claim));
@@ -830,7 +830,7 @@ impl Session {
     /// Whether another length claims another actuator, or a longer one another action.
     fn is_contradicted(&self, length: usize, claim: usize) -> bool {
         let own = self.hypotheses.split(claim).map(|(actuator, _)| actuator);
-        let samples = |length: usize| self.streams.window(length).count();
+        let samples = |length: usize| self.windows.window(length).count();
         let contradicts = |other: usize, hypothesis: usize| {
             let elsewhere = self.hypotheses.split(hypothesis).map(|(actuator, _)| actuator) != own;
             (elsewhere || samples(other) > samples(length)) && self.margin(other, hypothesis) >= 1.0

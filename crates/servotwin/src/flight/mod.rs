@@ -4,7 +4,7 @@
 //! - [`plan`]: fault, onset, environment and specimen of every flight
 //! - [`campaign`]: flights in lanes, each observed together with the twin of its environment
 //! - [`windows`]: the windows that a diagnosis examines
-//! - [`training_windows`]: the training windows cut out of flights, one table for each kind
+//! - [`training_windows`]: the training windows taken out of flights, one table for each kind
 //! - [`train`]: trains a diagnoser: bands, trees and committee for each kind
 //! - [`boundaries`]: what a wrong reading of a boundary value does
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call per sample
@@ -28,7 +28,6 @@ pub mod closed_loop;
 pub mod cost;
 mod evidence;
 pub mod fitted_twins;
-pub mod hard_negatives;
 pub mod healthy;
 pub mod judge;
 pub mod measure;

@@ -1,6 +1,6 @@
 //! Trains trees, committee and bands for each kind of window from flights.
 
-use super::windows::{self, WindowKind};
+use super::windows;
 use crate::evaluation::data_set::DataRow;
 use crate::evaluation::{
     self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
@@ -16,6 +16,7 @@ use servotwin_diagnosis::diagnoser::tuning::{
 use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, Tuning};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
+use servotwin_diagnosis::windows::WindowKind;
 use servotwin_learning::classifiers::{self, boosted_trees};
 use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::novelty;
@@ -67,7 +68,7 @@ pub fn diagnoser(
     pools: &[usize],
     workers: Workers,
 ) -> Result<Diagnoser, EvaluationError> {
-    let kinds = windows::kinds(flights, setting);
+    let kinds = windows::kinds(flights, setting, study.sample_period_s);
     let tables = tables.into_iter().map(|table| [(Role::Training, table)]);
     let lessons: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
@@ -223,7 +224,7 @@ fn length(
     let evidence_quantile =
         committee::evidence_quantile(&data, &committee.hierarchy, settings.committee_lessons)?;
     let length = Length {
-        span: windows::span(kind.window_s, study.sample_period_s),
+        span: kind.span,
         novelty: novelty::learn(&data.examples, &known, &groups, Tuning::default().known_share)?,
         panel: Panel {
             bands: bands.unwrap_or_default().into_iter().map(band).collect(),

@@ -1,25 +1,31 @@
-//! Cuts training windows out of flights, one table for each kind of window.
+//! Takes training windows out of flights, one table for each kind of window. They are the windows that a diagnosis
+//! would judge there, from the same [`Windows`].
 //!
-//! A healthy flight gives consecutive windows. A flight with a fault gives the last window before the onset and some
-//! after it, the first of which contain the onset. The tables have the columns of a campaign's data set
-//! ([`crate::evaluation::DataSet`] reads them). Every environment counts as a separate command.
+//! A healthy flight gives windows at even distances. A flight with a fault gives the last window before the onset and
+//! some after it, the first of which contain the onset. Additional healthy flights, one in each of many environments,
+//! give only the windows that leave their bands (hard negatives): trees and committee are only asked about such
+//! windows, and there are a few hundred in all other healthy flights of a study, most of them in a few environments.
+//!
+//! The tables have the columns of a campaign's data set ([`crate::evaluation::DataSet`] reads them). Every environment
+//! counts as a separate command.
 
 use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, PlannedFlight, Purpose};
-use super::windows::{self, WindowKind};
+use super::windows;
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
 use crate::experiment::CampaignError;
 use crate::parallel::{self, Workers};
-use crate::signal::random::NormalDeviates;
+
 use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::baseline::{self, Baseline};
 use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::residual::{BAND, Window};
+use servotwin_diagnosis::windows::{WindowKind, WindowSample, Windows};
 
-/// Windows after the onset: the first two end when this share of them shows the fault, the others at random times.
+/// Windows after the onset: the first two are taken when this share of a window has passed, the others at random times.
 const SHARES: [f64; 2] = [0.6, 1.0];
 /// Number of these others: many, because some faults only show in some motions.
 const OTHERS: usize = 12;
@@ -27,40 +33,30 @@ const OTHERS: usize = 12;
 const BEFORE: usize = 4;
 /// A window is not used if the fault is below this share of its intensity both at the window's middle and at its end.
 const LEAST_SHARE: f64 = 0.5;
+/// Number of environments of hard negatives whose twins are in memory at a time.
+const BATCH: usize = 200;
 
-/// A window to cut out of a flight.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Cut {
-    /// The index of its kind.
-    pub kind: usize,
-    /// The range of its samples.
-    pub from: usize,
-    pub to: usize,
-    pub is_faulty: bool,
-}
-
-/// A window that was cut out.
+/// A window taken out of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct TrainingWindow {
-    cut: Cut,
+struct TrainingWindow {
+    /// The index of its kind.
+    kind: usize,
+    /// The number of samples of the flight when it was taken.
+    at: usize,
+    is_faulty: bool,
     flight: usize,
     /// The bits of the window's values, which may be infinite.
     bits: Vec<u64>,
 }
 
 impl TrainingWindow {
-    pub fn new(cut: Cut, flight: &PlannedFlight, window: &Window) -> Self {
-        let bits = window.to_values().into_iter().map(f64::to_bits).collect();
-        TrainingWindow { cut, flight: flight.number, bits }
-    }
-
     fn window(&self, sensors: usize) -> Window {
         let values: Vec<f64> = self.bits.iter().map(|&bits| f64::from_bits(bits)).collect();
         Window::from_values(sensors, sensors, &values).expect("the values of a window")
     }
 }
 
-/// The windows cut out of flights.
+/// The windows taken out of flights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainingWindows {
     list: Vec<TrainingWindow>,
@@ -103,23 +99,38 @@ impl TrainingWindows {
         LeftOut { failed: self.failed as u64, on_the_move }
     }
 
-    pub(super) fn leave_out(&mut self, flight: &PlannedFlight) {
-        let moving = MovingFlight { flight: flight.number, environment: flight.environment };
-        self.on_the_move.push(moving);
-    }
-
-    pub(super) fn push(&mut self, lesson: TrainingWindow) {
-        self.list.push(lesson);
+    /// Takes the windows of a campaign's flights, those that `pick` wants. Failed flights are left out.
+    fn take<'p>(
+        &mut self,
+        flown: &FlightCampaign,
+        flights: &Flights,
+        pick: impl Fn(&PlannedFlight) -> Pick<'p> + Sync,
+    ) {
+        let empty = windows(flown.study(), flights, flown.setting);
+        flown.fly(
+            &flown.which,
+            |flight| Collector::new(flown.study(), empty.clone(), *flight, pick(flight)),
+            |flight, collector, outcome| match outcome {
+                Ok(work) if flown.is_on_the_move(flight, &work) => {
+                    self.on_the_move.push(MovingFlight {
+                        flight: flight.number,
+                        environment: flight.environment,
+                    });
+                }
+                Ok(_) => self.list.extend(collector.taken),
+                Err(_) => self.failed += 1,
+            },
+        );
     }
 
     /// Sorts by kind, flight and time, because flights end in arbitrary order.
-    pub(super) fn sort(&mut self) {
-        self.list.sort_by_key(|lesson| (lesson.cut.kind, lesson.flight, lesson.cut.to));
+    fn sort(&mut self) {
+        self.list.sort_by_key(|window| (window.kind, window.flight, window.at));
     }
 
     /// The half widths of bands learned from healthy windows of a kind; `None` for too few windows.
-    pub(super) fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
-        let healthy = self.list.iter().filter(|l| l.cut.kind == kind && !l.cut.is_faulty);
+    fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
+        let healthy = self.list.iter().filter(|l| l.kind == kind && !l.is_faulty);
         let largest = |lesson: &TrainingWindow| -> Vec<f64> {
             let window = lesson.window(pools.len());
             (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
@@ -129,85 +140,136 @@ impl TrainingWindows {
     }
 }
 
-struct Cutter<'k> {
-    kinds: &'k [WindowKind],
-    cuts: Vec<Cut>,
-    windows: Vec<Window>,
+/// Which windows of a flight are taken.
+enum Pick<'p> {
+    /// The newest at these times, the latest first.
+    Newest(Vec<Planned>),
+    /// Those that leave the bands of their kind, as half widths in parts of scale.
+    Outside(&'p [Vec<f64>]),
+}
+
+/// A window to take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Planned {
+    /// The index of its kind.
+    kind: usize,
+    /// The number of samples after which its newest window is taken.
+    at: usize,
+    is_faulty: bool,
+}
+
+/// Takes windows out of a flight. The baseline adapts until the fault begins, as that of a diagnosis does until it
+/// suspects a fault.
+struct Collector<'p> {
+    windows: Windows,
     scales: Vec<f64>,
-    corrected: Option<BaselineCorrected>,
-}
-
-/// Baseline-corrected residuals. The baseline adapts until the fault begins, as a diagnosis does until it suspects a
-/// fault.
-#[derive(Clone)]
-pub(super) struct BaselineCorrected {
-    pub baseline: Baseline,
-    onset: usize,
     stands_in: Vec<bool>,
-    /// The measured values minus the baseline.
-    pub measured: Vec<f64>,
+    flight: PlannedFlight,
+    onset: usize,
+    pick: Pick<'p>,
+    taken: Vec<TrainingWindow>,
 }
 
-impl BaselineCorrected {
-    pub fn new(settings: baseline::BaselineSettings, sensors: usize, onset: usize) -> Self {
-        let baseline = Baseline::new(settings, sensors).expect("usual settings");
-        Self { baseline, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
-    }
-
-    pub fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
-        if index < self.onset {
-            self.baseline.learn(measured, twin, scales);
+impl<'p> Collector<'p> {
+    fn new(study: &Study, windows: Windows, flight: PlannedFlight, pick: Pick<'p>) -> Self {
+        let sensors = study.base_sensors();
+        Collector {
+            windows,
+            scales: study.scales()[..sensors].to_vec(),
+            stands_in: vec![false; sensors],
+            flight,
+            onset: (flight.onset_s / study.sample_period_s) as usize,
+            pick,
+            taken: vec![],
         }
-        self.baseline.subtract(measured, &self.stands_in, &mut self.measured);
     }
 }
 
-impl Observer for Cutter<'_> {
+impl Observer for Collector<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
-        if let Some(corrected) = &mut self.corrected {
-            corrected.take(index, measured, twin, &self.scales);
-        }
-        for (cut, window) in self.cuts.iter().zip(&mut self.windows) {
-            if (cut.from..cut.to).contains(&index) {
-                let corrected =
-                    self.corrected.as_ref().filter(|_| self.kinds[cut.kind].is_baseline_corrected);
-                let measured = corrected.map_or(measured, |corrected| &corrected.measured);
-                window.add(measured, twin, &self.scales);
+        let has_new = self.windows.add(&WindowSample {
+            measured,
+            twin,
+            scales: &self.scales,
+            half_widths: &[],
+            stands_in: &self.stands_in,
+            is_trusted: index < self.onset,
+        });
+        let Collector { windows, pick, taken, flight, .. } = self;
+        let mut take = |kind: usize, is_faulty: bool| {
+            let bits = windows.window(kind).to_values().into_iter().map(f64::to_bits).collect();
+            let (at, flight) = (index + 1, flight.number);
+            taken.push(TrainingWindow { kind, at, is_faulty, flight, bits });
+        };
+        match pick {
+            Pick::Newest(planned) => {
+                while let Some(next) = planned.pop_if(|planned| planned.at == index + 1) {
+                    if windows.is_full(next.kind) {
+                        take(next.kind, next.is_faulty);
+                    }
+                }
             }
+            Pick::Outside(bands) if has_new => {
+                for (kind, bands) in bands.iter().enumerate() {
+                    let is_new = windows.has_ended(kind) && windows.is_full(kind);
+                    let window = windows.window(kind);
+                    let mut bands = bands.iter().enumerate();
+                    if is_new && bands.any(|(sensor, band)| window.largest(sensor) > *band) {
+                        take(kind, false);
+                    }
+                }
+            }
+            Pick::Outside(_) => (),
         }
     }
 }
 
-/// Flies the training flights and cuts windows out of them. Failed flights are left out.
-pub fn cut(study: &Study, flights: &Flights, flown: &FlightCampaign) -> TrainingWindows {
-    let scales = study.scales()[..study.base_sensors()].to_vec();
-    let period_s = study.sample_period_s;
-    let kinds = windows::kinds(flights, flown.setting);
-    let baseline = windows::baseline(flights, flown.setting, period_s);
-    let settled = baseline.map_or(0, |baseline| baseline.settle_samples as usize);
-    let mut lessons = TrainingWindows::default();
-    flown.fly(
-        &flown.which,
-        |flight| {
-            let cuts = cuts(&kinds, settled, flight, period_s);
-            let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
-            let onset = (flight.onset_s / period_s) as usize;
-            let corrected =
-                baseline.map(|settings| BaselineCorrected::new(settings, scales.len(), onset));
-            Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), corrected }
-        },
-        |flight, cutter, outcome| match outcome {
-            Ok(work) if flown.is_on_the_move(flight, &work) => lessons.leave_out(flight),
-            Ok(_) => {
-                let windows = cutter.cuts.iter().zip(&cutter.windows);
-                lessons
-                    .list
-                    .extend(windows.map(|(&cut, window)| TrainingWindow::new(cut, flight, window)));
-            }
-            Err(_) => lessons.failed += 1,
-        },
-    );
-    lessons
+/// Empty windows of a study's flights.
+fn windows(study: &Study, flights: &Flights, setting: Setting) -> Windows {
+    let (sensors, period_s) = (study.base_sensors(), study.sample_period_s);
+    let kinds = windows::kinds(flights, setting, period_s);
+    let baseline = windows::baseline(flights, setting, period_s);
+    Windows::new((sensors, sensors), &kinds, baseline).expect("usual settings")
+}
+
+/// Takes training windows out of the flights of a campaign.
+pub fn of_flights(flights: &Flights, flown: &FlightCampaign) -> TrainingWindows {
+    let period_s = flown.period_s();
+    let kinds = windows::kinds(flights, flown.setting, period_s);
+    let mut taken = TrainingWindows::default();
+    taken.take(flown, flights, |flight| Pick::Newest(planned(&kinds, flight, period_s)));
+    taken
+}
+
+/// Flies the additional flights of a study and adds their hard negatives: windows that leave the bands of the windows
+/// that are there already.
+///
+/// # Errors
+/// A twin cannot be simulated, or the run was cancelled.
+pub fn add_hard_negatives(
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    taken: &mut TrainingWindows,
+    pools: &[usize],
+    workers: Workers,
+) -> Result<(), CampaignError> {
+    let kinds = windows::kinds(flights, setting, study.sample_period_s).len();
+    taken.sort();
+    let bands = (0..kinds).map(|kind| taken.bands(kind, pools));
+    let Some(bands) = bands.collect::<Option<Vec<Vec<f64>>>>() else { return Ok(()) };
+    let all = flights.learned.len();
+    for from in (flights.learn.environments..all).step_by(BATCH) {
+        let batch = from..all.min(from + BATCH);
+        let chosen = |environment: usize| batch.contains(&environment);
+        let learn = Purpose::Learn;
+        let flown = FlightCampaign::where_it_is(study, flights, learn, setting, chosen, workers)?;
+        taken.take(&flown, flights, |_| Pick::Outside(&bands));
+        if workers.is_cancelled() {
+            return Err(CampaignError::Cancelled);
+        }
+    }
+    Ok(())
 }
 
 /// A table for each kind of window.
@@ -225,49 +287,50 @@ pub fn tables(
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
     let plan = &plan::flights(study, flights, Purpose::Learn);
     let mut tables = vec![];
-    for kind in 0..windows::kinds(flights, setting).len() {
-        let of: Vec<&TrainingWindow> = lessons.list.iter().filter(|l| l.cut.kind == kind).collect();
+    for kind in 0..windows::kinds(flights, setting, study.sample_period_s).len() {
+        let of: Vec<&TrainingWindow> = lessons.list.iter().filter(|l| l.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
     }
     Ok(tables)
 }
 
-/// The windows to cut from a flight; baseline-corrected ones begin after `settled` samples.
-fn cuts(kinds: &[WindowKind], settled: usize, flight: &PlannedFlight, period_s: f64) -> Vec<Cut> {
-    let sample = |time_s: f64| (time_s / period_s).round() as usize;
-    let mut random = NormalDeviates::new(0x5eed << 32 | flight.number as u64);
-    let mut cuts = vec![];
-    for (kind, &WindowKind { window_s: length_s, is_baseline_corrected }) in
-        kinds.iter().enumerate()
-    {
-        let samples = sample(length_s);
-        let first = if is_baseline_corrected { settled } else { 0 };
-        let mut cut = |end_s: f64, is_faulty: bool| {
-            let to = sample(end_s);
-            if to >= first + samples && end_s <= flight.duration_s {
-                cuts.push(Cut { kind, from: to - samples, to, is_faulty });
+/// The windows to take out of a flight, the latest first.
+fn planned(kinds: &[WindowKind], flight: &PlannedFlight, period_s: f64) -> Vec<Planned> {
+    let mut random = Random::stream(0x5eed, flight.number as u64);
+    let mut all = vec![];
+    for (kind, WindowKind { span, .. }) in kinds.iter().enumerate() {
+        let window_s = span.samples().unwrap_or(0) as f64 * period_s;
+        let mut plan = |at_s: f64, is_faulty: bool| {
+            if at_s <= flight.duration_s {
+                let at = (at_s / period_s).round() as usize;
+                all.push(Planned { kind, at, is_faulty });
             }
         };
         if flight.fault.is_none() {
             // Windows are spaced apart to be as diverse as possible.
-            let count = (flight.duration_s / (2.0 * length_s).max(2.0)) as usize;
-            (1..=count).for_each(|k| cut(flight.duration_s * k as f64 / count as f64, false));
+            let count = (flight.duration_s / (2.0 * window_s).max(2.0)) as usize;
+            (1..=count).for_each(|k| plan(flight.duration_s * k as f64 / count as f64, false));
             continue;
         }
         if flight.number.is_multiple_of(BEFORE) {
-            cut(flight.onset_s, false);
+            plan(flight.onset_s, false);
         }
-        let left_s = flight.duration_s - flight.onset_s - length_s;
-        let others: Vec<f64> = (0..OTHERS).map(|_| length_s + left_s * random.unit()).collect();
-        for after_s in SHARES.iter().map(|share| share * length_s).chain(others) {
-            let end_s = flight.onset_s + after_s;
-            let shares = [end_s - 0.5 * length_s, end_s - period_s].map(|t| flight.share(t));
+        // At different panes, so that no window is taken twice.
+        let pane_s = f64::from(span.pane_samples) * period_s;
+        let panes = ((flight.duration_s - flight.onset_s - window_s) / pane_s) as usize;
+        let mut order: Vec<usize> = (1..=panes).collect();
+        random.shuffle(&mut order);
+        let others = order.into_iter().take(OTHERS).map(|pane| window_s + pane as f64 * pane_s);
+        for after_s in SHARES.iter().map(|share| share * window_s).chain(others) {
+            let at_s = flight.onset_s + after_s;
+            let shares = [at_s - 0.5 * window_s, at_s - period_s].map(|t| flight.share(t));
             if shares.into_iter().fold(0.0, f64::max) >= LEAST_SHARE {
-                cut(end_s, true);
+                plan(at_s, true);
             }
         }
     }
-    cuts
+    all.sort_by_key(|planned| std::cmp::Reverse(planned.at));
+    all
 }
 
 struct Maker<'m> {
@@ -295,7 +358,7 @@ impl Maker<'_> {
     fn labels(&self, lessons: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
         let flight = |lesson: &TrainingWindow| self.plan[lesson.flight];
         let shown = |lesson: &&TrainingWindow| match flight(lesson) {
-            PlannedFlight { fault, intensity, .. } if lesson.cut.is_faulty => {
+            PlannedFlight { fault, intensity, .. } if lesson.is_faulty => {
                 Shown { fault, intensity }
             }
             _ => Shown { fault: None, intensity: 0.0 },
@@ -316,9 +379,9 @@ impl Maker<'_> {
         ];
         columns.extend(fault_columns(self.study, &lessons.iter().map(shown).collect::<Vec<_>>()));
         columns.extend([
-            number("end_s", "s", &|l| l.cut.to as f64 * period_s),
-            number("age_s", "s", &|l| match l.cut.is_faulty {
-                true => l.cut.to as f64 * period_s - flight(l).onset_s,
+            number("end_s", "s", &|l| l.at as f64 * period_s),
+            number("age_s", "s", &|l| match l.is_faulty {
+                true => l.at as f64 * period_s - flight(l).onset_s,
                 false => 0.0,
             }),
             Column::new("detectable", "", Values::Flag(detectable)),

@@ -4,30 +4,22 @@ use crate::study::{Flights, Plants, Setting};
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::sliding::WindowSpan;
+use servotwin_diagnosis::windows::WindowKind;
 
 /// The largest share of the time before the earliest fault that the settling of a baseline may take.
 const SETTLE_SHARE: f64 = 0.8;
 
-/// A kind of window.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WindowKind {
-    /// Length, s.
-    pub window_s: f64,
-    /// Whether the residuals are baseline-corrected.
-    pub is_baseline_corrected: bool,
-}
-
 /// The kinds of windows in a scenario: of absolute residuals, and where specimens differ from their twins, the shortest
 /// also of baseline-corrected residuals. A longer baseline-corrected window would hold a single sudden motion, to which
 /// every specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators.
-pub fn kinds(flights: &Flights, setting: Setting) -> Vec<WindowKind> {
-    let absolute = flights
-        .windows_s
-        .iter()
-        .map(|&window_s| WindowKind { window_s, is_baseline_corrected: false });
-    let baseline_corrected =
-        WindowKind { window_s: shortest_s(flights), is_baseline_corrected: true };
-    absolute.chain(is_baseline_corrected(setting).then_some(baseline_corrected)).collect()
+pub fn kinds(flights: &Flights, setting: Setting, period_s: f64) -> Vec<WindowKind> {
+    let kind = |window_s: f64, is_baseline_corrected: bool| WindowKind {
+        span: span(window_s, period_s),
+        is_baseline_corrected,
+    };
+    let absolute = flights.windows_s.iter().map(|&window_s| kind(window_s, false));
+    let corrected = is_baseline_corrected(setting).then(|| kind(shortest_s(flights), true));
+    absolute.chain(corrected).collect()
 }
 
 fn shortest_s(flights: &Flights) -> f64 {
@@ -56,7 +48,7 @@ pub fn baseline(
 }
 
 /// The panes of a window with a given length.
-pub fn span(window_s: f64, period_s: f64) -> WindowSpan {
+fn span(window_s: f64, period_s: f64) -> WindowSpan {
     let samples = (window_s / period_s).round() as u32;
     let Tuning { panes, .. } = Tuning::default();
     WindowSpan { pane_samples: (samples / panes).max(1), panes: Some(panes) }
@@ -84,7 +76,7 @@ mod tests {
         let study = paper();
         let flights = study.flights().unwrap().unwrap();
         for setting in Setting::ALL {
-            let kinds = kinds(&flights, setting);
+            let kinds = kinds(&flights, setting, study.sample_period_s);
             let baseline = baseline(&flights, setting, study.sample_period_s);
             let baseline_corrected: Vec<bool> =
                 kinds.iter().map(|kind| kind.is_baseline_corrected).collect();

@@ -8,7 +8,6 @@ use crate::files::FileError;
 use crate::flight::boundaries::boundaries;
 use crate::flight::campaign::FlightCampaign;
 use crate::flight::fitted_twins::CalibrationRecords;
-use crate::flight::hard_negatives;
 use crate::flight::judge::{self, FlightMetrics};
 use crate::flight::measure;
 use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED, OtherPlants};
@@ -183,7 +182,7 @@ pub fn learn(
     let usual = |environment: usize| environment < flights.learn.environments;
     let flown =
         FlightCampaign::where_it_is(study, flights, Purpose::Learn, setting, usual, crew.workers)?;
-    let lessons = training_windows::cut(study, flights, &flown);
+    let lessons = training_windows::of_flights(flights, &flown);
     crew.check()?;
     learn_from(folder, study, flights, setting, lessons, crew)
 }
@@ -201,10 +200,11 @@ pub fn learn_from(
     mut lessons: TrainingWindows,
     crew: &Crew,
 ) -> Result<(Diagnoser, LeftOut), JobError> {
-    hard_negatives::add(study, flights, setting, &mut lessons, &pools(study), crew.workers)?;
+    let (pools, workers) = (pools(study), crew.workers);
+    training_windows::add_hard_negatives(study, flights, setting, &mut lessons, &pools, workers)?;
     let left_out = lessons.left_out();
-    let tables = training_windows::tables(study, flights, setting, lessons, crew.workers)?;
-    let trained = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
+    let tables = training_windows::tables(study, flights, setting, lessons, workers)?;
+    let trained = train::diagnoser(study, flights, setting, tables, &pools, workers)?;
     let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
     let diagnoser = Diagnoser { boundaries, ..trained };
     let diagnoser = held_out::with_margin(study, flights, setting, diagnoser, crew.workers)?;

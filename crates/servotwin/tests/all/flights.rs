@@ -17,9 +17,10 @@ use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::flights::Size;
 use servotwin::study::{Flights, Setting, Study};
-use servotwin_diagnosis::diagnoser::{Diagnoser, ShutdownMargin};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 /// What follows the beginning that all tiny studies have.
@@ -58,20 +59,20 @@ pub fn study() -> &'static Study {
     MADE.get_or_init(|| Study::parse(&format!("{head}{STUDY}"), "tiny.toml").unwrap())
 }
 
-fn learned(threads: usize) -> Diagnoser {
-    let path =
-        std::env::temp_dir().join(format!("servotwin-flights-{}-{threads}", std::process::id()));
+fn learned(setting: Setting, threads: usize) -> Diagnoser {
+    let path = std::env::temp_dir()
+        .join(format!("servotwin-{setting:?}-{}-{threads}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
     let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
     let flights = &study().flights().unwrap().unwrap();
-    let learned = learn(&Folder::new(&path), study(), flights, Setting::Noise, &crew).unwrap();
+    let learned = learn(&Folder::new(&path), study(), flights, setting, &crew).unwrap();
     std::fs::remove_dir_all(&path).unwrap();
     learned.0
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
     static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
-    MADE.get_or_init(|| Arc::new(learned(2)))
+    MADE.get_or_init(|| Arc::new(learned(Setting::Noise, 2)))
 }
 
 fn merit(threads: usize) -> FlightMetrics {
@@ -118,7 +119,7 @@ fn text(value: &impl serde::Serialize) -> String {
 
 #[test]
 fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
-    assert!(text(&learned(1)) == text(&**diagnoser()), "another diagnoser");
+    assert!(text(&learned(Setting::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
     let [one, two] = [1, 2].map(|threads| text(&merit(threads)));
     assert_eq!(one, two);
     let foreign = |threads| {
@@ -147,6 +148,61 @@ fn a_diagnoser_states_the_healthy_flights_behind_its_margin() {
     );
     let hypotheses = (added.len() as f64).sqrt() as usize;
     assert!(grown.iter().all(|place| place % hypotheses == 0), "only against health: {grown:?}");
+}
+
+/// What a session sees: for each full window the samples so far, the length and the bits of its values.
+struct Seen {
+    session: Session,
+    windows: BTreeMap<(usize, usize), Vec<u64>>,
+    onset: usize,
+}
+
+impl Observer for Seen {
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        self.session.push(inputs, measured, twin);
+        for (length, known) in self.session.diagnoser().lengths.iter().enumerate() {
+            // In training, the baseline follows until the onset; in a session, until the fault is suspected.
+            let is_same = known.baseline_corrected.is_none() || index < self.onset;
+            if self.session.is_full(length) && is_same {
+                let values = self.session.window(length).to_values();
+                let bits = values.into_iter().map(f64::to_bits).collect();
+                self.windows.insert((index + 1, length), bits);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
+    let flights = &study().flights().unwrap().unwrap();
+    for setting in [Setting::Noise, Setting::Realistic] {
+        let diagnoser = Arc::new(learned(setting, 2));
+        let flown = FlightCampaign::new(study(), flights, Purpose::Learn, setting, Workers::new(2))
+            .unwrap();
+        let mut seen = BTreeMap::new();
+        flown.fly(
+            &flown.which,
+            |flight| Seen {
+                session: Session::new(diagnoser.clone()).unwrap(),
+                windows: BTreeMap::new(),
+                onset: (flight.onset_s / study().sample_period_s) as usize,
+            },
+            |flight, own, _| {
+                seen.insert(flight.number as u64, own.windows);
+            },
+        );
+        let taken = serde_json::to_value(training_windows::of_flights(flights, &flown)).unwrap();
+        let mut compared = vec![0; diagnoser.lengths.len()];
+        for window in taken["list"].as_array().unwrap() {
+            let number = |field: &str| window[field].as_u64().unwrap();
+            let place = (number("at") as usize, number("kind") as usize);
+            let Some(own) = seen[&number("flight")].get(&place) else { continue };
+            let bits = window["bits"].as_array().unwrap().iter().map(|bits| bits.as_u64().unwrap());
+            assert_eq!(bits.collect::<Vec<u64>>(), *own, "{setting:?} {place:?}");
+            compared[place.1] += 1;
+        }
+        assert!(compared.iter().all(|&count| count > 10), "{setting:?} {compared:?}");
+    }
 }
 
 #[test]
@@ -181,7 +237,7 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     // Through a text, as it comes from another machine.
     let mut lessons = TrainingWindows::default();
     for flown in apart(Purpose::Learn, 3) {
-        let sent = text(&training_windows::cut(study(), flights, &flown));
+        let sent = text(&training_windows::of_flights(flights, &flown));
         lessons.add(serde_json::from_str(&sent).unwrap());
     }
     let folder =

@@ -1,21 +1,34 @@
-//! The windows of all lengths, of uncorrected and of baseline-corrected residuals.
+//! The windows of all kinds: of several lengths, of uncorrected and of baseline-corrected residuals. A running diagnosis
+//! judges these windows, and training takes the same ones out of its flights.
 
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::Diagnoser;
-use crate::baseline::{self, Baseline};
+use crate::baseline::{self, Baseline, BaselineSettings};
 use crate::error::Error;
 use crate::residual::Window;
 use crate::sliding::{self, Sliding, WindowSpan};
 
+/// A kind of window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WindowKind {
+    /// Its length, and how often a new one is complete.
+    pub span: WindowSpan,
+    /// Whether its residuals are baseline-corrected.
+    pub is_baseline_corrected: bool,
+}
+
 /// One sample.
-pub(super) struct StreamSample<'s> {
+#[derive(Debug, Clone, Copy)]
+pub struct WindowSample<'s> {
+    /// The sensor values, here and below in the sensors' units and order.
     pub measured: &'s [f64],
+    /// The values that the twin expects.
     pub twin: &'s [f64],
+    /// The scale of each sensor.
     pub scales: &'s [f64],
-    /// Of the conditional band; empty without one.
+    /// The half widths of the conditional band, in parts of scale; empty without one.
     pub half_widths: &'s [f64],
     /// Sensors with a stand-in value that looks healthy.
     pub stands_in: &'s [bool],
@@ -32,40 +45,41 @@ struct BaselineCorrected {
     measured: Vec<f64>,
 }
 
-/// The windows of all lengths.
+/// The windows of all kinds.
 #[derive(Debug, Clone)]
-pub(super) struct Streams {
-    /// For each length, whether it is baseline-corrected, and its index among its kind.
+pub struct Windows {
+    /// For each kind, whether it is baseline-corrected, and its index among those that are or are not.
     places: Vec<(bool, usize)>,
     absolute: Sliding,
     baseline_corrected: Option<BaselineCorrected>,
 }
 
-/// The stored baseline-corrected part of [`Streams`].
+/// The stored baseline-corrected part of [`Windows`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct StoredBaselineCorrected {
+pub struct StoredBaselineCorrected {
     baseline: baseline::Stored,
     windows: sliding::Stored,
 }
 
-impl Streams {
-    /// Empty windows.
+impl Windows {
+    /// Empty windows of `sensors` sensors, of which the first `watched` decide whether something deviates.
     ///
     /// # Errors
-    /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] for baseline-corrected lengths without a
+    /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] for baseline-corrected kinds without a
     /// baseline, or vice versa.
-    pub fn new(diagnoser: &Diagnoser) -> Result<Self, Error> {
+    pub fn new(
+        (sensors, watched): (usize, usize),
+        kinds: &[WindowKind],
+        baseline: Option<BaselineSettings>,
+    ) -> Result<Self, Error> {
         let spans = |is_baseline_corrected: bool| -> Vec<WindowSpan> {
-            let lengths = diagnoser.lengths.iter();
-            lengths
-                .filter(|l| l.baseline_corrected.is_some() == is_baseline_corrected)
-                .map(|l| l.span)
-                .collect()
+            let own =
+                kinds.iter().filter(|kind| kind.is_baseline_corrected == is_baseline_corrected);
+            own.map(|kind| kind.span).collect()
         };
-        let (sensors, watched) = (diagnoser.sensors.len(), diagnoser.watched());
         let absolute = Sliding::new(sensors, watched, &spans(false))?;
-        let baseline_corrected = match (diagnoser.baseline, &spans(true)[..]) {
+        let baseline_corrected = match (baseline, &spans(true)[..]) {
             (None, []) => None,
             (Some(settings), spans @ [_, ..]) => Some(BaselineCorrected {
                 baseline: Baseline::new(settings, sensors)?,
@@ -78,22 +92,27 @@ impl Streams {
             }
         };
         let mut counts = [0; 2];
-        let place = |length: &super::Length| {
-            let is_baseline_corrected = length.baseline_corrected.is_some();
-            let count = &mut counts[usize::from(is_baseline_corrected)];
+        let place = |kind: &WindowKind| {
+            let count = &mut counts[usize::from(kind.is_baseline_corrected)];
             *count += 1;
-            (is_baseline_corrected, *count - 1)
+            (kind.is_baseline_corrected, *count - 1)
         };
-        let places = diagnoser.lengths.iter().map(place).collect();
-        let has_conditional_band = diagnoser.conditional_band.is_some();
-        let absolute =
-            if has_conditional_band { absolute.within_a_conditional_band() } else { absolute };
-        Ok(Streams { places, absolute, baseline_corrected })
+        let places = kinds.iter().map(place).collect();
+        Ok(Windows { places, absolute, baseline_corrected })
     }
 
-    /// Takes a sample; returns whether it completed a window of any length. Does not allocate.
-    pub fn add(&mut self, sample: &StreamSample) -> bool {
-        let StreamSample { measured, twin, scales, half_widths, .. } = *sample;
+    /// The same, empty windows; those of uncorrected residuals also compare them with a conditional band.
+    #[must_use]
+    pub fn within_a_conditional_band(self) -> Self {
+        Windows { absolute: self.absolute.within_a_conditional_band(), ..self }
+    }
+
+    /// Takes a sample; returns whether it completed a window of any kind. Does not allocate.
+    ///
+    /// # Panics
+    /// As [`Window::add`].
+    pub fn add(&mut self, sample: &WindowSample) -> bool {
+        let WindowSample { measured, twin, scales, half_widths, .. } = *sample;
         let has_absolute = self.absolute.add(measured, twin, scales, half_widths);
         let has_relative = self
             .baseline_corrected
@@ -102,8 +121,8 @@ impl Streams {
         has_absolute || has_relative
     }
 
-    fn of(&self, length: usize) -> (&Sliding, usize) {
-        let (is_baseline_corrected, place) = self.places[length];
+    fn of(&self, kind: usize) -> (&Sliding, usize) {
+        let (is_baseline_corrected, place) = self.places[kind];
         let baseline_corrected = self.baseline_corrected.as_ref().filter(|_| is_baseline_corrected);
         (
             baseline_corrected
@@ -112,24 +131,30 @@ impl Streams {
         )
     }
 
-    /// Here and below, as the method of the same name of [`Sliding`].
-    pub fn has_ended(&self, length: usize) -> bool {
-        let (sliding, span) = self.of(length);
+    /// As [`Sliding::has_ended`], here and below for a kind of window.
+    ///
+    /// # Panics
+    /// Here and below, if there is no such kind.
+    pub fn has_ended(&self, kind: usize) -> bool {
+        let (sliding, span) = self.of(kind);
         sliding.has_ended(span)
     }
 
-    pub fn is_full(&self, length: usize) -> bool {
-        let (sliding, span) = self.of(length);
+    /// As [`Sliding::is_full`].
+    pub fn is_full(&self, kind: usize) -> bool {
+        let (sliding, span) = self.of(kind);
         sliding.is_full(span)
     }
 
-    pub fn window(&self, length: usize) -> &Window {
-        let (sliding, span) = self.of(length);
+    /// As [`Sliding::window`].
+    pub fn window(&self, kind: usize) -> &Window {
+        let (sliding, span) = self.of(kind);
         sliding.window(span)
     }
 
-    pub fn share_of_newest(&self, length: usize) -> f64 {
-        let (sliding, span) = self.of(length);
+    /// As [`Sliding::share_of_newest`].
+    pub fn share_of_newest(&self, kind: usize) -> f64 {
+        let (sliding, span) = self.of(kind);
         sliding.share_of_newest(span)
     }
 
@@ -142,6 +167,7 @@ impl Streams {
         }
     }
 
+    /// Returns the complete state.
     pub fn store(&self) -> (sliding::Stored, Option<StoredBaselineCorrected>) {
         let baseline_corrected =
             self.baseline_corrected.as_ref().map(|baseline_corrected| StoredBaselineCorrected {
@@ -151,10 +177,10 @@ impl Streams {
         (self.absolute.store(), baseline_corrected)
     }
 
-    /// Restores the state of the same lengths.
+    /// Restores the state of the same kinds.
     ///
     /// # Errors
-    /// As [`Sliding::restore`].
+    /// As [`Sliding::restore`] and [`Baseline::restore`].
     pub fn restore(
         &mut self,
         absolute: &sliding::Stored,
@@ -173,7 +199,7 @@ impl Streams {
 }
 
 impl BaselineCorrected {
-    fn add(&mut self, sample: &StreamSample) -> bool {
+    fn add(&mut self, sample: &WindowSample) -> bool {
         let is_settled = self.baseline.is_settled();
         if !is_settled || sample.is_trusted {
             self.baseline.learn(sample.measured, sample.twin, sample.scales);
