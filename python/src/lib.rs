@@ -60,7 +60,6 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pieces::fly_all, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::flight_pieces, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::fly_piece, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::fly_foreign, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::learn_from_flights, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::join_flights, module)?)?;
     module.add_function(wrap_pyfunction!(model::fit, module)?)?;

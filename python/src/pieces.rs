@@ -9,16 +9,13 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
-use servotwin::flight::campaign::FlightCampaign;
-use servotwin::flight::judge;
 use servotwin::flight::outcome::FlightOutcome;
-use servotwin::flight::plan;
-use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, TrainingWindows};
-use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
 use servotwin::job::flights::{self, Crew};
-use servotwin::job::{self, Among, Folder, Subject, manifest};
-use servotwin::study::{Flights, Setting, Study as Inner};
+use servotwin::job::{self, Among, Folder, JobError, Subject, manifest, outcomes};
+use servotwin::run::{Runner, plan};
+use servotwin::study::suites::LEARN;
+use servotwin::study::{Purpose, Setting, Study as Inner, Suite};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -80,18 +77,13 @@ pub fn join_evaluation(py: Python<'_>, out: PathBuf, found: Vec<String>) -> PyRe
     Ok(text)
 }
 
-fn sizes(study: &Inner, full: bool) -> Result<Flights, Failure> {
-    let flights = if full { study.full_flights()? } else { study.flights()? };
-    flights.ok_or_else(|| Failure::value("the study has no [flights], or no full sizes of them"))
-}
-
 fn setting(study: &Inner, name: &str) -> Result<Setting, Failure> {
     let found = flights::settings(study).into_iter().find(|setting| setting.name() == name);
     found.ok_or_else(|| Failure::value(format!("no flights are flown in setting '{name}'")))
 }
 
-fn purpose(learn: bool) -> Purpose {
-    if learn { Purpose::Learn } else { Purpose::Judge }
+fn suite<'s>(study: &'s Inner, full: bool, name: &str) -> Result<&'s Suite, Failure> {
+    study.suite(name, full).ok_or_else(|| Failure::value(format!("there is no suite '{name}'")))
 }
 
 /// Learns and judges in flights, into a folder; what was measured, as JSON.
@@ -107,106 +99,77 @@ pub fn fly_all(
 ) -> PyResult<String> {
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
-        let flights = sizes(study, full)?;
         let _hold = folder.keep_study(study, false)?.hold;
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let crew = Crew { workers: watch.workers(threads), progress: &told };
-        let results =
-            flights::fly_all(&folder, study, &flights, &flights::settings(study), full, &crew)?;
+        let settings = flights::settings(study);
+        let results = flights::fly_all(&folder, (study, full), &settings, &crew)?;
         manifest::write(&folder, study)?;
         Ok(to_text(&results))
     })?;
     Ok(result?)
 }
 
-/// The settings of a study's flights, and how many flights there are in each environment to learn from and
-/// in each to be judged in.
+/// The suites of a study's flights that are not flown on request alone, in each scenario, those to learn from first: scenario,
+/// suite, and how many runs there are in each environment.
 #[pyfunction]
 #[pyo3(signature = (study, full = false))]
-pub fn flight_pieces(
-    py: Python<'_>,
-    study: &Study,
-    full: bool,
-) -> PyResult<(Vec<&'static str>, Vec<usize>, Vec<usize>)> {
+pub fn flight_pieces(study: &Study, full: bool) -> Vec<(&'static str, String, Vec<usize>)> {
     let study = &*study.inner;
-    let pieces = py.detach(|| -> Result<_, Failure> {
-        let sizes = sizes(study, full)?;
-        let of = |purpose: Purpose| {
-            let mut counts = vec![0; purpose.environments(&sizes).len()];
-            let plan = plan::flights(study, &sizes, purpose);
-            plan.iter().for_each(|flight| counts[flight.environment] += 1);
-            // The further flights to learn from are flown where everything is learned from: they need the bands.
-            if purpose == Purpose::Learn {
-                counts.truncate(sizes.learn.environments);
+    let mut pieces = vec![];
+    for setting in flights::settings(study) {
+        let of = |suite: &Suite| suite.scenarios.contains(&setting) && !suite.is_on_request;
+        let learn = study.suite(LEARN, full).into_iter();
+        let judged = study.suites(full).filter(|suite| suite.purpose == Purpose::Test);
+        for suite in learn.chain(judged).filter(|suite| of(suite)) {
+            // Unseen faults are flown all together.
+            let mut counts = vec![0; if suite.is_unseen { 1 } else { suite.environments }];
+            if suite.is_unseen {
+                counts[0] = 1;
+            } else {
+                let runs = plan::runs(study, suite, &(0..suite.environments));
+                runs.iter().for_each(|run| counts[run.environment] += 1);
             }
-            counts
-        };
-        let names = flights::settings(study).into_iter().map(Setting::name).collect();
-        Ok((names, of(Purpose::Learn), of(Purpose::Judge)))
-    })?;
-    Ok(pieces)
+            pieces.push((setting.name(), suite.name.clone(), counts));
+        }
+    }
+    pieces
 }
 
-/// Flies the flights of an environment, to learn from or watched by a diagnoser (its JSON); what came of it.
+/// Flies an environment of a suite, to learn from or watched by a diagnoser (its JSON); what came of it.
 #[pyfunction]
-#[pyo3(signature = (study, full, setting, environment, diagnoser = None, threads = None))]
+#[pyo3(signature = (study, full, setting, suite, environment, diagnoser = None, threads = None))]
+#[expect(clippy::too_many_arguments, reason = "they are Python's")]
 pub fn fly_piece(
     py: Python<'_>,
     study: &Study,
     full: bool,
     setting: &str,
+    suite: &str,
     environment: usize,
     diagnoser: Option<&str>,
     threads: Option<usize>,
 ) -> PyResult<String> {
     let study = &*study.inner;
-    let setting = self::setting(study, setting)?;
+    let (setting, suite) = (self::setting(study, setting)?, self::suite(study, full, suite)?);
     let diagnoser: Option<Diagnoser> = diagnoser.map(from_text).transpose()?;
     let result = long(py, None, |watch| -> Result<String, Failure> {
-        let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
-        let purpose = purpose(diagnoser.is_none());
-        let own = |flown: usize| flown == environment;
-        let flown = FlightCampaign::where_it_is(study, &flights, purpose, setting, own, workers)?;
-        let text = match diagnoser {
-            None => to_text(&training_windows::of_flights(&flights, &flown)),
-            Some(diagnoser) => {
-                let watched = judge::watch(&flown, &diagnoser, &|_, _| ());
-                to_text(&watched.map_err(Failure::value)?)
-            }
+        let workers = watch.workers(threads);
+        let Some(diagnoser) = diagnoser else {
+            let flights = study.flights.as_ref().ok_or(JobError::NoFlights)?;
+            let own = environment..environment + 1;
+            let runner = Runner::new(study, suite, (setting, None), own, workers)?;
+            let taken = to_text(&training_windows::of_runs(flights, &runner));
+            check(watch)?;
+            return Ok(taken);
         };
-        check(watch)?;
-        Ok(text)
+        let place = (study, suite, setting);
+        Ok(to_text(&outcomes::fly_environment(place, environment, &Arc::new(diagnoser), workers)?))
     })?;
     Ok(result?)
 }
 
-/// Flies faults that were never trained on, watched by a diagnoser; what was said of them.
-#[pyfunction]
-#[pyo3(signature = (study, full, setting, diagnoser, threads = None))]
-pub fn fly_foreign(
-    py: Python<'_>,
-    study: &Study,
-    full: bool,
-    setting: &str,
-    diagnoser: &str,
-    threads: Option<usize>,
-) -> PyResult<String> {
-    let study = &*study.inner;
-    let setting = self::setting(study, setting)?;
-    let diagnoser: Arc<Diagnoser> = Arc::new(from_text(diagnoser)?);
-    let result = long(py, None, |watch| -> Result<String, Failure> {
-        let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
-        diagnoser.check().map_err(Failure::value)?;
-        let sets = unseen_faults::set_names();
-        let said = unseen_faults::judge(study, &flights, setting, &diagnoser, &sets, workers)?;
-        check(watch)?;
-        Ok(to_text(&said))
-    })?;
-    Ok(result?)
-}
-
-/// Learns from what was flown in all environments and writes the diagnoser of a setting; which flights taught
-/// nothing.
+/// Learns from what was flown in all environments and writes the diagnoser of a setting.
 #[pyfunction]
 #[pyo3(signature = (study, out, full, setting, flown, threads = None))]
 pub fn learn_from_flights(
@@ -217,68 +180,51 @@ pub fn learn_from_flights(
     setting: &str,
     flown: Vec<String>,
     threads: Option<usize>,
-) -> PyResult<String> {
+) -> PyResult<()> {
     let (study, folder) = (&*study.inner, Folder::new(out));
     let setting = self::setting(study, setting)?;
-    let result = long(py, None, |watch| -> Result<String, Failure> {
-        let flights = sizes(study, full)?;
+    let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Nobody)?;
         let mut lessons = TrainingWindows::default();
         for text in &flown {
             lessons.add(from_text(text)?);
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        let learned = flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
-        Ok(to_text(&learned.1))
+        flights::learn_from(&folder, (study, full), setting, lessons, &crew)?;
+        Ok(())
     })?;
     Ok(result?)
 }
 
-/// What was found in a setting: its name, which flights to learn from taught nothing, what was watched in each
-/// environment, and what was said of foreign faults.
-type Measured = (String, String, Vec<String>, String);
+/// What was watched in each environment of a suite in a scenario.
+type Watched = (String, String, Vec<String>);
 
-/// Judges what was watched in all flights, and writes what was measured; the same as JSON.
+/// Writes what was watched in all flights, and counts it; the results as JSON.
 #[pyfunction]
-#[pyo3(signature = (study, out, full, found, threads = None))]
 pub fn join_flights(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     full: bool,
-    found: Vec<Measured>,
-    threads: Option<usize>,
+    found: Vec<Watched>,
 ) -> PyResult<String> {
     let (study, folder) = (&*study.inner, Folder::new(out));
-    let result = long(py, None, |watch| -> Result<String, Failure> {
-        let flights = sizes(study, full)?;
+    let text = py.detach(|| -> Result<String, Failure> {
         let _hold = folder.hold(Among::Nobody)?;
-        let mut measured = vec![];
-        for (name, left_out, texts, said) in &found {
-            let setting = setting(study, name)?;
-            let diagnoser = model_file::read_diagnoser(folder.diagnoser(setting))?;
+        for (setting, suite, texts) in &found {
+            let (setting, suite) =
+                (self::setting(study, setting)?, self::suite(study, full, suite)?);
             let mut judged: Vec<FlightOutcome> = vec![];
             for text in texts {
                 judged.extend(from_text::<Vec<FlightOutcome>>(text)?);
             }
-            judged.sort_by_key(|outcome| outcome.number);
-            let (counted, unseen): (UnseenFaultMetrics, Vec<FlightOutcome>) = from_text(said)?;
-            flights::write_outcomes(&folder, flights::JUDGE, name, &judged)?;
-            flights::write_outcomes(&folder, flights::UNSEEN, name, &unseen)?;
-            let learned = (&diagnoser, from_text(left_out)?);
-            let merit = flights::merit(study, &flights, setting, learned, &judged);
-            measured.push((merit, counted));
+            outcomes::write(&folder, (study, full), suite, setting, judged)?;
         }
-        let mut results = flights::write(&folder, &flights, full, measured, None)?;
-        // Plants of another structure are flown here, beside the diagnosers that were just written.
-        let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        if flights::fly_other_plant(&folder, study, &flights, full, &crew)?.is_some() {
-            results = flights::results(&folder)?.unwrap_or(results);
-        }
+        let results = flights::count(&folder, study, full)?;
         manifest::write(&folder, study)?;
         Ok(to_text(&results))
     })?;
-    Ok(result?)
+    Ok(text)
 }
 
 fn check(watch: &Watch) -> Result<(), Failure> {

@@ -29,8 +29,8 @@ use sections::*;
 use servotwin::campaign::Comparison;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::flights::{FlightResults, SealedResults};
-use servotwin::job::healthy::HealthyRun;
 use servotwin::job::manifest::Manifest;
+use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject};
 use servotwin::study::{Setting, Study};
@@ -53,7 +53,7 @@ pub struct Material<'a> {
     /// The results in sealed environments, if any were opened.
     pub sealed: Option<&'a SealedResults>,
     /// Healthy flights, each in an environment of its own.
-    pub healthy: &'a [HealthyRun],
+    pub healthy: &'a [FlownSuite],
     /// The constants of the stored diagnosers, by scenario.
     pub constants: &'a [(Setting, Vec<Constant>)],
     /// The learned conditional bands and their figures of merit.

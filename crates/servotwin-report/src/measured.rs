@@ -15,13 +15,13 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::flight::measure;
-use servotwin::flight::other_plant::OTHER_PLANT;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
-use servotwin::job::healthy::HealthyRun;
+use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::sealed::Openings;
 use servotwin::study::Study;
+use servotwin::study::suites::OTHER_STRUCTURE;
 
 /// The measured results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -131,14 +131,13 @@ impl Measured {
     }
 
     /// Adds healthy flights, each in an environment of its own.
-    pub fn add_healthy(&mut self, run: &HealthyRun) {
-        let HealthyRun { setting, seed, duration_s, outcomes, .. } = run;
+    pub fn add_healthy(&mut self, run: &FlownSuite) {
         self.healthy.push(MeasuredHealthy {
-            scenario: setting.clone(),
-            flown: outcomes.len() as u64,
-            duration_s: *duration_s,
-            seed: *seed,
-            summary: run.summary(),
+            scenario: run.title(),
+            flown: run.outcomes.len() as u64,
+            duration_s: run.longest_s(),
+            seed: run.seed,
+            summary: run.healthy(),
         });
     }
 
@@ -352,7 +351,7 @@ fn of_flights(
         push(sentence, &faults, Some(merit.rates.of(measure)));
     }
     let (unit, off) = (words.unit(), words.switched_off());
-    if merit.setting == OTHER_PLANT {
+    if merit.setting == OTHER_STRUCTURE {
         let [flown, alarmed] = merit.healthy.flights;
         let alarmed = counted(alarmed, flown);
         push(format!("{} with an alarm", words.run()), "healthy flights", alarmed);

@@ -88,7 +88,7 @@ fn missing(material: &Material) -> Option<String> {
         .filter(|setting| setting.is_possible(study) && !is_there(*setting))
         .map(|setting| setting.name().to_owned())
         .collect();
-    if study.is_full && study.has_flights() && flights.is_none() {
+    if study.is_full && study.flights.is_some() && flights.is_none() {
         missing.push(format!("{}s in which faults begin", material.words().run()));
     }
     if !missing.is_empty() {

@@ -8,8 +8,8 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
 use servotwin::flight::band::BandMerit;
 use servotwin::flight::outcome::FlightOutcome;
-use servotwin::job::healthy::HealthyRun;
 use servotwin::job::manifest::Manifest;
+use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
 use servotwin::study::{Setting, Study};
@@ -165,7 +165,7 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
 }
 
 /// The healthy flights of a scenario, the largest evidence of which spreads evenly up to 0.5 of its limit.
-fn healthy_run() -> HealthyRun {
+fn healthy_run() -> FlownSuite {
     let flight = |environment: u64| FlightOutcome {
         environment,
         duration_s: 300.0,
@@ -173,12 +173,16 @@ fn healthy_run() -> HealthyRun {
         evidence: 0.001 * environment as f64,
         ..FlightOutcome::default()
     };
-    HealthyRun {
-        setting: "realistic".into(),
+    FlownSuite {
+        suite: "healthy".into(),
+        scenario: "realistic".into(),
         seed: 3,
-        duration_s: 300.0,
+        is_full: false,
+        runs: String::new(),
         diagnoser_sha256: String::new(),
         study_sha256: String::new(),
+        environments: 500,
+        calibration: None,
         outcomes: (0..500).map(flight).collect(),
     }
 }

@@ -76,13 +76,13 @@
 pub mod beside;
 pub mod campaign;
 pub mod evaluation;
-mod experiment;
 pub mod fit;
 pub mod flight;
 pub mod job;
 pub mod monitor;
 pub mod observer;
 pub mod prelude;
+pub mod run;
 
 #[doc(no_inline)]
 pub use servotwin_io::{

@@ -1,7 +1,6 @@
 //! `servotwin band`: the conditional confidence band of the twin, with its target and its measured performance.
 
 use super::evaluate::workers;
-use super::flights::no_flights;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Side, TextTable, json, number};
@@ -11,7 +10,6 @@ use servotwin::evaluation::metrics::{Rate, clopper_pearson_upper};
 use servotwin::evaluation::model_file;
 use servotwin::flight::band::{self, BandMerit, Coverage};
 use servotwin::job::{Among, Folder, JobError};
-use servotwin::study::flights::Redraw;
 use servotwin::study::{Setting, Study};
 use std::path::PathBuf;
 
@@ -69,9 +67,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Some(path) => Study::read(path)?,
         None => Study::default(),
     };
-    let draw = Redraw { judged_further: Some(options.judge as usize), ..Redraw::default() };
-    let flights = study.flights_with(options.full, draw)?;
-    let Some(flights) = flights else { return Err(no_flights(&study)?) };
+    let Some(flights) = &study.flights else { return Err(JobError::NoFlights.into()) };
     let named = |setting: &Setting| setting.name() == options.setting;
     let setting = Setting::ALL.into_iter().find(named).expect("one of the names that are allowed");
     if !setting.is_possible(&study) {
@@ -82,7 +78,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = options.out.as_ref().map(Folder::new);
     let _hold = folder.as_ref().map(|folder| folder.hold(Among::Nobody)).transpose()?;
-    let merit = band::measure(&study, &flights, setting, options.share, workers(options.threads));
+    let merit = band::measure(
+        (&study, options.full),
+        setting,
+        options.share,
+        options.judge as usize,
+        workers(options.threads),
+    );
     stop::check()?;
     let merit = merit?;
     if let Some(path) = &options.plot {

@@ -179,17 +179,12 @@ pub fn diagnoser(
     if folder.diagnoser(setting).exists() {
         return Ok(Arc::new(flights::diagnoser(folder, setting)?));
     }
-    let Some(plan) = study.flights()? else {
-        return Err(Failure::Options(
-            "the study has no [flights] to learn from: docs/study-format.md describes this section",
-        ));
-    };
     let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
     let _hold = options.keep(study, global)?;
     note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
-    let learned = flights::learn(folder, study, &plan, setting, &crew);
+    let learned = flights::learn(folder, (study, false), setting, &crew);
     stop::check()?;
-    Ok(Arc::new(learned?.0))
+    Ok(Arc::new(learned?))
 }
 
 struct Flown<'f> {

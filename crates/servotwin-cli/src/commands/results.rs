@@ -4,9 +4,8 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
-use servotwin::flight::healthy::HealthyPlants;
 use servotwin::job::sealed::OpeningRecord;
-use servotwin::job::{Folder, Results, flights, healthy};
+use servotwin::job::{Folder, Results, flights, outcomes};
 use servotwin_report::measured::Measured;
 use std::path::PathBuf;
 
@@ -28,9 +27,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let results = Results::read(&folder)?;
     let flights = flights::results(&folder)?;
     let mut measured = Measured::new(&study, &results, flights.as_ref());
-    for plants in HealthyPlants::all() {
-        healthy::stored(&folder, plants)?.iter().for_each(|run| measured.add_healthy(run));
-    }
+    outcomes::healthy(&folder)?.iter().for_each(|run| measured.add_healthy(run));
     if let Some(sealed) = flights::sealed_results(&folder)? {
         let here = std::env::current_dir().unwrap_or_default();
         let known = OpeningRecord::find(&here, folder.path()).count()?;

@@ -10,14 +10,16 @@ use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
 };
 use servotwin::evaluation::metrics::Rate;
-use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
 use servotwin::flight::measure::{self, Measure};
-use servotwin::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
-use servotwin::job::healthy::HealthyRun;
+use servotwin::job::outcomes::{FlownSuite, SuiteSize};
+use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::Study;
+use servotwin::study::suites::{
+    HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
+};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
@@ -107,7 +109,7 @@ pub fn write(material: &Material, page: &mut Page) {
 }
 
 /// Healthy flights, each in an environment of its own.
-fn in_own_environments(runs: &[HealthyRun], page: &mut Page) {
+fn in_own_environments(runs: &[FlownSuite], page: &mut Page) {
     if runs.is_empty() {
         return;
     }
@@ -119,12 +121,13 @@ fn in_own_environments(runs: &[HealthyRun], page: &mut Page) {
          action may be raised, and the tail of these values says how often it would reach that limit.",
     );
     for run in runs {
-        let HealthyRun { setting, seed, duration_s, outcomes, .. } = run;
+        let FlownSuite { seed, outcomes, .. } = run;
         let (flown, failed) = (outcomes.len(), run.failed());
-        let lines = by_environment_and_tail(&run.summary()).join("; ");
+        let lines = by_environment_and_tail(&run.healthy()).join("; ");
         page.note(&format!(
-            "Setting {setting}: {flown} healthy flights of {} s (seed {seed}), {failed} not finished. {}.",
-            chosen(*duration_s),
+            "{}: {flown} healthy flights of {} s (seed {seed}), {failed} not finished. {}.",
+            begun(&run.title()),
+            chosen(run.longest_s()),
             begun(&lines)
         ));
     }
@@ -146,7 +149,7 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
         words.kept_on(least_on),
         match results.other_plant {
             Some(_) => format!(
-                " In the setting {OTHER_PLANT} the specimens also differ from the twin in structure, as \
+                " In the setting {OTHER_STRUCTURE} the specimens also differ from the twin in structure, as \
                  [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of \
                  the realistic setting.{}",
                 fitted_plants(results)
@@ -256,11 +259,12 @@ impl SettingLimits<'_> {
             return;
         }
         let off = self.words.off();
-        let key = if ["realistic", OTHER_PLANT, OTHER_PLANT_FITTED].contains(&setting.as_str()) {
-            "latency_unfitted_s"
-        } else {
-            "latency_s"
-        };
+        let key =
+            if ["realistic", OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED].contains(&setting.as_str()) {
+                "latency_unfitted_s"
+            } else {
+                "latency_s"
+            };
         let limit = format!("{} % within {} s", chosen(100.0 * SHARE), chosen(*limit_s));
         let verdict = match in_time {
             rate if rate.low >= SHARE => MET,
@@ -314,7 +318,7 @@ impl SettingLimits<'_> {
         let merit = self.merit;
         let strong = merit.rates.of(&measure::RIGHT_ACTION_OF_STRONG);
         let [flown, alarmed] = merit.healthy.flights;
-        if ![OTHER_PLANT, OTHER_PLANT_FITTED].contains(&merit.setting.as_str()) {
+        if ![OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED].contains(&merit.setting.as_str()) {
             return;
         }
         if flown > 0 {
@@ -439,7 +443,9 @@ pub(super) fn at_most(count: u64, of: u64) -> String {
 }
 
 fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
-    let has_full = section(study, "full").is_some();
+    let numbers =
+        |is_full: bool| study.suites(is_full).map(|suite| (suite.environments, suite.repeats));
+    let has_full = !numbers(true).eq(numbers(false));
     let run = words.run();
     let runs = |count: u64| match count {
         1 => format!("1 {run}"),
@@ -449,15 +455,15 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         0 => String::new(),
         count => format!(", and from {} in further ones without a fault", runs(count)),
     };
-    let FlightResults { learn, judge, is_full, .. } = results;
+    let of = |suite: &str, number: fn(&SuiteSize) -> usize| results.size(suite).map_or(0, number);
     let judged = results.merits.first();
     let size = format!(
         "Learned in {} environments, with {} of every fault at each intensity{}; judged in {} other \
          environments, with {} with a fault and {:.1} healthy hours in each setting.",
-        learn.environments,
-        runs(learn.repeats as u64),
-        further(learn.further as u64),
-        judge.environments,
+        of(LEARN, |size| size.environments),
+        runs(of(LEARN, |size| size.repeats) as u64),
+        further(of(HARD_NEGATIVES, |size| size.environments) as u64),
+        of(JUDGE, |size| size.environments),
         runs(judged.map_or(0, |merit| merit.flights)),
         judged.map_or(0.0, |merit| merit.healthy.hours),
     );
@@ -472,7 +478,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     };
     let without = results.merits.iter().filter_map(FlightMetrics::without_steady_state);
     let size = without.fold(size, |text, line| format!("{text} {line}."));
-    match is_full {
+    match results.is_full {
         true => format!("{size} These are the full sizes of the study."),
         false if has_full => format!(
             "{size} These are the small sizes, which an ordinary run has time for. The full ones: \
@@ -639,7 +645,7 @@ fn fitted_plants(results: &FlightResults) -> String {
     let Some(fitted) = &results.other_plant_fitted else { return String::new() };
     let CalibrationRecords { flown, rejected, with_findings } = fitted.calibration;
     format!(
-        " In the setting {OTHER_PLANT_FITTED} each twin was fitted to a calibration flight of its plant: {with_findings} \
+        " In the setting {OTHER_STRUCTURE_FITTED} each twin was fitted to a calibration flight of its plant: {with_findings} \
          of {flown} fits left a deviation that nothing unknown explains, and {rejected} records were rejected, so \
          that their twins stayed nominal."
     )

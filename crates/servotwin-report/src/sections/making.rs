@@ -2,7 +2,6 @@
 
 use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
-use crate::words::NONE;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -15,8 +14,8 @@ pub fn write(material: &Material, page: &mut Page) {
     let every = 1.0 / study.sample_period_s;
     push("runs", format!("{} s, sampled at {every} Hz", study.duration_s));
     push("solver", manifest.solver.clone());
-    let seed = manifest.specimen_seed.map_or(NONE.into(), |seed| seed.to_string());
-    push("seed of noise and specimens", seed);
+    let seed = manifest.seed.to_string();
+    push("seed of everything drawn", seed);
     push("seed of splits", manifest.split_seed.to_string());
     for result in &material.results.subjects {
         let holding = result.settings.holding;

@@ -20,7 +20,7 @@ pub fn write(material: &Material, page: &mut Page) {
                  Realistic: sensors likewise, and another specimen for every variant, whose parameters \
                  differ from the twin's by the tolerances of the study file (seed {}); the twin is not \
                  fitted to the specimen. There are {} fault-free specimens in each judged operating case.",
-                realism.seed, realism.healthy
+                material.study.seed, realism.healthy
             ));
     }
     let is_there = material.results.of(Subject::Fitted).is_some();

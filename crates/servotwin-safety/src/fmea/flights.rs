@@ -9,7 +9,6 @@ use crate::results::{EvidenceBasis, FOLDER, StudyResultsFolder};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::tracking::{TrackedQuantities, first_report_s};
-use servotwin::job::JobError;
 use servotwin::job::flights::diagnoser;
 use servotwin::parallel::{self, Workers};
 use servotwin::study::Study;
@@ -36,17 +35,13 @@ pub struct FlightPlan {
 impl FlightPlan {
     /// Half and full intensity, in flights as the study judges them: of their length, with an onset in the middle of
     /// their range.
-    ///
-    /// # Errors
-    /// The study's flights have mistakes.
-    pub fn of(study: &Study) -> Result<Self, SafetyError> {
-        let flights = study.flights().map_err(|error| JobError::Study(error.into()))?;
-        let (duration_s, onset_s) = match flights {
+    pub fn of(study: &Study) -> Self {
+        let (duration_s, onset_s) = match &study.flights {
             Some(flights) => (flights.duration_s, flights.onset_s.iter().sum::<f64>() / 2.0),
             // The flight of `servotwin fly`.
             None => (20.0, 6.0),
         };
-        Ok(FlightPlan { intensities: vec![0.5, 1.0], onset_s, duration_s })
+        FlightPlan { intensities: vec![0.5, 1.0], onset_s, duration_s }
     }
 }
 

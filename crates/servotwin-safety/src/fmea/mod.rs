@@ -103,7 +103,7 @@ fn flown(
     if is_current || fly == FlyFaults::Never || !can_fly(results) {
         return Ok(stored);
     }
-    Ok(Some(FmeaFlights::fly(results, &FlightPlan::of(study)?, &faults, workers)?))
+    Ok(Some(FmeaFlights::fly(results, &FlightPlan::of(study), &faults, workers)?))
 }
 
 /// The faults that the study lists, each once.

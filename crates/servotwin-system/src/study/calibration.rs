@@ -16,7 +16,7 @@
 
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
-use super::{Realism, Role};
+use super::{Role, Seed, Stream};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::Signal;
@@ -74,10 +74,10 @@ impl Calibration {
     }
 
     /// The index of a variant's specimen in its pool.
-    /// `case` is the index of its operating case, and `variant` its number in the data set.
-    pub fn specimen(&self, realism: &Realism, role: Role, case: usize, variant: usize) -> usize {
-        let first = case * self.in_each_case;
-        (first + realism.dealt(variant, self.in_each_case)) % self.specimens(role)
+    /// `case` is the index of its operating case, and `seed` that of the variant.
+    pub fn specimen(&self, role: Role, case: usize, seed: Seed) -> usize {
+        let dealt = seed.choices(Stream::Pool).index(self.in_each_case);
+        (case * self.in_each_case + dealt) % self.specimens(role)
     }
 }
 

@@ -2,6 +2,7 @@
 //! simulate nothing, such as `watch`. `check` and the stages reject it before any simulation.
 
 use super::mistake::StudyMistake;
+use super::suites::LEARN;
 use super::{Study, StudyError};
 use crate::document::{Collector, Diagnostic, KeyPath};
 
@@ -28,11 +29,12 @@ impl Study {
         if self.intensities.is_empty() {
             note(KeyPath::of(&["intensities"]), StudyMistake::Empty { field: "intensities" });
         }
-        if let Some(flights) = &self.parsed.flights {
-            if self.realism.is_none() {
-                note(KeyPath::of(&["flights"]), StudyMistake::NoRealism);
-            }
-            for at in flights.without_faults_to_learn() {
+        if self.flights.is_some() && self.realism.is_none() {
+            note(KeyPath::of(&["flights"]), StudyMistake::NoRealism);
+        }
+        for is_full in [false, true] {
+            if self.suite(LEARN, is_full).is_some_and(|learn| learn.repeats == 0) {
+                let at = KeyPath::of(&["suites", LEARN, "repeats"]);
                 let (field, allowed) = (at.to_string(), "at least 1".to_owned());
                 note(at, StudyMistake::OutOfRange { field, value: 0.0, allowed });
             }

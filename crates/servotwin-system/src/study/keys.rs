@@ -18,8 +18,8 @@ pub(super) const SOME_SPECIMENS: Value = Value::Whole(1.0, MAX_SPECIMENS);
 pub(super) const RUN_S: Value = Value::Number(0.1, LONGEST_S, "s");
 /// The length of a flight, s.
 pub(super) const FLIGHT_S: Value = Value::Number(1.0, 1e4, "s");
-/// Upper limit on environments. The evaluation's draws follow those of training.
-pub(super) const MAX_ENVIRONMENTS: usize = 100_000;
+/// Upper limit on environments.
+pub const MAX_ENVIRONMENTS: usize = 100_000;
 /// A count of flights.
 pub(super) const FLIGHTS: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
 /// A list of scenarios.

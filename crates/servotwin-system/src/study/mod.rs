@@ -18,16 +18,20 @@ mod quick;
 pub mod reactions;
 mod reader;
 mod realism;
+mod seed;
+pub mod suites;
 mod training;
 mod warning;
 
 pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
-pub use flights::{ChosenEnvironment, EnvironmentRanges, Flights, HealthyDraw};
+pub use flights::{ChosenEnvironment, EnvironmentRanges, Flights};
 pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
-pub use realism::{Lot, MAX_DEVIATION, Plants, Realism, Role, Section, Setting, Tolerance};
+pub use realism::{MAX_DEVIATION, Plants, Realism, Role, Section, Setting, Tolerance};
+pub use seed::{Seed, Stream};
+pub use suites::{Purpose, Suite};
 pub use training::Training;
 pub use warning::Warning;
 
@@ -42,7 +46,7 @@ use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
-use flights::{Environment, Redraw};
+use flights::Environment;
 use keys::{QUANTITY, RUN_S, some};
 use mistake::StudyMistake;
 use reader::{Noted, OTHER_SENSOR, Reader};
@@ -52,7 +56,6 @@ use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Senso
 use servotwin_model::signal::Piecewise;
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
@@ -70,6 +73,8 @@ section! {
         must name: String, "name of the study in files";
         must title: String, "title of the study, one line";
         must system: String, "a built-in system, or a file in the same folder";
+        #[serde(default)]
+        may seed: u64 = Value::Whole(0.0, 999.0), "seed of everything that is drawn; default 0";
         must duration_s: f64 = RUN_S, "length of every run";
         must sample_hz: f64 = Value::Number(1.0, 1e4, "Hz"), "sampling rate";
         must intensities: Vec<f64> = Value::List(0, &INTENSITY),
@@ -89,6 +94,8 @@ section! {
         may training: Option<training::Text>, "commands from which the diagnosis learns";
         may evaluation: Option<evaluating::Text>, "training and evaluation, where not the defaults";
         may flights: Option<flights::Text>, "flights in which a fault begins";
+        #[serde(default)]
+        may suites: BTreeMap<String, suites::Text>, "how many flights there are, and what for";
         may quick: Option<quick::Text>, "smaller sizes of the study, used without `--full`";
         #[serde(default)]
         may full: bool, "true selects the full sizes, like `--full`";
@@ -166,6 +173,8 @@ pub struct Study {
     pub text: String,
     /// The system that the study is about.
     pub system: System,
+    /// The seed of everything that is drawn.
+    pub seed: u64,
     /// Length of every run, s.
     pub duration_s: f64,
     /// Time between samples, s.
@@ -189,8 +198,8 @@ pub struct Study {
     pub sensors: Sensors,
     /// A description of the extra sensor, if there is one.
     pub extra_sensor: Option<String>,
-    /// What each specimen with tolerances draws in flights, besides its tolerances.
-    pub flight_draws: Vec<PlantDraw>,
+    /// What all flights have in common; `None` if the study has none.
+    pub flights: Option<Flights>,
     /// How reality differs from the twin.
     pub realism: Option<Realism>,
     /// The calibration flight and the specimens of the fitted setting.
@@ -203,6 +212,7 @@ pub struct Study {
     pub reactions: Reactions,
     /// Whether the study has its full sizes, rather than those of its section `[quick]`.
     pub is_full: bool,
+    suites: suites::Suites,
     /// The path that the study was read from.
     path: String,
     parsed: Box<Text>,
@@ -289,17 +299,19 @@ impl Study {
             faults,
             cases,
             command_input,
-            flight_draws,
+            flights,
             realism,
             calibration,
             training,
             evaluating,
             reactions,
+            suites,
         } = reader.finish(parts)?;
         Ok(Self {
             name: parsed.name.clone(),
             title: parsed.title.clone(),
             text: source.into(),
+            seed: parsed.seed,
             duration_s: parsed.duration_s,
             sample_period_s: 1.0 / parsed.sample_hz,
             intensities: parsed.intensities.clone(),
@@ -311,12 +323,13 @@ impl Study {
             command_input,
             measured,
             sensors,
-            flight_draws,
+            flights,
             realism,
             calibration,
             training,
             evaluating,
             reactions,
+            suites,
             is_full: parsed.is_full(),
             path: path.into(),
             parsed: Box::new(parsed),
@@ -336,105 +349,29 @@ impl Study {
         }
     }
 
-    /// Draws the flights for training and evaluation of the diagnosis in operation. Drawing them takes a
-    /// second, and most programs need none, so the study does not keep them.
-    ///
-    /// # Errors
-    /// A command cannot be flown.
-    pub fn flights(&self) -> Result<Option<Flights>, StudyError> {
-        self.drawn(self.parsed.flights.as_ref())
-    }
-
-    /// Whether the study declares flights; cheaper than drawing them.
-    pub fn has_flights(&self) -> bool {
-        self.parsed.flights.is_some()
-    }
-
-    /// Draws the flights in their full sizes; `None` if the study declares none.
-    ///
-    /// # Errors
-    /// As [`Study::flights`].
-    pub fn full_flights(&self) -> Result<Option<Flights>, StudyError> {
-        self.drawn(self.sizes(true).as_ref())
-    }
-
-    /// Draws flights of the small or the full sizes with other evaluation flights. Training flights stay those of the
-    /// study file.
-    ///
-    /// # Errors
-    /// As [`Study::flights`].
-    pub fn flights_with(&self, is_full: bool, draw: Redraw) -> Result<Option<Flights>, StudyError> {
-        let sizes = self.sizes(is_full);
-        let Some(usual) = self.drawn(sizes.as_ref())? else { return Ok(None) };
-        let other = self.drawn(sizes.map(|sizes| sizes.redrawn(draw)).as_ref())?;
-        let both = |other: Flights| {
-            let Flights { learn, learned, .. } = usual;
-            Flights { learn, learned, ..other }
-        };
-        Ok(other.map(both))
-    }
-
-    /// The duration of the flights of a [`HealthyDraw`], s; `None` if the study declares no flights of these sizes.
-    pub fn healthy_duration_s(&self, draw: HealthyDraw) -> Option<f64> {
-        self.sizes(draw.is_full).map(|sizes| sizes.healthy_duration_s())
-    }
-
-    /// Draws some environments for healthy flights, by their numbers; `None` if the study declares no flights of these
-    /// sizes. An environment depends on nothing but seed and number.
-    ///
-    /// # Errors
-    /// As [`Study::flights`].
-    pub fn healthy_environments(
-        &self,
-        draw: HealthyDraw,
-        numbers: Range<usize>,
-    ) -> Result<Option<Vec<Environment>>, StudyError> {
-        let seed = Redraw { seed: Some(draw.seed), ..Redraw::default() };
-        let sizes = self.sizes(draw.is_full).map(|sizes| sizes.redrawn(seed));
-        let reader = self.reader();
-        let drawn = sizes.map(|sizes| sizes.healthy(&reader, numbers)).transpose();
-        reader.finish(drawn)
-    }
-
-    /// How the plants of `[flights.other_plant]` differ from their twins; `None` if the study declares none.
-    ///
-    /// # Errors
-    /// As [`Study::flights`].
-    pub fn other_plant(&self) -> Result<Option<OtherPlant>, StudyError> {
-        let reader = self.reader();
-        let flights = self.parsed.flights.as_ref();
-        let differences = flights.map(|flights| flights.other_plant(&reader)).transpose();
-        Ok(reader.finish(differences)?.flatten())
-    }
-
     /// What varies between environments; `None` if the study declares no flights.
     pub fn environment_ranges(&self) -> Option<EnvironmentRanges> {
-        self.parsed.flights.as_ref().map(|flights| flights.environment_ranges(&self.units))
+        let of = |Flights { varied, onset_s, duration_s, .. }: &Flights| {
+            varied.ranges(&self.units, *onset_s, *duration_s)
+        };
+        self.flights.as_ref().map(of)
     }
 
     /// Environments by their places in [`Study::environment_ranges`]; `None` if the study declares no flights.
     ///
     /// # Errors
-    /// As [`Study::flights`].
+    /// A command cannot be flown.
     pub fn chosen_environments(
         &self,
         chosen: &[ChosenEnvironment],
     ) -> Result<Option<Vec<Environment>>, StudyError> {
+        let Some(Flights { varied, duration_s, .. }) = &self.flights else { return Ok(None) };
         let reader = self.reader();
-        let flights = self.parsed.flights.as_ref();
-        let environments = flights.map(|flights| flights.chosen(&reader, chosen)).transpose();
-        reader.finish(environments)
-    }
-
-    fn sizes(&self, is_full: bool) -> Option<flights::Text> {
-        let small = self.parsed.flights.as_ref()?;
-        if is_full { small.full() } else { Some(small.clone()) }
-    }
-
-    fn drawn(&self, text: Option<&flights::Text>) -> Result<Option<Flights>, StudyError> {
-        let reader = self.reader();
-        let drawn = text.map(|text| Flights::new(text, &reader)).transpose();
-        reader.finish(drawn)
+        let drawn = |(place, chosen): (usize, &ChosenEnvironment)| {
+            varied.environment(&reader, chosen, format!("chosen/{place:03}"), *duration_s)
+        };
+        let drawn = chosen.iter().enumerate().map(drawn).collect();
+        reader.finish(drawn).map(Some)
     }
 
     /// The path of the system file that a study names. `None` if the system is built in or the study is unreadable.
@@ -504,7 +441,7 @@ impl Study {
 
     /// The number of actuators that must stay on in operation: the study's value, or by default one of several.
     pub fn least_on(&self) -> u32 {
-        let said = self.parsed.flights.as_ref().and_then(flights::Text::least_on);
+        let said = self.flights.as_ref().and_then(|flights| flights.least_on);
         said.unwrap_or_else(|| usual_least_on(self.units.len()))
     }
 
@@ -677,12 +614,13 @@ struct Parts {
     faults: Vec<FaultCase>,
     cases: Vec<OperatingCase>,
     command_input: usize,
-    flight_draws: Vec<PlantDraw>,
+    flights: Option<Flights>,
     realism: Option<Realism>,
     calibration: Option<Calibration>,
     training: Option<Training>,
     evaluating: Evaluating,
     reactions: Reactions,
+    suites: suites::Suites,
 }
 
 impl Parts {
@@ -698,9 +636,13 @@ impl Parts {
         let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
         let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
         let evaluating = text.evaluation.as_ref().map(|text| Evaluating::new(text, reader));
-        let flights = text.flights.as_ref().map(|text| text.check_all(reader)).transpose();
+        let flights = text.flights.as_ref().map(|text| Flights::new(text, reader)).transpose();
         let reactions = Reactions::new(&text.reactions, reader);
-        let flight_draws = flights?.unwrap_or_default();
+        let flights = flights?;
+        let suites = flights.as_ref().map(|flights| suites::suites(reader, flights)).transpose();
+        if let (None, Some(name)) = (&flights, text.suites.keys().next()) {
+            reader.empty(&KeyPath::of(&["suites", name]), "flights");
+        }
         let (measured, sensors) = sensors?;
         Ok(Parts {
             measured,
@@ -709,12 +651,13 @@ impl Parts {
             faults: faults?,
             cases: cases?,
             command_input: command_input?,
-            flight_draws,
+            flights,
             realism: realism?,
             calibration: calibration.transpose()?,
             training: training?,
             evaluating: evaluating.transpose()?.unwrap_or_default(),
             reactions: reactions?,
+            suites: suites?.unwrap_or_default(),
         })
     }
 }

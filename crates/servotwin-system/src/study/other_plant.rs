@@ -3,7 +3,6 @@
 //!
 //! ```toml
 //! [flights.other_plant]
-//! healthy = 10
 //! kinds = { "cylinder" = "bristle_cylinder" }     # another friction law
 //! latency_s = [0, 0.01]                           # of each sensor
 //! draws = [
@@ -20,7 +19,7 @@
 //! the diagnosis learns from them.
 
 use super::faults::full_name;
-use super::keys::{FLIGHTS, some};
+use super::keys::some;
 use super::reader::{Noted, Reader};
 use crate::document::{KeyPath, NumberWithUnit};
 use crate::format::section;
@@ -35,8 +34,6 @@ section! {
     #[derive(Default)]
     #[serde(default)]
     pub(super) struct Text {
-        may healthy: Option<usize> = FLIGHTS,
-            "maximum number of healthy flights in each environment";
         may kinds: BTreeMap<String, String>,
             "kinds that stand for others, by the component's name without its channel";
         may latency_s: [f64; 2], "range of a sensor's latency, at most one sample";
@@ -57,8 +54,6 @@ section! {
 /// How the plants of a study differ from their twin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OtherPlant {
-    /// The maximum number of healthy flights in each environment.
-    pub healthy: Option<usize>,
     /// Components of another kind.
     pub kinds: Vec<(usize, &'static str)>,
     /// The range of a sensor's latency, s.
@@ -96,7 +91,7 @@ impl OtherPlant {
         let kinds: Vec<_> = known.into_iter().flatten().collect();
         let draws = draws(reader, &section, &text.draws, &kinds);
         latency?;
-        Ok(Self { healthy: text.healthy, latency_s: text.latency_s, kinds, draws })
+        Ok(Self { latency_s: text.latency_s, kinds, draws })
     }
 }
 

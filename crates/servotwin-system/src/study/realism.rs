@@ -1,18 +1,16 @@
 //! Differences between reality and the twin: noise and quantization of the sensors, and
 //! specimens that differ by their tolerances.
 
-use super::Study;
 use super::faults::full_name;
-use super::keys::{SEED, SPECIMENS, some};
+use super::keys::{SPECIMENS, some};
 use super::reader::{Noted, Reader};
+use super::{Seed, Stream, Study};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
-use crate::signal::random::NormalDeviates;
 use servotwin_model::hash::{Canonical, Fingerprint};
 
 section! {
     pub(super) struct Text {
-        must seed: u64 = SEED, "seed of noise and specimens";
         #[serde(default)]
         may pub(super) healthy: usize = SPECIMENS, "number of healthy specimens in each case";
         #[serde(default)]
@@ -51,8 +49,6 @@ pub struct Tolerance {
 /// The differences that the realistic setting adds to the ideal one.
 #[derive(Clone, Debug)]
 pub struct Realism {
-    /// The seed of noise and specimens.
-    pub seed: u64,
     /// The number of fault-free specimens in each operating case.
     pub healthy: usize,
     tolerances: Vec<Tolerance>,
@@ -94,7 +90,7 @@ pub struct Section {
 
 pub(super) const REALISTIC: Section = Section {
     name: "realistic",
-    example: "realistic = { seed = 1, healthy = 20, tolerances = [{ parameters = [\"…\"], sigma = 0.03 }] }",
+    example: "realistic = { healthy = 20, tolerances = [{ parameters = [\"…\"], sigma = 0.03 }] }",
 };
 
 const FITTED: Section = Section {
@@ -106,6 +102,11 @@ impl Setting {
     /// Every setting, from the easiest to the hardest.
     pub const ALL: [Setting; 4] =
         [Setting::Ideal, Setting::Noise, Setting::Fitted, Setting::Realistic];
+
+    /// The setting with a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Setting::ALL.into_iter().find(|setting| setting.name() == name)
+    }
 
     /// The name in files.
     pub fn name(self) -> &'static str {
@@ -187,41 +188,20 @@ impl Role {
     }
 }
 
-/// A set of specimens. Each purpose has its own set, with its own random numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lot {
-    /// Specimens of the evaluation cases.
-    Judged,
-    /// Specimens of the training commands.
-    Training,
-    /// Specimens of training flights.
-    FlightsLearned,
-    /// Specimens of evaluation flights.
-    FlightsJudged,
-    /// The pool of the fitted setting for evaluation.
-    PoolJudged,
-    /// The pool of the fitted setting for training commands.
-    PoolTraining,
-    /// Actuators of calibration flights for flights in the fitted setting. No further lot fits into the seeds (see
-    /// `mix`).
-    FlightsCalibrated,
-}
-
-impl Lot {
-    /// The pool of the fitted setting for a role.
-    pub fn pool(role: Role) -> Self {
-        match role {
-            Role::Judged => Lot::PoolJudged,
-            Role::Training => Lot::PoolTraining,
+impl Role {
+    /// The name from which the random numbers of the role's variants come.
+    pub fn draws(self) -> &'static str {
+        match self {
+            Role::Judged => "cases",
+            Role::Training => "training",
         }
     }
-}
 
-impl From<Role> for Lot {
-    fn from(role: Role) -> Self {
-        match role {
-            Role::Judged => Lot::Judged,
-            Role::Training => Lot::Training,
+    /// The same for the pool of specimens with fitted twins.
+    pub fn pool(self) -> &'static str {
+        match self {
+            Role::Judged => "cases/pool",
+            Role::Training => "training/pool",
         }
     }
 }
@@ -242,24 +222,13 @@ impl Realism {
                 });
             }
         }
-        Ok(Self { seed: text.seed, healthy: text.healthy, tolerances })
+        Ok(Self { healthy: text.healthy, tolerances })
     }
 
-    /// The parameters of one specimen, as (component, parameter, value) within the allowed
-    /// ranges.
-    pub fn specimen(&self, study: &Study, lot: Lot, variant: usize) -> Vec<(usize, usize, f64)> {
-        self.scattered_specimen(study, lot, variant, 1.0)
-    }
-
-    /// The same specimen with deviations that are `scatter` times as large.
-    pub fn scattered_specimen(
-        &self,
-        study: &Study,
-        lot: Lot,
-        variant: usize,
-        scatter: f64,
-    ) -> Vec<(usize, usize, f64)> {
-        let mut random = NormalDeviates::new(mix(self.seed, variant, 1 + 2 * lot as u64));
+    /// The parameters of a specimen, as (component, parameter, value) within the allowed ranges. Its deviations are
+    /// `scatter` times as large as declared.
+    pub fn specimen(&self, study: &Study, seed: Seed, scatter: f64) -> Vec<(usize, usize, f64)> {
+        let mut random = seed.stream(Stream::Tolerances);
         let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
         self.deviating(study, &deviations, scatter)
     }
@@ -299,23 +268,12 @@ impl Realism {
     pub fn tolerances(&self) -> &[Tolerance] {
         &self.tolerances
     }
-
-    /// The random numbers for the sensors of one variant.
-    pub fn noise(&self, lot: Lot, variant: usize) -> NormalDeviates {
-        NormalDeviates::new(mix(self.seed, variant, 2 + 2 * lot as u64))
-    }
-
-    /// A uniformly drawn index below `count` for a variant.
-    pub(super) fn dealt(&self, variant: usize, count: usize) -> usize {
-        let draw = NormalDeviates::new(mix(self.seed, variant, DEALING)).unit();
-        ((draw * count as f64) as usize).min(count - 1)
-    }
 }
 
 impl Canonical for Realism {
     fn add_to(&self, fingerprint: &mut Fingerprint) {
-        let Realism { seed, healthy, tolerances } = self;
-        fingerprint.add(seed).add(healthy).add(tolerances);
+        let Realism { healthy, tolerances } = self;
+        fingerprint.add(healthy).add(tolerances);
     }
 }
 
@@ -328,14 +286,6 @@ impl Canonical for Tolerance {
 
 /// The largest deviation of a specimen, in standard deviations.
 pub const MAX_DEVIATION: f64 = 3.0;
-
-/// The purpose number of [`Realism::dealt`]. Smaller numbers belong to the lots.
-const DEALING: u64 = 15;
-
-/// A seed for a variant and a purpose from 0 to 15.
-fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
-    seed ^ (variant as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (purpose << 60)
-}
 
 /// Finds the component and parameter indices of a name at a place.
 pub(super) fn find(

@@ -62,7 +62,7 @@ impl Text {
     }
 
     /// The patterns of all drawn commands with their places in the file.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = (KeyPath<'static>, &str)> {
+    pub(super) fn patterns(&self) -> impl Iterator<Item = (KeyPath<'_>, &str)> {
         self.draws.iter().enumerate().map(|(n, draws)| (pattern_at(n), draws.signal.as_str()))
     }
 }
@@ -215,8 +215,13 @@ fn ranges(pattern: &str) -> Vec<(f64, f64)> {
 }
 
 /// Replaces the ranges of a pattern by the numbers of a draw.
-pub(super) fn filled(pattern: &str, draw: usize) -> String {
-    filled_at(pattern, draw, |place| halton(draw as u64, BASES[1 + place % (BASES.len() - 1)]))
+fn filled(pattern: &str, draw: usize) -> String {
+    filled_at(pattern, draw, |place| halton_in(draw as u64, place))
+}
+
+/// The n-th number of Halton's sequence for a range of a pattern, between 0 and 1.
+pub(super) fn halton_in(n: u64, range: usize) -> f64 {
+    halton(n, BASES[1 + range % (BASES.len() - 1)])
 }
 
 /// Replaces each range by its value at `at(index)`, from 0 for the low end to 1 for the high end.

@@ -86,9 +86,9 @@ impl Study {
 
     /// Notes draws that would leave the range of their input in a long enough flight.
     fn beyond_input(&self, reader: &Reader, found: &mut Collector<Warning>) {
-        let (training, flights) = (self.parsed.training.iter(), self.parsed.flights.iter());
+        let (training, flights) = (self.parsed.training.iter(), self.flights.iter());
         let draws = training.flat_map(|text| text.patterns());
-        let flown = flights.flat_map(|text| text.patterns());
+        let flown = flights.flat_map(|flights| flights.varied.patterns());
         for (at, pattern) in draws.chain(flown) {
             let at_end = |end: f64| training::filled_at(pattern, 1, |_| end).parse().ok();
             let signals = [0.0, 1.0].into_iter().filter_map(at_end);
@@ -150,7 +150,7 @@ impl Study {
         let tolerances = self.realism.iter().flat_map(|realism| realism.tolerances());
         // A relative deviation of zero is zero.
         let mut absolute = tolerances.filter(|tolerance| tolerance.absolute);
-        let flown = self.parsed.flights.iter().flat_map(|text| text.varied_parameters());
+        let flown = self.flights.iter().flat_map(|flights| flights.varied.parameters());
         let mut flown = flown.flat_map(|name| self.units.iter().map(|unit| full_name(unit, name)));
         absolute.any(|tolerance| tolerance.parameters.contains(&at))
             || flown.any(|name| self.system.parameter(&name) == Some(at))

@@ -5,11 +5,9 @@
 
 use super::columns::DIMENSIONLESS;
 use super::{Campaign, Plants, Setting};
-use crate::experiment::{
-    Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins,
-};
 use crate::fit::{Fit, Unknown};
-use crate::study::{Lot, Role};
+use crate::run::{Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
+use crate::study::{Role, Stream};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::hash::Fingerprint;
 use std::path::{Path, PathBuf};
@@ -80,8 +78,8 @@ impl Campaign<'_> {
             return Ok(known);
         }
         let truth: Vec<Overrides> =
-            (0..specimens).map(|specimen| self.pooled(specimen).parameters()).collect();
-        let noise = |specimen| self.pooled(specimen).noise();
+            (0..specimens).map(|specimen| self.pooled(specimen).parameters(1.0)).collect();
+        let noise = |specimen| self.pooled(specimen).noise(Stream::Calibration);
         let found = fit_twins(self.study, &self.ensemble(), &truth, noise)?;
         self.write_calibration(&truth, &found)?;
         Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
@@ -89,8 +87,8 @@ impl Campaign<'_> {
 
     /// A specimen of the pool.
     pub(super) fn pooled(&self, number: usize) -> SpecimenDraw<'_> {
-        let (study, lot) = (self.study, Lot::pool(self.role));
-        SpecimenDraw { study, setting: Setting::Fitted, lot, number }
+        let seed = self.study.seed_of(self.role.pool(), number);
+        SpecimenDraw { study: self.study, setting: Setting::Fitted, seed }
     }
 
     /// The parameters stored in this campaign's file for `specimens` specimens; `None` without a matching file.
@@ -112,7 +110,7 @@ impl Campaign<'_> {
         let study = self.study;
         let mut mark = Fingerprint::default();
         mark.add("calibration 1").add(self.role.suffix()).add(&self.solver);
-        mark.add(&study.sample_period_s);
+        mark.add(&study.sample_period_s).add(&study.seed);
         self.add_model(&mut mark);
         mark.add(&study.realism).add(&study.calibration);
         mark.to_string()

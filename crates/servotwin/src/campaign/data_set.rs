@@ -99,7 +99,7 @@ impl Maker<'_> {
     fn label_columns(&self, variants: Range<usize>) -> Vec<Column> {
         let Campaign { study, .. } = *self.campaign;
         let (cases, plan) = (self.campaign.cases(), &self.plan[variants.clone()]);
-        let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
+        let seed = study.seed as u32;
         let variants = variants.map(|variant| variant as u32).collect();
         let of_case = |name: &str, of: &dyn Fn(usize) -> String, what: &str| {
             text(name, plan.iter().map(|planned| of(planned.case)).collect(), what)
@@ -131,28 +131,25 @@ impl Maker<'_> {
     /// The specimens of the plants, and their own parameters: every parameter with a tolerance.
     fn plant_columns(&self, variants: Range<usize>) -> Vec<Column> {
         let Campaign { study, .. } = *self.campaign;
-        let specimens: Vec<_> =
-            variants.map(|variant| self.campaign.specimen(variant, self.plan[variant])).collect();
-        let numbers = specimens.iter().map(|specimen| specimen.number as u32).collect();
-        let parameters: Vec<_> = specimens.iter().map(|specimen| specimen.parameters()).collect();
+        let planned: Vec<_> = variants.map(|variant| (variant, self.plan[variant])).collect();
+        let which = |&(variant, planned)| self.campaign.specimen_number(variant, planned) as u32;
+        let own = |&(variant, planned)| self.campaign.specimen(variant, planned).parameters(1.0);
+        let numbers: Vec<u32> = planned.iter().map(which).collect();
+        let parameters: Vec<_> = planned.iter().map(own).collect();
         let mut columns = vec![whole("specimen", numbers, SPECIMEN)];
         for (component, parameter) in toleranced(study) {
             let instance = &study.system.network().components[component];
             let declared = &instance.component.spec().parameters[parameter];
             let nominal = instance.parameters[parameter];
-            let own = |overrides: &[(usize, usize, f64)]| {
+            let value = |overrides: &[(usize, usize, f64)]| {
                 let is_it = |&&(c, p, _): &&(usize, usize, f64)| (c, p) == (component, parameter);
                 overrides.iter().rev().find(is_it).map_or(nominal, |&(_, _, value)| value)
             };
-            let values = parameters.iter().map(|parameters| own(parameters)).collect();
+            let values = parameters.iter().map(|parameters| value(parameters)).collect();
             let unit = symbol_or_one(declared.unit.symbol());
             let what = format!("Specimen's parameter, without its fault: {}.", declared.summary);
-            columns.push(number(
-                &format!("p:{}.{}", instance.id, declared.name),
-                unit,
-                values,
-                &what,
-            ));
+            let name = format!("p:{}.{}", instance.id, declared.name);
+            columns.push(number(&name, unit, values, &what));
         }
         columns
     }
@@ -177,7 +174,7 @@ impl Maker<'_> {
         let (study, planned) = (self.campaign.study, self.plan[variant]);
         let Some(fault) = planned.fault.map(|fault| &study.faults[fault]) else {
             return match self.campaign.plants() {
-                Plants::Pool => self.campaign.specimen(variant, planned).number % FOLDS,
+                Plants::Pool => self.campaign.beside(variant, planned).1 % FOLDS,
                 Plants::Twin | Plants::Specimens => variant % FOLDS,
             };
         };

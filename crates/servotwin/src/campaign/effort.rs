@@ -1,7 +1,7 @@
 //! The solver's effort for simulations. Steps depend only on the error control, so they are equal for any number of
 //! threads and lanes. They reveal ringing of internal states that no sensor may show.
 
-use crate::experiment::RecordedRun;
+use crate::run::RecordedRun;
 use crate::table::{Column, Table, TableError, Values};
 use servotwin_model::solver::Statistics;
 

@@ -21,7 +21,7 @@ mod part;
 mod prepared;
 mod runner;
 
-pub use crate::experiment::{CampaignError, ensemble};
+pub use crate::run::{CampaignError, ensemble};
 pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
@@ -31,9 +31,9 @@ pub use part::{PARTS, PartRow, Share};
 pub use prepared::PreparedCampaign;
 
 use crate::ensemble::{Ensemble, Variant};
-use crate::experiment::{Overrides, SpecimenDraw, Twins, simulate_twins};
 use crate::files::create_folder;
-use crate::study::{FaultCase, OperatingCase, Plants, Role, Setting, Study};
+use crate::run::{Overrides, SpecimenDraw, Twins, simulate_twins};
+use crate::study::{FaultCase, OperatingCase, Plants, Role, Seed, Setting, Study};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{SolverSettings, Statistics};
@@ -251,10 +251,9 @@ impl Campaign<'_> {
 
     /// The twin that a variant is compared with: its case, and its specimen in the pool (0 without a pool).
     fn beside(&self, variant: usize, planned: Planned) -> TwinKey {
-        let both = self.study.realism.as_ref().zip(self.study.calibration.as_ref());
-        let pool = both.filter(|_| self.plants() == Plants::Pool);
-        let specimen = pool.map_or(0, |(realism, calibration)| {
-            calibration.specimen(realism, self.role, planned.case, variant)
+        let pool = self.study.calibration.as_ref().filter(|_| self.plants() == Plants::Pool);
+        let specimen = pool.map_or(0, |calibration| {
+            calibration.specimen(self.role, planned.case, self.seed_of(variant))
         });
         (planned.case, specimen)
     }
@@ -274,15 +273,30 @@ impl Campaign<'_> {
         simulate_twins(&self.ensemble(), wanted, twin, |(case, _)| &cases[case].name)
     }
 
-    /// The specimen that flies a variant: from the pool, or with the variant's number; 0 for one that equals its twin.
+    /// The specimen that flies a variant: from the pool, or of the variant itself.
     fn specimen(&self, variant: usize, planned: Planned) -> SpecimenDraw<'_> {
-        let number = match self.plants() {
+        match self.plants() {
+            Plants::Pool => self.pooled(self.beside(variant, planned).1),
+            _ => self.draw(self.first_setting(), variant),
+        }
+    }
+
+    /// The number of the specimen that flies a variant; 0 for one that equals its twin.
+    fn specimen_number(&self, variant: usize, planned: Planned) -> usize {
+        match self.plants() {
             Plants::Twin => 0,
             Plants::Specimens => variant,
-            Plants::Pool => return self.pooled(self.beside(variant, planned).1),
-        };
-        let (study, lot) = (self.study, self.role.into());
-        SpecimenDraw { study, setting: self.first_setting(), lot, number }
+            Plants::Pool => self.beside(variant, planned).1,
+        }
+    }
+
+    /// The random numbers of a variant in a scenario.
+    fn draw(&self, setting: Setting, variant: usize) -> SpecimenDraw<'_> {
+        SpecimenDraw { study: self.study, setting, seed: self.seed_of(variant) }
+    }
+
+    fn seed_of(&self, variant: usize) -> Seed {
+        self.study.seed_of(self.role.draws(), variant)
     }
 
     fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
@@ -290,7 +304,7 @@ impl Campaign<'_> {
         let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
         Variant {
             faults: fault.into_iter().collect(),
-            overrides: self.specimen(index, planned).parameters(),
+            overrides: self.specimen(index, planned).parameters(1.0),
             inputs: self.cases()[planned.case].inputs.iter().collect(),
             duration_s: Some(self.lasting_s(planned)),
             ..Variant::default()

@@ -90,6 +90,7 @@ impl Campaign<'_> {
         mark.add(PART_FORMAT);
         mark.add(setting.name()).add(self.role.suffix()).add(&self.solver);
         mark.add(&[study.duration_s, self.duration_s(), study.sample_period_s]);
+        mark.add(&study.seed);
         mark.add(&study.realism.as_ref().filter(|_| setting.has_noise()));
         mark.add(&study.calibration.as_ref().filter(|_| setting == Setting::Fitted));
         for planned in &plan[..variant_count(setting, plan)] {

@@ -6,8 +6,9 @@ use super::{
 };
 use super::{Planned, Plants, VariantEffort};
 use crate::ensemble::{Ensemble, Sink};
-use crate::experiment::{Observer, RecordedRun, SensorChain, SpecimenDraw, Twins, Watch, describe};
 use crate::files::create_folder;
+use crate::run::{Observer, RecordedRun, SensorChain, Twins, Watch, describe};
+use crate::study::Stream;
 use servotwin_diagnosis::residual::Window;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -227,7 +228,7 @@ impl Campaign<'_> {
             let is_wanted =
                 |&&variant: &&usize| variant < counts[place] && pending[place].contains(&part);
             views.extend(job.iter().filter(is_wanted).map(|&number| {
-                let draw = SpecimenDraw { study, setting, lot: self.role.into(), number };
+                let noise = self.draw(setting, number).noise(Stream::Sensors);
                 let view = View {
                     place,
                     variant: number,
@@ -236,7 +237,7 @@ impl Campaign<'_> {
                     window: Window::watching(sensors, study.base_sensors()),
                     trace: self.keep_traces.then(|| vec![Vec::new(); sensors]),
                 };
-                Watch::new(twin, sensors, SensorChain::new(study, sensors, draw.noise()), view)
+                Watch::new(twin, sensors, SensorChain::new(study, sensors, noise), view)
             }));
         }
         Views(views)

@@ -5,10 +5,10 @@ mod onset;
 use super::record::smooth;
 use super::*;
 use crate::ensemble::{Ensemble, Variant};
-use crate::experiment::SensorChain;
 use crate::recording::with_suffix;
+use crate::run::SensorChain;
 use crate::signal::Signal;
-use crate::study::Lot;
+use crate::study::{Seed, Stream};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 
@@ -59,13 +59,14 @@ fn flown_as(
         ..Ensemble::new(&system.program)
     };
     let realism = study.realism.as_ref().unwrap();
-    let overrides = specimen.map(|n| realism.specimen(study, Lot::Training, n)).unwrap_or_default();
+    let own = |number: usize| realism.specimen(study, seed(study, number), 1.0);
+    let overrides = specimen.map(own).unwrap_or_default();
     let variant = Variant { overrides, inputs: inputs.iter().collect(), ..variant };
     let (columns, _) = ensemble.run_one(&variant).unwrap();
     let row = |row: usize| columns.iter().map(move |column| column[row]);
     let mut measured: Vec<f64> = (0..columns[0].len()).flat_map(row).collect();
-    let mut chain =
-        SensorChain::new(study, sensors.len(), Some(realism.noise(Lot::Training, flight)));
+    let noise = seed(study, flight).stream(Stream::Sensors);
+    let mut chain = SensorChain::new(study, sensors.len(), Some(noise));
     measured.chunks_exact_mut(sensors.len()).for_each(|sample| chain.measure(sample));
     let samples = measured.len() / sensors.len();
     let logged: Vec<f64> = (0..samples)
@@ -82,9 +83,13 @@ fn flown_as(
     }
 }
 
+fn seed(study: &Study, number: usize) -> Seed {
+    study.seed_of("training", number)
+}
+
 /// The true unknowns of a specimen.
 fn truth(study: &Study, unknowns: &[Unknown], specimen: usize) -> Vec<f64> {
-    let values = study.realism.as_ref().unwrap().specimen(study, Lot::Training, specimen);
+    let values = study.realism.as_ref().unwrap().specimen(study, seed(study, specimen), 1.0);
     let of = |unknown: &Unknown| {
         let unknown::Moved::Parameters { members, .. } = &unknown.moved else { panic!() };
         let (component, parameter, nominal) = members[0];

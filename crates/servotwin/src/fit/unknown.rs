@@ -92,7 +92,8 @@ impl Unknown {
     pub fn of_draws(study: &Study) -> Vec<Self> {
         let known = Self::of_study(study);
         let is_new = |unknown: &Self| known.iter().all(|other| other.name != unknown.name);
-        let draws = study.flight_draws.iter().map(|draw| Self::draw(&study.system, draw));
+        let draws = study.flights.iter().flat_map(|flights| &flights.draws);
+        let draws = draws.map(|draw| Self::draw(&study.system, draw));
         draws.filter(is_new).collect()
     }
 

@@ -2,10 +2,9 @@
 //! control computer that executes the raised actions.
 
 use super::runtime::{self, Runtime, RuntimeError};
-use crate::experiment::{SensorChain, SpecimenDraw};
+use crate::run::{SensorChain, SpecimenDraw};
 use crate::signal::bus::Bus;
-use crate::signal::random::NormalDeviates;
-use crate::study::{Lot, Reaction, Setting, Study};
+use crate::study::{Reaction, Setting, Stream, Study};
 use crate::system::reservoir::Level;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Raised, Session};
 use servotwin_model::program::{FaultAt, Slot};
@@ -156,10 +155,10 @@ impl<'f> ClosedLoopFlight<'f> {
         let period_s = diagnoser.period_s;
         let names = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
         let slots = runtime::slots(study, names)?;
-        let (setting, lot) = (Setting::Realistic, Lot::FlightsJudged);
-        let draw = |number: usize| SpecimenDraw { study, setting, lot, number };
-        let overrides = specimen.map_or(vec![], |number| draw(number).parameters());
-        let noise = draw(specimen.unwrap_or(0)).noise().unwrap_or_else(|| NormalDeviates::new(1));
+        let seed = study.seed_of("closed_loop", specimen.unwrap_or(0));
+        let draw = SpecimenDraw { study, setting: Setting::Realistic, seed };
+        let overrides = specimen.map_or(vec![], |_| draw.parameters(1.0));
+        let noise = seed.stream(Stream::Sensors);
         let program = &study.system.program;
         let mut plant =
             Twin::new(program, SolverSettings::campaign(), period_s, runtime::between(study));

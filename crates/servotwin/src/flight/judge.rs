@@ -2,21 +2,17 @@
 //!
 //! Every flight has an environment, a specimen and noise that were not used in training.
 
-use super::campaign::FlightCampaign;
 use super::measure::Rates;
 use super::outcome::FlightOutcome;
-use super::plan::Onset;
 use super::training_windows::MovingFlight;
-use super::watched::{Watching, watch_planned};
+use crate::run::Profile;
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Session};
-use servotwin_diagnosis::error::Error;
+use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
 use servotwin_learning::metrics::{
     MedianTime, Rate, Tail, Trial, clopper_pearson_upper, poisson_at_most,
 };
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// The least intensity whose latencies are compared with the limit.
 pub const STRONG: f64 = 0.5;
@@ -251,34 +247,6 @@ pub struct FlightMetrics {
     pub wrong_kinds: Vec<(String, u64)>,
 }
 
-/// Flies the planned flights of a scenario, watched by a diagnoser.
-///
-/// # Errors
-/// The error of [`Diagnoser::check`].
-pub fn watch(
-    flown: &FlightCampaign,
-    diagnoser: &Diagnoser,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<FlightOutcome>, Error> {
-    let session = Session::new(Arc::new(diagnoser.clone()))?;
-    Ok(watch_planned(flown, &[Watching { session, missing: None }], progress))
-}
-
-/// Flies the planned flights of a scenario once, watched by a diagnosis without each sensor in turn.
-///
-/// # Errors
-/// The error of [`Diagnoser::check`].
-pub fn watch_without_sensors(
-    flown: &FlightCampaign,
-    diagnoser: &Arc<Diagnoser>,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<FlightOutcome>, Error> {
-    let session = Session::new(diagnoser.clone())?;
-    let without = |sensor| Watching { session: session.clone(), missing: Some(sensor) };
-    let watching: Vec<Watching> = (0..diagnoser.sensors.len()).map(without).collect();
-    Ok(watch_planned(flown, &watching, progress))
-}
-
 /// Evaluates the outcomes of flights against a latency limit.
 pub fn merit(
     study: &Study,
@@ -346,11 +314,11 @@ impl<'j> Judged<'j> {
     fn onsets(&self) -> Vec<(String, ClassMetrics)> {
         let off = self.study.shutdowns().join(", ");
         let is_meant = |row: &FlightOutcome| row.needs_shutdown && row.intensity >= STRONG;
-        let one = |onset: Onset| {
+        let one = |onset: Profile| {
             let class = self.class(&off, |row| is_meant(row) && row.profile == onset.name())?;
             Some((onset.name().to_owned(), class))
         };
-        Onset::ALL.into_iter().filter_map(one).collect()
+        Profile::ALL.into_iter().filter_map(one).collect()
     }
 
     fn class(&self, action: &str, choice: impl Fn(&FlightOutcome) -> bool) -> Option<ClassMetrics> {

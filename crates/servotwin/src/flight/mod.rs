@@ -1,8 +1,6 @@
 //! The hybrid twin in operation: flights in which a fault begins, a twin that runs beside the plant, and a running
 //! diagnosis.
 //!
-//! - [`plan`]: fault, onset, environment and specimen of every flight
-//! - [`campaign`]: flights in lanes, each observed together with the twin of its environment
 //! - [`windows`]: the windows that a diagnosis examines
 //! - [`training_windows`]: the training windows taken out of flights, one table for each kind
 //! - [`train`]: trains a diagnoser: bands, trees and committee for each kind
@@ -12,35 +10,28 @@
 //! - [`replay`]: the diagnosis of a recorded flight
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
-//! - [`fitted_twins`]: twins fitted to plants that differ from them in structure
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
 //! - [`outcome`]: what was flown and what a diagnosis did, a row for each flight; `watched` fills it
 //! - [`judge`]: latency, certainty and errors of the diagnosis, counted from outcomes
-//! - [`healthy`]: healthy flights in an environment of their own, and how near they come to an alarm
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
 
 pub mod band;
 pub mod boundaries;
-pub mod campaign;
 pub mod closed_loop;
 pub mod cost;
 mod evidence;
-pub mod fitted_twins;
-pub mod healthy;
 pub mod judge;
 pub mod measure;
-pub mod other_plant;
 pub mod outcome;
-pub mod plan;
 pub mod replay;
 pub mod runtime;
 pub mod tracking;
 pub mod train;
 pub mod training_windows;
 pub mod unseen_faults;
-mod watched;
+pub mod watched;
 pub mod watcher;
 pub mod windows;
 pub mod worst_case;

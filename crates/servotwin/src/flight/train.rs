@@ -6,6 +6,9 @@ use crate::evaluation::{
     self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
 };
 use crate::parallel::{self, Workers};
+use crate::run::CampaignError;
+use crate::run::runner::batches;
+use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
@@ -56,7 +59,7 @@ pub fn settings() -> EvaluationSettings {
     EvaluationSettings { learned_bands: true, training, committee, ..EvaluationSettings::default() }
 }
 
-/// Trains a complete diagnoser from windows of flights, one table for each kind.
+/// Trains a diagnoser from windows of flights, one table for each kind. It accepts all inputs and knows no boundaries.
 ///
 /// # Errors
 /// Training fails.
@@ -73,8 +76,7 @@ pub fn diagnoser(
     let lessons: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
     let lengths = parallel::map(&lessons, workers, |(kind, tables)| {
-        let (kind, usual) = (**kind, flights.learn.environments);
-        length(study, (kind, usual), tables, pools, workers)
+        length(study, **kind, tables, pools, workers)
     });
     let lengths: Vec<LearnedLength> = lengths?.into_iter().collect::<Result<_, _>>()?;
     let scatter = lengths[0].widest.map(|(flights, median_excess)| Scatter {
@@ -106,7 +108,7 @@ pub fn diagnoser(
         period_s: study.sample_period_s,
         sensors: sensors(study),
         boundaries: vec![],
-        environment: environment(study, flights),
+        environment: InputChecks::default(),
         tuning: Tuning {
             least_on: study.least_on(),
             ..tuning(setting, names, &off, evidence_quantile)
@@ -196,7 +198,7 @@ fn widest(
 
 fn length(
     study: &Study,
-    (kind, usual): (WindowKind, usize),
+    kind: WindowKind,
     tables: &[(Role, Table)],
     pools: &[usize],
     workers: Workers,
@@ -205,9 +207,8 @@ fn length(
     let data =
         DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
     let settings = settings();
-    let is_further = |data: &DataSet, row: &DataRow| {
-        data.cases[row.case as usize].parse().is_ok_and(|environment: usize| environment >= usual)
-    };
+    let is_further =
+        |data: &DataSet, row: &DataRow| data.cases[row.case as usize].starts_with(HARD_NEGATIVES);
     // The guarantee of bands applies to ordinary flights, so hard negatives are excluded.
     let bands = bands::learn(&data.without(|row| is_further(&data, row)), pools);
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
@@ -253,19 +254,30 @@ fn sensors(study: &Study) -> Vec<diagnoser::DiagnosedSensor> {
     seen.map(sensor).collect()
 }
 
-/// The accepted inputs: within their declared ranges, and if flights varied them, not far outside the flown range.
-fn environment(study: &Study, flights: &Flights) -> InputChecks {
+/// The accepted inputs: within their declared ranges, and if flights of the training varied them, not far outside the flown
+/// range.
+///
+/// # Errors
+/// A command cannot be flown.
+pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
     let network = study.system.network();
     let margin = Tuning::default().input_margin;
+    let nothing = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut flown = vec![nothing; network.inputs.len()];
+    for suite in [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full)) {
+        for environments in batches(study, suite, 0) {
+            for environment in study.environments(suite, environments)? {
+                for (range, signal) in flown.iter_mut().zip(&environment.inputs) {
+                    let breaks = signal.breaks_s().iter().copied().chain([suite.longest_s()]);
+                    *range = breaks
+                        .map(|time_s| signal.value(time_s))
+                        .fold(*range, |(low, high), value| (low.min(value), high.max(value)));
+                }
+            }
+        }
+    }
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
-        let signals = flights.learned.iter().map(|environment| &environment.inputs[place]);
-        let ends = signals.flat_map(|signal| {
-            let breaks = signal.breaks_s().iter().copied().chain([flights.duration_s]);
-            breaks.map(|time_s| signal.value(time_s))
-        });
-        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
+        let (low, high) = flown[place];
         let margin = margin * (high - low);
         let (least, largest) = match high > low {
             true => (low - margin, high + margin),
@@ -280,5 +292,5 @@ fn environment(study: &Study, flights: &Flights) -> InputChecks {
         }
     };
     let inputs = network.inputs.iter().enumerate().map(input).collect();
-    InputChecks { inputs, differences: vec![] }
+    Ok(InputChecks { inputs, differences: vec![] })
 }

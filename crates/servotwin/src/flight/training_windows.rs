@@ -9,15 +9,15 @@
 //! The tables have the columns of a campaign's data set ([`crate::evaluation::DataSet`] reads them). Every environment
 //! counts as a separate command.
 
-use super::campaign::{FlightCampaign, Observer};
-use super::plan::{self, PlannedFlight, Purpose};
 use super::windows;
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
-use crate::experiment::CampaignError;
 use crate::parallel::{self, Workers};
+use crate::run::runner::in_batches;
+use crate::run::{CampaignError, Observer, Run, Runner, plan};
 
-use crate::study::{Flights, Setting, Study};
+use crate::study::suites::{HARD_NEGATIVES, LEARN};
+use crate::study::{Flights, Setting, Stream, Study, Suite};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
@@ -33,12 +33,12 @@ const OTHERS: usize = 12;
 const BEFORE: usize = 4;
 /// A window is not used if the fault is below this share of its intensity both at the window's middle and at its end.
 const LEAST_SHARE: f64 = 0.5;
-/// Number of environments of hard negatives whose twins are in memory at a time.
-const BATCH: usize = 200;
 
 /// A window taken out of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct TrainingWindow {
+    /// Whether it comes from the suite [`HARD_NEGATIVES`], rather than [`LEARN`].
+    is_hard_negative: bool,
     /// The index of its kind.
     kind: usize,
     /// The number of samples of the flight when it was taken.
@@ -102,14 +102,13 @@ impl TrainingWindows {
     /// Takes the windows of a campaign's flights, those that `pick` wants. Failed flights are left out.
     fn take<'p>(
         &mut self,
-        flown: &FlightCampaign,
+        flown: &Runner,
         flights: &Flights,
-        pick: impl Fn(&PlannedFlight) -> Pick<'p> + Sync,
+        pick: impl Fn(&Run) -> Pick<'p> + Sync,
     ) {
-        let empty = windows(flown.study(), flights, flown.setting);
+        let empty = windows(flown.study(), flights, flown.scenario);
         flown.fly(
-            &flown.which,
-            |flight| Collector::new(flown.study(), empty.clone(), *flight, pick(flight)),
+            |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
             |flight, collector, outcome| match outcome {
                 Ok(work) if flown.is_on_the_move(flight, &work) => {
                     self.on_the_move.push(MovingFlight {
@@ -125,7 +124,7 @@ impl TrainingWindows {
 
     /// Sorts by kind, flight and time, because flights end in arbitrary order.
     fn sort(&mut self) {
-        self.list.sort_by_key(|window| (window.kind, window.flight, window.at));
+        self.list.sort_by_key(|own| (own.kind, own.is_hard_negative, own.flight, own.at));
     }
 
     /// The half widths of bands learned from healthy windows of a kind; `None` for too few windows.
@@ -161,19 +160,22 @@ struct Planned {
 /// Takes windows out of a flight. The baseline adapts until the fault begins, as that of a diagnosis does until it
 /// suspects a fault.
 struct Collector<'p> {
+    is_hard_negative: bool,
     windows: Windows,
     scales: Vec<f64>,
     stands_in: Vec<bool>,
-    flight: PlannedFlight,
+    flight: Run,
     onset: usize,
     pick: Pick<'p>,
     taken: Vec<TrainingWindow>,
 }
 
 impl<'p> Collector<'p> {
-    fn new(study: &Study, windows: Windows, flight: PlannedFlight, pick: Pick<'p>) -> Self {
+    fn new(flown: &Runner, windows: Windows, flight: Run, pick: Pick<'p>) -> Self {
+        let study = flown.study();
         let sensors = study.base_sensors();
         Collector {
+            is_hard_negative: flown.suite().name == HARD_NEGATIVES,
             windows,
             scales: study.scales()[..sensors].to_vec(),
             stands_in: vec![false; sensors],
@@ -195,11 +197,11 @@ impl Observer for Collector<'_> {
             stands_in: &self.stands_in,
             is_trusted: index < self.onset,
         });
-        let Collector { windows, pick, taken, flight, .. } = self;
+        let Collector { windows, pick, taken, flight, is_hard_negative, .. } = self;
         let mut take = |kind: usize, is_faulty: bool| {
             let bits = windows.window(kind).to_values().into_iter().map(f64::to_bits).collect();
-            let (at, flight) = (index + 1, flight.number);
-            taken.push(TrainingWindow { kind, at, is_faulty, flight, bits });
+            let (at, flight, is_hard_negative) = (index + 1, flight.number, *is_hard_negative);
+            taken.push(TrainingWindow { is_hard_negative, kind, at, is_faulty, flight, bits });
         };
         match pick {
             Pick::Newest(planned) => {
@@ -232,44 +234,60 @@ fn windows(study: &Study, flights: &Flights, setting: Setting) -> Windows {
     Windows::new((sensors, sensors), &kinds, baseline).expect("usual settings")
 }
 
-/// Takes training windows out of the flights of a campaign.
-pub fn of_flights(flights: &Flights, flown: &FlightCampaign) -> TrainingWindows {
+/// Takes training windows out of runs of [`LEARN`].
+pub fn of_runs(flights: &Flights, flown: &Runner) -> TrainingWindows {
     let period_s = flown.period_s();
-    let kinds = windows::kinds(flights, flown.setting, period_s);
+    let kinds = windows::kinds(flights, flown.scenario, period_s);
     let mut taken = TrainingWindows::default();
-    taken.take(flown, flights, |flight| Pick::Newest(planned(&kinds, flight, period_s)));
+    taken.take(flown, flights, |run| {
+        let random = flown.suite().seed_of(run.number).choices(Stream::Windows);
+        Pick::Newest(planned(&kinds, run, period_s, random))
+    });
     taken
 }
 
-/// Flies the additional flights of a study and adds their hard negatives: windows that leave the bands of the windows
-/// that are there already.
+/// Takes training windows out of all runs of [`LEARN`] in a scenario.
+///
+/// # Errors
+/// A twin cannot be simulated, or the run was cancelled.
+pub fn learn(
+    (study, is_full): (&Study, bool),
+    flights: &Flights,
+    scenario: Setting,
+    workers: Workers,
+) -> Result<TrainingWindows, CampaignError> {
+    let mut taken = TrainingWindows::default();
+    if let Some(suite) = study.suite(LEARN, is_full) {
+        in_batches(study, suite, scenario, 0, workers, |flown, _| {
+            taken.add(of_runs(flights, flown));
+            Ok::<_, CampaignError>(())
+        })?;
+    }
+    Ok(taken)
+}
+
+/// Flies [`HARD_NEGATIVES`] and adds the windows that leave the bands of those that are there already.
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
 pub fn add_hard_negatives(
-    study: &Study,
+    (study, is_full): (&Study, bool),
     flights: &Flights,
-    setting: Setting,
+    scenario: Setting,
     taken: &mut TrainingWindows,
     pools: &[usize],
     workers: Workers,
 ) -> Result<(), CampaignError> {
-    let kinds = windows::kinds(flights, setting, study.sample_period_s).len();
+    let kinds = windows::kinds(flights, scenario, study.sample_period_s).len();
     taken.sort();
     let bands = (0..kinds).map(|kind| taken.bands(kind, pools));
-    let Some(bands) = bands.collect::<Option<Vec<Vec<f64>>>>() else { return Ok(()) };
-    let all = flights.learned.len();
-    for from in (flights.learn.environments..all).step_by(BATCH) {
-        let batch = from..all.min(from + BATCH);
-        let chosen = |environment: usize| batch.contains(&environment);
-        let learn = Purpose::Learn;
-        let flown = FlightCampaign::where_it_is(study, flights, learn, setting, chosen, workers)?;
-        taken.take(&flown, flights, |_| Pick::Outside(&bands));
-        if workers.is_cancelled() {
-            return Err(CampaignError::Cancelled);
-        }
-    }
-    Ok(())
+    let bands = bands.collect::<Option<Vec<Vec<f64>>>>();
+    let suite = study.suite(HARD_NEGATIVES, is_full);
+    let (Some(bands), Some(suite)) = (bands, suite) else { return Ok(()) };
+    in_batches(study, suite, scenario, 0, workers, |flown, _| {
+        taken.take(flown, flights, |_| Pick::Outside(&bands));
+        Ok(())
+    })
 }
 
 /// A table for each kind of window.
@@ -277,7 +295,7 @@ pub fn add_hard_negatives(
 /// # Errors
 /// The run was cancelled.
 pub fn tables(
-    study: &Study,
+    (study, is_full): (&Study, bool),
     flights: &Flights,
     setting: Setting,
     mut lessons: TrainingWindows,
@@ -285,18 +303,17 @@ pub fn tables(
 ) -> Result<Vec<Table>, CampaignError> {
     lessons.sort();
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
-    let plan = &plan::flights(study, flights, Purpose::Learn);
+    let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name, is_full));
     let mut tables = vec![];
     for kind in 0..windows::kinds(flights, setting, study.sample_period_s).len() {
         let of: Vec<&TrainingWindow> = lessons.list.iter().filter(|l| l.kind == kind).collect();
-        tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
+        tables.push(Maker { study, sensors: &sensors, suites }.table(&of, workers)?);
     }
     Ok(tables)
 }
 
 /// The windows to take out of a flight, the latest first.
-fn planned(kinds: &[WindowKind], flight: &PlannedFlight, period_s: f64) -> Vec<Planned> {
-    let mut random = Random::stream(0x5eed, flight.number as u64);
+fn planned(kinds: &[WindowKind], flight: &Run, period_s: f64, mut random: Random) -> Vec<Planned> {
     let mut all = vec![];
     for (kind, WindowKind { span, .. }) in kinds.iter().enumerate() {
         let window_s = span.samples().unwrap_or(0) as f64 * period_s;
@@ -336,7 +353,8 @@ fn planned(kinds: &[WindowKind], flight: &PlannedFlight, period_s: f64) -> Vec<P
 struct Maker<'m> {
     study: &'m Study,
     sensors: &'m Sensors,
-    plan: &'m [PlannedFlight],
+    /// [`LEARN`] and [`HARD_NEGATIVES`].
+    suites: [Option<&'m Suite>; 2],
 }
 
 impl Maker<'_> {
@@ -356,14 +374,16 @@ impl Maker<'_> {
     }
 
     fn labels(&self, lessons: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
-        let flight = |lesson: &TrainingWindow| self.plan[lesson.flight];
+        let suite = |own: &TrainingWindow| {
+            self.suites[usize::from(own.is_hard_negative)].expect("the suite of the window")
+        };
+        let flight = |own: &TrainingWindow| plan::run(self.study, suite(own), own.flight);
         let shown = |lesson: &&TrainingWindow| match flight(lesson) {
-            PlannedFlight { fault, intensity, .. } if lesson.is_faulty => {
-                Shown { fault, intensity }
-            }
+            Run { fault, intensity, .. } if lesson.is_faulty => Shown { fault, intensity },
             _ => Shown { fault: None, intensity: 0.0 },
         };
-        let case = |lesson: &&TrainingWindow| format!("{:03}", flight(lesson).environment);
+        let case =
+            |own: &&TrainingWindow| format!("{}/{:03}", suite(own).name, flight(own).environment);
         let cases: Vec<String> = lessons.iter().map(case).collect();
         let number = |name: &str, unit: &str, of: &dyn Fn(&TrainingWindow) -> f64| {
             let numbers = lessons.iter().map(|lesson| of(lesson)).collect();

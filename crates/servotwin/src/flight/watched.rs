@@ -1,15 +1,19 @@
 //! Flights watched by diagnoses: one observer for every suite of flights, whose result is a row of outcomes.
 
-use super::campaign::{FlightCampaign, Observer};
 use super::evidence::EvidencePeak;
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
-use super::plan::PlannedFlight;
-use super::unseen_faults::Touched;
+use super::unseen_faults::{self, Touched};
 use crate::campaign::columns::HEALTHY;
 use crate::ensemble::Variant;
-use crate::study::Study;
+use crate::parallel::Workers;
+use crate::run::fitted_twins::CalibrationRecords;
+use crate::run::other_plant::OtherPlants;
+use crate::run::runner::in_batches;
+use crate::run::{CampaignError, Observer, Run, Runner, plan};
+use crate::study::{Setting, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
+use std::ops::Range;
 
 /// A diagnosis that watches a flight.
 #[derive(Clone)]
@@ -33,7 +37,7 @@ pub(super) struct Truth {
 
 impl Truth {
     /// The truth of a planned flight of a study.
-    pub fn planned(study: &Study, flight: &PlannedFlight) -> Self {
+    pub fn planned(study: &Study, flight: &Run) -> Self {
         let fault = flight.fault.map(|fault| &study.faults[fault]);
         let class = fault.map(|fault| &study.classes[fault.class]);
         let name = |of: Option<&String>| of.map_or(HEALTHY, String::as_str).to_owned();
@@ -44,7 +48,7 @@ impl Truth {
             event: name(fault.map(|fault| &fault.id)),
             kind: name(fault.map(|fault| &fault.kind)),
             intensity: flight.intensity,
-            profile: if fault.is_some() { flight.onset.name() } else { "" }.into(),
+            profile: if fault.is_some() { flight.profile.name() } else { "" }.into(),
             onset_s: fault.map(|_| flight.onset_s),
             duration_s: flight.duration_s,
             at_fault: fault.map(|fault| study.units[fault.unit].clone()).unwrap_or_default(),
@@ -63,41 +67,104 @@ impl Truth {
     }
 }
 
-/// Flies planned flights, each watched by some diagnoses. `truth` says what is right in a flight, `touched` changes what
-/// the diagnoses receive, `alter` changes the plant. Returns one outcome for each flight and diagnosis, by flight.
-pub(super) fn watch<'f>(
-    flown: &'f FlightCampaign,
-    watching: &[Watching],
-    truth: &(impl Fn(&PlannedFlight) -> Truth + Sync),
-    touched: &(impl Fn(&PlannedFlight) -> Option<Touched> + Sync),
-    alter: impl Fn(&PlannedFlight, &mut Variant<'f>) + Sync,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Vec<FlightOutcome> {
-    let mut outcomes: Vec<FlightOutcome> = vec![];
-    let mut done = 0;
-    flown.fly_altered(
-        &flown.which,
-        alter,
-        |flight| FlightWatch::new(watching, truth(flight), touched(flight), flown.period_s()),
-        |_, watch, outcome| {
-            outcomes.extend(watch.into_outcomes(outcome.is_ok()));
-            done += 1;
-            progress(done, flown.which.len());
-        },
-    );
-    // The diagnoses of a flight keep their order.
-    outcomes.sort_by_key(|outcome| outcome.number);
-    outcomes
+/// What became of some environments of a suite.
+pub struct FlownEnvironments {
+    /// One outcome for each run and diagnosis, by run.
+    pub outcomes: Vec<FlightOutcome>,
+    /// The number of environments of the suite that have been flown.
+    pub environments: usize,
+    /// What became of their calibration flights, where twins are fitted to plants of another structure.
+    pub calibration: Option<CalibrationRecords>,
 }
 
-/// The flights of a study's plan, as they are.
-pub(super) fn watch_planned(
-    flown: &FlightCampaign,
+/// Flies a suite in a scenario from an environment on, watched by some diagnoses. `done` takes what became of some
+/// environments after the other; `progress` the number of runs that have ended, and of all.
+///
+/// # Errors
+/// A command cannot be flown, a twin cannot be simulated, the error of `done`, or the run was cancelled.
+pub fn fly_suite<E: From<CampaignError>>(
+    (study, suite, scenario): (&Study, &Suite, Setting),
     watching: &[Watching],
+    from: usize,
+    workers: Workers,
     progress: &(dyn Fn(usize, usize) + Sync),
+    mut done: impl FnMut(FlownEnvironments) -> Result<(), E>,
+) -> Result<(), E> {
+    if suite.is_unseen {
+        return done(fly_environments((study, suite, scenario), watching, 0..1, workers)?);
+    }
+    let (all, mut ended) = (plan::count(study, suite), 0);
+    in_batches(study, suite, scenario, from, workers, |runner, environments| {
+        let told = |count: usize| progress(ended + count, all);
+        let flown = watch_environments(runner, watching, environments.end, workers, &told)?;
+        ended += runner.runs.len();
+        done(flown)
+    })
+}
+
+/// Flies some environments of a suite in a scenario, watched by some diagnoses; of unseen faults all runs.
+///
+/// # Errors
+/// A command cannot be flown, a twin cannot be simulated, or the run was cancelled.
+pub(crate) fn fly_environments(
+    (study, suite, scenario): (&Study, &Suite, Setting),
+    watching: &[Watching],
+    environments: Range<usize>,
+    workers: Workers,
+) -> Result<FlownEnvironments, CampaignError> {
+    if suite.is_unseen {
+        let outcomes = unseen_faults::fly(study, suite, scenario, watching, workers)?;
+        let flown =
+            FlownEnvironments { outcomes, environments: suite.environments, calibration: None };
+        return if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(flown) };
+    }
+    let (others, end) = (OtherPlants::of(study, suite)?, environments.end);
+    let plants = (scenario, others.as_ref());
+    let runner = Runner::new(study, suite, plants, environments, workers)?;
+    watch_environments(&runner, watching, end, workers, &|_| ())
+}
+
+fn watch_environments(
+    runner: &Runner,
+    watching: &[Watching],
+    environments: usize,
+    workers: Workers,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<FlownEnvironments, CampaignError> {
+    let truth = |run: &Run| Truth::planned(runner.study(), run);
+    let outcomes = watch(runner, watching, &truth, &|_| None, |_, _| (), progress);
+    let calibration = runner.calibration;
+    match workers.is_cancelled() {
+        true => Err(CampaignError::Cancelled),
+        false => Ok(FlownEnvironments { outcomes, environments, calibration }),
+    }
+}
+
+/// Flies runs, each watched by some diagnoses. `truth` says what is right in a run, `touched` changes what the diagnoses
+/// receive, `alter` changes the plant; `progress` takes the number of runs that have ended. Returns one outcome for each
+/// run and diagnosis, by run.
+pub(super) fn watch<'f>(
+    flown: &'f Runner,
+    watching: &[Watching],
+    truth: &(impl Fn(&Run) -> Truth + Sync),
+    touched: &(impl Fn(&Run) -> Option<Touched> + Sync),
+    alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
+    progress: &(dyn Fn(usize) + Sync),
 ) -> Vec<FlightOutcome> {
-    let truth = |flight: &PlannedFlight| Truth::planned(flown.study(), flight);
-    watch(flown, watching, &truth, &|_| None, |_, _| (), progress)
+    let mut outcomes: Vec<FlightOutcome> = vec![];
+    let mut ended = 0;
+    flown.fly_altered(
+        alter,
+        |run| FlightWatch::new(watching, truth(run), touched(run), flown.period_s()),
+        |_, watch, outcome| {
+            outcomes.extend(watch.into_outcomes(outcome.is_ok()));
+            ended += 1;
+            progress(ended);
+        },
+    );
+    // The diagnoses of a run keep their order.
+    outcomes.sort_by_key(|outcome| outcome.number);
+    outcomes
 }
 
 /// A flight with its diagnoses.
@@ -156,7 +223,7 @@ struct Diagnosis {
     measured: Vec<f64>,
     switches_off: Vec<bool>,
     log: RaisedLog,
-    visibility: Visibility,
+    out_of_bands: OutOfBands,
     of_any: EvidencePeak,
     of_shutdown: EvidencePeak,
     word: Word,
@@ -168,7 +235,7 @@ impl Diagnosis {
         let diagnoser = session.diagnoser();
         let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
         Diagnosis {
-            visibility: Visibility::new(diagnoser.lengths.len(), onset),
+            out_of_bands: OutOfBands::new(diagnoser.lengths.len(), onset),
             of_any: EvidencePeak::new(diagnoser, |_, _| true),
             of_shutdown: EvidencePeak::new(diagnoser, |_, action| switches_off[action]),
             switches_off,
@@ -204,7 +271,7 @@ impl Diagnosis {
             self.word = self.word.max(word);
             self.first_word = self.first_word.or((word > Word::Healthy).then_some(index));
         }
-        self.visibility.look(index, &self.session);
+        self.out_of_bands.look(index, &self.session);
         self.of_any.take(&self.session);
         self.of_shutdown.take(&self.session);
     }
@@ -244,8 +311,8 @@ impl Diagnosis {
             own.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
         };
         FlightOutcome {
-            visible_s: self.visibility.seen.map(after),
-            visible_by_chance: self.visibility.by_chance,
+            visible_s: self.out_of_bands.seen.map(after),
+            visible_by_chance: self.out_of_bands.by_chance,
             first,
             right_action_s: late
                 .iter()
@@ -318,7 +385,7 @@ impl RaisedLog {
 }
 
 /// Whether the fault of a flight is visible: from the first of consecutive windows that left a band.
-pub(super) struct Visibility {
+pub(super) struct OutOfBands {
     onset: u64,
     /// One counter for each window length.
     out_of_band: Vec<OutOfBand>,
@@ -353,11 +420,11 @@ impl OutOfBand {
     }
 }
 
-impl Visibility {
+impl OutOfBands {
     /// For a diagnoser with a number of window lengths, and a fault that begins at the sample `onset`.
     pub fn new(lengths: usize, onset: u64) -> Self {
         let out_of_band = vec![OutOfBand::default(); lengths];
-        Visibility { onset, out_of_band, seen: None, by_chance: 0 }
+        OutOfBands { onset, out_of_band, seen: None, by_chance: 0 }
     }
 
     /// Takes the windows that end at a sample.

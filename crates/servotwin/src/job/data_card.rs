@@ -115,7 +115,6 @@ fn origin(out: &mut String, study: &Study, files: &[DataFile]) {
         (true, true) => "servotwin campaign STUDY --full --setting SCENARIO --out FOLDER",
         (false, true) => "servotwin campaign STUDY --setting SCENARIO --out FOLDER",
     };
-    let seed = study.realism.as_ref().map_or("none".into(), |realism| realism.seed.to_string());
     let facts = [
         ("study", format!("`{}`", study.name)),
         ("system", format!("`{}`: {}", system.name, system.title)),
@@ -124,7 +123,7 @@ fn origin(out: &mut String, study: &Study, files: &[DataFile]) {
         ("equations and parameters", format!("`{:016x}`", system.program.identity())),
         ("program", format!("servotwin {}", env!("CARGO_PKG_VERSION"))),
         ("command", format!("`{command}`")),
-        ("seed of noise and specimens", seed),
+        ("seed of everything drawn", study.seed.to_string()),
         ("sampling", format!("{} Hz", 1.0 / study.sample_period_s)),
         ("length of a judged run", format!("{} s", study.duration_s)),
     ];

@@ -31,11 +31,14 @@ pub enum JobError {
     /// Healthy flights come near a shutdown, whatever the margin.
     #[error(
         "{setting}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
-         limit in {} held-out healthy flights (at most {allowed} is safe); training had {} environments: add {missing} with \
-         'further' in [flights].learn",
+         limit in {} held-out healthy flights (at most {allowed} is safe); training had {} environments: add {missing} to \
+         'environments' in [suites.hard_negatives]",
         .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
     )]
     UnsafeInHealth { setting: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
+    /// The study has no flights.
+    #[error("the study has no [flights]: docs/study-format.md describes this section")]
+    NoFlights,
     /// Held-out flights failed, and nobody knows what they would have shown.
     #[error(
         "{setting}: {failed} of {of} held-out healthy flights cannot be simulated to their end, so nothing shows that their \

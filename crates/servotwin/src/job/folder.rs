@@ -11,6 +11,7 @@
 //! | `panel-<subject>.json` | train: trees, committee and bands |
 //! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
+//! | `left_out-<setting>.json` | flights: training flights that taught nothing |
 //! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
 //! | `outcomes-<suite>-<setting>.parquet` | flights: what was flown and what a diagnosis did, a row for each flight |
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
@@ -22,14 +23,11 @@
 //!
 //! Writers hold the folder ([`Hold`]); readers do not.
 
-use super::flights::{HEALTHY, SUITES};
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
 use crate::campaign::{PARTS, calibration_file};
 use crate::files::{self, FileError, create_folder, write_atomically};
-use crate::flight::healthy::HealthyPlants;
-use crate::flight::other_plant::{OTHER_PLANT, OTHER_PLANT_FITTED};
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
 use crate::study::{Role, Setting, Study};
@@ -103,24 +101,14 @@ impl Folder {
         self.0.join(format!("outcomes-{suite}-{setting}.parquet"))
     }
 
-    /// The file with healthy flights in many environments.
-    pub fn healthy_flights(&self, plants: HealthyPlants) -> PathBuf {
-        self.outcomes(HEALTHY, plants.name())
+    /// The file that names the training flights of a scenario that taught nothing.
+    pub fn left_out(&self, setting: Setting) -> PathBuf {
+        self.0.join(format!("left_out-{}.json", setting.name()))
     }
 
     /// The file with the results in sealed environments.
     pub fn sealed_flights(&self) -> PathBuf {
         self.0.join("flights-sealed.json")
-    }
-
-    /// The file with the figures of merit of flights with a missing sensor.
-    pub fn missing_sensors(&self) -> PathBuf {
-        self.0.join("missing_sensors.json")
-    }
-
-    /// The file with the flights of chosen challenge sets.
-    pub fn challenge_sets(&self) -> PathBuf {
-        self.0.join("challenge_sets.json")
     }
 
     /// The file with the evaluation of all subjects.
@@ -154,16 +142,31 @@ impl Folder {
         files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
-        let settings = Setting::ALL.map(Setting::name);
-        let flown = settings.into_iter().chain([OTHER_PLANT, OTHER_PLANT_FITTED]);
-        let suites = |setting| SUITES.map(|suite| self.outcomes(suite, setting));
-        files.extend(flown.flat_map(suites));
+        files.extend(Setting::ALL.map(|setting| self.left_out(setting)));
+        files.extend(self.all_outcomes()?);
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
-        files.extend([self.data_card(), self.sealed_flights(), self.challenge_sets()]);
-        files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
+        files.extend([self.data_card(), self.sealed_flights(), self.flights()]);
+        files.extend([self.results(), self.report()]);
         files.extend(self.figure_files()?);
         files.retain(|file| file.exists());
         Ok(files)
+    }
+
+    /// The outcomes of all suites: a study may name its own.
+    fn all_outcomes(&self) -> Result<Vec<PathBuf>, JobError> {
+        let Ok(entries) = std::fs::read_dir(&self.0) else { return Ok(vec![]) };
+        let mut found = vec![];
+        for entry in entries {
+            let path = entry.map_err(|cause| FileError::from_io(&self.0, cause))?.path();
+            let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+            let setting = name.strip_prefix("outcomes-").and_then(|name| name.rsplit_once('-'));
+            let is_parquet = path.extension().is_some_and(|ending| ending == "parquet");
+            if is_parquet && setting.is_some_and(|(_, setting)| Setting::named(setting).is_some()) {
+                found.push(path);
+            }
+        }
+        found.sort();
+        Ok(found)
     }
 
     /// The report's figures according to the manifest. Other files in their folder belong to the user.

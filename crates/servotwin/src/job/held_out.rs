@@ -3,21 +3,17 @@
 //! [`HealthyEvidence`] describes the rule. The flights are neither those of the training nor those of any evaluation.
 
 use super::JobError;
-use super::healthy::BATCH;
-use crate::flight::healthy::{self, Differences};
+use super::outcomes::watching;
 use crate::flight::outcome::FlightOutcome;
+use crate::flight::watched::fly_suite;
 use crate::parallel::Workers;
-use crate::study::flights::{HELD_OUT, HELD_OUT_SEED};
-use crate::study::{Flights, Setting, Study};
-use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, Session, ShutdownMargin};
+use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
+use crate::study::{Setting, Study, Suite};
+use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, ShutdownMargin};
 use std::sync::Arc;
 
 /// By how much an allowance grows at a time, nats.
 const STEP_NATS: f64 = 1.0;
-
-/// How many times as large as declared the tolerances and draws of held-out specimens are: the factor of safety between
-/// the loads that a structure may see and those that it must withstand (CS 25.303).
-const SCATTER: f64 = 1.5;
 
 /// Flies a trained diagnoser in the held-out environments of a study, and returns it with the smallest margin of a
 /// shutdown that these allow. Without held-out environments it stays as it is.
@@ -26,26 +22,26 @@ const SCATTER: f64 = 1.5;
 /// [`JobError::UnsafeInHealth`] if no margin suffices; [`JobError::HeldOutFailed`] if a flight cannot be finished; a twin
 /// cannot be simulated.
 pub fn with_margin(
-    study: &Study,
-    flights: &Flights,
+    (study, is_full): (&Study, bool),
     setting: Setting,
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Diagnoser, JobError> {
-    if flights.held_out.is_empty() {
-        return Ok(diagnoser);
-    }
+    let Some(suite) = study.suite(HELD_OUT, is_full) else { return Ok(diagnoser) };
     let (allowed, most_nats) = (diagnoser.tuning.pending_share, diagnoser.tuning.clip_nats);
-    let learned = flights.learned.len();
-    let evidence = smallest_margin(learned, (allowed, most_nats), |margin| {
-        fly(study, flights, setting, diagnoser.with_shutdown_margin(margin), workers)
+    let taught = [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full));
+    let learned = taught.map(|suite| suite.environments).sum();
+    let evidence = smallest_margin((learned, suite.scatter), (allowed, most_nats), |margin| {
+        fly(study, suite, setting, diagnoser.with_shutdown_margin(margin), workers)
     })?;
     finished(setting, &evidence)?;
     if evidence.largest > allowed {
         return Err(JobError::UnsafeInHealth {
             setting: setting.name(),
             allowed,
-            missing: evidence.learned.max((HELD_OUT as u64).saturating_sub(evidence.learned)),
+            missing: evidence
+                .learned
+                .max((suite.environments as u64).saturating_sub(evidence.learned)),
             evidence,
         });
     }
@@ -63,7 +59,7 @@ fn finished(setting: Setting, evidence: &HealthyEvidence) -> Result<(), JobError
 /// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
 /// allowance is reached.
 fn smallest_margin(
-    learned: usize,
+    (learned, scatter): (usize, f64),
     (allowed, most_nats): (f64, f64),
     mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<FlightOutcome>, JobError>,
 ) -> Result<HealthyEvidence, JobError> {
@@ -93,7 +89,7 @@ fn smallest_margin(
                 learned: learned as u64,
                 held_out,
                 failed: outcomes.len() as u64 - held_out,
-                scatter: SCATTER,
+                scatter,
                 shutdowns_before,
                 added,
                 largest: uncorrected.max(corrected),
@@ -102,25 +98,20 @@ fn smallest_margin(
     }
 }
 
-/// The flights in the held-out environments, each as long as a healthy flight of the training.
 fn fly(
     study: &Study,
-    flights: &Flights,
+    suite: &Suite,
     setting: Setting,
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Vec<FlightOutcome>, JobError> {
-    let session =
-        Session::new(Arc::new(diagnoser)).map_err(|error| JobError::Evaluation(error.into()))?;
-    let duration_s = flights.learn.healthy_duration_s.unwrap_or(flights.duration_s);
+    let watching = watching(suite, &Arc::new(diagnoser));
+    let watching = watching.map_err(|error| JobError::Evaluation(error.into()))?;
     let mut outcomes = vec![];
-    for (batch, environments) in flights.held_out.chunks(BATCH).enumerate() {
-        let first = batch * BATCH;
-        let place = (environments, first..first + environments.len());
-        let of_seed = (HELD_OUT_SEED, duration_s);
-        let plants = (setting, Differences::Scattered(SCATTER));
-        outcomes.extend(healthy::fly(study, place, of_seed, plants, &session, workers)?);
-    }
+    fly_suite((study, suite, setting), &watching, 0, workers, &|_, _| (), |flown| {
+        outcomes.extend(flown.outcomes);
+        Ok::<_, JobError>(())
+    })?;
     Ok(outcomes)
 }
 

@@ -25,8 +25,8 @@ pub struct Manifest {
     pub study: String,
     /// Hashes of the texts of the study and its system.
     pub inputs: Vec<FileHash>,
-    /// The seed of noise and specimens, if the study has a realistic setting.
-    pub specimen_seed: Option<u64>,
+    /// The seed of everything that is drawn.
+    pub seed: u64,
     /// The seed of splits into training and test.
     pub split_seed: u64,
     /// A description of the solver's settings.
@@ -156,7 +156,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
         version: env!("CARGO_PKG_VERSION").into(),
         study: study.name.clone(),
         inputs: hashes(folder, known.as_ref(), &[folder.study(), folder.system()])?,
-        specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
+        seed: study.seed,
         split_seed: Subject::Ideal.settings(study).holding.seed,
         solver: in_words(&solver::SolverSettings::campaign()),
         equations: format!("{:016x}", study.system.program.identity()),
@@ -355,9 +355,9 @@ impl KindEffort {
 #[cfg(test)]
 mod tests {
     use crate::campaign::calibration_file;
-    use crate::job::flights::SUITES;
     use crate::job::{Folder, Subject};
     use crate::manifest::remedy;
+    use crate::study::suites::KNOWN;
     use crate::study::{Role, Setting};
 
     #[test]
@@ -365,11 +365,12 @@ mod tests {
         let folder = Folder::new("out");
         let mut files = vec![folder.study(), folder.system()];
         files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
-        files.extend([folder.missing_sensors(), folder.challenge_sets(), folder.results()]);
-        files.extend(SUITES.map(|suite| folder.outcomes(suite, "noise")));
+        files.push(folder.results());
+        files.extend(KNOWN.map(|(suite, ..)| folder.outcomes(suite, "noise")));
         for setting in Setting::ALL {
             files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
             files.extend([folder.diagnoser(setting), folder.band(setting)]);
+            files.push(folder.left_out(setting));
         }
         files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
         for subject in Subject::ALL {

@@ -17,7 +17,7 @@ use super::{JobError, Results, Subject};
 use super::{data_card, flights, manifest, subjects, train_and_evaluate};
 use crate::campaign::{Campaign, CampaignError, CampaignOutcome};
 use crate::parallel::Workers;
-use crate::study::{Flights, Role, Setting, Study};
+use crate::study::{Role, Setting, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -149,8 +149,6 @@ impl<'r> StudyRun<'r> {
     /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
-        // Report a mistake in the flights now, not after the campaigns.
-        let sizes = study.flights()?.filter(|_| study.is_full);
         if self.fitted && !Setting::Fitted.is_possible(study) {
             return Err(CampaignError::no_section(Setting::Fitted, study).into());
         }
@@ -160,15 +158,14 @@ impl<'r> StudyRun<'r> {
         }
         let before = flights::results(&self.folder)?;
         let is_kept = before.as_ref().is_some_and(|results| results.is_full_of(study));
-        let sizes = sizes.filter(|_| !is_kept);
-        let (evaluation, stages) = self.scenarios(usize::from(sizes.is_some()))?;
+        let flies = study.flights.is_some() && study.is_full && !is_kept;
+        let (evaluation, stages) = self.scenarios(usize::from(flies))?;
         self.check()?;
-        let flights = match &sizes {
-            Some(sizes) => {
-                (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
-                Some(self.fly(sizes)?)
-            }
-            None => before,
+        let flights = if flies {
+            (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
+            Some(self.fly()?)
+        } else {
+            before
         };
         if is_kept {
             (self.observer)(&StudyEvent::FlightsKept);
@@ -246,12 +243,12 @@ impl<'r> StudyRun<'r> {
         Ok(())
     }
 
-    fn fly(&self, sizes: &Flights) -> Result<FlightResults, JobError> {
+    fn fly(&self) -> Result<FlightResults, JobError> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
         let crew = Crew { workers: self.workers, progress: &progress };
         let settings = flights::settings(self.study);
-        let results = flights::fly_all(&self.folder, self.study, sizes, &settings, false, &crew)?;
+        let results = flights::fly_all(&self.folder, (self.study, false), &settings, &crew)?;
         (self.observer)(&StudyEvent::FlightCampaign(&results));
         Ok(results)
     }

@@ -21,8 +21,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// The seeds of sealed environments. Those of study files end at 999, and the commands of any two of these differ for up
-/// to 6,000 environments. Plans of flights have 14 bits for a seed.
+/// The seeds of sealed environments. Those of study files end at 999.
 pub const SEALED_SEEDS: RangeInclusive<u64> = 1100..=16_383;
 
 /// The record in a repository.

@@ -25,12 +25,11 @@ mod picture;
 
 pub use learn::{Coverage, Trace, coverage, learn};
 
-use super::campaign::{FlightCampaign, Observer};
-use super::plan::{self, PlannedFlight, Purpose};
-use crate::experiment::CampaignError;
 use crate::parallel::Workers;
-use crate::signal::random::NormalDeviates;
-use crate::study::{Flights, Setting, Study};
+use crate::run::runner::{Runner, batches};
+use crate::run::{CampaignError, Observer, Run, plan};
+use crate::study::suites::{HARD_NEGATIVES, HEALTHY, JUDGE, LEARN};
+use crate::study::{Setting, Stream, Study, Suite};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::conditional_band::{
     ConditionalBand, Covariate, CovariateSample, CovariateSource,
@@ -38,7 +37,6 @@ use servotwin_diagnosis::conditional_band::{
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Most environments that learn and calibrate: beyond them, the traces would take gigabytes.
@@ -149,15 +147,16 @@ pub struct IndependentFlights {
 /// # Errors
 /// The flights cannot be simulated, or there are too few.
 pub fn measure(
-    study: &Study,
-    flights: &Flights,
+    (study, is_full): (&Study, bool),
     setting: Setting,
     share: f64,
+    more_judged: usize,
     workers: Workers,
 ) -> Result<BandMerit, BandError> {
     let covariates = &covariates(study);
-    let flying = Flying { study, flights, setting, workers, covariates };
-    let (learning, calibration) = flying.learning_and_calibration()?;
+    let duration_s = study.flights.as_ref().map_or(0.0, |flights| flights.duration_s);
+    let flying = Flying { study, duration_s, setting, workers, covariates };
+    let (learning, calibration) = flying.learning_and_calibration(is_full)?;
     let (axes, kept) = binned(covariates, &learning, &calibration);
     let sensors = study.base_sensors();
     let width = covariates.len();
@@ -173,7 +172,7 @@ pub fn measure(
     let mut merit = BandMerit {
         setting: setting.name().into(),
         sensors: study.sensors.0[..sensors].iter().map(|sensor| sensor.name.clone()).collect(),
-        duration_s: flights.duration_s,
+        duration_s,
         field,
         fixed,
         healthy: 0,
@@ -183,29 +182,32 @@ pub fn measure(
         detected: [0; 2],
         independent: IndependentFlights::default(),
     };
-    let plan = plan::flights(study, flights, Purpose::Judge);
-    let first = first_healthy(&plan);
-    flying.each(Purpose::Judge, plan, |flight, trace, _| {
-        let is_first = first.contains(&flight.number);
-        merit.count(flight.fault.is_none(), is_first, &trace.with_covariates(&kept, width));
-    })?;
+    for (name, environments) in [(JUDGE, None), (HEALTHY, Some(more_judged))] {
+        let Some(suite) = study.suite(name, is_full) else { continue };
+        let suite = suite.clone().with_environments(environments.unwrap_or(suite.environments));
+        let first = first_healthy(&plan::runs(study, &suite, &(0..suite.environments)));
+        flying.each(&suite, &|_| true, &mut |run, trace, _| {
+            let is_first = first.contains(&run.number);
+            merit.count(run.fault.is_none(), is_first, &trace.with_covariates(&kept, width));
+        })?;
+    }
     Ok(merit)
 }
 
-/// The number of the first healthy flight of each environment.
-fn first_healthy(plan: &[PlannedFlight]) -> BTreeSet<usize> {
+/// The number of the first healthy run of each environment.
+fn first_healthy(runs: &[Run]) -> BTreeSet<usize> {
     let mut first = BTreeMap::new();
-    for flight in plan.iter().filter(|flight| flight.fault.is_none()) {
-        first.entry(flight.environment).or_insert(flight.number);
+    for run in runs.iter().filter(|run| run.fault.is_none()) {
+        first.entry(run.environment).or_insert(run.number);
     }
     first.into_values().collect()
 }
 
-/// Draws a random half of the indices.
-fn drawn_half(count: usize, seed: u64) -> Vec<bool> {
-    let mut random = NormalDeviates::new(seed);
-    let keys: Vec<f64> = (0..count).map(|_| random.unit()).collect();
-    let before = |own: f64| keys.iter().filter(|key| **key < own).count();
+/// Draws a random half of the environments of a suite.
+fn drawn_half(suite: &Suite, count: usize) -> Vec<bool> {
+    let key = |number| suite.seed_of_environment(number).choices(Stream::Pool).next_u64();
+    let keys: Vec<u64> = (0..count).map(key).collect();
+    let before = |own: u64| keys.iter().filter(|key| **key < own).count();
     keys.iter().map(|&own| 2 * before(own) < count).collect()
 }
 
@@ -281,72 +283,82 @@ fn binned(
 /// The parameters of the flights to simulate.
 struct Flying<'f> {
     study: &'f Study,
-    flights: &'f Flights,
+    duration_s: f64,
     setting: Setting,
     workers: Workers<'f>,
     covariates: &'f [(String, CovariateSource)],
 }
 
 impl Flying<'_> {
-    /// The traces of two halves of the environments: all healthy flights of one half, and the first of each environment
-    /// of the other. Halves are drawn, because commands alternate between environments: every second one would always
-    /// have the same kinds of command.
-    fn learning_and_calibration(&self) -> Result<(Vec<Trace>, Vec<Trace>), CampaignError> {
-        let Flying { study, flights, .. } = *self;
-        let usual = flights.learn.environments;
-        let count = (usual + flights.learn.further).min(usual.max(MAX_ENVIRONMENTS));
-        let teaches = drawn_half(count, flights.seed);
-        let mut plan = plan::flights(study, flights, Purpose::Learn);
-        plan.retain(|flight| flight.fault.is_none() && flight.environment < count);
-        let first = first_healthy(&plan);
-        plan.retain(|flight| teaches[flight.environment] || first.contains(&flight.number));
-        let mut flown: Vec<(PlannedFlight, Trace)> = Vec::new();
-        self.each(Purpose::Learn, plan, |flight, trace, began_on_the_move| {
-            // Calibration flights are what judged ones are, so they may begin on the move.
-            if !(teaches[flight.environment] && began_on_the_move) {
-                flown.push((*flight, trace));
+    /// The traces of two halves of the environments that training flies: all healthy flights of one half, and the first of
+    /// each environment of the other. Halves are drawn, because commands alternate between environments: every second one
+    /// would always have the same kinds of command.
+    fn learning_and_calibration(
+        &self,
+        is_full: bool,
+    ) -> Result<(Vec<Trace>, Vec<Trace>), CampaignError> {
+        let (mut learning, mut calibration) = (vec![], vec![]);
+        let mut left = MAX_ENVIRONMENTS;
+        for name in [LEARN, HARD_NEGATIVES] {
+            let Some(suite) = self.study.suite(name, is_full) else { continue };
+            let count = suite.environments.min(left);
+            left -= count;
+            let teaches = drawn_half(suite, count);
+            let first = first_healthy(&plan::runs(self.study, suite, &(0..count)));
+            let is_chosen = |run: &Run| {
+                let is_known = run.fault.is_none() && run.environment < count;
+                is_known && (teaches[run.environment] || first.contains(&run.number))
+            };
+            let mut flown: Vec<(Run, Trace)> = vec![];
+            self.each(suite, &is_chosen, &mut |run, trace, began_on_the_move| {
+                // Calibration flights are what judged ones are, so they may begin on the move.
+                if !(teaches[run.environment] && began_on_the_move) {
+                    flown.push((*run, trace));
+                }
+            })?;
+            flown.sort_by_key(|(run, _)| run.number);
+            for (run, trace) in flown {
+                let half = if teaches[run.environment] { &mut learning } else { &mut calibration };
+                half.push(trace);
             }
-        })?;
-        flown.sort_by_key(|(flight, _)| flight.number);
-        let (learning, calibration): (Vec<_>, Vec<_>) =
-            flown.into_iter().partition(|(flight, _)| teaches[flight.environment]);
-        let traces = |flown: Vec<(PlannedFlight, Trace)>| flown.into_iter().map(|(_, trace)| trace);
-        Ok((traces(learning).collect(), traces(calibration).collect()))
+        }
+        Ok((learning, calibration))
     }
 
-    /// Passes the traces of planned flights to `done` as they end, each with whether it began without a steady state.
-    /// Failed flights are left out.
+    /// Passes the traces of chosen runs to `done` as they end, each with whether it began without a steady state. Failed
+    /// runs are left out.
     fn each(
         &self,
-        purpose: Purpose,
-        mut plan: Vec<PlannedFlight>,
-        mut done: impl FnMut(&PlannedFlight, Trace, bool) + Send,
+        suite: &Suite,
+        is_chosen: &dyn Fn(&Run) -> bool,
+        done: &mut (dyn FnMut(&Run, Trace, bool) + Send),
     ) -> Result<(), CampaignError> {
-        let Flying { study, flights, setting, workers, covariates } = *self;
-        let used = plan.iter().map(|flight| flight.environment + 1).max().unwrap_or(0);
-        let environments = Cow::Borrowed(&purpose.environments(flights)[..used]);
-        for flight in &mut plan {
-            flight.duration_s = flight.duration_s.min(flights.duration_s);
-        }
-        let lot = (purpose, flights.seed);
-        let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
-        let which: Vec<usize> = (0..flown.plan.len()).collect();
+        let Flying { study, duration_s, setting, workers, covariates } = *self;
         let scales: Vec<f64> = study.scales();
-        let observer = |_: &PlannedFlight| Tracing {
+        let observer = |_: &Run| Tracing {
             covariates,
             scales: &scales,
             period_s: study.sample_period_s,
             last: vec![None; covariates.len()],
             trace: Trace::default(),
         };
-        flown.fly(&which, observer, |flight, tracing, outcome| {
-            if let Ok(work) = outcome {
-                done(flight, tracing.trace, flown.is_on_the_move(flight, &work));
+        for environments in batches(study, suite, 0) {
+            let mut runs = plan::runs(study, suite, &environments);
+            runs.retain(is_chosen);
+            for run in &mut runs {
+                run.duration_s = run.duration_s.min(duration_s);
             }
-        });
-        match workers.is_cancelled() {
-            true => Err(CampaignError::Cancelled),
-            false => Ok(()),
+            let chosen = (environments, runs);
+            let flown = Runner::of_runs(study, suite, (setting, None), chosen, workers)?;
+            flown.fly(observer, |run, tracing, outcome| {
+                if let Ok(work) = outcome {
+                    done(run, tracing.trace, flown.is_on_the_move(run, &work));
+                }
+            });
+            if workers.is_cancelled() {
+                return Err(CampaignError::Cancelled);
+            }
         }
+        Ok(())
     }
 }

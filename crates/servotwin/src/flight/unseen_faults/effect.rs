@@ -1,7 +1,7 @@
 //! Effects of an unseen fault: changes of the plant, the sensor readings, or the twin's inputs.
 
 use crate::ensemble::Later;
-use crate::flight::plan::PlannedFlight;
+use crate::run::Run;
 use crate::signal::bus::sent;
 use crate::signal::random::NormalDeviates;
 use crate::study::Study;
@@ -172,7 +172,7 @@ impl Changes {
     pub fn environments(
         &self,
         was: &Environment,
-        flight: &PlannedFlight,
+        flight: &Run,
         period_s: f64,
     ) -> [Option<Environment>; 2] {
         let one = |is_of: &dyn Fn(bool, bool) -> bool| {
@@ -202,7 +202,7 @@ impl Changes {
     pub fn later(
         &self,
         study: &Study,
-        flight: &PlannedFlight,
+        flight: &Run,
         overrides: &[(usize, usize, f64)],
     ) -> Vec<Later> {
         let is_held = |change: &Change| match change {
@@ -346,7 +346,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
 }
 
 /// An input with the change from the onset on.
-fn altered(was: &Piecewise, effect: Effect, flight: &PlannedFlight, period_s: f64) -> Piecewise {
+fn altered(was: &Piecewise, effect: Effect, flight: &Run, period_s: f64) -> Piecewise {
     let onset_s = (flight.onset_s / period_s).floor() * period_s;
     let value = |time_s: f64| {
         let risen = ((time_s - onset_s) / FALL_S).clamp(0.0, 1.0);
@@ -395,14 +395,8 @@ pub struct Touched {
 
 impl Touched {
     /// Applies the changes from the sample `onset` on.
-    pub fn new(touches: Vec<Touch>, onset: usize, seed: u64) -> Self {
-        Touched {
-            touches,
-            onset,
-            random: NormalDeviates::new(seed),
-            measured: vec![],
-            inputs: vec![],
-        }
+    pub fn new(touches: Vec<Touch>, onset: usize, random: NormalDeviates) -> Self {
+        Touched { touches, onset, random, measured: vec![], inputs: vec![] }
     }
 
     /// Takes a sample and applies the changes.

@@ -9,23 +9,16 @@ mod list;
 pub(super) use effect::Touched;
 pub use list::{ALL, Foreign, set_names};
 
-use super::campaign::FlightCampaign;
 use super::judge::{Latency, latency};
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
-use super::plan::{Onset, PlannedFlight, Purpose};
 use super::watched::{Truth, Watching, watch};
-use crate::experiment::CampaignError;
 use crate::parallel::Workers;
+use crate::run::runner::{Chosen, Runner};
+use crate::run::{CampaignError, Profile, Run};
 use crate::study::flights::Environment;
-use crate::study::{Flights, Setting, Study};
+use crate::study::{Setting, Stream, Study, Suite};
 use effect::Changes;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
-use std::borrow::Cow;
-use std::sync::Arc;
-
-/// The first number of these flights, so that specimens and noise differ from other flights.
-const FIRST: usize = 500_000;
 
 /// Number of flights by output; every flight counts once, by its most specific output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -160,21 +153,42 @@ impl UnseenFaultMetrics {
     }
 }
 
-/// One flight with an unseen fault.
+impl UnseenFaultMetrics {
+    /// Counts the flights of a scenario.
+    pub fn of(setting: &str, outcomes: &[FlightOutcome]) -> Self {
+        let of = |title: &str, is_own: &dyn Fn(&FlightOutcome) -> bool| {
+            let own: Vec<&FlightOutcome> = outcomes.iter().filter(|row| is_own(row)).collect();
+            (!own.is_empty()).then(|| counted(title, &own))
+        };
+        let of_fault = |fault: &Foreign| {
+            let counted = of(fault.title, &|row| row.event == fault.title)?;
+            let (strengths, needed) = (fault.strengths_in_words.into(), Some(fault.needed));
+            Some(UnseenFaultOutcome { strengths, needed, ..counted })
+        };
+        let of_set = |set| of(set, &|row| row.kind == set);
+        UnseenFaultMetrics {
+            setting: setting.into(),
+            outcomes: ALL.iter().filter_map(of_fault).collect(),
+            sets: set_names().into_iter().filter_map(of_set).collect(),
+        }
+    }
+}
+
+/// One run with an unseen fault.
 struct Case {
     /// Its index in [`ALL`].
     foreign: usize,
-    unit: usize,
     strength: f64,
     changes: Changes,
     /// The plant's environment, if it differs from the twin's.
     real: Option<Environment>,
+    /// The number of the environment before any change.
     base: usize,
 }
 
 impl Case {
-    /// What is right in its flight.
-    fn truth(&self, study: &Study, flight: &PlannedFlight) -> Truth {
+    /// What is right in its run.
+    fn truth(&self, study: &Study, run: &Run) -> Truth {
         let Foreign { set, title, needed, .. } = ALL[self.foreign];
         let names = |units: &[usize]| {
             let name = |&unit: &usize| match study.units[unit].as_str() {
@@ -185,13 +199,13 @@ impl Case {
         };
         let Changes { at_fault, misinformed, .. } = &self.changes;
         let run = FlightOutcome {
-            number: flight.number as u64,
+            number: run.number as u64,
             environment: self.base as u64,
             event: title.into(),
             kind: set.into(),
             intensity: self.strength,
-            onset_s: Some(flight.onset_s),
-            duration_s: flight.duration_s,
+            onset_s: Some(run.onset_s),
+            duration_s: run.duration_s,
             at_fault: names(at_fault),
             misinformed: names(misinformed),
             needed,
@@ -200,140 +214,101 @@ impl Case {
         };
         Truth { run, at_fault: at_fault.clone(), misinformed: misinformed.clone() }
     }
-
-    /// Its environment, its actuator and how strong the fault is.
-    fn in_words(&self, study: &Study, flights: &Flights) -> String {
-        let environment = &flights.judged[self.base].name;
-        let unit = &study.units[self.unit];
-        let of = if unit.is_empty() { String::new() } else { format!(", {unit}") };
-        format!("{environment}{of} at {}", self.strength)
-    }
 }
 
-/// The cases, their flights and the environments as twins receive them.
-#[derive(Default)]
+/// The cases, their runs and the environments as twins receive them.
 struct Plan {
     cases: Vec<Case>,
-    flights: Vec<PlannedFlight>,
+    runs: Vec<Run>,
     told: Vec<Environment>,
 }
 
 impl Plan {
-    fn new(study: &Study, flights: &Flights) -> Self {
-        let mut plan = Plan { told: flights.judged.clone(), ..Plan::default() };
-        let count = flights.judged.len();
+    /// All events of the list, each for every actuator, as often as the suite repeats them.
+    fn new(study: &Study, suite: &Suite) -> Result<Self, CampaignError> {
+        let told = study.environments(suite, 0..suite.environments)?;
+        let mut plan = Plan { cases: vec![], runs: vec![], told };
         for (foreign, fault) in ALL.iter().enumerate() {
             for (place, &strength) in fault.strengths.iter().enumerate() {
                 for unit in 0..study.units.len() {
                     let effects = (fault.effects)(strength);
                     let Some(changes) = Changes::new(study, unit, &effects) else { continue };
-                    for repeat in 0..flights.judge.foreign {
+                    for repeat in 0..suite.repeats {
                         // Eleven and seven have no common divisor with the usual numbers.
-                        let base = (11 * repeat + 7 * foreign + 5 * place + 3 * unit) % count;
-                        let case = Case {
-                            foreign,
-                            unit,
-                            strength,
-                            changes: changes.clone(),
-                            real: None,
-                            base,
-                        };
-                        plan.add(study, flights, case);
+                        let number = 11 * repeat + 7 * foreign + 5 * place + 3 * unit;
+                        let base = number % suite.environments;
+                        let changes = changes.clone();
+                        let case = Case { foreign, strength, changes, real: None, base };
+                        plan.add(study, suite, case);
                     }
                 }
             }
         }
-        plan
+        Ok(plan)
     }
 
-    fn add(&mut self, study: &Study, flights: &Flights, mut case: Case) {
-        let [from, to] = flights.onset_s;
-        let mut flight = PlannedFlight {
-            number: FIRST + self.cases.len(),
+    fn add(&mut self, study: &Study, suite: &Suite, mut case: Case) {
+        let middle_s = suite.onset_s.map_or(0.0, |[from, to]| 0.5 * (from + to));
+        let mut run = Run {
+            number: self.cases.len(),
             environment: case.base,
             fault: None,
             intensity: 0.0,
-            onset_s: 0.5 * (from + to),
-            onset: Onset::Step,
-            duration_s: flights.duration_s,
+            onset_s: middle_s,
+            profile: Profile::Step,
+            duration_s: suite.duration_s,
         };
-        let base = &flights.judged[case.base];
-        let [plant, twin] = case.changes.environments(base, &flight, study.sample_period_s);
+        let base = &self.told[case.base];
+        let [plant, twin] = case.changes.environments(base, &run, study.sample_period_s);
         // If only the twin's environment changes, the plant keeps the original one.
         case.real = twin.is_some().then(|| plant.unwrap_or_else(|| base.clone()));
         if let Some(twin) = twin {
-            flight.environment = self.told.len();
+            run.environment = self.told.len();
             self.told.push(twin);
         }
-        self.flights.push(flight);
+        self.runs.push(run);
         self.cases.push(case);
     }
 }
 
-/// Flies the unseen faults of some challenge sets in some of the test environments. Returns what was counted, and the
-/// outcomes.
+/// Flies the unseen faults of a suite, watched by diagnoses. Returns the outcomes.
 ///
 /// # Errors
-/// A twin cannot be simulated, or [`Diagnoser::check`] fails for a study that does not fit.
-pub fn judge(
+/// A command cannot be flown, or a twin cannot be simulated.
+pub(super) fn fly(
     study: &Study,
-    flights: &Flights,
-    setting: Setting,
-    diagnoser: &Arc<Diagnoser>,
-    sets: &[&str],
+    suite: &Suite,
+    scenario: Setting,
+    watching: &[Watching],
     workers: Workers,
-) -> Result<(UnseenFaultMetrics, Vec<FlightOutcome>), CampaignError> {
-    let Plan { cases, flights: mut plan, told } = Plan::new(study, flights);
-    let case = |flight: &PlannedFlight| &cases[flight.number - FIRST];
-    // Numbers, and so specimens and noise, do not depend on the chosen sets.
-    plan.retain(|flight| sets.contains(&ALL[case(flight).foreign].set));
-    let lot = (Purpose::Judge, flights.seed);
-    let told = Cow::Owned(told);
-    let flown = FlightCampaign::planned(study, told, plan, lot, setting, workers)?;
-    let session = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
-    let touched = |flight: &PlannedFlight| {
-        let onset = (flight.onset_s / flown.period_s()).ceil() as usize;
-        Some(Touched::new(case(flight).changes.touches(), onset, flight.number as u64))
+) -> Result<Vec<FlightOutcome>, CampaignError> {
+    let Plan { cases, runs, told } = Plan::new(study, suite)?;
+    let case = |run: &Run| &cases[run.number];
+    let chosen = Chosen::default();
+    let flown = Runner::chosen(study, suite, scenario, (told, runs), chosen, workers)?;
+    let touched = |run: &Run| {
+        let onset = (run.onset_s / flown.period_s()).ceil() as usize;
+        let random = suite.seed_of(run.number).stream(Stream::Reading);
+        Some(Touched::new(case(run).changes.touches(), onset, random))
     };
-    let outcomes = watch(
+    Ok(watch(
         &flown,
-        &[Watching { session, missing: None }],
-        &|flight| case(flight).truth(study, flight),
+        watching,
+        &|run| case(run).truth(study, run),
         &touched,
-        |flight, variant| {
-            let case = case(flight);
+        |run, variant| {
+            let case = case(run);
             if let Some(real) = &case.real {
                 variant.inputs = real.inputs.iter().collect();
             }
-            variant.later = case.changes.later(study, flight, &variant.overrides);
+            variant.later = case.changes.later(study, run, &variant.overrides);
         },
-        &|_, _| (),
-    );
-    let in_words =
-        |row: &FlightOutcome| cases[row.number as usize - FIRST].in_words(study, flights);
-    let of = |title: &str, is_own: &dyn Fn(&FlightOutcome) -> bool| {
-        let own: Vec<&FlightOutcome> = outcomes.iter().filter(|row| is_own(row)).collect();
-        (!own.is_empty()).then(|| counted(title, &own, &in_words))
-    };
-    let of_fault = |fault: &Foreign| {
-        let counted = of(fault.title, &|row| row.event == fault.title)?;
-        let (strengths, needed) = (fault.strengths_in_words.into(), Some(fault.needed));
-        Some(UnseenFaultOutcome { strengths, needed, ..counted })
-    };
-    let metrics = UnseenFaultMetrics {
-        setting: setting.name().into(),
-        outcomes: ALL.iter().filter_map(of_fault).collect(),
-        sets: set_names().into_iter().filter_map(|set| of(set, &|row| row.kind == set)).collect(),
-    };
-    Ok((metrics, outcomes))
+        &|_| (),
+    ))
 }
 
-/// Counts some flights. `in_words` describes a flight.
-fn counted(
-    title: &str,
-    own: &[&FlightOutcome],
-    in_words: &dyn Fn(&FlightOutcome) -> String,
-) -> UnseenFaultOutcome {
+/// Counts some flights.
+fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
     let finished: Vec<&FlightOutcome> = own.iter().copied().filter(|row| row.is_finished).collect();
     let mut words = Words::default();
     finished.iter().for_each(|row| words.count(row));
@@ -342,6 +317,11 @@ fn counted(
         |holds: fn(&FlightOutcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
     let has_shutdown = |row: &FlightOutcome| row.shutdown_healthy || row.early_shutdowns > 0;
     let is_wrong = |row: &&&FlightOutcome| has_shutdown(row) || row.shutdown_misinformed;
+    let in_words = |row: &FlightOutcome| {
+        let of = if row.at_fault.is_empty() { &row.misinformed } else { &row.at_fault };
+        let of = if of.is_empty() { String::new() } else { format!(", {of}") };
+        format!("environment {}{of} at {}", row.environment, row.intensity)
+    };
     UnseenFaultOutcome {
         title: title.into(),
         strengths: String::new(),

@@ -12,10 +12,9 @@
 //! and 2.
 
 use super::{SearchObjective, SearchOutcome};
-use crate::flight::campaign::Observer;
 use crate::flight::evidence::EvidencePeak;
-use crate::flight::plan::PlannedFlight;
-use crate::flight::watched::{RaisedLog, Visibility};
+use crate::flight::watched::{OutOfBands, RaisedLog};
+use crate::run::{Observer, Run};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Raised, Session};
 use servotwin_model::math::ln;
@@ -34,7 +33,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    pub fn new(objective: SearchObjective, study: &Study, flight: &PlannedFlight) -> Self {
+    pub fn new(objective: SearchObjective, study: &Study, flight: &Run) -> Self {
         Target {
             objective,
             faulty: flight.fault.map(|fault| study.units[study.faults[fault].unit].clone()),
@@ -56,7 +55,7 @@ pub(super) struct MarginWatch {
     log: RaisedLog,
     /// The evidence since the onset for the actions of the objective.
     peak: EvidencePeak,
-    visibility: Visibility,
+    out_of_bands: OutOfBands,
     /// The largest departure of the tracked variable so far.
     departure: f64,
 }
@@ -77,7 +76,7 @@ impl MarginWatch {
         };
         MarginWatch {
             peak: EvidencePeak::new(&diagnoser, is_counted),
-            visibility: Visibility::new(diagnoser.lengths.len(), since),
+            out_of_bands: OutOfBands::new(diagnoser.lengths.len(), since),
             faulty: faulty.map(|faulty| faulty as u32),
             log: RaisedLog::default(),
             departure: 0.0,
@@ -101,7 +100,7 @@ impl MarginWatch {
     }
 
     pub fn into_outcome(self) -> SearchOutcome {
-        let is_visible = self.faulty.is_some() && self.visibility.seen.is_some();
+        let is_visible = self.faulty.is_some() && self.out_of_bands.seen.is_some();
         let counted = self.counted();
         let evidence = self.peak.largest();
         let (margin, is_error) = match (self.target.objective, counted) {
@@ -143,7 +142,7 @@ fn improbability(probability: f64) -> f64 {
 impl Observer for MarginWatch {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
         self.log.take(self.session.push(inputs, measured, twin));
-        self.visibility.look(index as u64, &self.session);
+        self.out_of_bands.look(index as u64, &self.session);
         if index as u64 >= self.since {
             self.peak.take(&self.session);
         }

@@ -11,19 +11,16 @@ pub mod cross_entropy;
 pub mod margin;
 pub mod space;
 
-use super::campaign::{ChosenSpecimens, FlightCampaign};
-use super::plan::{Onset, PlannedFlight, Purpose};
 use super::tracking::TrackedQuantities;
-use crate::experiment::CampaignError;
 use crate::parallel::Workers;
-use crate::study::{Setting, Study, StudyError};
+use crate::run::runner::{Chosen, Runner};
+use crate::run::{CampaignError, Profile, Run};
+use crate::study::suites::JUDGE;
+use crate::study::{Setting, Study, StudyError, Suite};
 use margin::{MarginWatch, Target};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Session;
 use space::{SearchPoint, SearchSpace};
-
-/// The number of the first flight: beyond those of all evaluations, so that no specimen and no noise flies twice.
-const FIRST_NUMBER: usize = 700_000;
 
 /// The largest number of a point.
 pub const MAX_POINTS: usize = 200_000;
@@ -159,31 +156,24 @@ impl PointFlyer<'_> {
         let chosen: Vec<_> = points.iter().map(|point| space.chosen(self.seed, point)).collect();
         let environments = self.study.chosen_environments(&chosen).map_err(Box::new)?;
         let environments = environments.ok_or(SearchError::NoFlights)?;
-        let plan: Vec<PlannedFlight> =
-            points.iter().enumerate().map(|(place, point)| flight(space, place, point)).collect();
+        let suite = search_suite(self.study, self.seed).ok_or(SearchError::NoFlights)?;
+        let runs: Vec<Run> =
+            points.iter().enumerate().map(|(place, point)| run(space, place, point)).collect();
         let quantities = TrackedQuantities::of(self.study);
-        let specimens = ChosenSpecimens {
+        let chosen = Chosen {
             deviations: points.iter().map(|point| space.deviations(point).to_vec()).collect(),
             tracked: quantities.following_slot().into_iter().collect(),
         };
-        let (lot, setting) = ((Purpose::Judge, self.seed), self.setting);
-        let flown = FlightCampaign::chosen(
-            self.study,
-            environments,
-            plan,
-            lot,
-            setting,
-            specimens,
-            self.workers,
-        )?;
-        let target = |flight: &PlannedFlight| Target::new(space.objective, self.study, flight);
+        let planned = (environments, runs);
+        let flown =
+            Runner::chosen(self.study, &suite, self.setting, planned, chosen, self.workers)?;
+        let target = |run: &Run| Target::new(space.objective, self.study, run);
         let mut outcomes = vec![SearchOutcome::failed(); points.len()];
         flown.fly(
-            &flown.which,
-            |flight| MarginWatch::new(self.session.clone(), target(flight), flown.period_s()),
-            |flight, watch, outcome| {
+            |run| MarginWatch::new(self.session.clone(), target(run), flown.period_s()),
+            |run, watch, outcome| {
                 if outcome.is_ok() {
-                    outcomes[flight.environment] = watch.into_outcome();
+                    outcomes[run.environment] = watch.into_outcome();
                 }
             },
         );
@@ -194,16 +184,23 @@ impl PointFlyer<'_> {
     }
 }
 
-/// The flight of a point, in the environment of its own place.
-fn flight(space: &SearchSpace, place: usize, point: &SearchPoint) -> PlannedFlight {
+/// The suite whose random numbers the points have.
+pub(super) fn search_suite(study: &Study, seed: u64) -> Option<Suite> {
+    let mut suite = study.suite(JUDGE, false)?.clone().with_seed(seed);
+    suite.draws = "worst_case".into();
+    Some(suite)
+}
+
+/// The run of a point, in the environment of its own place.
+fn run(space: &SearchSpace, place: usize, point: &SearchPoint) -> Run {
     let fault = space.fault(point);
-    PlannedFlight {
-        number: FIRST_NUMBER + point.number,
+    Run {
+        number: point.number,
         environment: place,
         fault,
         intensity: if fault.is_some() { INTENSITY } else { 0.0 },
         onset_s: if fault.is_some() { space.onset_s(point) } else { f64::INFINITY },
-        onset: Onset::Step,
+        profile: Profile::Step,
         duration_s: space.ranges.duration_s,
     }
 }

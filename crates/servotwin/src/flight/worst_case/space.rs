@@ -3,7 +3,7 @@
 use super::{SearchError, SearchObjective};
 use crate::shown::shown;
 use crate::signal::random::NormalDeviates;
-use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Setting, Study};
+use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Seed, Setting, Study};
 
 /// Numbers of a point are rounded to this many steps per unit, so that a line of text holds them exactly.
 const STEPS_PER_UNIT: f64 = 1000.0;
@@ -232,7 +232,7 @@ impl SearchSpace {
     pub(super) fn chosen<'p>(&self, seed: u64, point: &'p SearchPoint) -> ChosenEnvironment<'p> {
         let [commands, environment, tolerances] = self.begins;
         ChosenEnvironment {
-            draw: (seed as usize, point.number),
+            seed: Seed::of(seed, "worst_case/environment", point.number as u64),
             pattern: point.values[COMMAND] as usize,
             command: &point.values[commands..environment],
             shares: &point.values[environment..tolerances],

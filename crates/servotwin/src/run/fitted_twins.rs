@@ -7,8 +7,8 @@
 //! The twin cannot take over the structure of the plant, so a fit usually has a finding. `servotwin fit` would then
 //! write nothing, because a finding may be a fault. Here the plant is known to be healthy, and the twin takes the fit.
 
-use super::campaign::FlightCampaign;
-use crate::experiment::{
+use super::runner::Runner;
+use super::{
     CampaignError, Overrides, SensorChain, calibration_flights, calibration_of, calibration_record,
 };
 use crate::fit::unknown::Moved;
@@ -29,12 +29,21 @@ pub struct CalibrationRecords {
     pub with_findings: usize,
 }
 
+impl CalibrationRecords {
+    /// Adds those of other flights.
+    pub fn add(&mut self, other: CalibrationRecords) {
+        self.flown += other.flown;
+        self.rejected += other.rejected;
+        self.with_findings += other.with_findings;
+    }
+}
+
 /// Fits the twin of each environment to its plant. Returns the parameters of the twins.
 pub(super) fn fit(
-    flown: &FlightCampaign,
+    flown: &Runner,
     workers: Workers,
 ) -> Result<(Vec<Overrides>, CalibrationRecords), CampaignError> {
-    let study = flown.study;
+    let study = flown.study();
     let calibration = calibration_of(study)?;
     let measured = measured(flown, calibration)?;
     let unknowns = unknowns(flown);
@@ -64,7 +73,7 @@ pub(super) fn fit(
 }
 
 /// Tolerances and draws, without what an environment sets.
-fn unknowns(flown: &FlightCampaign) -> Vec<Unknown> {
+fn unknowns(flown: &Runner) -> Vec<Unknown> {
     let environments = flown.environments.iter();
     let told: BTreeSet<(usize, usize)> =
         environments.flat_map(|e| e.parameters.iter().map(|told| (told.0, told.1))).collect();
@@ -72,25 +81,22 @@ fn unknowns(flown: &FlightCampaign) -> Vec<Unknown> {
         Moved::Parameters { members, .. } => members.iter().any(|m| told.contains(&(m.0, m.1))),
         Moved::Fault(..) => false,
     };
-    let all = Unknown::of_study(flown.study).into_iter().chain(Unknown::of_draws(flown.study));
+    let all = Unknown::of_study(flown.study()).into_iter().chain(Unknown::of_draws(flown.study()));
     all.filter(|unknown| !is_told(unknown)).collect()
 }
 
 /// The sensor values of each plant in its calibration flight, ordered by sample.
-fn measured(
-    flown: &FlightCampaign,
-    calibration: &Calibration,
-) -> Result<Vec<Vec<f64>>, CampaignError> {
+fn measured(flown: &Runner, calibration: &Calibration) -> Result<Vec<Vec<f64>>, CampaignError> {
     let (plants, ensemble) = flown.others.as_ref().expect("plants of another structure");
     let sensors = |place| {
-        let chain = SensorChain::new(flown.study, flown.sensors, flown.calibration_noise(place));
-        chain.with_latencies(plants.latencies(flown.number_of(place), flown.sensors))
+        let chain = SensorChain::new(flown.study(), flown.sensors, flown.calibration_noise(place));
+        chain.with_latencies(plants.latencies(flown.seed_of_environment(place), flown.sensors))
     };
     calibration_flights(
         ensemble,
         calibration,
         &flown.specimens(),
-        |place, variant| plants.alter(flown.study, flown.number_of(place), variant),
+        |place, variant| plants.alter(flown.study(), flown.seed_of_environment(place), variant),
         sensors,
     )
 }

@@ -1,7 +1,7 @@
 //! Errors of campaigns and flights.
 
 use crate::files::FileError;
-use crate::study::{Section, Setting, Study};
+use crate::study::{Section, Setting, Study, StudyError};
 use crate::table::TableError;
 use std::path::{Path, PathBuf};
 
@@ -27,6 +27,9 @@ pub enum CampaignError {
     /// Data sets were requested of an incomplete campaign.
     #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
     Unfinished { missing: usize, damaged: Option<PathBuf> },
+    /// A command of a suite cannot be flown.
+    #[error(transparent)]
+    Study(Box<StudyError>),
     /// The run was stopped.
     #[error("cancelled")]
     Cancelled,
@@ -36,6 +39,12 @@ pub enum CampaignError {
     /// The healthy twin could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin { case: String, reason: String },
+}
+
+impl From<StudyError> for CampaignError {
+    fn from(error: StudyError) -> Self {
+        CampaignError::Study(Box::new(error))
+    }
 }
 
 impl CampaignError {

@@ -1,36 +1,35 @@
 //! Plants that differ from their twin in structure: a system of its own, whose specimens are named as those of the
 //! twin's system and mapped to it by name.
 
+use super::CampaignError;
 use crate::compiled::Compiled;
 use crate::ensemble::{Later, Variant};
-use crate::experiment::CampaignError;
-use crate::signal::random::NormalDeviates;
 use crate::study::other_plant::apply_draws;
-use crate::study::{OtherPlant, Study};
+use crate::study::{OtherPlant, Seed, Stream, Study, Suite};
 use crate::system::System;
 use servotwin_model::components;
 use servotwin_model::network::Instance;
 use servotwin_model::program::FaultAt;
-
-/// The name of the scenario in files and reports.
-pub const OTHER_PLANT: &str = "other_plant";
-
-/// The name of the scenario in which the twins are fitted to such plants.
-pub const OTHER_PLANT_FITTED: &str = "other_plant_fitted";
-
-/// The generator of draws is one of many with the study's seed; other purposes use others.
-const STREAM: u64 = 0x6f74_6865_7200_0000;
 
 /// The plants of a study's section `[flights.other_plant]`.
 pub struct OtherPlants {
     /// The plants' system: the twin's, with components of other kinds at the same positions.
     pub system: System,
     differences: OtherPlant,
-    seed: u64,
     period_s: f64,
 }
 
 impl OtherPlants {
+    /// The plants of a suite; `None` if they have the structure of their twins.
+    ///
+    /// # Errors
+    /// As [`OtherPlants::new`].
+    pub fn of(study: &Study, suite: &Suite) -> Result<Option<Self>, CampaignError> {
+        let differences = study.flights.as_ref().and_then(|flights| flights.other_plant.as_ref());
+        let differences = differences.filter(|_| suite.has_other_plants);
+        differences.map(|differences| OtherPlants::new(study, differences)).transpose()
+    }
+
     /// Compiles the plants' system.
     ///
     /// # Errors
@@ -51,13 +50,12 @@ impl OtherPlants {
             text: study.system.text.clone(),
             compiled: Compiled::default(),
         };
-        let seed = study.realism.as_ref().map_or(0, |realism| realism.seed);
         let differences = differences.clone();
-        Ok(Self { system, differences, seed, period_s: study.sample_period_s })
+        Ok(Self { system, differences, period_s: study.sample_period_s })
     }
 
     /// Changes a variant of the twin's system to one of these plants, with the draws of a specimen.
-    pub(super) fn alter(&self, study: &Study, specimen: usize, variant: &mut Variant) {
+    pub(super) fn alter(&self, study: &Study, seed: Seed, variant: &mut Variant) {
         let twins = &study.system.network().components;
         let parts = &self.system.network().components;
         // A parameter that the other kind lacks has no counterpart in the plant.
@@ -78,23 +76,19 @@ impl OtherPlants {
             overrides: later.overrides.iter().filter_map(value).collect(),
         });
         variant.later = later.collect();
-        let mut random = self.random(specimen);
+        let mut random = seed.stream(Stream::OtherPlant);
         apply_draws(&self.differences.draws, 1.0, parts, &mut random, &mut variant.overrides);
     }
 
     /// The latency of each sensor of a specimen, in samples.
-    pub(super) fn latencies(&self, specimen: usize, sensors: usize) -> Vec<f64> {
-        let mut random = self.random(specimen);
+    pub(super) fn latencies(&self, seed: Seed, sensors: usize) -> Vec<f64> {
+        let mut random = seed.stream(Stream::OtherPlant);
         // The first numbers belong to the parameters.
         self.differences.draws.iter().for_each(|_| {
             random.unit();
         });
         let [low, high] = self.differences.latency_s;
         (0..sensors).map(|_| (low + (high - low) * random.unit()) / self.period_s).collect()
-    }
-
-    fn random(&self, specimen: usize) -> NormalDeviates {
-        NormalDeviates::stream(self.seed, STREAM ^ specimen as u64)
     }
 }
 

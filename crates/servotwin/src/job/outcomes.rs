@@ -1,0 +1,314 @@
+//! The outcomes of a suite in a scenario, as a folder holds them. An interrupted suite goes on where it was last stored.
+
+use super::flights::{Crew, SETTINGS, diagnoser};
+use super::{Folder, JobError};
+use crate::flight::judge::HealthyMetrics;
+use crate::flight::outcome::{self, FlightOutcome};
+use crate::flight::watched::{self, FlownEnvironments, Watching, fly_suite};
+use crate::manifest::{sha256, sha256_of_text};
+use crate::parallel::Workers;
+use crate::run::fitted_twins::CalibrationRecords;
+use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
+use crate::study::{Setting, Study, Suite};
+use crate::table::{self, TableError};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
+use servotwin_diagnosis::error::Error;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A suite is stored whenever it has grown by this fraction: every part at first, and rarely once its file is large.
+const STORED_EVERY: f64 = 0.05;
+
+/// The numbers of runs of a suite.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SuiteSize {
+    /// The suite.
+    pub suite: String,
+    /// The number of environments.
+    pub environments: usize,
+    /// The number of runs of every fault at every intensity.
+    pub repeats: usize,
+    /// The number of healthy runs in each environment.
+    pub healthy: usize,
+    /// The length of a run with a fault, s.
+    pub duration_s: f64,
+    /// The length of a healthy run, s.
+    pub healthy_duration_s: f64,
+}
+
+impl From<&Suite> for SuiteSize {
+    fn from(suite: &Suite) -> Self {
+        let &Suite { environments, repeats, healthy, duration_s, healthy_duration_s, .. } = suite;
+        let suite = suite.name.clone();
+        SuiteSize { suite, environments, repeats, healthy, duration_s, healthy_duration_s }
+    }
+}
+
+/// The flown part of a suite in a scenario. Its file is the table of outcomes with the other fields as metadata.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlownSuite {
+    /// The suite.
+    pub suite: String,
+    /// The scenario.
+    pub scenario: String,
+    /// The seed of everything that was drawn.
+    pub seed: u64,
+    /// Whether it has the study's full sizes.
+    pub is_full: bool,
+    /// What else determines its runs, in words.
+    pub runs: String,
+    /// The hash of the diagnoser's file.
+    pub diagnoser_sha256: String,
+    /// The hash of the study file.
+    pub study_sha256: String,
+    /// The number of environments that have been flown.
+    pub environments: usize,
+    /// What became of the calibration flights, where twins are fitted to plants of another structure.
+    pub calibration: Option<CalibrationRecords>,
+    /// One outcome for each run and diagnosis, by run.
+    pub outcomes: Vec<FlightOutcome>,
+}
+
+impl FlownSuite {
+    fn new(
+        folder: &Folder,
+        (study, is_full): (&Study, bool),
+        suite: &Suite,
+        scenario: Setting,
+    ) -> Result<Self, JobError> {
+        Ok(FlownSuite {
+            suite: suite.name.clone(),
+            scenario: scenario.name().into(),
+            seed: suite.seed,
+            is_full,
+            runs: in_words(suite),
+            diagnoser_sha256: sha256(&folder.diagnoser(scenario))?,
+            study_sha256: sha256_of_text(&study.text),
+            environments: 0,
+            calibration: None,
+            outcomes: vec![],
+        })
+    }
+
+    /// Whether it was flown in this size of the study, with the diagnoser in the folder.
+    ///
+    /// # Errors
+    /// The diagnoser's file cannot be read.
+    pub fn is_of(&self, folder: &Folder, study: &Study, is_full: bool) -> Result<bool, JobError> {
+        let scenario = Setting::named(&self.scenario);
+        let model = scenario.map(|setting| sha256(&folder.diagnoser(setting))).transpose()?;
+        Ok(self.is_full == is_full
+            && self.study_sha256 == sha256_of_text(&study.text)
+            && model.as_deref() == Some(&self.diagnoser_sha256))
+    }
+
+    /// Number of runs in which the plant could not be simulated to the end.
+    pub fn failed(&self) -> usize {
+        self.outcomes.iter().filter(|row| !row.is_finished).count()
+    }
+
+    /// The counts of the time without a fault in all finished runs.
+    pub fn healthy(&self) -> HealthyMetrics {
+        let finished: Vec<&FlightOutcome> =
+            self.outcomes.iter().filter(|row| row.is_finished).collect();
+        HealthyMetrics::new(&finished)
+    }
+
+    /// What was flown, in words.
+    pub fn title(&self) -> String {
+        match self.suite.as_str() {
+            HEALTHY => self.scenario.clone(),
+            suite => format!("{suite}, {}", self.scenario),
+        }
+    }
+
+    /// The length of the longest run, s.
+    pub fn longest_s(&self) -> f64 {
+        self.outcomes.iter().map(|row| row.duration_s).fold(0.0, f64::max)
+    }
+
+    /// What determines the runs.
+    fn origin(&self) -> [(&'static str, String); 7] {
+        let FlownSuite { suite, scenario, seed, is_full, runs, .. } = self;
+        [
+            ("suite", suite.clone()),
+            ("setting", scenario.clone()),
+            ("seed", seed.to_string()),
+            ("size", if *is_full { "full" } else { "small" }.into()),
+            ("runs", runs.clone()),
+            ("diagnoser_sha256", self.diagnoser_sha256.clone()),
+            ("study_sha256", self.study_sha256.clone()),
+        ]
+    }
+
+    fn metadata(&self) -> BTreeMap<String, String> {
+        let calibration = self.calibration.map(|records| {
+            ("calibration", serde_json::to_string(&records).expect("three numbers"))
+        });
+        let environments = [("environments", self.environments.to_string())];
+        let all = self.origin().into_iter().chain(environments).chain(calibration);
+        all.map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, folder: &Folder) -> Result<(), JobError> {
+        let mut rows = outcome::table(&self.outcomes);
+        rows.metadata.extend(self.metadata());
+        let path = folder.outcomes(&self.suite, &self.scenario);
+        table::write(&path, &rows).map_err(|error| JobError::Outcomes { path, error })
+    }
+
+    /// Takes what became of some environments.
+    fn take(&mut self, flown: FlownEnvironments) {
+        self.outcomes.extend(flown.outcomes);
+        self.environments = flown.environments;
+        if let Some(more) = flown.calibration {
+            self.calibration.get_or_insert_default().add(more);
+        }
+    }
+}
+
+/// What determines the runs of a suite beside the study file: more environments only add runs to a suite in which each is
+/// flown once.
+fn in_words(suite: &Suite) -> String {
+    let SuiteSize { environments, repeats, healthy, duration_s, healthy_duration_s, .. } =
+        suite.into();
+    let environments = match (repeats, healthy) {
+        (0, 1) => String::new(),
+        _ => format!("{environments} environments, "),
+    };
+    format!(
+        "{environments}{repeats} of each fault of {duration_s} s, {healthy} healthy of {healthy_duration_s} s"
+    )
+}
+
+/// The diagnoses that watch a suite: one, or one without each sensor.
+///
+/// # Errors
+/// As [`Session::new`].
+pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watching>, Error> {
+    let session = Session::new(diagnoser.clone())?;
+    let without = |missing| Watching { session: session.clone(), missing };
+    Ok(match suite.misses_sensors {
+        true => (0..diagnoser.sensors.len()).map(|sensor| without(Some(sensor))).collect(),
+        false => vec![without(None)],
+    })
+}
+
+/// Flies a suite in a scenario with the stored diagnoser, and writes its outcomes. What the folder's file holds of the same
+/// runs stays; a file of other runs is replaced. Nothing is learned.
+///
+/// # Errors
+/// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written.
+pub fn fly(
+    folder: &Folder,
+    (study, is_full): (&Study, bool),
+    suite: &Suite,
+    scenario: Setting,
+    crew: &Crew,
+) -> Result<FlownSuite, JobError> {
+    let model = Arc::new(diagnoser(folder, scenario)?);
+    let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
+    let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
+    let stored = stored(folder, &suite.name, scenario)?;
+    let is_begun = |stored: &FlownSuite| {
+        stored.origin() == new.origin() && stored.environments <= suite.environments
+    };
+    let mut flown = stored.filter(is_begun).unwrap_or(new);
+    let what = format!("{}: {}", scenario.name(), suite.name);
+    let (from, mut written) = (flown.environments, flown.environments);
+    let told = |done: usize, of: usize| {
+        let before = from as f64 / suite.environments as f64;
+        (crew.progress)(&what, before + (1.0 - before) * done as f64 / of.max(1) as f64);
+    };
+    (crew.progress)(&what, from as f64 / suite.environments as f64);
+    let place = (study, suite, scenario);
+    fly_suite(place, &watching, from, crew.workers, &told, |own| -> Result<(), JobError> {
+        flown.take(own);
+        let has_grown = (flown.environments - written) as f64 > STORED_EVERY * written as f64;
+        if has_grown || flown.environments == suite.environments {
+            flown.outcomes.sort_by_key(|outcome| outcome.number);
+            flown.write(folder)?;
+            written = flown.environments;
+        }
+        Ok(())
+    })?;
+    Ok(flown)
+}
+
+/// Flies one environment of a suite in a scenario, watched by a diagnoser; of unseen faults all runs.
+///
+/// # Errors
+/// A twin cannot be simulated, or the diagnoser does not fit.
+pub fn fly_environment(
+    (study, suite, scenario): (&Study, &Suite, Setting),
+    environment: usize,
+    diagnoser: &Arc<Diagnoser>,
+    workers: Workers,
+) -> Result<Vec<FlightOutcome>, JobError> {
+    let watching =
+        watching(suite, diagnoser).map_err(|error| JobError::Evaluation(error.into()))?;
+    let place = (study, suite, scenario);
+    let flown = watched::fly_environments(place, &watching, environment..environment + 1, workers)?;
+    Ok(flown.outcomes)
+}
+
+/// Writes the outcomes of all runs of a suite in a scenario.
+///
+/// # Errors
+/// The diagnoser's file cannot be read, or the file cannot be written.
+pub fn write(
+    folder: &Folder,
+    (study, is_full): (&Study, bool),
+    suite: &Suite,
+    scenario: Setting,
+    mut outcomes: Vec<FlightOutcome>,
+) -> Result<(), JobError> {
+    outcomes.sort_by_key(|outcome| outcome.number);
+    let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
+    FlownSuite { environments: suite.environments, outcomes, ..new }.write(folder)
+}
+
+/// Reads the healthy flights in environments of their own, in all scenarios.
+///
+/// # Errors
+/// As [`stored`].
+pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
+    let both = |suite| SETTINGS.map(|setting| stored(folder, suite, setting).transpose());
+    [HEALTHY, HEALTHY_OTHER_STRUCTURE].into_iter().flat_map(both).flatten().collect()
+}
+
+/// Reads the outcomes of a suite in a scenario; `None` if there are none.
+///
+/// # Errors
+/// The file cannot be read, or contradicts the manifest.
+pub fn stored(
+    folder: &Folder,
+    suite: &str,
+    scenario: Setting,
+) -> Result<Option<FlownSuite>, JobError> {
+    let path = folder.outcomes(suite, scenario.name());
+    if !path.exists() {
+        return Ok(None);
+    }
+    let wrong = |error: TableError| JobError::Outcomes { path: path.clone(), error };
+    let rows = table::read(&path).map_err(wrong)?;
+    let text = |key: &str| rows.metadata.get(key).cloned().unwrap_or_default();
+    let number = |key: &str| text(key).parse().unwrap_or_default();
+    Ok(Some(FlownSuite {
+        suite: text("suite"),
+        scenario: text("setting"),
+        seed: number("seed"),
+        is_full: text("size") == "full",
+        runs: text("runs"),
+        diagnoser_sha256: text("diagnoser_sha256"),
+        study_sha256: text("study_sha256"),
+        environments: number("environments") as usize,
+        calibration: serde_json::from_str(&text("calibration")).ok(),
+        outcomes: outcome::from_table(&rows).map_err(wrong)?,
+    }))
+}

@@ -1,0 +1,350 @@
+//! Flies runs in lanes: each plant's sensor values are observed together with the twin of its environment.
+//!
+//! In the scenario *fitted*, one specimen flies all runs of an environment, and the environment's twin is fitted to its
+//! calibration flight. Otherwise every run has another specimen, compared with the nominal twin. The plants of a suite may
+//! have another structure than their twins ([`OtherPlants`]), and the twins may be fitted to them as well.
+
+use super::fitted_twins::{self, CalibrationRecords};
+use super::other_plant::OtherPlants;
+use super::plan::{self, Run};
+use super::{
+    CampaignError, Observer, Overrides, SensorChain, SpecimenDraw, Twins, Watch, ensemble,
+    fit_twins, simulate_twins,
+};
+use crate::ensemble::{Ensemble, Variant};
+use crate::parallel::Workers;
+use crate::signal::random::NormalDeviates;
+use crate::study::flights::Environment;
+use crate::study::other_plant::apply_draws;
+use crate::study::{Plants, Seed, Setting, Stream, Study, Suite};
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{SolverFailure, Statistics};
+use std::ops::Range;
+
+/// The twins of this many samples are in memory at a time: about 200 MB.
+const TWIN_SAMPLES: f64 = 1e6;
+
+/// What is chosen rather than drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Chosen {
+    /// For each environment, the deviation of its specimen in each tolerance, in standard deviations; empty if specimens
+    /// are drawn.
+    pub deviations: Vec<Vec<f64>>,
+    /// Variables of plant and twin that observers track.
+    pub tracked: Vec<Slot>,
+}
+
+/// Runs of a suite in one scenario, with the twins of their environments.
+pub struct Runner<'s> {
+    study: &'s Study,
+    suite: &'s Suite,
+    /// The scenario.
+    pub scenario: Setting,
+    /// The number of the first environment.
+    first: usize,
+    pub(super) environments: Vec<Environment>,
+    ensemble: Ensemble<'s>,
+    /// Plants with a system of their own, and the ensemble that flies them.
+    pub(super) others: Option<(&'s OtherPlants, Ensemble<'s>)>,
+    /// The runs, by number.
+    pub runs: Vec<Run>,
+    /// What became of the calibration flights of plants with another structure.
+    pub calibration: Option<CalibrationRecords>,
+    /// The twins by environment.
+    twins: Twins<usize>,
+    pub(super) sensors: usize,
+    deviations: Vec<Vec<f64>>,
+    /// The parameters of the twin of each environment, whose specimen flies all runs there; empty where twins are not
+    /// fitted.
+    fitted: Vec<Overrides>,
+}
+
+/// Flies a suite in a scenario, some environments at a time, so that memory does not grow with their number. `fly` takes
+/// the runner of the environments at hand, and the numbers of these.
+///
+/// # Errors
+/// A command cannot be flown, a twin cannot be simulated, the error of `fly`, or [`CampaignError::Cancelled`].
+pub fn in_batches<'s, E: From<CampaignError>>(
+    study: &'s Study,
+    suite: &'s Suite,
+    scenario: Setting,
+    from: usize,
+    workers: Workers,
+    mut fly: impl FnMut(&Runner, Range<usize>) -> Result<(), E>,
+) -> Result<(), E> {
+    let others = OtherPlants::of(study, suite)?;
+    for environments in batches(study, suite, from) {
+        let runner =
+            Runner::new(study, suite, (scenario, others.as_ref()), environments.clone(), workers)?;
+        fly(&runner, environments)?;
+        if workers.is_cancelled() {
+            return Err(CampaignError::Cancelled.into());
+        }
+    }
+    Ok(())
+}
+
+/// The environments of a suite from a number on, in parts of one size.
+pub fn batches(study: &Study, suite: &Suite, from: usize) -> Vec<Range<usize>> {
+    let samples = suite.longest_s() / study.sample_period_s;
+    let size = ((TWIN_SAMPLES / samples) as usize).max(1);
+    let all = suite.environments;
+    (from..all).step_by(size).map(|first| first..all.min(first + size)).collect()
+}
+
+impl<'s> Runner<'s> {
+    /// The runs of a suite in some of its environments. The study's extra sensor is not observed. The plants are
+    /// [`OtherPlants::of`] the suite.
+    ///
+    /// # Errors
+    /// A command cannot be flown, or a twin cannot be simulated.
+    pub fn new(
+        study: &'s Study,
+        suite: &'s Suite,
+        (scenario, others): (Setting, Option<&'s OtherPlants>),
+        environments: Range<usize>,
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
+        let runs = plan::runs(study, suite, &environments);
+        Runner::of_runs(study, suite, (scenario, others), (environments, runs), workers)
+    }
+
+    /// Some runs of a suite in some of its environments.
+    ///
+    /// # Errors
+    /// As [`Runner::new`].
+    pub fn of_runs(
+        study: &'s Study,
+        suite: &'s Suite,
+        (scenario, others): (Setting, Option<&'s OtherPlants>),
+        (environments, runs): (Range<usize>, Vec<Run>),
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
+        let first = environments.start;
+        let drawn = study.environments(suite, environments)?;
+        let mut runner =
+            Runner { first, ..Runner::of(study, suite, scenario, (drawn, runs), workers) };
+        if let Some(plants) = others {
+            runner.fly_plants(plants);
+        }
+        runner.prepared(Chosen::default(), workers)
+    }
+
+    /// Given runs in given environments.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub fn chosen(
+        study: &'s Study,
+        suite: &'s Suite,
+        scenario: Setting,
+        planned: (Vec<Environment>, Vec<Run>),
+        chosen: Chosen,
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
+        Runner::of(study, suite, scenario, planned, workers).prepared(chosen, workers)
+    }
+
+    fn of(
+        study: &'s Study,
+        suite: &'s Suite,
+        scenario: Setting,
+        (environments, runs): (Vec<Environment>, Vec<Run>),
+        workers: Workers<'s>,
+    ) -> Self {
+        let (threads, cancel) = (workers.threads(), workers.cancel());
+        let sensors = study.base_sensors();
+        let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
+        ensemble.record.truncate(sensors);
+        Runner {
+            study,
+            suite,
+            scenario,
+            first: 0,
+            environments,
+            ensemble,
+            others: None,
+            runs,
+            calibration: None,
+            twins: Twins::new(),
+            sensors,
+            deviations: vec![],
+            fitted: vec![],
+        }
+    }
+
+    /// Lets plants of another structure fly.
+    fn fly_plants(&mut self, plants: &'s OtherPlants) {
+        let record = plants.system.sensor_slots(&self.study.measured[..self.sensors]);
+        let Ensemble { program, compiled, .. } = Ensemble::of(&plants.system);
+        self.others = Some((plants, Ensemble { program, compiled, record, ..self.ensemble }));
+    }
+
+    /// Fits and simulates the twins.
+    fn prepared(mut self, chosen: Chosen, workers: Workers) -> Result<Self, CampaignError> {
+        self.deviations = chosen.deviations;
+        self.ensemble.record.extend(chosen.tracked);
+        if self.suite.is_fitted {
+            let (fitted, records) = fitted_twins::fit(&self, workers)?;
+            (self.fitted, self.calibration) = (fitted, Some(records));
+        } else if self.scenario.plants() == Plants::Pool {
+            self.fitted = self.fit_twins()?;
+        }
+        self.twins = self.simulate_twins()?;
+        Ok(self)
+    }
+
+    fn draw(&self, seed: Seed) -> SpecimenDraw<'s> {
+        SpecimenDraw { study: self.study, setting: self.scenario, seed }
+    }
+
+    /// The seed of an environment, and of a specimen that makes all runs there; by its place in this runner.
+    pub(super) fn seed_of_environment(&self, place: usize) -> Seed {
+        self.suite.seed_of_environment(self.first + place)
+    }
+
+    /// The parameters of the specimen of each environment.
+    pub(super) fn specimens(&self) -> Vec<Overrides> {
+        let specimen = |place: usize| self.draw(self.seed_of_environment(place)).parameters(1.0);
+        (0..self.environments.len()).map(specimen).collect()
+    }
+
+    /// The noise in the calibration flight of an environment's specimen.
+    pub(super) fn calibration_noise(&self, place: usize) -> Option<NormalDeviates> {
+        self.draw(self.seed_of_environment(place)).noise(Stream::Calibration)
+    }
+
+    /// Fits the twin of each environment to its specimen.
+    fn fit_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
+        let noise = |environment| self.calibration_noise(environment);
+        let found = fit_twins(self.study, &self.ensemble, &self.specimens(), noise)?;
+        Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
+    }
+
+    /// Simulates the twins of the environments in which there are runs.
+    fn simulate_twins(&self) -> Result<Twins<usize>, CampaignError> {
+        let externals = self.study.system.program.externals();
+        let inputs = externals.map(|slot| slot as Slot);
+        let record = self.ensemble.record.iter().copied().chain(inputs).collect();
+        let longest_s = |environment: usize| {
+            let here = self.runs.iter().filter(|run| run.environment == environment);
+            here.map(|run| run.duration_s).reduce(f64::max)
+        };
+        let longest = self.runs.iter().map(|run| run.duration_s).fold(0.0, f64::max);
+        let ensemble = Ensemble { record, duration_s: longest, ..self.ensemble };
+        let twin = |number: usize| {
+            let environment = self.environment(number);
+            let fitted = self.fitted.get(number - self.first).map_or(&[][..], Vec::as_slice);
+            Variant {
+                overrides: [&environment.parameters, fitted].concat(),
+                inputs: environment.inputs.iter().collect(),
+                duration_s: longest_s(number),
+                ..Variant::default()
+            }
+        };
+        let wanted = self.runs.iter().map(|run| run.environment).collect();
+        simulate_twins(&ensemble, wanted, twin, |number| &self.environment(number).name)
+    }
+
+    fn environment(&self, number: usize) -> &Environment {
+        &self.environments[number - self.first]
+    }
+
+    /// Whether a run, or the twin of its environment, began without a steady state.
+    pub fn is_on_the_move(&self, run: &Run, work: &Statistics) -> bool {
+        self.twins[&run.environment].is_on_the_move(work)
+    }
+
+    /// The study of the plants and their twins.
+    pub fn study(&self) -> &'s Study {
+        self.study
+    }
+
+    /// The suite of the runs.
+    pub fn suite(&self) -> &'s Suite {
+        self.suite
+    }
+
+    /// Time between samples, s.
+    pub fn period_s(&self) -> f64 {
+        self.ensemble.sample_period_s
+    }
+
+    /// Simulates all runs, each with a separate observer. `done` is called when a run ends, one call at a time, in
+    /// arbitrary order.
+    pub fn fly<O: Observer>(
+        &self,
+        observer: impl Fn(&Run) -> O + Sync,
+        done: impl FnMut(&Run, O, Result<Statistics, SolverFailure>) + Send,
+    ) {
+        self.fly_altered(|_, _| (), observer, done);
+    }
+
+    /// The same with modified plants; their twins are unchanged.
+    pub fn fly_altered<'f, O: Observer>(
+        &'f self,
+        alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
+        observer: impl Fn(&Run) -> O + Sync,
+        mut done: impl FnMut(&Run, O, Result<Statistics, SolverFailure>) + Send,
+    ) {
+        let ensemble = self.others.as_ref().map_or(&self.ensemble, |(_, ensemble)| ensemble);
+        ensemble.run(
+            self.runs.len(),
+            |job| {
+                let run = &self.runs[job];
+                let mut variant = self.variant(run);
+                alter(run, &mut variant);
+                if let Some((plants, _)) = self.others {
+                    plants.alter(self.study, self.plant(run), &mut variant);
+                }
+                variant
+            },
+            |job| self.watch(&self.runs[job], observer(&self.runs[job])),
+            |job, watch, outcome| done(&self.runs[job], watch.observer, outcome),
+        );
+    }
+
+    fn variant(&self, run: &Run) -> Variant<'_> {
+        let environment = self.environment(run.environment);
+        let (seed, scatter) = (self.plant(run), self.suite.scatter);
+        let specimen = match self.deviations.get(run.environment - self.first) {
+            Some(deviations) => self.draw(seed).parameters_with(deviations),
+            None if self.fitted.is_empty() => self.draw(seed).parameters(scatter),
+            None => self.draw(seed).parameters(1.0),
+        };
+        let mut overrides = [&environment.parameters[..], &specimen].concat();
+        // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances.
+        if self.scenario.plants() == Plants::Specimens && self.others.is_none() {
+            let mut random = seed.stream(Stream::Draws);
+            let parts = &self.study.system.network().components;
+            let flights = self.study.flights.as_ref();
+            let draws = flights.map_or(&[][..], |flights| &flights.draws);
+            apply_draws(draws, scatter, parts, &mut random, &mut overrides);
+        }
+        Variant {
+            faults: run.at_start(self.study),
+            later: run.later(self.study),
+            overrides,
+            inputs: environment.inputs.iter().collect(),
+            duration_s: Some(run.duration_s),
+            ..Variant::default()
+        }
+    }
+
+    /// The seed of the specimen of a run.
+    fn plant(&self, run: &Run) -> Seed {
+        match self.fitted.is_empty() {
+            true => self.suite.seed_of(run.number),
+            false => self.suite.seed_of_environment(run.environment),
+        }
+    }
+
+    fn watch<O>(&self, run: &Run, observer: O) -> Watch<'_, O> {
+        let noise = self.draw(self.suite.seed_of(run.number)).noise(Stream::Sensors);
+        let mut chain = SensorChain::new(self.study, self.sensors, noise);
+        if let Some((plants, _)) = self.others {
+            chain = chain.with_latencies(plants.latencies(self.plant(run), self.sensors));
+        }
+        Watch::new(&self.twins[&run.environment], self.sensors, chain, observer)
+    }
+}

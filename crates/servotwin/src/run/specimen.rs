@@ -1,0 +1,40 @@
+//! Specimens: plants with their own tolerances.
+
+use crate::signal::random::NormalDeviates;
+use crate::study::{Realism, Seed, Setting, Stream, Study};
+
+/// Parameters that differ from the system's: (component, parameter, value).
+pub(crate) type Overrides = Vec<(usize, usize, f64)>;
+
+/// A draw of a study's random numbers: a specimen, and the noise of its sensors. It depends on the seed alone.
+#[derive(Clone, Copy)]
+pub(crate) struct SpecimenDraw<'s> {
+    pub study: &'s Study,
+    /// The scenario: whether specimens have tolerances, and sensors noise.
+    pub setting: Setting,
+    pub seed: Seed,
+}
+
+impl<'s> SpecimenDraw<'s> {
+    /// The specimen's parameters with tolerances, whose deviations are `scatter` times as large as declared; empty if
+    /// plants equal their twins.
+    pub fn parameters(self, scatter: f64) -> Overrides {
+        let drawn = self.tolerant().map(|r| r.specimen(self.study, self.seed, scatter));
+        drawn.unwrap_or_default()
+    }
+
+    /// The same for chosen deviations, one for each tolerance, in standard deviations.
+    pub fn parameters_with(self, deviations: &[f64]) -> Overrides {
+        self.tolerant().map(|r| r.specimen_with(self.study, deviations)).unwrap_or_default()
+    }
+
+    /// The random numbers of its sensors in a stream; `None` if these are perfect.
+    pub fn noise(self, stream: Stream) -> Option<NormalDeviates> {
+        let is_noisy = self.study.realism.is_some() && self.setting.has_noise();
+        is_noisy.then(|| self.seed.stream(stream))
+    }
+
+    fn tolerant(self) -> Option<&'s Realism> {
+        self.study.realism.as_ref().filter(|_| self.setting.has_tolerances())
+    }
+}
