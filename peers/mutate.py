@@ -61,7 +61,6 @@ faults = ["servo_valve.clogging_pa", "servo_valve.gain_low"]
 [reactions]
 stop = { switches_off = true }
 [realistic]
-seed = 4
 healthy = 3
 tolerances = [{ parameters = ["servo_valve.null_bias"], sigma = 0.0067, absolute = true }]
 [training]
@@ -72,10 +71,12 @@ draws = [{ count = 1, signal = "noise:rms={3..6}deg,bandwidth=1Hz,seed=1{n}" }]
 duration_s = 3
 onset_s = [1, 1.5]
 windows_s = [0.5]
-commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
-held_out = 0
+commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed={n}"]
+[suites]
 learn = { environments = 2, repeats = 1, healthy = 1 }
-judge = { environments = 1, repeats = 1, healthy = 1, foreign = 1 }
+held_out = { environments = 0 }
+judge = { environments = 1, repeats = 1, healthy = 1 }
+unseen = { repeats = 1 }
 """
 
 TRACES = """format = 1

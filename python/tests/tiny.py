@@ -7,7 +7,6 @@ _TESTS = Path(__file__).resolve().parents[2] / "crates/servotwin/tests"
 CLASSES = (_TESTS / "tiny_classes.toml").read_text(encoding="utf-8")
 STUDY = (_TESTS / "tiny.toml").read_text(encoding="utf-8") + CLASSES + """
 [realistic]
-seed = 3
 healthy = 4
 [training]
 duration_s = 2
@@ -20,11 +19,13 @@ signals.step = "step:size=5deg,at=0.5s"
 duration_s = 4
 onset_s = [1.5, 2]
 windows_s = [0.5]
-commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
+commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed={n}"]
 inputs.load_factor = [0.5, 1]
-held_out = 0
+[suites]
 learn = { environments = 3, repeats = 3, healthy = 2 }
-judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
+held_out = { environments = 0 }
+judge = { environments = 2, repeats = 1, healthy = 1 }
+unseen = { repeats = 1 }
 [reactions]
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 """

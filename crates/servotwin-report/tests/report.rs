@@ -73,7 +73,7 @@ fn manifest() -> Manifest {
         version: "0".into(),
         study: "paper".into(),
         inputs: vec![],
-        specimen_seed: None,
+        seed: 0,
         split_seed: 1,
         solver: String::new(),
         equations: String::new(),
@@ -205,7 +205,7 @@ fn constants_have_a_label_and_environments_without_alarm_a_bound() {
     let alone = results_alone(&study, &results, &manifest);
     let (html, _) = render(&Material { constants: &constants, ..alone });
     assert_eq!(html.matches("not the usual value").count(), 1);
-    let lines = by_environment_and_tail(&healthy_run().summary());
+    let lines = by_environment_and_tail(&healthy_run().healthy());
     assert_eq!(lines[0], "false alarms in 0 of 500 environments, at most 0.597 % of them (95 %)");
     assert!(lines[1].contains("0.499 of its limit; by the tail of 50 of 500 flights"), "{lines:?}");
     assert!(lines[3].contains("too few flights come near it"), "{lines:?}");

@@ -4,9 +4,7 @@
 //! plant, and prints median, p99.9 and largest time of [`Runtime::push`], as ratios to the time there
 //! is, and how many such actuators one core can watch; by lists and, where there is a C compiler, by the compiled step.
 
-use servotwin::flight::campaign::FlightCampaign;
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
-use servotwin::flight::plan::Purpose;
 use servotwin::flight::runtime::Runtime;
 use servotwin::flight::{train, training_windows};
 use servotwin::job;
@@ -23,12 +21,10 @@ const DURATION_S: f64 = 120.0;
 
 fn main() {
     let study = Study::default();
-    let flights = &study.flights().expect("sound flights").expect("the paper's study has flights");
-    let setting = Setting::Realistic;
-    let flown = FlightCampaign::new(&study, flights, Purpose::Learn, setting, Workers::all())
-        .expect("a twin");
-    let lessons = training_windows::of_flights(flights, &flown);
-    let tables = training_windows::tables(&study, flights, setting, lessons, Workers::all());
+    let flights = study.flights.as_ref().expect("the paper's study has flights");
+    let (setting, sized) = (Setting::Realistic, (&study, false));
+    let taken = training_windows::learn(sized, flights, setting, Workers::all()).expect("a twin");
+    let tables = training_windows::tables(sized, flights, setting, taken, Workers::all());
     let tables = tables.expect("windows");
     let pools = job::pools(&study);
     let diagnoser = train::diagnoser(&study, flights, setting, tables, &pools, Workers::all());

@@ -16,7 +16,6 @@ id = "x_p_3"
 title = "third stroke sensor"
 {classes}
 [realistic]
-seed = 3
 healthy = 4
 tolerances = [
     {{ parameters = ["servo_valve.null_bias"], sigma = 0.0067, absolute = true }},
@@ -39,11 +38,13 @@ signals.step = "step:size=5deg,at=0.5s"
 duration_s = 3
 onset_s = [1, 1.5]
 windows_s = [0.5]
-commands = ["noise:rms={{2..4}}deg,bandwidth={{0.5..1}}Hz,seed=4{{n}}"]
+commands = ["noise:rms={{2..4}}deg,bandwidth={{0.5..1}}Hz,seed={{n}}"]
 inputs.load_factor = [0.5, 1]
-held_out = 0
+[suites]
 learn = {{ environments = 3, repeats = 1, healthy = 2 }}
-judge = {{ environments = 2, repeats = 1, healthy = 1, foreign = 1 }}
+held_out = {{ environments = 0 }}
+judge = {{ environments = 2, repeats = 1, healthy = 1 }}
+unseen = {{ repeats = 1 }}
 [reactions]
 shut_down = {{ switches_off = true, unit_inputs = {{ mode = 0 }} }}
 "#,

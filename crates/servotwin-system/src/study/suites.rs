@@ -44,7 +44,7 @@ section! {
     pub(super) struct Text {
         may like: Option<String>,
             "suite whose environments, numbers, specimens and noise this one has";
-        may environments: Option<usize> = SOME, "number of environments";
+        may environments: Option<usize> = FLIGHTS, "number of environments; 0: the suite is not flown";
         may repeats: Option<usize> = FLIGHTS,
             "number of flights of every fault at every intensity; default 0";
         may unseen: Option<bool>,
@@ -78,14 +78,12 @@ section! {
     #[derive(Default, Copy)]
     #[serde(default)]
     pub(super) struct Numbers {
-        may environments: Option<usize> = SOME, "number of environments";
+        may environments: Option<usize> = FLIGHTS, "number of environments; 0: the suite is not flown";
         may repeats: Option<usize> = FLIGHTS, "number of flights of every fault";
         may healthy: Option<usize> = FLIGHTS, "number of healthy flights in each environment";
         may healthy_duration_s: Option<f64> = FLIGHT_S, "length of a healthy flight";
     }
 }
-
-const SOME: Value = Value::Whole(1.0, MAX_ENVIRONMENTS as f64);
 
 const SPECIMENS: &str = "specimens";
 const OTHER: &str = "other_structure";

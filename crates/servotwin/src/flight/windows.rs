@@ -59,25 +59,13 @@ mod tests {
     use super::*;
     use crate::study::Study;
 
-    /// The paper's study with few environments, because drawing all of them takes a minute here.
-    fn paper() -> Study {
-        let text = include_str!("../../../../studies/paper.toml");
-        let few = ["further = 1500,", "environments = 48,", "environments = 24,"]
-            .iter()
-            .fold(text.replace("[flights]\n", "[flights]\nheld_out = 0\n"), |text, many| {
-                text.replace(many, &format!("{} = 1,", many.split(' ').next().unwrap()))
-            });
-        assert_ne!(text, few);
-        Study::parse(&few, "paper.toml").unwrap()
-    }
-
     #[test]
     fn beyond_a_reference_is_looked_at_where_specimens_differ_from_their_twins() {
-        let study = paper();
-        let flights = study.flights().unwrap().unwrap();
+        let study = Study::default();
+        let flights = study.flights.as_ref().unwrap();
         for setting in Setting::ALL {
-            let kinds = kinds(&flights, setting, study.sample_period_s);
-            let baseline = baseline(&flights, setting, study.sample_period_s);
+            let kinds = kinds(flights, setting, study.sample_period_s);
+            let baseline = baseline(flights, setting, study.sample_period_s);
             let baseline_corrected: Vec<bool> =
                 kinds.iter().map(|kind| kind.is_baseline_corrected).collect();
             match setting {
@@ -91,10 +79,11 @@ mod tests {
 
     #[test]
     fn the_reference_is_there_before_the_earliest_fault_and_out_of_step() {
-        let study = paper();
-        let usual = study.flights().unwrap().unwrap();
+        let study = Study::default();
+        let usual = study.flights.as_ref().unwrap();
         for (earliest_s, samples) in [(5.0, 405), (50.0, 405), (1.5, 125), (0.01, 5)] {
-            let flights = Flights { onset_s: [earliest_s, 60.0], ..usual.clone() };
+            let mut flights = usual.clone();
+            flights.onset_s = [earliest_s, 60.0];
             let baseline = baseline(&flights, Setting::Realistic, 0.01).unwrap();
             assert_eq!(baseline.settle_samples, samples, "{earliest_s}");
             assert_eq!(baseline.memory_samples, 6000);

@@ -27,7 +27,8 @@ pub fn with_margin(
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Diagnoser, JobError> {
-    let Some(suite) = study.suite(HELD_OUT, is_full) else { return Ok(diagnoser) };
+    let suite = study.suite(HELD_OUT, is_full).filter(|suite| suite.environments > 0);
+    let Some(suite) = suite else { return Ok(diagnoser) };
     let (allowed, most_nats) = (diagnoser.tuning.pending_share, diagnoser.tuning.clip_nats);
     let taught = [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full));
     let learned = taught.map(|suite| suite.environments).sum();
@@ -143,7 +144,7 @@ mod tests {
 
     #[test]
     fn each_margin_is_the_smallest_that_held_out_flights_allow() {
-        let found = |evidence| smallest_margin(24, (0.5, 8.0), falling(evidence)).unwrap();
+        let found = |evidence| smallest_margin((24, 1.5), (0.5, 8.0), falling(evidence)).unwrap();
         let quiet = found(&[[0.0, 0.0], [0.25, 0.5]]);
         assert_eq!((quiet.added, quiet.shutdowns_before), (ShutdownMargin::default(), 0));
         assert_eq!(quiet.largest, 0.5);
@@ -159,7 +160,7 @@ mod tests {
     #[test]
     fn a_search_for_a_margin_ends_at_the_largest_one() {
         let evidence = [[1.5, 0.0]];
-        let found = smallest_margin(24, (0.5, 2.0), falling(&evidence)).unwrap();
+        let found = smallest_margin((24, 1.5), (0.5, 2.0), falling(&evidence)).unwrap();
         assert_eq!((found.added.uncorrected_nats, found.added.baseline_corrected_nats), (2.0, 0.0));
         assert_eq!(found.largest, 1.0);
     }

@@ -91,6 +91,9 @@ impl FromStr for RunName {
 
 /// The number of runs of a suite: first those with a fault, then the healthy ones.
 pub fn count(study: &Study, suite: &Suite) -> usize {
+    if suite.environments == 0 {
+        return 0;
+    }
     faulty(study, suite) + suite.healthy * suite.environments
 }
 

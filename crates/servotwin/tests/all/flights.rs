@@ -1,22 +1,23 @@
 //! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
 //! is said and done.
 
-use servotwin::flight::campaign::{FlightCampaign, Observer};
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
 use servotwin::flight::judge::{self, FlightMetrics};
 use servotwin::flight::measure;
-use servotwin::flight::other_plant::OtherPlants;
 use servotwin::flight::outcome::{FlightOutcome, Needed};
-use servotwin::flight::plan::Purpose;
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
-use servotwin::flight::unseen_faults;
+use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
+use servotwin::flight::watched::fly_suite;
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, fly_all, learn, learn_from};
+use servotwin::job::outcomes::{fly_environment, watching};
 use servotwin::parallel::Workers;
+use servotwin::run::other_plant::OtherPlants;
+use servotwin::run::{CampaignError, Observer, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
-use servotwin::study::flights::Size;
-use servotwin::study::{Flights, Setting, Study};
+use servotwin::study::suites::{JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN};
+use servotwin::study::{Flights, Setting, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -38,17 +39,19 @@ detail = "valve_displacement_sensor"
 command = "warning"
 faults = ["sensor_spool.bias_positive"]
 [realistic]
-seed = 3
 healthy = 2
 [flights]
 duration_s = 5
 onset_s = [1.5, 2]
 windows_s = [0.5]
-commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
+commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed={n}"]
 inputs.load_factor = [0.5, 1]
-held_out = 3
-learn = { environments = 3, repeats = 3, healthy = 2, further = 4, further_duration_s = 10 }
-judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20, foreign = 1 }
+[suites]
+learn = { environments = 3, repeats = 3, healthy = 2 }
+hard_negatives = { environments = 4, healthy_duration_s = 10 }
+held_out = { environments = 3 }
+judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20 }
+unseen = { repeats = 1 }
 [reactions]
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 "#;
@@ -64,10 +67,9 @@ fn learned(setting: Setting, threads: usize) -> Diagnoser {
         .join(format!("servotwin-{setting:?}-{}-{threads}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
     let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
-    let flights = &study().flights().unwrap().unwrap();
-    let learned = learn(&Folder::new(&path), study(), flights, setting, &crew).unwrap();
+    let learned = learn(&Folder::new(&path), (study(), false), setting, &crew).unwrap();
     std::fs::remove_dir_all(&path).unwrap();
-    learned.0
+    learned
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
@@ -75,26 +77,34 @@ pub fn diagnoser() -> &'static Arc<Diagnoser> {
     MADE.get_or_init(|| Arc::new(learned(Setting::Noise, 2)))
 }
 
+fn suite(name: &str) -> &'static Suite {
+    study().suite(name, false).unwrap()
+}
+
+fn flights() -> &'static Flights {
+    study().flights.as_ref().unwrap()
+}
+
+/// The outcomes of a suite, watched by the diagnoser.
+fn outcomes(name: &str, threads: usize) -> Vec<FlightOutcome> {
+    let (place, own) = ((study(), suite(name), Setting::Noise), Workers::new(threads));
+    let watching = watching(suite(name), diagnoser()).unwrap();
+    let mut outcomes = vec![];
+    let flown = fly_suite(place, &watching, 0, own, &|_, _| (), |flown| {
+        outcomes.extend(flown.outcomes);
+        Ok::<_, CampaignError>(())
+    });
+    flown.unwrap();
+    outcomes
+}
+
 fn merit(threads: usize) -> FlightMetrics {
-    let flights = &study().flights().unwrap().unwrap();
-    let flown = FlightCampaign::new(
-        study(),
-        flights,
-        Purpose::Judge,
-        Setting::Noise,
-        Workers::new(threads),
-    )
-    .unwrap();
-    let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
-    judge::merit(study(), ("noise", 1.0), diagnoser(), &watched)
+    judge::merit(study(), ("noise", 1.0), diagnoser(), &outcomes(JUDGE, threads))
 }
 
 #[test]
 fn all_actions_that_switch_off_are_judged_together() {
-    let flights = &study().flights().unwrap().unwrap();
-    let (purpose, workers) = (Purpose::Judge, Workers::new(2));
-    let flown = FlightCampaign::new(study(), flights, purpose, Setting::Noise, workers).unwrap();
-    let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
+    let watched = outcomes(JUDGE, 2);
     let judged = |off: &[&str]| {
         let needs_shutdown = |row: &FlightOutcome| off.contains(&row.action.as_str());
         let rows = watched
@@ -122,13 +132,7 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
     assert!(text(&learned(Setting::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
     let [one, two] = [1, 2].map(|threads| text(&merit(threads)));
     assert_eq!(one, two);
-    let foreign = |threads| {
-        let flights = &study().flights().unwrap().unwrap();
-        let sets = unseen_faults::set_names();
-        let workers = Workers::new(threads);
-        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), &sets, workers).unwrap()
-    };
-    assert_eq!(text(&foreign(1)), text(&foreign(2)));
+    assert_eq!(text(&outcomes(UNSEEN, 1)), text(&outcomes(UNSEEN, 2)));
 }
 
 #[test]
@@ -174,14 +178,13 @@ impl Observer for Seen {
 
 #[test]
 fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
-    let flights = &study().flights().unwrap().unwrap();
     for setting in [Setting::Noise, Setting::Realistic] {
         let diagnoser = Arc::new(learned(setting, 2));
-        let flown = FlightCampaign::new(study(), flights, Purpose::Learn, setting, Workers::new(2))
-            .unwrap();
+        let (suite, plants) = (suite(LEARN), (setting, None));
+        let all = 0..suite.environments;
+        let flown = Runner::new(study(), suite, plants, all, Workers::new(2)).unwrap();
         let mut seen = BTreeMap::new();
         flown.fly(
-            &flown.which,
             |flight| Seen {
                 session: Session::new(diagnoser.clone()).unwrap(),
                 windows: BTreeMap::new(),
@@ -191,7 +194,7 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
                 seen.insert(flight.number as u64, own.windows);
             },
         );
-        let taken = serde_json::to_value(training_windows::of_flights(flights, &flown)).unwrap();
+        let taken = serde_json::to_value(training_windows::of_runs(flights(), &flown)).unwrap();
         let mut compared = vec![0; diagnoser.lengths.len()];
         for window in taken["list"].as_array().unwrap() {
             let number = |field: &str| window[field].as_u64().unwrap();
@@ -206,18 +209,16 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
 }
 
 #[test]
-fn further_flights_change_what_health_looks_like_and_no_band() {
-    let usual = study().flights().unwrap().unwrap();
-    let few = Flights {
-        learn: Size { further: 0, ..usual.learn },
-        learned: usual.learned[..usual.learn.environments].to_vec(),
-        ..usual.clone()
-    };
+fn hard_negatives_change_what_health_looks_like_and_no_band() {
+    let text =
+        STUDY.replace("hard_negatives = { environments = 4", "hard_negatives = { environments = 0");
+    let head = include_str!("../tiny.toml").replace("[0.4, 0.6, 0.8, 1.0]", "[0.6, 1.0]");
+    let few = Study::parse(&format!("{head}{text}"), "tiny.toml").unwrap();
     let folder =
         Folder::new(std::env::temp_dir().join(format!("servotwin-few-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let (without, _) = learn(&folder, study(), &few, Setting::Noise, &crew).unwrap();
+    let without = learn(&folder, (&few, false), Setting::Noise, &crew).unwrap();
     std::fs::remove_dir_all(folder.path()).unwrap();
     let [with, without] = [&**diagnoser(), &without].map(|diagnoser| &diagnoser.lengths[0].panel);
     assert_eq!(with.bands, without.bands);
@@ -225,33 +226,30 @@ fn further_flights_change_what_health_looks_like_and_no_band() {
 }
 
 #[test]
-fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
-    let flights = &study().flights().unwrap().unwrap();
-    let apart = |purpose: Purpose, environments: usize| {
-        (0..environments).rev().map(move |environment| {
-            let (setting, workers) = (Setting::Noise, Workers::new(1));
-            let own = |flown: usize| flown == environment;
-            FlightCampaign::where_it_is(study(), flights, purpose, setting, own, workers).unwrap()
-        })
-    };
+fn environments_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
+    let workers = Workers::new(1);
     // Through a text, as it comes from another machine.
-    let mut lessons = TrainingWindows::default();
-    for flown in apart(Purpose::Learn, 3) {
-        let sent = text(&training_windows::of_flights(flights, &flown));
-        lessons.add(serde_json::from_str(&sent).unwrap());
+    let mut taken = TrainingWindows::default();
+    for environment in (0..suite(LEARN).environments).rev() {
+        let (plants, own) = ((Setting::Noise, None), environment..environment + 1);
+        let flown = Runner::new(study(), suite(LEARN), plants, own, workers).unwrap();
+        let sent = text(&training_windows::of_runs(flights(), &flown));
+        taken.add(serde_json::from_str(&sent).unwrap());
     }
     let folder =
         Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let (found, left_out) =
-        learn_from(&folder, study(), flights, Setting::Noise, lessons, &crew).unwrap();
-    assert!(text(&found) == text(&**diagnoser()) && left_out == LeftOut::default());
+    let found = learn_from(&folder, (study(), false), Setting::Noise, taken, &crew).unwrap();
+    let left_out = std::fs::read_to_string(folder.left_out(Setting::Noise)).unwrap();
+    assert_eq!(serde_json::from_str::<LeftOut>(&left_out).unwrap(), LeftOut::default());
+    assert!(text(&found) == text(&**diagnoser()));
     std::fs::remove_dir_all(folder.path()).unwrap();
 
     let mut watched: Vec<FlightOutcome> = vec![];
-    for flown in apart(Purpose::Judge, 2) {
-        let sent = text(&judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap());
+    for environment in 0..suite(JUDGE).environments {
+        let place = (study(), suite(JUDGE), Setting::Noise);
+        let sent = text(&fly_environment(place, environment, diagnoser(), workers).unwrap());
         watched.extend(serde_json::from_str::<Vec<FlightOutcome>>(&sent).unwrap());
     }
     watched.sort_by_key(|row| row.number);
@@ -273,14 +271,7 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
 
 #[test]
 fn faults_never_trained_on_are_counted_once_each() {
-    let flights = &study().flights().unwrap().unwrap();
-    let judge = |sets: &[&str]| {
-        let workers = Workers::new(2);
-        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), sets, workers)
-            .unwrap()
-            .0
-    };
-    let merit = judge(&unseen_faults::set_names());
+    let merit = UnseenFaultMetrics::of("noise", &outcomes(UNSEEN, 2));
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
     assert!(merit.outcomes.len() < unseen_faults::ALL.len() && !merit.outcomes.is_empty());
     // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
@@ -295,9 +286,7 @@ fn faults_never_trained_on_are_counted_once_each() {
         let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();
         assert_eq!(said, outcome.flights, "{}", outcome.title);
     }
-    // A challenge set flies the same alone as among all.
     for set in &merit.sets {
-        assert_eq!(judge(&[&set.title]).sets, std::slice::from_ref(set));
         let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.title);
         let titles: Vec<&str> = titles.map(|fault| fault.title).collect();
         let own = || merit.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));
@@ -347,18 +336,16 @@ impl Observer for Samples {
 /// Flies a fault and a healthy flight; with the plants of a section if there is one.
 fn samples(section: Option<&str>) -> Vec<Samples> {
     let study = with_other_plant(section.unwrap_or_default());
-    let flights = &study.flights().unwrap().unwrap();
-    let plants = OtherPlants::new(&study, flights.other_plant.as_ref().unwrap()).unwrap();
-    let (purpose, setting) = (Purpose::Judge, Setting::Realistic);
-    let mut flown =
-        FlightCampaign::new(&study, flights, purpose, setting, Workers::new(2)).unwrap();
-    if section.is_some() {
-        flown = flown.with_plants(&plants);
-    }
-    let which = [0, flown.plan.len() - 1];
+    let suite = study.suite(OTHER_STRUCTURE, false).unwrap();
+    let plants = OtherPlants::of(&study, suite).unwrap().filter(|_| section.is_some());
+    let all = 0..suite.environments;
+    let mut runs = plan::runs(&study, suite, &all);
+    let last = runs.len() - 1;
+    runs.retain(|run| [0, last].contains(&run.number));
+    let (plants, workers) = ((Setting::Realistic, plants.as_ref()), Workers::new(2));
+    let flown = Runner::of_runs(&study, suite, plants, (all, runs), workers).unwrap();
     let mut found = vec![];
     flown.fly(
-        &which,
         |_| Samples::default(),
         |flight, samples, outcome| {
             outcome.unwrap();
@@ -417,21 +404,20 @@ fn left_beside(is_fitted: bool) -> f64 {
     let fitted = "[fitted]\ncommand = \"noise:rms=4deg,bandwidth=1Hz,seed=9\"\nduration_s = 12\n\
                   judge = 4\nlearn = 4\nin_each_case = 2\n";
     let study = Study::parse(&format!("{head}{rest}{fitted}"), "tiny.toml").unwrap();
-    let flights = &study.flights().unwrap().unwrap();
-    let plants = OtherPlants::new(&study, flights.other_plant.as_ref().unwrap()).unwrap();
-    let (purpose, setting) = (Purpose::Judge, Setting::Realistic);
-    let workers = Workers::new(2);
-    let flown = FlightCampaign::new(&study, flights, purpose, setting, workers).unwrap();
-    let mut flown = flown.with_plants(&plants);
-    if is_fitted {
-        let (beside, records) = flown.beside_fitted_twins(workers).unwrap();
+    let name = if is_fitted { OTHER_STRUCTURE_FITTED } else { OTHER_STRUCTURE };
+    let suite = study.suite(name, false).unwrap();
+    let (plants, all) = (OtherPlants::of(&study, suite).unwrap(), 0..suite.environments);
+    let mut runs = plan::runs(&study, suite, &all);
+    let healthy = runs.iter().rposition(|run| run.fault.is_none()).unwrap();
+    runs.retain(|run| run.number == healthy);
+    let (plants, workers) = ((Setting::Realistic, plants.as_ref()), Workers::new(2));
+    let flown = Runner::of_runs(&study, suite, plants, (all, runs), workers).unwrap();
+    if let Some(records) = flown.calibration {
         assert_eq!((records.flown, records.rejected), (2, 0));
-        flown = beside;
     }
-    let healthy = flown.plan.iter().rposition(|flight| flight.later(&study).is_empty()).unwrap();
     let mut left = 0.0;
     let observer = |_: &_| Samples::default();
-    flown.fly(&[healthy], observer, |_, Samples(measured, twin), outcome| {
+    flown.fly(observer, |_, Samples(measured, twin), outcome| {
         outcome.unwrap();
         let sensors = &study.measured[..study.base_sensors()];
         let scale = |n: usize| study.system.sensors[sensors[n % sensors.len()]].scale;
@@ -453,23 +439,21 @@ fn a_twin_that_is_fitted_to_another_plant_leaves_less() {
 #[test]
 #[ignore = "slow: ./check --all"]
 fn a_study_judges_other_plants_and_learns_nothing_from_them() {
-    let study = with_other_plant("healthy = 1\nkinds = { \"cylinder\" = \"bristle_cylinder\" }");
-    let flights = &study.flights().unwrap().unwrap();
+    let study = with_other_plant("kinds = { \"cylinder\" = \"bristle_cylinder\" }");
     let path = std::env::temp_dir().join(format!("servotwin-other-{}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
     let (folder, crew) =
         (Folder::new(&path), Crew { workers: Workers::new(2), progress: &|_, _| () });
     let setting = [Setting::Realistic];
-    let results = fly_all(&folder, &study, flights, &setting, false, &crew).unwrap();
+    let results = fly_all(&folder, (&study, false), &setting, &crew).unwrap();
     let taught = std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap();
     let other = results.other_plant.as_ref().unwrap();
-    assert_eq!((other.setting.as_str(), other.flights, other.failed), ("other_plant", 16, 0));
+    assert_eq!((other.setting.as_str(), other.flights, other.failed), (OTHER_STRUCTURE, 16, 0));
     assert_eq!(other.healthy.flights[0], 2);
     assert_eq!(results.merits.len(), 1, "it is no further setting");
     assert!(text(other) != text(&results.merits[0]));
     // Without such plants the diagnoser is the same.
-    let plain = Flights { other_plant: None, ..flights.clone() };
-    fly_all(&folder, &study, &plain, &setting, false, &crew).unwrap();
+    learn(&folder, (self::study(), false), setting[0], &crew).unwrap();
     assert!(taught == std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap());
     std::fs::remove_dir_all(&path).unwrap();
 }

@@ -3,17 +3,17 @@
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
 use servotwin::fit::FitRecord;
-use servotwin::flight::campaign::{FlightCampaign, Observer as FlightObserver};
 use servotwin::flight::closed_loop::{self, Scenario};
-use servotwin::flight::plan::{PlannedFlight, Purpose};
 use servotwin::flight::replay::replay_record;
 use servotwin::flight::runtime::{Runtime, RuntimeError, place_of};
 use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
 use servotwin::parallel::Workers;
+use servotwin::run::{Observer as FlightObserver, Run, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::Setting;
+use servotwin::study::suites::JUDGE;
 use servotwin::study::{Reaction, Study};
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Scatter};
@@ -38,13 +38,15 @@ impl FlightObserver for Log {
 
 #[test]
 fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
-    let flights = &study().flights().unwrap().unwrap();
-    let flown =
-        FlightCampaign::new(study(), flights, Purpose::Judge, Setting::Realistic, Workers::new(2))
-            .unwrap();
-    let mut logs: Vec<(PlannedFlight, Log)> = vec![];
+    let suite = study().suite(JUDGE, false).unwrap();
+    let all = 0..suite.environments;
+    let mut runs = plan::runs(study(), suite, &all);
+    let last = runs.len() - 1;
+    runs.retain(|run| [0, 5, last].contains(&run.number));
+    let (plants, workers) = ((Setting::Realistic, None), Workers::new(2));
+    let flown = Runner::of_runs(study(), suite, plants, (all, runs), workers).unwrap();
+    let mut logs: Vec<(Run, Log)> = vec![];
     flown.fly(
-        &[0, 5, flown.plan.len() - 1],
         |_| Log::default(),
         |flight, log, outcome| {
             outcome.unwrap();
@@ -52,6 +54,7 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
         },
     );
     assert_eq!(logs.len(), 3);
+    logs.sort_by_key(|(run, _)| run.number);
     for (number, (flight, log)) in logs.into_iter().enumerate() {
         // The twin is told the environment's parameters; here there are none.
         let mut runtime = Runtime::new(study(), diagnoser().clone(), vec![]).unwrap();

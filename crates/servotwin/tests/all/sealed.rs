@@ -2,55 +2,42 @@
 
 use crate::folder::Folder;
 use servotwin::job::sealed::{OpeningRecord, Openings, SEALED_SEEDS, SealedSubject};
-use servotwin::study::Study;
-use servotwin::study::flights::{Flights, Redraw};
+use servotwin::study::suites::{JUDGE, LEARN};
+use servotwin::study::{Study, Suite};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-fn study(seed: &str) -> Study {
+fn study(seed: &str) -> Result<Study, String> {
     let text = [include_str!("../tiny.toml"), include_str!("../tiny_flights.toml")].concat();
-    Study::parse(&text.replace("[flights]\n", &format!("[flights]\n{seed}")), "tiny.toml").unwrap()
+    let text = text.replacen("duration_s", &format!("{seed}duration_s"), 1);
+    Study::parse(&text, "tiny.toml").map_err(|error| error.to_string())
 }
 
-fn sealed(study: &Study, seed: u64) -> Flights {
-    let draw = Redraw { seed: Some(seed), ..Redraw::default() };
-    study.flights_with(false, draw).unwrap().unwrap()
-}
-
-/// The commands and the loads of judged environments.
-fn drawn(flights: &Flights) -> Vec<String> {
-    flights.judged.iter().map(|one| format!("{} {:?}", one.command, one.inputs)).collect()
+/// The commands and the loads of a suite's environments.
+fn drawn(study: &Study, suite: &Suite) -> BTreeSet<String> {
+    let all = study.environments(suite, 0..suite.environments).unwrap();
+    all.iter().map(|one| format!("{} {:?}", one.command, one.inputs)).collect()
 }
 
 #[test]
-fn another_seed_draws_other_judged_environments_and_the_same_training() {
-    let study = study("");
-    let usual = study.flights().unwrap().unwrap();
-    let ends = [*SEALED_SEEDS.start(), *SEALED_SEEDS.end()];
-    let [first, last] = ends.map(|seed| sealed(&study, seed));
-    let learned =
-        |flights: &Flights| flights.learned.iter().map(|l| l.command.clone()).collect::<Vec<_>>();
-    assert!(learned(&first) == learned(&usual) && first.learn == usual.learn);
-    assert_eq!(first.judge, usual.judge);
-    let all: BTreeSet<String> = [&usual, &first, &last].into_iter().flat_map(drawn).collect();
-    assert_eq!(all.len(), 3 * usual.judge.environments, "no environment is drawn twice");
-    assert_eq!(drawn(&sealed(&study, ends[0])), drawn(&first));
+fn another_seed_draws_other_environments_and_so_does_another_suite() {
+    let study = study("").unwrap();
+    let judge = study.suite(JUDGE, false).unwrap();
+    let sealed = |seed: &u64| judge.clone().with_seed(*seed);
+    let [first, last] = [SEALED_SEEDS.start(), SEALED_SEEDS.end()].map(sealed);
+    let learn = study.suite(LEARN, false).unwrap();
+    let suites = [judge, &first, &last, learn];
+    let all: BTreeSet<String> = suites.iter().flat_map(|suite| drawn(&study, suite)).collect();
+    let count: usize = suites.iter().map(|suite| suite.environments).sum();
+    assert_eq!(all.len(), count, "no environment is drawn twice");
+    assert_eq!(drawn(&study, &sealed(SEALED_SEEDS.start())), drawn(&study, &first));
 }
 
 #[test]
 fn no_study_file_can_declare_a_sealed_seed() {
-    let text = [include_str!("../tiny.toml"), include_str!("../tiny_flights.toml")].concat();
-    let text =
-        text.replace("[flights]\n", &format!("[flights]\nseed = {}\n", SEALED_SEEDS.start()));
-    let error = Study::parse(&text, "tiny.toml").map(drop).unwrap_err().to_string();
+    let error = study(&format!("seed = {}\n", SEALED_SEEDS.start())).map(drop).unwrap_err();
     assert!(error.contains("seed") && error.contains("0 … 999"), "{error}");
-    // The largest seed that it can declare draws other commands, too.
-    let highest = study("seed = 999\n").flights().unwrap().unwrap();
-    let commands = |flights: &Flights| -> BTreeSet<String> {
-        flights.judged.iter().map(|one| one.command.clone()).collect()
-    };
-    let sealed = commands(&sealed(&study(""), *SEALED_SEEDS.start()));
-    assert!(commands(&highest).is_disjoint(&sealed));
+    assert!(study("seed = 999\n").is_ok());
 }
 
 #[test]
