@@ -49,4 +49,4 @@ def many(variants, duration_s=0.1):
     signals = "\n".join(signal.format(k) for k in range(1, variants // 320 + 1))
     text = text.replace(signal.format(1), signals)
     classes = (TESTS / "tiny_classes.toml").read_text(encoding="utf-8")
-    return f"{text}{classes}[realistic]\nseed = 3\nhealthy = 1\n"
+    return f"{text}{classes}[realistic]\nhealthy = 1\n"

@@ -136,7 +136,7 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 15] = [
+const WRITERS: [(&str, &str); 14] = [
     ("study.toml", "campaign STUDY --out FOLDER"),
     ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
@@ -149,22 +149,17 @@ const WRITERS: [(&str, &str); 15] = [
     ("flights.json", "flights STUDY --out FOLDER"),
     ("outcomes-", "flights STUDY --out FOLDER"),
     ("flights-sealed.json", "flights STUDY --sealed --out FOLDER"),
-    ("challenge_sets.json", "flights STUDY --challenge SETS --out FOLDER"),
-    ("missing_sensors.json", "flights STUDY --missing-sensors --out FOLDER"),
+    ("left_out-", "flights STUDY --out FOLDER"),
     ("evaluation.json", "evaluate FOLDER"),
 ];
-
-/// A file that its command extends: the command does not overwrite a changed one.
-const ADDED_TO: &str = "flights.json";
 
 /// The remedy for a file that changed since it was written.
 pub fn remedy(folder: &Path, name: &str) -> String {
     let writer = WRITERS.iter().find(|(beginning, _)| name.starts_with(beginning));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let first = if name == ADDED_TO { "move it away or delete it, and " } else { "" };
     let again = writer.map_or(String::new(), |(_, command)| {
         let command = command.replace("FOLDER", &folder.display().to_string());
-        format!("{first}'servotwin {command}' makes it anew; ")
+        format!("'servotwin {command}' makes it anew; ")
     });
     let manifest = folder.join(NAME);
     format!(

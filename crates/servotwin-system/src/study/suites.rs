@@ -24,7 +24,7 @@
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
 
-use super::flights::{Environment, Flights, Ranges, Varied};
+use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
 use super::keys::{FLIGHT_S, FLIGHTS, SETTINGS};
 use super::mistake::StudyMistake;
@@ -391,6 +391,12 @@ impl Study {
     /// All suites of a size, by name.
     pub fn suites(&self, is_full: bool) -> impl Iterator<Item = &Suite> {
         self.suites.values().map(move |both| &both[usize::from(is_full)])
+    }
+
+    /// What varies between the environments of a suite.
+    pub fn ranges_of(&self, suite: &Suite) -> EnvironmentRanges {
+        let onset_s = suite.onset_s.unwrap_or_default();
+        suite.varied.ranges(&self.units, onset_s, suite.duration_s)
     }
 
     /// Environments of a suite by their numbers. Each depends on nothing but the suite's seed, what varies in it, and its

@@ -110,11 +110,12 @@ fn a_study_that_a_campaign_would_refuse_is_incomplete_and_says_where() {
     let flights = |repeats: usize| {
         format!(
             "[flights]\nduration_s = 6\nonset_s = [2, 3]\nwindows_s = [0.5]\ncommands = [\"step:size=2deg\"]\n\
+             [suites]\n\
              learn = {{ environments = 1, repeats = {repeats}, healthy = 1 }}\n\
              judge = {{ environments = 1, repeats = 0, healthy = 1 }}\n"
         )
     };
-    let realistic = "[realistic]\nseed = 1\n";
+    let realistic = "[realistic]\n";
     let refused = |intensities: &str, rest: &str| {
         let study = spring(intensities, rest).unwrap_or_else(|error| panic!("{error}"));
         study.complete().map_err(|error| error.to_string()).err().unwrap_or_default()
@@ -128,7 +129,7 @@ fn a_study_that_a_campaign_would_refuse_is_incomplete_and_says_where() {
     let bare = refused("[0.5]", &format!("{classes}{}", flights(1)));
     assert!(bare.starts_with("tiny.toml:13:2: flights need the section 'realistic'"), "{bare}");
     let untaught = refused("[0.5]", &format!("{classes}{realistic}{}", flights(0)));
-    assert!(untaught.contains("flights.learn.repeats is 0, but must be at least 1"), "{untaught}");
+    assert!(untaught.contains("suites.learn.repeats is 0, but must be at least 1"), "{untaught}");
 }
 
 #[test]

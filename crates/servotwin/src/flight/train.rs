@@ -254,25 +254,30 @@ fn sensors(study: &Study) -> Vec<diagnoser::DiagnosedSensor> {
     seen.map(sensor).collect()
 }
 
-/// The accepted inputs: within their declared ranges, and if flights of the training varied them, not far outside the flown
-/// range.
+/// The accepted inputs: within their declared ranges, and not far outside of what the training flies: the ranges that its
+/// suites declare, and the values that its commands reach.
 ///
 /// # Errors
 /// A command cannot be flown.
 pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
     let network = study.system.network();
     let margin = Tuning::default().input_margin;
-    let nothing = (f64::INFINITY, f64::NEG_INFINITY);
-    let mut flown = vec![nothing; network.inputs.len()];
+    let mut flown = vec![(f64::INFINITY, f64::NEG_INFINITY); network.inputs.len()];
+    let mut reach = |input: usize, value: f64| {
+        let (low, high) = &mut flown[input];
+        (*low, *high) = (low.min(value), high.max(value));
+    };
     for suite in [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full)) {
+        for (name, range) in study.ranges_of(suite).ranges {
+            if let Some(input) = network.inputs.iter().position(|input| input.id == name) {
+                range.into_iter().for_each(|value| reach(input, value));
+            }
+        }
         for environments in batches(study, suite, 0) {
             for environment in study.environments(suite, environments)? {
-                for (range, signal) in flown.iter_mut().zip(&environment.inputs) {
-                    let breaks = signal.breaks_s().iter().copied().chain([suite.longest_s()]);
-                    *range = breaks
-                        .map(|time_s| signal.value(time_s))
-                        .fold(*range, |(low, high), value| (low.min(value), high.max(value)));
-                }
+                let command = &environment.inputs[study.command_input];
+                let breaks = command.breaks_s().iter().copied().chain([suite.longest_s()]);
+                breaks.for_each(|time_s| reach(study.command_input, command.value(time_s)));
             }
         }
     }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 const TAIL: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
     [\"servo_valve.gain_low\", \"leakage_a.leakage\"]\n\
-    [realistic]\nseed = 3\nhealthy = 6\n\
+    [realistic]\nhealthy = 6\n\
     tolerances = [{ parameters = [\"cylinder.coulomb_friction_n\"], sigma = 0.1 }]\n\
     [fitted]\ncommand = \"noise:rms=4deg,bandwidth=1Hz,seed=9\"\nduration_s = 8\n\
     judge = 4\nlearn = 4\nin_each_case = 2\n";

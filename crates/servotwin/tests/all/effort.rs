@@ -9,7 +9,7 @@ use servotwin::table::{self, Table};
 
 const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
     [\"servo_valve.damping_loss\", \"sensor_ram.lag\", \"servo_valve.gain_low\"]\n\
-    [realistic]\nseed = 3\nhealthy = 2\ntolerances = []\n";
+    [realistic]\nhealthy = 2\ntolerances = []\n";
 
 fn study() -> Study {
     let text = include_str!("../tiny.toml").replace("0.4, 0.6, 0.8, 1.0", "0.4, 1.0");
