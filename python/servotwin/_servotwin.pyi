@@ -30,7 +30,6 @@ __all__ = [
     "fit_record",
     "flight_pieces",
     "fly_all",
-    "fly_foreign",
     "fly_piece",
     "join_evaluation",
     "join_flights",
@@ -391,19 +390,15 @@ def fly_all(
     threads: Optional[int] = None,
     progress: Optional[Progress] = None,
 ) -> str: ...
-def flight_pieces(
-    study: Study, full: bool = False
-) -> tuple[list[str], list[int], list[int]]: ...
+def flight_pieces(study: Study, full: bool = False) -> list[tuple[str, str, list[int]]]: ...
 def fly_piece(
     study: Study,
     full: bool,
     setting: str,
+    suite: str,
     environment: int,
     diagnoser: Optional[str] = None,
     threads: Optional[int] = None,
-) -> str: ...
-def fly_foreign(
-    study: Study, full: bool, setting: str, diagnoser: str, threads: Optional[int] = None
 ) -> str: ...
 def learn_from_flights(
     study: Study,
@@ -412,13 +407,9 @@ def learn_from_flights(
     setting: str,
     flown: Sequence[str],
     threads: Optional[int] = None,
-) -> str: ...
+) -> None: ...
 def join_flights(
-    study: Study,
-    out: Path,
-    full: bool,
-    found: Sequence[tuple[str, str, Sequence[str], str]],
-    threads: Optional[int] = None,
+    study: Study, out: Path, full: bool, found: Sequence[tuple[str, str, Sequence[str]]]
 ) -> str: ...
 def train_folder(
     out: Path, threads: Optional[int] = None, progress: Optional[Progress] = None

@@ -175,36 +175,40 @@ def flights(
     store = _Store(out, options)
     store.keep("study.toml", study.text)
     store.keep("system.toml", study.system.text)
-    names, to_learn, to_judge = _native.flight_pieces(study, full)
+    pieces = _native.flight_pieces(study, full)
     where = (_mark(study.text, study.system.text), out, options)
-    measured: list[tuple[str, str, list[str], str]] = []
+    watched: list[tuple[str, str, list[str]]] = []
     sent: list[Any] = []
 
-    def submit(function: Any, name: str, *arguments: Any) -> Any:
-        key = _key(f"{study.name} flights {name}", where[:2], full, arguments)
-        sent.append(
-            client.submit(function, where, full, *arguments, threads or 1, key=key, pure=False, retries=3)
-        )
-        return sent[-1]
+    def flown(setting: str, suite: str, runs: list[int], diagnoser: Optional[tuple[str, str]]) -> list[Any]:
+        """What came of every environment of a suite."""
+        futures = []
+        for environment in range(len(runs)):
+            key = _key(f"{study.name} {setting} {suite} {environment}", where[:2], full, diagnoser)
+            about = (full, setting, suite, environment, diagnoser, threads or 1)
+            futures.append(client.submit(_flown, where, *about, key=key, pure=False, retries=3))
+        sent.extend(futures)
+        return _watched(f"{setting}: {suite}", futures, runs, show)
 
     with told(progress) as show, _mirrored(store, parts=False) as folder:
         try:
-            for name in names:
-                learned = [submit(_flown, f"to learn {name} {k}", name, k, None) for k in range(len(to_learn))]
-                texts = _watched(f"{name}: flights to learn from", learned, to_learn, show)
-                left_out = _native.learn_from_flights(study, folder, full, name, texts, threads)
-                file = f"diagnoser-{name}.json"
+            diagnosers: dict[str, tuple[str, str]] = {}
+            for setting, suite, runs in pieces:
+                # The first suite of a scenario is the one to learn from.
+                if setting in diagnosers:
+                    texts = flown(setting, suite, runs, diagnosers[setting])
+                    watched.append((setting, suite, texts))
+                    continue
+                texts = flown(setting, suite, runs, None)
+                _native.learn_from_flights(study, folder, full, setting, texts, threads)
+                file = f"diagnoser-{setting}.json"
                 store.put_all(folder, [file])
-                about = (file, _mark((folder / file).read_bytes()))
-                foreign = submit(_foreign, f"foreign {name}", name, about)
-                judged = [submit(_flown, f"to judge {name} {k}", name, k, about) for k in range(len(to_judge))]
-                texts = _watched(f"{name}: flights to be judged in", judged, to_judge, show)
-                measured.append((name, left_out, texts, foreign.result()))
+                diagnosers[setting] = (file, _mark((folder / file).read_bytes()))
         finally:
             client.cancel(sent)  # type: ignore[no-untyped-call]
-        results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, measured, threads))
-        outcomes = sorted(path.name for path in folder.glob("outcomes-*.parquet"))
-        store.put_all(folder, ["flights.json", *outcomes, "manifest.json"])
+        results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, watched))
+        made = [path.name for name in ("outcomes-*.parquet", "left_out-*.json") for path in folder.glob(name)]
+        store.put_all(folder, ["flights.json", *sorted(made), "manifest.json"])
     return results
 
 
@@ -358,31 +362,17 @@ def _flown(
     where: tuple[str, str, dict[str, Any]],
     full: bool,
     setting: str,
+    suite: str,
     environment: int,
     about: Optional[tuple[str, str]],
     threads: int,
 ) -> str:
-    """Fly the flights of one environment in a worker, watched by a diagnoser or to learn from."""
+    """Fly one environment of a suite in a worker, watched by a diagnoser or to learn from."""
     mark, out, options = where
     store = _Store(out, options)
     diagnoser = None if about is None else _diagnoser(store, about)
     study = _study(store, mark)
-    return _native.fly_piece(study, full, setting, environment, diagnoser, threads)
-
-
-def _foreign(
-    where: tuple[str, str, dict[str, Any]],
-    full: bool,
-    setting: str,
-    about: tuple[str, str],
-    threads: int,
-) -> str:
-    """Fly faults that were never trained on in a worker."""
-    mark, out, options = where
-    store = _Store(out, options)
-    return _native.fly_foreign(
-        _study(store, mark), full, setting, _diagnoser(store, about), threads
-    )
+    return _native.fly_piece(study, full, setting, suite, environment, diagnoser, threads)
 
 
 def _piece(

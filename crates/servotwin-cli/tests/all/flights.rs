@@ -110,7 +110,8 @@ fn healthy_flights_go_on_where_they_were_stored() {
     let [study, diagnoser] = learned(&folder);
     let out = folder.file("out");
     let fly = |count: &str, seed: &str| {
-        let more = ["--healthy", count, "--seed", seed, "--setting", "realistic"];
+        let more = ["--suite", "healthy", "--environments", count, "--seed", seed];
+        let more = [&more[..], &["--setting", "realistic"]].concat();
         let output = servotwin(&[&["flights", &study, "--out", &out][..], &more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let path = folder.file("out/outcomes-healthy-realistic.parquet");
@@ -149,11 +150,11 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     let folder = Folder::new("healthy-other-plants");
     let [study, diagnoser] = learned(&folder);
     let fly = |study: &str, out: &str| {
-        let more = ["--other-plant", "--healthy", "3"];
+        let more = ["--suite", "healthy_other_structure", "--environments", "3"];
         servotwin(&[&["flights", study, "--out", out][..], &more].concat())
     };
     let none = fly(&study, &folder.file("out"));
-    assert!(stderr(&none).contains("the study has no [flights.other_plant]"), "{}", stderr(&none));
+    assert!(stderr(&none).contains("the suites of the study, healthy, judge"), "{}", stderr(&none));
     let plants = "[flights.other_plant]\nkinds = { cylinder = \"bristle_cylinder\" }\n\
                   draws = [{ parameters = [\"supply.temperature_k\"], plus = [20, 20] }]\n";
     let (wide, out) = (folder.file("wide.toml"), folder.file("wide"));
@@ -166,14 +167,15 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     std::fs::copy(diagnoser, folder.file("wide/diagnoser-realistic.json")).unwrap();
     let output = fly(&wide, &out);
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(stdout(&output).starts_with("other_plant: 3 healthy flights of "));
-    let evidence = |out: &str, name: &str| -> f64 {
-        let path = Path::new(out).join(format!("outcomes-healthy-{name}.parquet"));
+    let text = stdout(&output);
+    assert!(text.starts_with("healthy_other_structure, realistic: 3 healthy flights of "), "{text}");
+    let evidence = |out: &str, suite: &str| -> f64 {
+        let path = Path::new(out).join(format!("outcomes-{suite}-realistic.parquet"));
         table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
     };
-    let usual = ["--setting", "realistic", "--healthy", "3"];
+    let usual = ["--setting", "realistic", "--suite", "healthy", "--environments", "3"];
     servotwin(&[&["flights", &wide, "--out", &out][..], &usual].concat());
-    assert!(evidence(&out, "other_plant") > evidence(&out, "realistic"));
+    assert!(evidence(&out, "healthy_other_structure") > evidence(&out, "healthy"));
 }
 
 #[test]
@@ -193,23 +195,21 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
     assert!(of_one.contains("\"realistic\"") && !of_one.contains("\"noise\""), "{of_one}");
     assert_eq!(fly(&apart, &["--setting", "noise"]), of_both);
 
-    assert_eq!(fly(&apart, &["--missing-sensors", "--setting", "noise"]), of_both);
-    let text = std::fs::read_to_string(Path::new(&apart).join("missing_sensors.json")).unwrap();
-    let merits: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let text = fly(&apart, &["--suite", "missing_sensors", "--setting", "noise"]);
+    let mut flown: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let merits = flown["missing_sensors"].take();
     let sensors: Vec<_> = merits.as_array().unwrap().iter().map(|m| &m["setting"]).collect();
     assert_eq!(sensors.len(), 8, "{sensors:?}");
     let is_right = |m: &serde_json::Value| m["rates"]["wrong_shutdown"]["count"] == 0;
     assert!(merits.as_array().unwrap().iter().all(|m| m["flights"] == 6 && is_right(m)));
-    assert_eq!(fly(&apart, &["--challenge", "drifting,double", "--setting", "noise"]), of_both);
-    let text = std::fs::read_to_string(Path::new(&apart).join("challenge_sets.json")).unwrap();
-    let chosen: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let all: serde_json::Value = serde_json::from_str(&of_both).unwrap();
-    let sets = all["foreign"][0]["sets"].as_array().unwrap().iter();
-    let named = sets.filter(|set| ["drifting", "double"].contains(&set["title"].as_str().unwrap()));
-    let named: Vec<_> = named.cloned().collect();
-    assert!(!named.is_empty() && chosen[0]["sets"].as_array().unwrap() == &named, "{text}");
+    // Everything else is what it was, and a suite that was flown is not flown again.
+    let both: serde_json::Value = serde_json::from_str(&of_both).unwrap();
+    for field in ["merits", "foreign", "windows_s", "limits"] {
+        assert_eq!(flown[field], both[field], "{field}");
+    }
     let nothing = folder.file("nothing");
-    let output = servotwin(&["flights", &study, "--out", &nothing, "--missing-sensors"]);
+    let judge = ["flights", &study, "--out", &nothing, "--suite", "judge"];
+    let output = servotwin(&judge);
     assert!(!output.status.success() && stderr(&output).contains("flights"), "{}", stderr(&output));
 }
 
@@ -239,12 +239,13 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
         assert!(!Path::new(&out).join("diagnoser-realistic.json").exists(), "nothing was flown");
         assert!(!Path::new(&out).join("dataset-ideal.parquet").exists(), "nothing was simulated");
     };
-    broken.iter().for_each(|bytes| refused("flights", bytes));
     std::fs::remove_file(Path::new(&out).join("manifest.json")).unwrap();
-    broken.iter().for_each(|bytes| refused("flights", bytes));
-    refused("study", broken[0]);
-    std::fs::remove_file(&file).unwrap();
-    assert!(run("flights").status.success());
+    broken.iter().for_each(|bytes| refused("study", bytes));
+    // It is counted from the outcomes of the flights, so it can be made anew.
+    std::fs::write(&file, broken[0]).unwrap();
+    let again = [&["flights", &study, "--out", &out, "--suite", "judge"], &noise[..]].concat();
+    assert!(servotwin(&again).status.success());
+    assert_eq!(std::fs::read(&file).unwrap(), good);
 }
 
 #[test]
@@ -252,10 +253,11 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
 fn a_study_keeps_what_was_measured_in_full_flights() {
     let folder = Folder::new("full-flights");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    let full = "full.learn = { environments = 3, repeats = 3, healthy = 3 }
-full.judge = { environments = 2, repeats = 1, healthy = 2, foreign = 1 }
-[reactions]";
-    std::fs::write(&study, tiny().replace("[reactions]", full)).unwrap();
+    let (learn, judge) = ("repeats = 3, healthy = 2 }", "repeats = 1, healthy = 1 }");
+    let text = tiny().replace(learn, "repeats = 3, healthy = 2, full = { healthy = 3 } }");
+    let text = text.replace(judge, "repeats = 1, healthy = 1, full = { healthy = 2 } }");
+    assert!(text.matches("full").count() == 2, "{text}");
+    std::fs::write(&study, text).unwrap();
     let read = || std::fs::read_to_string(Path::new(&out).join("flights.json")).unwrap();
     let run = |arguments: &[&str]| {
         let output = servotwin(&[arguments, &[&study, "--out", &out]].concat());
@@ -344,8 +346,8 @@ fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let further = folder.file("further.toml");
     let wider = std::fs::read_to_string(&many).unwrap();
     let wider = wider.replace(
-        "environments = 40, repeats = 0, healthy = 1",
-        "environments = 4, repeats = 0, healthy = 2, further = 36",
+        "learn = { environments = 40, repeats = 0, healthy = 1 }",
+        "learn = { environments = 4, repeats = 0, healthy = 2 }\nhard_negatives = { environments = 36 }",
     );
     std::fs::write(&further, wider).unwrap();
     let found = super::json(&["band", &further, "--share", "0.1", "--judge", "0", "--json"]);

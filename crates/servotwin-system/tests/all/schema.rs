@@ -236,9 +236,9 @@ fn studies_that_are_read_keep_to_the_schema_and_slips_do_not() {
 #[test]
 fn every_key_of_a_study_has_its_row() {
     let table = format::markdown(servotwin_system::study::keys());
-    for key in ["`training.draws[].count`", "`sensors.NAME.quantity`", "`flights.learn.repeats`"] {
+    for key in ["`training.draws[].count`", "`sensors.NAME.quantity`", "`suites.NAME.repeats`"] {
         assert!(table.contains(key), "{key}:\n{table}");
     }
-    let other = "number of flights for the evaluation; keys as in `flights.learn` |\n";
-    assert!(table.contains(other) && !table.contains("`flights.judge.repeats`"), "{table}");
+    let other = "for the evaluation only |\n";
+    assert!(table.contains(other) && table.contains("keys as in `flights.draws[]`"), "{table}");
 }
