@@ -61,6 +61,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if study.flights.is_none() {
         return Err(JobError::NoFlights.into());
     }
+    if is_full && !study.has_full_suites() {
+        return Err(Failure::Options(
+            "the [suites] of the study have no full sizes, which --full asks for",
+        ));
+    }
     let named =
         |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());
     let settings: Vec<Setting> = settings(&study).into_iter().filter(named).collect();

@@ -179,6 +179,9 @@ pub fn diagnoser(
     if folder.diagnoser(setting).exists() {
         return Ok(Arc::new(flights::diagnoser(folder, setting)?));
     }
+    if study.flights.is_none() {
+        return Err(JobError::NoFlights.into());
+    }
     let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
     let _hold = options.keep(study, global)?;
     note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));

@@ -135,7 +135,7 @@ fn studies_are_checked_with_their_places() {
     let output = servotwin(&["check", &wrong]);
     assert_eq!(output.status.code(), Some(3));
     let told = stderr(&output);
-    for part in ["wrong.toml:17:9: there is no input of the system 'comand'", "nearest: 'command'"]
+    for part in ["wrong.toml:18:9: there is no input of the system 'comand'", "nearest: 'command'"]
     {
         assert!(told.contains(part), "{told}");
     }

@@ -168,7 +168,10 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     let output = fly(&wide, &out);
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
-    assert!(text.starts_with("healthy_other_structure, realistic: 3 healthy flights of "), "{text}");
+    assert!(
+        text.starts_with("healthy_other_structure, realistic: 3 healthy flights of "),
+        "{text}"
+    );
     let evidence = |out: &str, suite: &str| -> f64 {
         let path = Path::new(out).join(format!("outcomes-{suite}-realistic.parquet"));
         table::read(path).unwrap().f64("evidence").unwrap().iter().sum()

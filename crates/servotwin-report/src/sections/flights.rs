@@ -443,9 +443,7 @@ pub(super) fn at_most(count: u64, of: u64) -> String {
 }
 
 fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
-    let numbers =
-        |is_full: bool| study.suites(is_full).map(|suite| (suite.environments, suite.repeats));
-    let has_full = !numbers(true).eq(numbers(false));
+    let has_full = study.has_full_suites();
     let run = words.run();
     let runs = |count: u64| match count {
         1 => format!("1 {run}"),

@@ -388,6 +388,14 @@ impl Study {
         self.suites.get(name).map(|both| &both[usize::from(is_full)])
     }
 
+    /// Whether any suite has other numbers in its full size.
+    pub fn has_full_suites(&self) -> bool {
+        let numbers = |suite: &Suite| {
+            (suite.environments, suite.repeats, suite.healthy, suite.healthy_duration_s)
+        };
+        self.suites.values().any(|[small, full]| numbers(small) != numbers(full))
+    }
+
     /// All suites of a size, by name.
     pub fn suites(&self, is_full: bool) -> impl Iterator<Item = &Suite> {
         self.suites.values().map(move |both| &both[usize::from(is_full)])
