@@ -260,7 +260,7 @@ pub fn watch(
     diagnoser: &Diagnoser,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<FlightOutcome>, Error> {
-    let session = Session::new(Arc::new(diagnoser.clone()))?;
+    let session = Session::new(Arc::new(diagnoser.clone()))?.at_rest();
     Ok(watch_planned(flown, &[Watching { session, missing: None }], progress))
 }
 
@@ -273,7 +273,7 @@ pub fn watch_without_sensors(
     diagnoser: &Arc<Diagnoser>,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<FlightOutcome>, Error> {
-    let session = Session::new(diagnoser.clone())?;
+    let session = Session::new(diagnoser.clone())?.at_rest();
     let without = |sensor| Watching { session: session.clone(), missing: Some(sensor) };
     let watching: Vec<Watching> = (0..diagnoser.sensors.len()).map(without).collect();
     Ok(watch_planned(flown, &watching, progress))

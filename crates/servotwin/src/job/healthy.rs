@@ -97,7 +97,8 @@ pub fn fly(
     let differences = other.as_ref().map_or(Differences::Scattered(1.0), Differences::Structure);
     let setting = plants.setting();
     let session = Session::new(Arc::new(diagnoser(folder, setting)?))
-        .map_err(|error| JobError::Evaluation(error.into()))?;
+        .map_err(|error| JobError::Evaluation(error.into()))?
+        .at_rest();
     let mut run = begun(folder, study, plants, (draw.seed, duration_s))?;
     let mut stored = run.outcomes.len();
     while run.outcomes.len() < count {

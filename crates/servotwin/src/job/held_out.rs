@@ -110,8 +110,9 @@ fn fly(
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Vec<FlightOutcome>, JobError> {
-    let session =
-        Session::new(Arc::new(diagnoser)).map_err(|error| JobError::Evaluation(error.into()))?;
+    let session = Session::new(Arc::new(diagnoser))
+        .map_err(|error| JobError::Evaluation(error.into()))?
+        .at_rest();
     let duration_s = flights.learn.healthy_duration_s.unwrap_or(flights.duration_s);
     let mut outcomes = vec![];
     for (batch, environments) in flights.held_out.chunks(BATCH).enumerate() {

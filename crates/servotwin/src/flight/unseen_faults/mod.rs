@@ -290,7 +290,7 @@ pub fn judge(
     let lot = (Purpose::Judge, flights.seed);
     let told = Cow::Owned(told);
     let flown = FlightCampaign::planned(study, told, plan, lot, setting, workers)?;
-    let session = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
+    let session = Session::new(diagnoser.clone()).expect("a diagnoser that was checked").at_rest();
     let touched = |flight: &PlannedFlight| {
         let onset = (flight.onset_s / flown.period_s()).ceil() as usize;
         Some(Touched::new(case(flight).changes.touches(), onset, flight.number as u64))
