@@ -168,13 +168,13 @@ const OF_TWIN: [&str; 3] = ["servotwin_hybrid.c", "servotwin_twin.c", "servotwin
 fn the_start_test_finds_a_file_without_missing_values() {
     let diagnoser = toy::diagnoser();
     let files = c::files(&diagnoser).unwrap();
-    let own = ("servotwin_session.c", " && servotwin_keeps_rules();", ";");
-    let unasked = with_mistake(&files, own);
+    let asked = ("servotwin_session.c", " && servotwin_models_keeps_rules()", "");
+    let unasked = with_mistake(&files, asked);
     let found = |files: &[SourceFile]| {
         let plan = Plan { samples: 3000, ..Plan::new(&diagnoser, files) };
-        not_refused(&plan, &["clang"], &OF_DIAGNOSIS[..1], &["-fno-honor-nans"])
+        not_refused(&plan, &["clang"], &["servotwin_models.c"], &["-fno-honor-nans"])
     };
-    assert_eq!(found(&unasked), ["clang -fno-honor-nans servotwin_session.c"]);
+    assert_eq!(found(&unasked), ["clang -fno-honor-nans servotwin_models.c"]);
     assert_eq!(found(&files), [""; 0]);
 }
 
