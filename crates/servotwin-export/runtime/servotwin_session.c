@@ -328,6 +328,7 @@ void servotwin_session_reset_alarm(servotwin_session *session)
     for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
         withdraw(session, actuator);
     }
+    clear_windows(session);
     say_unjudged(session, SERVOTWIN_NORMAL);
 }
 

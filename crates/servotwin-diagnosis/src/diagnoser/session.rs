@@ -278,9 +278,11 @@ impl Session {
         self.switched_on(actuator)
     }
 
-    /// Withdraws everything that was raised. Actuators that are off stay off. What still has evidence is raised again.
+    /// Withdraws everything that was raised. Actuators that are off stay off. All is judged anew: a fault that lasts is
+    /// raised again, and one that was repaired is not raised by samples of before.
     pub fn reset_alarm(&mut self) {
         self.memory.alarm.withdraw_all();
+        self.clear_windows();
         self.say(IndexedFinding::Unjudged, Alarm::Normal);
     }
 
