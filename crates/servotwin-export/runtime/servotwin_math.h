@@ -33,13 +33,14 @@ static inline bool servotwin_keeps_rules(void)
     const volatile servotwin_real one = REAL(1.0);
     const volatile servotwin_real five = REAL(5.0);
     const volatile servotwin_real zero = REAL(0.0);
+    const volatile servotwin_real nothing = REAL(0.0);
     const volatile servotwin_real least = SERVOTWIN_REAL_MIN;
     const servotwin_real product = above * below;
     const servotwin_real difference = product - one;
     const servotwin_real raised = large + one;
     const servotwin_real left = raised - large;
     const servotwin_real part = five / REAL(3.0);
-    const servotwin_real missing = zero / zero;
+    const servotwin_real missing = zero / nothing;
     const servotwin_real endless = one / zero;
     const servotwin_real negative = -zero;
     const servotwin_real sum = negative + REAL(0.0);
