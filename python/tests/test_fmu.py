@@ -2,10 +2,12 @@
 hybrid twin with the same diagnosis."""
 
 import glob
+import gzip
 import os
 import shutil
 import subprocess
 import zipfile
+from pathlib import Path
 
 import fmpy
 import numpy as np
@@ -334,7 +336,6 @@ ALARMS = ["normal", "pending", "raised", "recovering", "no_data", "error"]
 def test_a_hybrid_twin_says_what_the_diagnosis_says(hybrid, learned):
     assert validate_fmu(hybrid.path) == []
     diagnoser = servotwin.Diagnoser(learned)
-    diagnoser.restart()  # The twin settles first, because an actuator may be in motion.
     period = diagnoser.sample_period_s
     inputs, measured, nominal = flight(diagnoser, {"actuator_1.servo_valve.bias_positive": 1.0})
     measured[150:160, 3] = np.nan
@@ -353,8 +354,41 @@ def test_a_hybrid_twin_says_what_the_diagnosis_says(hybrid, learned):
         assert shown["diagnosis.confidence"] == said.confidence
         assert shown["diagnosis.lost_sensors"] == len(said.lost)
     assert said.alarm != "normal", said
+    raised = names.index("diagnosis.raised_action")
+    assert rows[-1][raised] > 0.0
+    # Without a value nothing is raised again.
+    missing = [f"measured.{name}" for name in diagnoser.sensors]
+    hybrid.set_all(slave, ["reset_alarm", *missing], [1.0] + [np.nan] * len(missing))
+    slave.doStep(currentCommunicationPoint=len(inputs) * period, communicationStepSize=period)
+    assert hybrid.read(slave)[raised] == 0.0
     # The last inputs of a flight have slopes that the future decides; before, the twin is that of the toolkit.
     assert_near(np.array(rows)[:, expected], nominal)
+
+
+@pytest.mark.slow
+def test_a_hybrid_twin_finds_the_system_healthy_that_takes_its_command_every_millisecond(fmu, tmp_path):
+    shipped = Path(__file__).parents[2] / "crates/servotwin-watch/shipped/aileron.json.gz"
+    model = tmp_path / "diagnoser-noise.json"
+    model.write_bytes(gzip.decompress(shipped.read_bytes()))
+    twin = Fmu(fmu.version, tmp_path, ["--model", str(model)])
+    own = dict(p_a="pressure_a", p_b="pressure_b", x_p="ram", x_v="spool", p_s="supply", p_t="tank")
+    sensors = [name.removeprefix("measured.") for name in twin.references if name.startswith("measured.")]
+    readings = [f"actuator_{name[-1]}.sensor_{own[name[:3]]}.reading" for name in sensors]
+    places = [[variable.name for variable in fmu.outputs].index(name) for name in readings]
+    finding = [variable.name for variable in twin.outputs].index("diagnosis.finding")
+    plant, beside = fmu.slave(noise=1.0), twin.slave()
+    findings = []
+    for k in range(10_000):
+        time, command = 0.001 * k, 0.02 * np.sin(0.01 * np.pi * k)
+        if k % 10 == 0:
+            measured = fmu.read(plant)[places]
+            twin.set_all(beside, ["command", *(f"measured.{name}" for name in sensors)], [command, *measured])
+            beside.doStep(currentCommunicationPoint=time, communicationStepSize=0.01)
+            findings.append(twin.read(beside)[finding])
+        fmu.set(plant, "command", command)
+        plant.doStep(currentCommunicationPoint=time, communicationStepSize=0.001)
+    # Not judged at first, healthy then.
+    assert set(findings) == {0.0, 1.0} and set(findings[200:]) == {1.0}
 
 
 @pytest.mark.parametrize("compiler", ["gcc", pytest.param("clang", marks=pytest.mark.slow)])

@@ -322,7 +322,6 @@ fn of_export(error: &ExportError) -> u8 {
         ExportError::FolderInUse(_) | ExportError::Damaged { .. } => 2,
         ExportError::File(error) => of_file(error),
         ExportError::NoExport(_)
-        | ExportError::OtherDiagnoser { .. }
         | ExportError::Classifier { .. }
         | ExportError::TooMany { .. }
         | ExportError::Unsupported(_) => 3,

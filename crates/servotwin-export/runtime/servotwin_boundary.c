@@ -210,3 +210,8 @@ bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary)
     return (doubt->explained > 0U)
         && (servotwin_boundary_evidence(doubt, boundary) < servotwin_tuning.fault_needed_nats);
 }
+
+bool servotwin_boundary_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}

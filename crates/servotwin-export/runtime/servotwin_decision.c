@@ -136,3 +136,8 @@ servotwin_real servotwin_evidence_of_unknown(const servotwin_evidence *evidence,
 {
     return evidence->unknown / servotwin_lengths[length].limit_of_change;
 }
+
+bool servotwin_decision_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}

@@ -6,6 +6,7 @@
 #define SERVOTWIN_EQUATIONS_H
 
 #include "servotwin_exact.h"
+#include "servotwin_math.h"
 #include "servotwin_twin_sizes.h"
 
 #include <stdint.h>

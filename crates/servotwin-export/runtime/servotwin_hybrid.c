@@ -1,5 +1,6 @@
 #include "servotwin_hybrid.h"
 
+#include "servotwin_math.h"
 #include "servotwin_tables.h"
 
 #include <float.h>
@@ -204,8 +205,7 @@ bool servotwin_hybrid_start(servotwin_hybrid *hybrid)
     clear(hybrid);
     const bool is_exact = servotwin_twin_is_exact(&hybrid->twin);
     const bool knows_answer = servotwin_session_start(&hybrid->session);
-    servotwin_session_restart(&hybrid->session);
-    return knows_answer && is_exact;
+    return knows_answer && is_exact && servotwin_keeps_rules();
 }
 
 /* A value, or NaN for one that is not possible. */

@@ -223,3 +223,8 @@ int32_t servotwin_agreed_detail(const servotwin_judgement *judgement)
         && (judgement->detail_probability >= servotwin_tuning.least_detail_confidence);
     return is_agreed ? judgement->detail : SERVOTWIN_NONE;
 }
+
+bool servotwin_judge_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}

@@ -8,6 +8,8 @@
 #include "servotwin_exact.h"
 #include "servotwin_real.h"
 
+#include <stdbool.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -15,14 +17,50 @@ extern "C" {
 /* A literal as a number of this diagnosis; without it, an expression in single precision would become a double. */
 #define REAL(literal) ((servotwin_real)(literal))
 
-/*
- * 1 if a product and a sum round twice and correctly, as they must; 0 if the compiler fuses them, or if numbers in software
- * round wrongly. Call it once, at start.
- */
-int servotwin_rounds_twice(void);
-
 /* The bits of a number. */
 servotwin_bits servotwin_bits_of(servotwin_real number);
+
+/*
+ * Whether arithmetic is that of IEEE 754 where this is compiled: a product and a sum round twice, sums and divisions keep
+ * their order, and missing and infinite values, the sign of zero and subnormal numbers are kept. A build can give each
+ * file its own flags, so each file has this test, and the start asks all of them.
+ */
+static inline bool servotwin_keeps_rules(void)
+{
+    const volatile servotwin_real large = REAL(0x1p60);
+    const volatile servotwin_real above = SERVOTWIN_ABOVE_ONE;
+    const volatile servotwin_real below = SERVOTWIN_BELOW_ONE;
+    const volatile servotwin_real one = REAL(1.0);
+    const volatile servotwin_real five = REAL(5.0);
+    const volatile servotwin_real zero = REAL(0.0);
+    const volatile servotwin_real nothing = REAL(0.0);
+    const volatile servotwin_real least = SERVOTWIN_REAL_MIN;
+    const servotwin_real product = above * below;
+    const servotwin_real difference = product - one;
+    const servotwin_real raised = large + one;
+    const servotwin_real left = raised - large;
+    const servotwin_real part = five / REAL(3.0);
+    const servotwin_real missing = zero / nothing;
+    const servotwin_real endless = one / zero;
+    const servotwin_real negative = -zero;
+    const servotwin_real sum = negative + REAL(0.0);
+    const servotwin_real subnormal = least * REAL(0.5);
+    const servotwin_real whole = subnormal + subnormal;
+    return (difference == REAL(0.0)) && (left == REAL(0.0)) && (part == REAL(SERVOTWIN_FIVE_THIRDS))
+        && (missing != missing) && !(missing <= one) && !(missing >= one) && (endless > SERVOTWIN_REAL_MAX)
+        && (servotwin_bits_of(sum) == 0U) && (whole == least);
+}
+
+/* Whether the file of this name keeps them. */
+bool servotwin_math_keeps_rules(void);
+bool servotwin_random_keeps_rules(void);
+bool servotwin_models_keeps_rules(void);
+bool servotwin_windows_keeps_rules(void);
+bool servotwin_features_keeps_rules(void);
+bool servotwin_judge_keeps_rules(void);
+bool servotwin_decision_keeps_rules(void);
+bool servotwin_boundary_keeps_rules(void);
+bool servotwin_equations_keeps_rules(void);
 
 /* e^x for x of at most 709, and 0 below -708; in single precision 88 and -87. */
 servotwin_real servotwin_exp(servotwin_real x);

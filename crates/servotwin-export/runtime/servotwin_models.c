@@ -207,3 +207,8 @@ void servotwin_probabilities(
         share_among_actions(hierarchy, views, actuator, &into[1 + (actuator * hierarchy->actions)]);
     }
 }
+
+bool servotwin_models_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}

@@ -50,3 +50,8 @@ servotwin_real servotwin_normal(uint64_t seed, uint64_t stream)
     }
     return sum - REAL(6.0);
 }
+
+bool servotwin_random_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}

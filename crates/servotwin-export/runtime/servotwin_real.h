@@ -20,8 +20,14 @@ typedef double servotwin_real;
 typedef uint64_t servotwin_bits;
 #define SERVOTWIN_BITS_OF_MISSING 0x7ff8000000000000U
 
-/* The largest number. */
+/* The largest number, and the least normal one. */
 #define SERVOTWIN_REAL_MAX DBL_MAX
+#define SERVOTWIN_REAL_MIN DBL_MIN
+
+/* Numbers whose product is 1 when it is rounded, and 5/3. */
+#define SERVOTWIN_ABOVE_ONE (1.0 + 0x1p-30)
+#define SERVOTWIN_BELOW_ONE (1.0 - 0x1p-30)
+#define SERVOTWIN_FIVE_THIRDS 0x1.aaaaaaaaaaaabp+0
 
 /* The size of a number: a function of math.h. */
 #define SERVOTWIN_ABS fabs

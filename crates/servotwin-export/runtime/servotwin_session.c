@@ -198,7 +198,7 @@ static void say(servotwin_session *session, const servotwin_outcome *said)
 {
     servotwin_outcome *outcome = &session->outcome;
     if (!is_same_finding(outcome, said)) {
-        outcome->since_sample = outcome->sample;
+        outcome->since_sample = session->samples;
     }
     outcome->finding = said->finding;
     outcome->alarm = said->alarm;
@@ -252,7 +252,7 @@ static void clear_session(servotwin_session *session)
     const servotwin_raised nothing_raised = {
         false, SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 0U, SERVOTWIN_NONE, REAL(0.0)};
     session->samples = 0U;
-    session->settling = 0U;
+    session->settling = servotwin_tuning.settle_samples;
     session->gap = 0U;
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
         session->last_input[input] = SERVOTWIN_BITS_OF_MISSING;
@@ -285,6 +285,11 @@ static void clear_session(servotwin_session *session)
     session->is_recovering = false;
     (void)memset(&session->scratch, 0, sizeof session->scratch);
     clear_windows(session);
+}
+
+void servotwin_session_at_rest(servotwin_session *session)
+{
+    session->settling = 0U;
 }
 
 static bool switch_actuator(servotwin_session *session, int32_t actuator, bool is_off)
@@ -323,6 +328,7 @@ void servotwin_session_reset_alarm(servotwin_session *session)
     for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
         withdraw(session, actuator);
     }
+    clear_windows(session);
     say_unjudged(session, SERVOTWIN_NORMAL);
 }
 
@@ -461,7 +467,7 @@ static void notice(servotwin_session *session, int32_t sensor, bool is_there)
 static servotwin_real stand_in(const servotwin_session *session, int32_t sensor, servotwin_real expected)
 {
     const servotwin_real scaled = servotwin_sensors[sensor].scale * servotwin_sensors[sensor].stand_in_noise;
-    const servotwin_real noise = scaled * servotwin_normal((uint64_t)sensor, session->samples);
+    const servotwin_real noise = scaled * servotwin_normal((uint64_t)sensor, session->samples + 1U);
     return expected + noise;
 }
 
@@ -903,7 +909,6 @@ const servotwin_outcome *servotwin_session_push(
 {
     servotwin_outcome invalid = finding_of(SERVOTWIN_ENVIRONMENT_INVALID, SERVOTWIN_NORMAL);
     session->outcome.sample = session->samples;
-    session->samples++;
     if (!is_plausible(session, inputs, &invalid)) {
         distrust(session, &invalid);
     } else {
@@ -925,15 +930,16 @@ const servotwin_outcome *servotwin_session_push(
             break;
         }
     }
+    session->samples++;
     return &session->outcome;
 }
 
 const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *session)
 {
     session->outcome.sample = session->samples;
-    session->samples++;
     servotwin_session_restart(session);
     say_unjudged(session, SERVOTWIN_ERROR);
+    session->samples++;
     return &session->outcome;
 }
 
@@ -979,6 +985,7 @@ static bool knows_answer(servotwin_session *session)
     const int32_t samples = length->span.pane_samples * (length->span.panes + KNOWN_PANES);
     const servotwin_judgement *judgement = &session->judgements[0];
     uint64_t mixture = 0xcbf29ce484222325U;
+    servotwin_session_at_rest(session);
     for (int32_t k = 0; k < samples; k++) {
         push_known(session, k, &mixture);
     }
@@ -1007,9 +1014,17 @@ static bool knows_answer(servotwin_session *session)
     return mixture == servotwin_known_answer;
 }
 
+/* Whether all files of the diagnosis are compiled with the arithmetic of training. */
+static bool keep_rules(void)
+{
+    return servotwin_math_keeps_rules() && servotwin_random_keeps_rules() && servotwin_models_keeps_rules()
+        && servotwin_windows_keeps_rules() && servotwin_features_keeps_rules() && servotwin_judge_keeps_rules()
+        && servotwin_decision_keeps_rules() && servotwin_boundary_keeps_rules() && servotwin_keeps_rules();
+}
+
 bool servotwin_session_start(servotwin_session *session)
 {
-    bool is_exact = (servotwin_rounds_twice() != 0);
+    bool is_exact = keep_rules();
     clear_session(session);
     if (servotwin_known_answer != 0U) {
         is_exact = knows_answer(session) && is_exact;

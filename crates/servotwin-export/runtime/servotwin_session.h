@@ -58,7 +58,7 @@ typedef struct {
 /* The result after a sample. */
 typedef struct {
     uint64_t sample;
-    uint64_t since_sample; /* since when finding and alarm are these */
+    uint64_t since_sample; /* since when finding and alarm are these: the next sample, if a command changed them */
     servotwin_finding finding;
     int32_t actuator; /* of the finding; here and below SERVOTWIN_NONE where it has none */
     int32_t action;
@@ -108,10 +108,14 @@ typedef struct {
 } servotwin_session;
 
 /*
- * Runs a window with a known answer (in double precision), then clears everything. Returns false, and the session must not
- * be used, if this build computes otherwise than in training.
+ * Tests the arithmetic of every file, runs a window with a known answer (in double precision), then clears everything. The
+ * actuator may be in motion, but the twin begins at rest: at first it settles, without judgement, as after a restart.
+ * Returns false, and the session must not be used, if this build computes otherwise than in training.
  */
 bool servotwin_session_start(servotwin_session *session);
+
+/* The actuator begins at rest, as its twin does: after a start, the first sample is judged. */
+void servotwin_session_at_rest(servotwin_session *session);
 
 /* Takes one sample and returns the result. */
 const servotwin_outcome *servotwin_session_push(
@@ -135,7 +139,7 @@ bool servotwin_session_switched_on(servotwin_session *session, int32_t actuator)
 /* An actuator is on and judged again, and what was raised for it is withdrawn. */
 bool servotwin_session_release(servotwin_session *session, int32_t actuator);
 
-/* Withdraws everything that was raised. What still has evidence is raised again. */
+/* Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again. */
 void servotwin_session_reset_alarm(servotwin_session *session);
 
 /* Stops or resumes judging an actuator that is on. */

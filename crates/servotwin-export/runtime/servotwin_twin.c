@@ -1,5 +1,7 @@
 #include "servotwin_twin.h"
 
+#include "servotwin_math.h"
+
 #include <float.h>
 #include <math.h>
 #include <stddef.h>
@@ -773,5 +775,5 @@ bool servotwin_twin_is_exact(servotwin_twin *twin)
         mix_variable(&mixture, twin->variables[slot]);
     }
     (void)memset(twin, 0, sizeof *twin);
-    return mixture == servotwin_twin_known_answer;
+    return (mixture == servotwin_twin_known_answer) && servotwin_equations_keeps_rules() && servotwin_keeps_rules();
 }

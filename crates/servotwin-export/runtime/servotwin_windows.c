@@ -246,3 +246,8 @@ void servotwin_baseline_learn(servotwin_baseline *baseline, const servotwin_real
         baseline->means[i] = baseline->means[i] + step;
     }
 }
+
+bool servotwin_windows_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}

@@ -141,12 +141,13 @@ pub fn files_with_twin(
 
 /// The hand-written files of random numbers.
 pub(crate) fn files_of_random() -> impl Iterator<Item = SourceFile> {
+    named("servotwin_random")
+}
+
+/// The hand-written files of a diagnosis in double precision whose names begin thus.
+fn named(beginning: &str) -> impl Iterator<Item = SourceFile> {
     let all = arithmetic(Precision::F64).chain(DIAGNOSIS.iter().copied());
-    written(all.filter(|(name, _)| {
-        ["servotwin_real", "servotwin_math", "servotwin_random"]
-            .iter()
-            .any(|own| name.starts_with(own))
-    }))
+    written(all.filter(move |(name, _)| name.starts_with(beginning)))
 }
 
 /// The files of a twin alone.
@@ -154,7 +155,8 @@ pub(crate) fn files_of_random() -> impl Iterator<Item = SourceFile> {
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
 pub fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
-    Ok(written(COMMON.iter().copied()).chain(own_files_of_twin(twin)?).collect())
+    let arithmetic = named("servotwin_real").chain(named("servotwin_math"));
+    Ok(written(COMMON.iter().copied()).chain(arithmetic).chain(own_files_of_twin(twin)?).collect())
 }
 
 fn own_files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {

@@ -3,7 +3,10 @@
 use crate::description::{DESCRIPTION, Description};
 use crate::prove::RowDifference;
 use crate::source_file::SourceFile;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The SHA-256 of files, by name.
+type Hashes = BTreeMap<String, String>;
 
 /// How a folder differs from what its diagnoser and its twin are exported as.
 #[derive(Debug, Clone, Default)]
@@ -26,30 +29,34 @@ impl FolderComparison {
             let what = format!("exported by {}, not by {}", exported.version, right.version);
             self.differ("servotwin", &what);
         }
-        let system = |description: &Description| description.twin.as_ref().map(|twin| twin.system);
-        if system(exported) != system(right) {
+        if exported.diagnoser_sha256 != right.diagnoser_sha256 {
+            let what = format!(
+                "the diagnoser {} is not the one that was exported",
+                right.diagnoser.display()
+            );
+            self.differ(DESCRIPTION, &what);
+        }
+        // A study and a diagnoser may have moved since.
+        let twin = |description: &Description| {
+            description.twin.as_ref().map(|twin| (twin.system, twin.has_fixed_step))
+        };
+        if twin(exported) != twin(right) {
             self.differ(DESCRIPTION, "the study has another system");
         }
         if exported.precision != right.precision {
             self.differ(DESCRIPTION, "the precision is another one");
         }
-        for (name, hash) in &exported.sources_sha256 {
-            match right.sources_sha256.get(name) {
-                Some(now) if now != hash => {
-                    self.differ(name, "it is not the one that was exported")
-                }
-                Some(_) => {}
-                None => {
-                    let what = format!("{name}: it no longer lies beside the diagnoser");
-                    self.not_compared.push(what);
-                }
-            }
-        }
-        let names: BTreeSet<&String> =
-            exported.files_sha256.keys().chain(right.files_sha256.keys()).collect();
+        let sources = (&exported.sources_sha256, &right.sources_sha256);
+        self.hashes(sources, "the file beside the diagnoser");
+        self.hashes((&exported.files_sha256, &right.files_sha256), "its text");
+    }
+
+    /// Compares lists of hashes, in both directions.
+    fn hashes(&mut self, (exported, right): (&Hashes, &Hashes), of: &str) {
+        let names: BTreeSet<&String> = exported.keys().chain(right.keys()).collect();
         for name in names {
-            if exported.files_sha256.get(name) != right.files_sha256.get(name) {
-                self.differ(DESCRIPTION, &format!("the SHA-256 of {name} is not that of its text"));
+            if exported.get(name) != right.get(name) {
+                self.differ(DESCRIPTION, &format!("the SHA-256 of {name} is not that of {of}"));
             }
         }
     }

@@ -36,13 +36,6 @@ pub enum ExportError {
     /// The description of an export cannot be read.
     #[error("{}: this describes no export ({cause}): export to an empty folder", path.display())]
     Damaged { path: PathBuf, cause: serde_json::Error },
-    /// The diagnoser is not the one that was exported.
-    #[error(
-        "{}: this diagnoser is not the one that was exported to {}: export it again, or name the other with --model",
-        diagnoser.display(),
-        folder.display()
-    )]
-    OtherDiagnoser { diagnoser: PathBuf, folder: PathBuf },
     /// There is no C compiler to prove anything with.
     #[error("neither gcc nor clang starts: install one of them")]
     NoBuild,

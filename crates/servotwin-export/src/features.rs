@@ -193,6 +193,11 @@ void servotwin_features(const servotwin_window *window, const servotwin_real *st
     }}
     write_row(samples, window->mean, window->moments, window->largest, stands_in, logarithm, row);
 }}
+
+bool servotwin_features_keeps_rules(void)
+{{
+    return servotwin_keeps_rules();
+}}
 "
     )
 }

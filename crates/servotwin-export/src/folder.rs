@@ -24,7 +24,8 @@ const PAGE: &str = "proof.html";
 
 /// The hashes of what a diagnoser was made of, as far as it lies beside its file.
 fn sources(diagnoser: &Path) -> Result<BTreeMap<String, String>, ExportError> {
-    let folder = diagnoser.parent().unwrap_or(Path::new(""));
+    let file = absolute(diagnoser);
+    let folder = file.parent().unwrap_or(Path::new(""));
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
     let is_source = |name: &String| {
@@ -33,6 +34,11 @@ fn sources(diagnoser: &Path) -> Result<BTreeMap<String, String>, ExportError> {
             || (name.starts_with("dataset-") && name.ends_with(".parquet"))
     };
     names.filter(is_source).map(|name| Ok((name.clone(), sha256(&folder.join(name))?))).collect()
+}
+
+/// A path that means the same in any working folder.
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.into())
 }
 
 /// The files of an export, and what they are made of.
@@ -46,13 +52,14 @@ fn export(
         None => (c::files_in(diagnoser, Precision::F32)?, Precision::F32),
     };
     let twin = twin.map(|(twin, study)| TwinDescription {
-        study: study.into(),
+        // A built-in study has no path.
+        study: if study.exists() { absolute(study) } else { study.into() },
         system: twin.program.identity(),
         has_fixed_step: twin.has_fixed_step(),
     });
     let description = Description {
         version: env!("CARGO_PKG_VERSION").into(),
-        diagnoser: std::path::absolute(file).unwrap_or_else(|_| file.into()),
+        diagnoser: absolute(file),
         diagnoser_sha256: sha256(file)?,
         precision,
         twin,
@@ -139,17 +146,13 @@ impl ExportFolder {
     /// Compares the folder with what is exported today for its diagnoser, in `file`, and its twin.
     ///
     /// # Errors
-    /// [`ExportError::OtherDiagnoser`] if the diagnoser is not the exported one, and the errors of [`Self::write`].
+    /// The errors of [`Self::write`].
     pub fn compare(
         &self,
         exported: &Description,
         (diagnoser, file): (&Diagnoser, &Path),
         twin: Option<(&ExportedTwin, &Path)>,
     ) -> Result<FolderComparison, ExportError> {
-        if sha256(file)? != exported.diagnoser_sha256 {
-            let folder = self.path.clone();
-            return Err(ExportError::OtherDiagnoser { diagnoser: file.into(), folder });
-        }
         let mut compared = FolderComparison::default();
         if twin.is_none() && exported.precision == Precision::F64 {
             compared.differ(DESCRIPTION, "an export in double precision has a twin");

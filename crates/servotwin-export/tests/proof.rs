@@ -15,6 +15,9 @@ use servotwin_export::prove::{Build, Plan, ProofEvidence, SingleEvidence, prove,
 use servotwin_export::{ExportedTwin, Precision, SourceFile};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, SolverSettings};
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Five minutes of samples.
@@ -68,6 +71,136 @@ fn other_names_and_other_arithmetic_are_found() {
         let refused = prove(&plan, &[build], &mut |_, _| ()).unwrap_err().to_string();
         assert!(refused.contains("servotwin_exact.h"), "{unsafe_flag}: {refused}");
     }
+}
+
+/// Flags that change the arithmetic. What a compiler does not declare of them, the start finds.
+const UNSAFE: [&str; 7] = [
+    "-ffast-math",
+    "-ffinite-math-only",
+    "-fno-honor-infinities",
+    "-fassociative-math",
+    "-fno-honor-nans",
+    "-freciprocal-math",
+    "-funsafe-math-optimizations",
+];
+
+/// A compiler that compiles one file with a flag of its own. The objects of all others are kept from build to build.
+fn with_flag_of(file: &str, compiler: &str, flag: &str, kept: &Path) -> Build {
+    let script = kept.join(file);
+    let text = format!(
+        "#!/bin/sh
+for last; do :; done
+case \"$*\" in *' -c '*)
+    if [ \"$last\" = {file} ]; then exec {compiler} \"$@\" {flag}; fi
+    object={0}/$(cat \"$last\" servotwin_real.h | cksum | tr ' ' -).o
+    [ -e $object ] || {compiler} \"$@\" -o $object || exit 1
+    exec cp $object \"$last\".o
+esac
+exec {compiler} \"$@\"
+",
+        kept.display()
+    );
+    std::fs::write(&script, text).unwrap();
+    std::fs::set_permissions(&script, Permissions::from_mode(0o755)).unwrap();
+    Build::new(&format!("{} -O2", script.display()))
+}
+
+/// The evidence of a build with such a compiler; `None` if it refuses the text.
+fn evidence_with(plan: &Plan, build: Build, kept: &Path) -> Option<ProofEvidence> {
+    let plain = with_flag_of("plain", "gcc", "", kept);
+    let proven = match plan.precision {
+        Precision::F64 => prove(plan, &[build], &mut |_, _| ()).map(|mut all| all.remove(0)),
+        // All builds are compared with the first one.
+        Precision::F32 => {
+            prove_single(plan, &[plain, build], 0, &mut |_, _| ()).map(|(mut all, _)| all.remove(1))
+        }
+    };
+    match proven {
+        Ok(evidence) => Some(evidence),
+        Err(refused) => {
+            let refused = refused.to_string();
+            let reasons = ["servotwin_exact.h", "unrecognized command", "-fassociative-math"];
+            assert!(reasons.iter().any(|reason| refused.contains(reason)), "{refused}");
+            None
+        }
+    }
+}
+
+/// Which of the flags of one file change an answer of an export that starts all the same.
+fn not_refused(plan: &Plan, compilers: &[&str], files: &[&str], flags: &[&str]) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for compiler in compilers {
+        let temporary = tempfile::tempdir().unwrap();
+        let kept = temporary.path();
+        let harmless = with_flag_of(files[0], compiler, "-DHARMLESS", kept);
+        assert!(evidence_with(plan, harmless, kept).is_some_and(|evidence| evidence.holds()));
+        for (file, flag) in files.iter().flat_map(|file| flags.iter().map(move |f| (file, f))) {
+            let build = with_flag_of(file, compiler, flag, kept);
+            let evidence = evidence_with(plan, build, kept);
+            if evidence.is_some_and(|evidence| evidence.is_exact && !evidence.holds()) {
+                wrong.push(format!("{compiler} {flag} {file}"));
+            }
+        }
+    }
+    wrong
+}
+
+/// The C files of a diagnosis and of a twin that compute.
+const OF_DIAGNOSIS: [&str; 9] = [
+    "servotwin_session.c",
+    "servotwin_boundary.c",
+    "servotwin_decision.c",
+    "servotwin_judge.c",
+    "servotwin_windows.c",
+    "servotwin_features.c",
+    "servotwin_models.c",
+    "servotwin_random.c",
+    "servotwin_math.c",
+];
+const OF_TWIN: [&str; 3] = ["servotwin_hybrid.c", "servotwin_twin.c", "servotwin_equations.c"];
+
+/// A file that forgets what a missing value is, in a build that starts, decides otherwise; the start refuses it.
+#[test]
+fn the_start_test_finds_a_file_without_missing_values() {
+    let diagnoser = toy::diagnoser();
+    let files = c::files(&diagnoser).unwrap();
+    let asked = ("servotwin_session.c", " && servotwin_models_keeps_rules()", "");
+    let unasked = with_mistake(&files, asked);
+    let found = |files: &[SourceFile]| {
+        let plan = Plan { samples: 3000, ..Plan::new(&diagnoser, files) };
+        not_refused(&plan, &["clang"], &["servotwin_models.c"], &["-fno-honor-nans"])
+    };
+    assert_eq!(found(&unasked), ["clang -fno-honor-nans servotwin_models.c"]);
+    assert_eq!(found(&files), [""; 0]);
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn a_flag_of_one_file_of_the_diagnosis_is_refused_or_changes_nothing() {
+    let diagnoser = toy::diagnoser();
+    let files = c::files(&diagnoser).unwrap();
+    let plan = Plan { samples: 1000, ..Plan::new(&diagnoser, &files) };
+    assert_eq!(not_refused(&plan, &["gcc", "clang"], &OF_DIAGNOSIS, &UNSAFE), [""; 0]);
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn a_flag_of_one_file_of_the_twin_is_refused_or_changes_nothing() {
+    let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
+    let twin = twin(&program, SolverSettings::campaign());
+    let files = c::files_with_twin(&diagnoser, &twin).unwrap();
+    let plan = Plan { variants: 1, twin: Some(&twin), ..Plan::new(&diagnoser, &files) };
+    assert_eq!(not_refused(&plan, &["gcc", "clang"], &OF_TWIN, &UNSAFE), [""; 0]);
+}
+
+/// gcc declares most of them, whatever the precision, and clang the first two.
+#[test]
+#[ignore = "slow: ./check --all"]
+fn a_flag_of_one_file_in_single_precision_is_refused_or_changes_nothing() {
+    let diagnoser = toy::diagnoser();
+    let files = c::files_in(&diagnoser, Precision::F32).unwrap();
+    let plan = Plan { samples: 1000, precision: Precision::F32, ..Plan::new(&diagnoser, &files) };
+    assert_eq!(not_refused(&plan, &["clang"], &OF_DIAGNOSIS, &UNSAFE[4..]), [""; 0]);
 }
 
 #[test]

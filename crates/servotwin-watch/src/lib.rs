@@ -219,7 +219,7 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// Withdraws everything that was raised. What still has evidence is raised again.
+    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
     pub fn reset_alarm(&mut self) {
         self.observer.reset_alarm();
     }

@@ -91,7 +91,7 @@ impl<'s> Monitor<'s> {
         self.watcher.restart();
     }
 
-    /// Withdraws everything that was raised. What still has evidence is raised again.
+    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
     pub fn reset_alarm(&mut self) {
         self.watcher.reset_alarm();
     }

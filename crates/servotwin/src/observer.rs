@@ -12,7 +12,7 @@ pub trait Observer {
     /// one.
     fn restart(&mut self);
 
-    /// Withdraws everything that was raised. What still has evidence is raised again.
+    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
     fn reset_alarm(&mut self) {}
 
     /// Saves the complete state.

@@ -198,7 +198,8 @@ fn text_of(description: &Description, out: &Path, global: Global) -> String {
 
 /// The study of a diagnoser: the folder that it lies in, if that holds one.
 pub fn study_beside(diagnoser: &Path) -> PathBuf {
-    let folder = diagnoser.parent().unwrap_or(Path::new(""));
+    let file = std::path::absolute(diagnoser).unwrap_or_else(|_| diagnoser.into());
+    let folder = file.parent().unwrap_or(Path::new(""));
     let holds_study = folder.join("study.toml").exists();
     if holds_study { folder.into() } else { "paper".into() }
 }

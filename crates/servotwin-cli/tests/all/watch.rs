@@ -9,21 +9,57 @@ use std::process::{Command, Stdio};
 
 /// A flight as `simulate` writes it.
 pub fn flight(folder: &Folder) -> String {
-    let path = folder.file("flight.csv");
-    let output = servotwin(&[
-        "simulate",
-        "--command",
-        "sine:amplitude=5deg,frequency=0.5Hz",
-        "--duration",
-        "8s",
-        "--rate",
-        "50Hz",
-        "--quiet",
-        "--out",
-        &path,
-    ]);
+    flight_with(folder, "flight.csv", &[])
+}
+
+/// The same into a file, with more options.
+fn flight_with(folder: &Folder, name: &str, more: &[&str]) -> String {
+    let path = folder.file(name);
+    let command = ["--command", "sine:amplitude=5deg,frequency=0.5Hz", "--duration", "8s"];
+    let out = ["--rate", "50Hz", "--quiet", "--out", &path];
+    let output = servotwin(&[&["simulate"], &command[..], &out, more].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     path
+}
+
+/// The last samples before the repair were judged by windows of before, which raised the shutdown again for good.
+#[test]
+fn a_watch_that_goes_on_after_a_repair_judges_anew_once_its_alarm_is_reset() {
+    let folder = Folder::new("watch-repair");
+    let [study, model] = learned(&folder);
+    let (log, checkpoint) = (folder.file("log.csv"), folder.file("c.json"));
+    let fault = ["--fault", "actuator_1.servo_valve.bias_positive=1@3s"];
+    let read = |path: String| std::fs::read_to_string(path).unwrap();
+    let faulty = read(flight_with(&folder, "faulty.csv", &fault));
+    let repaired = read(flight(&folder));
+    let later = |row: &str| {
+        let (time_s, rest) = row.split_once(',').unwrap();
+        format!("{},{rest}\n", time_s.parse::<f64>().unwrap() + 100.0)
+    };
+    let whole = faulty.clone() + &repaired.lines().skip(1).map(later).collect::<String>();
+    let with = ["--study", &study, "--model", &model, "--checkpoint", &checkpoint, "--json"];
+    let changes = |rows: &str, more: &[&str]| {
+        std::fs::write(&log, rows).unwrap();
+        let output = servotwin(&[&["watch", &log], &with[..], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let text = stdout(&output);
+        let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
+        let lines: Vec<serde_json::Value> = lines.collect();
+        lines.into_iter().filter(|line| line["summary"].is_null()).collect::<Vec<_>>()
+    };
+    let shown = |finding: &serde_json::Value| {
+        let text = |key: &str| finding[key].as_str().unwrap().to_owned();
+        [text("state"), text("phase"), text("command")]
+    };
+    let raised = changes(&faulty, &[]);
+    assert_eq!(shown(raised.last().unwrap()), ["isolated", "raised", "shut_down"]);
+    let stored = std::fs::read(&checkpoint).unwrap();
+    let standing = changes(&whole, &["--resume"]);
+    assert_eq!(shown(standing.last().unwrap()), ["healthy", "raised", "shut_down"]);
+    std::fs::write(&checkpoint, stored).unwrap();
+    let reset = changes(&whole, &["--resume", "--reset"]);
+    let shown: Vec<_> = reset.iter().map(shown).collect();
+    assert_eq!(shown, [["no_data", "none", ""], ["healthy", "none", ""]]);
 }
 
 #[test]

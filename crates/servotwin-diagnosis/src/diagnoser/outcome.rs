@@ -187,7 +187,8 @@ pub struct Outcome {
     /// The committee's probability of the finding; for a raised action or detail, that of the action when it was last
     /// confirmed. 0 if nothing is judged.
     pub confidence: f64,
-    /// Number of the first sample with the current finding and alarm.
+    /// Number of the first sample with the current finding and alarm; that of the next sample, if a command since the
+    /// last one changed them.
     pub since_sample: u64,
     /// Index of the deciding window length.
     pub length: Option<u32>,

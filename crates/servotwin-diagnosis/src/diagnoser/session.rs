@@ -107,7 +107,8 @@ fn doubts_of(diagnoser: &Diagnoser) -> usize {
 }
 
 impl Session {
-    /// A session without samples. Allocates all its memory.
+    /// A session without samples, beside a twin that begins at rest and an actuator that may be in motion: at first the
+    /// twin settles, without judgement, as after a gap. Allocates all its memory.
     ///
     /// # Errors
     /// The errors of [`Diagnoser::check`].
@@ -120,7 +121,7 @@ impl Session {
             diagnoser.lengths.iter().map(classifier).collect::<Result<Vec<_>, _>>()?;
         let memory = Memory {
             samples: 0,
-            settling: 0,
+            settling: settling_samples(&diagnoser),
             gap: 0,
             has_judged: false,
             is_taken_out: vec![false; diagnoser.sensors.len()],
@@ -158,13 +159,18 @@ impl Session {
         })
     }
 
+    /// The same beside a twin that has settled already, such as one whose plant begins at rest too: the first sample is
+    /// judged.
+    pub fn at_rest(mut self) -> Self {
+        self.memory.settling = 0;
+        self
+    }
+
     /// Takes one sample: inputs, measured values (NaN: missing) and twin values, in SI units and in the diagnoser's
     /// order. Does not allocate and never panics. Lists of a wrong length give an alarm; [`Session::try_push`] rejects
     /// them instead.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64], twin: &[f64]) -> &Outcome {
-        let sample = self.memory.samples;
-        self.memory.samples += 1;
-        self.memory.outcome.sample = sample;
+        self.memory.outcome.sample = self.memory.samples;
         self.memory.outcome.outside = 0.0;
         let diagnoser = self.diagnoser.clone();
         if let Some(invalid) = self.guard.look(&diagnoser.environment, inputs) {
@@ -179,17 +185,18 @@ impl Session {
                 Usable::Wrong => self.lack(Alarm::Error),
             }
         }
+        self.memory.samples += 1;
         &self.memory.outcome
     }
 
     /// Takes a sample for which the twin could not be simulated. The next one needs a twin that settles again.
     pub fn push_without_twin(&mut self) -> &Outcome {
         self.memory.outcome.sample = self.memory.samples;
-        self.memory.samples += 1;
         self.memory.outcome.outside = 0.0;
         self.memory.outcome.counts.errors += 1;
         self.restart();
         self.say(IndexedFinding::Unjudged, Alarm::Error);
+        self.memory.samples += 1;
         &self.memory.outcome
     }
 
@@ -271,9 +278,11 @@ impl Session {
         self.switched_on(actuator)
     }
 
-    /// Withdraws everything that was raised. Actuators that are off stay off. What still has evidence is raised again.
+    /// Withdraws everything that was raised. Actuators that are off stay off. All is judged anew: a fault that lasts is
+    /// raised again, and one that was repaired is not raised by samples of before.
     pub fn reset_alarm(&mut self) {
         self.memory.alarm.withdraw_all();
+        self.clear_windows();
         self.say(IndexedFinding::Unjudged, Alarm::Normal);
     }
 
@@ -408,7 +417,8 @@ impl Session {
         self.memory.sensor_health.fill(SensorHealth::default());
         self.clear_windows();
         self.guard.memory.clear();
-        (self.memory.samples, self.memory.settling, self.memory.gap) = (0, 0, 0);
+        (self.memory.samples, self.memory.gap) = (0, 0);
+        self.memory.settling = settling_samples(&self.diagnoser);
         self.memory.outcome = Outcome::first();
     }
 
@@ -475,7 +485,7 @@ impl Session {
 
     /// Whether a session can have written these stored numbers.
     fn is_possible(&self, memory: &Memory, places: &Places) -> bool {
-        let settling = self.settling_samples();
+        let settling = settling_samples(&self.diagnoser);
         [memory.samples, memory.gap].iter().all(|count| *count <= LARGEST_COUNT)
             && memory.settling <= settling
             && memory.sensor_health.len() == self.scales.len()
@@ -484,11 +494,6 @@ impl Session {
             && memory.doubts.len() == doubts_of(&self.diagnoser)
             && memory.doubts.iter().all(Doubt::fits)
             && memory.outcome.fits(places, memory.samples)
-    }
-
-    /// Number of samples that are not judged after a restart.
-    fn settling_samples(&self) -> u64 {
-        self.diagnoser.samples(self.diagnoser.tuning.settle_s)
     }
 
     fn check_unit(&self, index: usize) -> Result<(), Error> {
@@ -500,7 +505,7 @@ impl Session {
     /// Starts again with a twin that must settle first. A raised action stays.
     pub fn restart(&mut self) {
         self.clear_windows();
-        self.memory.settling = self.settling_samples();
+        self.memory.settling = settling_samples(&self.diagnoser);
         self.say(IndexedFinding::Unjudged, self.standing_alarm());
     }
 
@@ -520,7 +525,7 @@ impl Session {
         if self.memory.outcome.finding != finding || self.memory.has_judged {
             self.restart();
         }
-        self.memory.settling = self.settling_samples();
+        self.memory.settling = settling_samples(&self.diagnoser);
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
 
@@ -550,7 +555,7 @@ impl Session {
             }
             self.stands_in[place] = is_masked || sensor_health.is_lost();
             let value = if self.stands_in[place] {
-                let mut random = Random::stream(place as u64, self.memory.samples);
+                let mut random = Random::stream(place as u64, self.memory.samples + 1);
                 let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
                 expected + sensor.scale * noise * normal(&mut random)
             } else {
@@ -921,7 +926,7 @@ impl Session {
     fn say(&mut self, finding: IndexedFinding, alarm: Alarm) {
         let outcome = &mut self.memory.outcome;
         if (outcome.finding, outcome.alarm) != (finding, alarm) {
-            outcome.since_sample = outcome.sample;
+            outcome.since_sample = self.memory.samples;
         }
         (outcome.finding, outcome.alarm) = (finding, alarm);
         outcome.raised = self.memory.alarm.raised();
@@ -930,6 +935,11 @@ impl Session {
             outcome.excess = 0.0;
         }
     }
+}
+
+/// Number of samples that are not judged after a start or a restart.
+fn settling_samples(diagnoser: &Diagnoser) -> u64 {
+    diagnoser.samples(diagnoser.tuning.settle_s)
 }
 
 fn patience(diagnoser: &Diagnoser) -> Patience {

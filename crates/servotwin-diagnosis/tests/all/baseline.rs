@@ -13,7 +13,7 @@ const CORRECTED: usize = 2;
 const CHAMBER_A: usize = 2;
 
 fn session() -> Session {
-    Session::new(Arc::new(toy::with_baseline())).unwrap()
+    Session::new(Arc::new(toy::with_baseline())).unwrap().at_rest()
 }
 
 fn fly(session: &mut Session, flight: &mut Flight, fault: Option<Fault>, samples: u64) -> Outcome {

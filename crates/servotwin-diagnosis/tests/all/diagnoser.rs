@@ -11,7 +11,7 @@ use servotwin_diagnosis::random::Random;
 use std::sync::{Arc, OnceLock};
 
 fn session() -> Session {
-    Session::new(toy::diagnoser()).unwrap()
+    Session::new(toy::diagnoser()).unwrap().at_rest()
 }
 
 /// Flies for so many samples; the last outcome.
@@ -40,6 +40,36 @@ fn a_healthy_specimen_raises_nothing() {
         assert_eq!(outcome.finding, IndexedFinding::Healthy, "seed {seed}");
         assert_eq!(outcome.alarm, Alarm::Normal);
         assert_eq!(session.diagnoser().describe(outcome.finding), "healthy");
+    }
+}
+
+#[test]
+fn a_session_begins_as_behind_a_gap_unless_it_begins_at_rest() {
+    let mut begun = Session::new(toy::diagnoser()).unwrap();
+    let (mut behind_a_gap, mut at_rest) = (session(), session());
+    behind_a_gap.restart();
+    let mut flight = Flight::new(5000);
+    for k in 0..700 {
+        let (inputs, measured, twin) = flight.next(None);
+        let outcome = *begun.push(&inputs, &measured, &twin);
+        assert_eq!(outcome, *behind_a_gap.push(&inputs, &measured, &twin), "sample {k}");
+        at_rest.push(&inputs, &measured, &twin);
+    }
+    let tuning = &begun.diagnoser().tuning;
+    let settling = (tuning.settle_s / begun.diagnoser().period_s).round() as u64;
+    let settled = [&begun, &at_rest].map(|session| session.outcome().counts.settling);
+    assert_eq!(settled, [settling, 0]);
+}
+
+#[test]
+fn a_change_by_a_command_counts_from_the_next_sample() {
+    let (mut session, mut flight) = (session(), Flight::new(5000));
+    let before = fly(&mut session, &mut flight, None, 700);
+    session.switched_off(0).unwrap();
+    for _ in 0..2 {
+        let outcome = fly(&mut session, &mut flight, None, 1);
+        assert_ne!(outcome.finding, before.finding);
+        assert_eq!(outcome.since_sample, 700);
     }
 }
 
@@ -127,11 +157,13 @@ fn a_shutdown_stands_and_hides_no_later_fault() {
     assert_eq!((session.outcome().raised, session.stands(0)), (None, None));
     let after = fly(&mut session, &mut flight, None, 100);
     assert_eq!((after.finding, after.alarm), (IndexedFinding::Healthy, Alarm::Normal));
-    // A fault that is still there is raised again.
+    // A fault that lasts is raised again, and one that was repaired is not raised by samples of before.
     raise(&mut session, &mut flight, leak).unwrap();
     session.reset_alarm();
-    let again = fly(&mut session, &mut flight, Some(leak), 100).raised.unwrap();
+    let (_, again) = raise(&mut session, &mut flight, leak).unwrap();
     assert!((again.actuator, again.action) == (0, 0) && again.sample > shutdown.sample);
+    session.reset_alarm();
+    assert!((0..500).all(|_| fly(&mut session, &mut flight, None, 1).raised.is_none()));
 }
 
 /// Inputs that are held for some time make no gap longer: the sensors come back while the twin settles.
@@ -231,7 +263,7 @@ const SHIFT: f64 = 0.045;
 fn a_shutdown_waits_while_a_wrong_boundary_value_explains_everything() {
     let boundary = Boundary { input: 0, sensor: 2, effects: vec![(2, 1e-7), (3, 1e-7)] };
     let knowing = Diagnoser { boundaries: vec![boundary], ..(*toy::diagnoser()).clone() };
-    let knowing = || Session::new(Arc::new(knowing.clone())).unwrap();
+    let knowing = || Session::new(Arc::new(knowing.clone())).unwrap().at_rest();
     let (outcome, was_raised) = lose(&mut session(), SHIFT);
     assert!(was_raised, "without the boundary a shift looks like a leak: {outcome:?}");
     let (outcome, was_raised) = lose(&mut knowing(), SHIFT);
@@ -459,7 +491,7 @@ proptest! {
             1..200,
         )
     ) {
-        let mut session = Session::new(toy::with_baseline().into()).unwrap();
+        let mut session = Session::new(toy::with_baseline().into()).unwrap().at_rest();
         for (inputs, measured, twin) in &rows {
             let outcome = session.push(inputs, measured, twin);
             prop_assert!(outcome.raised.is_none());
@@ -530,7 +562,7 @@ proptest! {
     fn both_actuators_are_never_switched_off(seed in any::<u64>()) {
         let mut random = Random::new(seed);
         let session = Session::new(toy::with_baseline().into());
-        let (mut session, mut flight) = (session.unwrap(), Flight::new(random.next_u64()));
+        let (mut session, mut flight) = (session.unwrap().at_rest(), Flight::new(random.next_u64()));
         let mut told_off = [false; 2];
         let mut faults = [None; 2];
         for _ in 0..40 {
@@ -584,7 +616,7 @@ fn the_last_of_three_actuators_is_never_switched_off() {
     let mut most_off = 0;
     for seed in 0..30 {
         let mut random = Random::new(seed);
-        let mut session = Session::new(diagnoser.clone()).unwrap();
+        let mut session = Session::new(diagnoser.clone()).unwrap().at_rest();
         let mut flight = Flight::<OF_THREE>::of(random.next_u64());
         let mut told_off = [false; 3];
         for _ in 0..20 {
@@ -616,7 +648,7 @@ fn every_fault_of_three_actuators_raises_its_command_in_its_actuator() {
     for (kind, actuator) in
         KINDS.into_iter().flat_map(|kind| (0..3).map(move |actuator| (kind, actuator)))
     {
-        let mut session = Session::new(diagnoser.clone()).unwrap();
+        let mut session = Session::new(diagnoser.clone()).unwrap().at_rest();
         let mut flight = Flight::<OF_THREE>::of(6000 + actuator as u64);
         let fault = Fault { actuator, kind, size: 0.9 };
         let mut push = |session: &mut Session, fault| {
@@ -654,7 +686,7 @@ fn conditional_band(width: f64, when_hot: f64) -> ConditionalBand {
 
 fn session_in(band: ConditionalBand) -> Session {
     let diagnoser = Diagnoser { conditional_band: Some(band), ..(*toy::diagnoser()).clone() };
-    Session::new(Arc::new(diagnoser)).unwrap()
+    Session::new(Arc::new(diagnoser)).unwrap().at_rest()
 }
 
 #[test]

@@ -5,8 +5,6 @@
  */
 #include "servotwin_math.h"
 
-#include <stdbool.h>
-
 #ifdef __clang__
 #pragma STDC FP_CONTRACT OFF
 #endif
@@ -31,36 +29,9 @@ static float number_of(uint32_t bits)
     return both.number;
 }
 
-/* Whether a compiler keeps the order of sums, divisions, missing values and the sign of zero, and subnormal numbers. */
-static bool keeps_rules(void)
+bool servotwin_math_keeps_rules(void)
 {
-    const volatile float large = 0x1p24F;
-    const volatile float one = 1.0F;
-    const volatile float five = 5.0F;
-    const volatile float zero = 0.0F;
-    const volatile float nothing = 0.0F;
-    const volatile float least = 0x1p-126F;
-    const float raised = large + one;
-    const float left = raised - large;
-    const float part = five / 3.0F;
-    const float missing = zero / nothing;
-    const float negative = -zero;
-    const float sum = negative + 0.0F;
-    const float subnormal = least * 0.5F;
-    const float whole = subnormal + subnormal;
-    return (left == 0.0F) && (part == 0x1.aaaaaap+0F) && (missing != missing) && (servotwin_bits_of(sum) == 0U)
-        && (whole == least);
-}
-
-int servotwin_rounds_twice(void)
-{
-    /* (1 + e)(1 - e) - 1 is -e^2 if fused, and 0 if the product is rounded first. */
-    const volatile float above = 0x1.000200p+0F;
-    const volatile float below = 0x1.fffc00p-1F;
-    const volatile float one = 1.0F;
-    const float product = above * below;
-    const float difference = product - one;
-    return ((difference == 0.0F) && keeps_rules()) ? 1 : 0;
+    return servotwin_keeps_rules();
 }
 
 #define LN2_HIGH 6.9314575195e-01F

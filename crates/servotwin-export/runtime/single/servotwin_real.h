@@ -20,8 +20,14 @@ typedef float servotwin_real;
 typedef uint32_t servotwin_bits;
 #define SERVOTWIN_BITS_OF_MISSING 0x7fc00000U
 
-/* The largest number. */
+/* The largest number, and the least normal one. */
 #define SERVOTWIN_REAL_MAX FLT_MAX
+#define SERVOTWIN_REAL_MIN FLT_MIN
+
+/* Numbers whose product is 1 when it is rounded, and 5/3. */
+#define SERVOTWIN_ABOVE_ONE 0x1.000200p+0F
+#define SERVOTWIN_BELOW_ONE 0x1.fffc00p-1F
+#define SERVOTWIN_FIVE_THIRDS 0x1.aaaaaap+0F
 
 /* The size of a number: a function of math.h. */
 #define SERVOTWIN_ABS fabsf

@@ -20,6 +20,7 @@ const LARGEST_SEED: f64 = 4_294_967_295.0;
 /// `SERVOTWIN_FMU_MEASURED` and its kin for a hybrid twin.
 const FIRST_MEASURED: usize = 10_000;
 const FIRST_SWITCH: usize = 20_000;
+const RESET_ALARM: usize = 29_999;
 const FIRST_EXPECTED: usize = 30_000;
 const FIRST_RESULT: usize = 40_000;
 
@@ -124,15 +125,16 @@ impl Variables {
         };
         variables.add_inputs(twin.program, false);
         variables.add_sensors(diagnoser, twin);
-        for (actuator, name) in diagnoser.names().actuators.iter().enumerate() {
-            let reference = FIRST_SWITCH + actuator;
-            let switch = variables.add(
-                format!("switched_off.{name}"),
-                reference,
-                VariableKind::Input,
-                Unit::None,
-            );
-            switch.description = "1: the flight control computer has switched it off".into();
+        let off = "1: the flight control computer has switched it off";
+        let names = diagnoser.names().actuators.iter().enumerate();
+        let switches =
+            names.map(|(place, name)| (FIRST_SWITCH + place, format!("switched_off.{name}"), off));
+        let reset = "a change from 0 to 1 withdraws all raised actions, with shutdowns that stand";
+        for (reference, name, description) in
+            switches.chain([(RESET_ALARM, "reset_alarm".into(), reset)])
+        {
+            let switch = variables.add(name, reference, VariableKind::Input, Unit::None);
+            switch.description = description.into();
             switch.start = Some(0.0);
             switch.range = [Some(0.0), Some(1.0)];
         }

@@ -127,6 +127,7 @@ fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
 /// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
 pub(super) struct Compiled {
     library: Library,
+    has_twin: bool,
 }
 
 impl Compiled {
@@ -154,7 +155,8 @@ impl Compiled {
             ["-shared", "-o", LIBRARY].into_iter().chain(objects).chain(["-lm"]).collect();
         run(&linked)?;
         // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
-        Ok(Compiled { library: unsafe { Library::new(workplace.path(LIBRARY)) }? })
+        let library = unsafe { Library::new(workplace.path(LIBRARY)) }?;
+        Ok(Compiled { library, has_twin: entries.len() > 1 })
     }
 
     /// Memory for a struct of the C text, in whole words, so that any member is aligned.
@@ -164,13 +166,14 @@ impl Compiled {
         Ok(vec![0; unsafe { size() }.div_ceil(8) as usize])
     }
 
-    /// Whether a session passes its start test.
+    /// Whether a session passes its start test, and a hybrid twin, if there is one.
     pub fn is_exact(&self) -> Result<bool, ExportError> {
         type Function = unsafe extern "C" fn(*mut u64) -> i32;
         // SAFETY: here and below, the types are those of the C text.
         let function = unsafe { self.library.get::<Function>(b"prove_start") }?;
         let mut memory = self.memory(b"prove_session_size")?;
-        Ok(unsafe { function(memory.as_mut_ptr()) } == 1)
+        let is_exact = unsafe { function(memory.as_mut_ptr()) } == 1;
+        Ok(is_exact && (!self.has_twin || self.hybrid()?.is_some()))
     }
 
     /// An array of so many strings.

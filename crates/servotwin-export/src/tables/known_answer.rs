@@ -57,7 +57,7 @@ fn literal(answer: u64) -> String {
 
 /// The mixture of what a session finds in its first windows.
 fn of_diagnosis(diagnoser: &Diagnoser, inputs: &[f64]) -> Result<u64, ExportError> {
-    let mut session = Session::new(Arc::new(diagnoser.clone()))?;
+    let mut session = Session::new(Arc::new(diagnoser.clone()))?.at_rest();
     let WindowSpan { pane_samples, panes } = diagnoser.lengths[0].span;
     let samples = (pane_samples * (panes.unwrap_or(0) + PANES)) as usize;
     let ranges = &diagnoser.environment.inputs;

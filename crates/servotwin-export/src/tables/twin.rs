@@ -15,12 +15,21 @@ use std::collections::BTreeSet;
 /// The head of each file.
 const HEAD: &str = "/* Written by servotwin; do not edit. */\n";
 
+/// The test of the arithmetic with which the equations are compiled.
+const KEEPS_RULES: &str = "
+bool servotwin_equations_keeps_rules(void)
+{
+    return servotwin_keeps_rules();
+}
+";
+
 /// The texts of three files: sizes, tables and equations.
 pub(crate) fn texts(twin: &ExportedTwin) -> Result<[String; 3], ExportError> {
     let method = twin.settings.method;
     let explicit = ExportError::Unsupported("an explicit method has no counterpart in an export");
     let equations = write_twin(twin.program, method);
-    let (tableau, equations) = method.tableau().zip(equations).ok_or(explicit)?;
+    let (tableau, mut equations) = method.tableau().zip(equations).ok_or(explicit)?;
+    equations += KEEPS_RULES;
     let tables = tables(twin, tableau);
     let made_of = [
         ("SYSTEM", format!("{:016x}", twin.program.identity())),

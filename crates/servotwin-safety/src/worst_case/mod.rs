@@ -62,7 +62,7 @@ impl<'s> WorstCaseSearch<'s> {
         let (study, setting) = (&results.study, results.flown_setting());
         let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
         let session =
-            Session::new(diagnoser).map_err(|error| JobError::Evaluation(error.into()))?;
+            Session::new(diagnoser).map_err(|error| JobError::Evaluation(error.into()))?.at_rest();
         let mut spaces = vec![];
         for objective in SearchObjective::ALL {
             match SearchSpace::new(study, setting, objective) {

@@ -13,6 +13,7 @@ use super::faults::full_name;
 use super::reader::{Noted, OF_A_CLASS, OF_THE_STUDY, Reader};
 use crate::document::KeyPath;
 use crate::format::section;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 section! {
@@ -30,7 +31,7 @@ section! {
 }
 
 /// The reaction to a fault of one actuator.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reaction {
     /// Whether it switches the actuator off.
     pub switches_off: bool,

@@ -174,7 +174,7 @@ impl<'f> ClosedLoopFlight<'f> {
             measured: vec![0.0; slots.len()],
             sensors: SensorChain::new(study, slots.len(), Some(noise)),
             slots,
-            runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
+            runtime: Runtime::new(study, diagnoser.clone(), vec![])?.at_rest(),
             inputs: vec![0.0; scenario.inputs.len()],
             buses: vec![Bus::default(); scenario.inputs.len()],
             knots: runtime::defaults(study),

@@ -109,7 +109,7 @@ pub fn place_of(sensor: usize, study: &Study, diagnoser: &Diagnoser) -> Option<u
 
 impl<'s> Runtime<'s> {
     /// Creates a twin of the study's system with parameter overrides (component, parameter, value), and a diagnosis,
-    /// both before the first sample.
+    /// both before the first sample. At first the twin settles, without judgement, as [`Session::new`] says.
     ///
     /// # Errors
     /// The diagnoser does not fit this study.
@@ -147,6 +147,12 @@ impl<'s> Runtime<'s> {
         let anew =
             Runtime::new(self.study, self.session.diagnoser().clone(), self.overrides.clone());
         Ok(anew?.stepping(self.settings))
+    }
+
+    /// The same beside an actuator that begins at rest too: the first sample is judged.
+    pub fn at_rest(mut self) -> Self {
+        self.session = self.session.at_rest();
+        self
     }
 
     /// Simulates the twin with other steps than those of training. Call it before the first sample.
@@ -294,7 +300,7 @@ impl<'s> Runtime<'s> {
         Ok(())
     }
 
-    /// Withdraws everything that was raised. What still has evidence is raised again.
+    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
     pub fn reset_alarm(&mut self) {
         self.session.reset_alarm();
     }
@@ -304,6 +310,18 @@ impl<'s> Runtime<'s> {
         self.is_settled = false;
         self.buses.fill(Bus::default());
         self.session.restart();
+    }
+
+    /// Whether the system has the actuator, the parameters and the sensors of a reaction.
+    fn is_possible(&self, unit: usize, reaction: &Reaction) -> bool {
+        let parameters = self.parameters();
+        let has = |&(component, parameter, value): &(usize, usize, f64)| {
+            let own = parameters.get(component).map_or(0, Vec::len);
+            parameter < own && value.is_finite()
+        };
+        unit < self.session.diagnoser().names().actuators.len()
+            && reaction.parameters.iter().all(has)
+            && reaction.takes_out.iter().all(|&sensor| sensor < self.study.sensors.0.len())
     }
 
     /// The complete state.
@@ -340,6 +358,10 @@ impl<'s> Runtime<'s> {
             let mut reactions = checkpoint.reactions.iter();
             reactions.any(|(of, reaction)| *of == unit && reaction.switches_off)
         };
+        if !checkpoint.reactions.iter().all(|(unit, reaction)| self.is_possible(*unit, reaction)) {
+            let broken = "a reaction of the checkpoint is none of the system";
+            return Err(Error::CorruptModel { broken }.into());
+        }
         let actuators = 0..self.session.diagnoser().names().actuators.len();
         if actuators.into_iter().any(|unit| switches_off(unit) != self.session.is_off(unit)) {
             let broken = "the checkpoint contradicts itself about what is off";

@@ -47,7 +47,8 @@ struct Stored {
     twin: Option<StoredTwin>,
     session: diagnoser::StoredSession,
     buses: Vec<(Option<f64>, f64)>,
-    is_off: Vec<bool>,
+    reactions: Vec<(usize, Reaction)>,
+    is_seen_off: Vec<bool>,
     /// The last finding; `None` if there was none.
     finding: Option<Finding>,
     outside_for: u64,
@@ -67,8 +68,7 @@ struct StoredTwin {
 }
 
 impl<'s> Watcher<'s> {
-    /// Creates a runtime before its first sample. Who watches may begin in motion, but the twin begins at rest: at first
-    /// it settles, without judgement, as after a gap.
+    /// Creates a runtime before its first sample.
     ///
     /// # Errors
     /// The diagnoser does not fit this study.
@@ -94,10 +94,8 @@ impl<'s> Watcher<'s> {
                 .find(|r| r.switches_off && !r.inputs.is_empty())
                 .unwrap_or_default()
         });
-        let mut runtime = Runtime::new(study, diagnoser.clone(), vec![])?;
-        runtime.restart();
         Ok(Watcher {
-            runtime,
+            runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
             slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.id.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
             units: study.units.clone(),
@@ -393,7 +391,7 @@ impl Observer for Watcher<'_> {
     }
 
     fn save(&self) -> Vec<u8> {
-        let Checkpoint { twin, session, buses, .. } = self.runtime.save();
+        let Checkpoint { twin, session, buses, reactions } = self.runtime.save();
         let twin = twin.map(|twin| StoredTwin {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
@@ -404,16 +402,23 @@ impl Observer for Watcher<'_> {
             inputs: twin.inputs.iter().map(|knot| (knot.value, knot.slope_per_s)).collect(),
         });
         let finding = self.last.map(|_| self.finding.clone());
-        let is_off = |unit| self.runtime.session().is_off(unit);
-        let (is_off, outside_for) = ((0..self.off.len()).map(is_off).collect(), self.outside_for);
-        let (scatter, panes) = (self.scatter, self.panes);
-        let stored = Stored { twin, session, buses, is_off, finding, outside_for, scatter, panes };
+        let stored = Stored {
+            twin,
+            session,
+            buses,
+            reactions,
+            is_seen_off: self.is_seen_off.clone(),
+            finding,
+            outside_for: self.outside_for,
+            scatter: self.scatter,
+            panes: self.panes,
+        };
         serde_json::to_vec(&stored).expect("numbers and names are always JSON")
     }
 
     fn restore(&mut self, saved: &[u8]) -> Result<(), String> {
         let stored: Stored = serde_json::from_slice(saved).map_err(|error| error.to_string())?;
-        if stored.is_off.len() != self.off.len() {
+        if stored.is_seen_off.len() != self.off.len() {
             return Err("it is of another number of actuators".into());
         }
         if stored.outside_for > self.longest {
@@ -425,9 +430,9 @@ impl Observer for Watcher<'_> {
         if stored.finding.as_ref().is_some_and(|finding| !finding.is_text()) {
             return Err("its words are no text".into());
         }
-        let off = self.off.iter().cloned().enumerate().filter(|(unit, _)| stored.is_off[*unit]);
         let knot = |&(value, slope_per_s): &(f64, f64)| Knot { value, slope_per_s };
-        let twin = stored.twin.map(|twin| Snapshot {
+        let Stored { twin, session, buses, reactions, .. } = stored;
+        let twin = twin.map(|twin| Snapshot {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
             attempt_rate_per_s: twin.effort,
@@ -436,14 +441,13 @@ impl Observer for Watcher<'_> {
             next_tick: twin.next_tick,
             inputs: twin.inputs.iter().map(knot).collect(),
         });
-        let (session, buses, reactions) = (stored.session, stored.buses, off.collect());
         // A state that does not fit leaves this one as it was.
         let mut runtime = self.runtime.anew().map_err(|error| error.to_string())?;
         runtime
             .restore(&Checkpoint { twin, session, buses, reactions })
             .map_err(|error| error.to_string())?;
         self.runtime = runtime;
-        self.is_seen_off = stored.is_off;
+        self.is_seen_off = stored.is_seen_off;
         self.outside_for = stored.outside_for;
         (self.scatter, self.panes) = (stored.scatter, stored.panes);
         self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());

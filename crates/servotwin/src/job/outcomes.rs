@@ -191,7 +191,7 @@ fn in_words(suite: &Suite) -> String {
 /// # Errors
 /// As [`Session::new`].
 pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watching>, Error> {
-    let session = Session::new(diagnoser.clone())?;
+    let session = Session::new(diagnoser.clone())?.at_rest();
     let without = |missing| Watching { session: session.clone(), missing };
     Ok(match suite.misses_sensors {
         true => (0..diagnoser.sensors.len()).map(|sensor| without(Some(sensor))).collect(),

@@ -186,7 +186,7 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
         let mut seen = BTreeMap::new();
         flown.fly(
             |flight| Seen {
-                session: Session::new(diagnoser.clone()).unwrap(),
+                session: Session::new(diagnoser.clone()).unwrap().at_rest(),
                 windows: BTreeMap::new(),
                 onset: (flight.onset_s / study().sample_period_s) as usize,
             },

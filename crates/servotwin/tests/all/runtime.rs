@@ -57,7 +57,7 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
     logs.sort_by_key(|(run, _)| run.number);
     for (number, (flight, log)) in logs.into_iter().enumerate() {
         // The twin is told the environment's parameters; here there are none.
-        let mut runtime = Runtime::new(study(), diagnoser().clone(), vec![]).unwrap();
+        let mut runtime = Runtime::new(study(), diagnoser().clone(), vec![]).unwrap().at_rest();
         for (k, [measured, twin, inputs]) in log.samples.iter().enumerate() {
             if (number, k) == (2, 100) {
                 // From here on the step is compiled.
@@ -248,6 +248,12 @@ fn a_unit_that_was_told_to_be_off_stays_off_whatever_the_inputs_show() {
     for (k, (inputs, measured)) in samples(vec![], |_| 1.0).into_iter().enumerate().take(100) {
         if k == 50 {
             watcher.runtime_mut().follow(0, &reaction).unwrap();
+        }
+        if k == 70 {
+            let (told, saved) = (watcher.runtime().save().reactions, watcher.save());
+            watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
+            watcher.restore(&saved).unwrap();
+            assert_eq!(watcher.runtime().save().reactions, told);
         }
         watcher.push(k as f64 * 0.02, &inputs, &measured);
         assert_eq!(watcher.runtime().session().is_off(0), k >= 50, "sample {k}");
@@ -481,7 +487,11 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
         ("/session/windows/spans/0/ended", json!(u64::MAX)),
         ("/session/windows/spans/0/open/0", json!(-3)),
         ("/outside_for", json!(u64::MAX)),
-        ("/is_off/0", json!(false)),
+        ("/reactions", json!([])),
+        ("/reactions/0/0", json!(1)),
+        ("/reactions/0/0", json!(99)),
+        ("/reactions/0/1/takes_out", json!([99])),
+        ("/is_seen_off", json!([])),
         ("/buses/0/1", json!(null)),
     ] {
         let mut changed = saved.clone();

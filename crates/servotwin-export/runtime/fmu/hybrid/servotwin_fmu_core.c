@@ -42,6 +42,8 @@ bool servotwin_fmu_value(servotwin_fmu *fmu, uint32_t reference, double *value)
         *value = fmu->measured[reference - SERVOTWIN_FMU_MEASURED];
     } else if ((reference - SERVOTWIN_FMU_SWITCHED_OFF) < (uint32_t)SERVOTWIN_ACTUATORS) {
         *value = fmu->hybrid.session.is_off[reference - SERVOTWIN_FMU_SWITCHED_OFF] ? 1.0 : 0.0;
+    } else if (reference == SERVOTWIN_FMU_RESET_ALARM) {
+        *value = fmu->reset_alarm;
     } else if ((reference - SERVOTWIN_FMU_EXPECTED) < (uint32_t)SERVOTWIN_SENSORS) {
         *value = fmu->hybrid.expected[reference - SERVOTWIN_FMU_EXPECTED];
     } else if ((reference - SERVOTWIN_FMU_DIAGNOSIS) < (uint32_t)SERVOTWIN_FMU_RESULTS) {
@@ -78,6 +80,11 @@ bool servotwin_fmu_change(servotwin_fmu *fmu, uint32_t reference, double value)
         fmu->measured[measured] = value;
     } else if ((actuator < (uint32_t)SERVOTWIN_ACTUATORS) && ((value == 0.0) || (value == 1.0))) {
         switch_actuator(&fmu->hybrid.session, (int32_t)actuator, value == 1.0);
+    } else if ((reference == SERVOTWIN_FMU_RESET_ALARM) && ((value == 0.0) || (value == 1.0))) {
+        if (value > fmu->reset_alarm) {
+            servotwin_session_reset_alarm(&fmu->hybrid.session);
+        }
+        fmu->reset_alarm = value;
     } else if ((parameter < (uint32_t)SERVOTWIN_TWIN_PARAMETERS)
         && servotwin_fmu_is_within(value, servotwin_fmu_parameter_ranges[parameter])) {
         servotwin_hybrid_set_parameter(&fmu->hybrid, (int32_t)parameter, value);

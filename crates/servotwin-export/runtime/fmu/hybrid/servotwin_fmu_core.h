@@ -13,10 +13,11 @@
 
 /*
  * References of variables: inputs as in the FMU of the system, then measured values, whether an actuator is switched off,
- * expected values, the diagnosis, parameters of the twin, and the time.
+ * the reset of the alarm, expected values, the diagnosis, parameters of the twin, and the time.
  */
 #define SERVOTWIN_FMU_MEASURED 10000U
 #define SERVOTWIN_FMU_SWITCHED_OFF 20000U
+#define SERVOTWIN_FMU_RESET_ALARM 29999U
 #define SERVOTWIN_FMU_EXPECTED 30000U
 #define SERVOTWIN_FMU_DIAGNOSIS 40000U
 #define SERVOTWIN_FMU_PARAMETER 100000U
@@ -45,6 +46,7 @@ typedef struct {
     servotwin_hybrid hybrid;
     double inputs[SERVOTWIN_TWIN_INPUTS];
     double measured[SERVOTWIN_SENSORS];
+    double reset_alarm; /* its change from 0 to 1 withdraws what is raised */
     double results[SERVOTWIN_FMU_RESULTS];
     uint64_t samples; /* taken so far */
     double start_s; /* the host's time at the beginning, at which the first sample is taken */
