@@ -2,7 +2,6 @@
 
 use super::cell::FmeaCell;
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
-use super::sheet::rounded;
 use crate::rates::RatedFault;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
@@ -109,8 +108,8 @@ fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
 pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     // Without a table the cell stays empty: a rate is never invented.
     rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
-        // Spreadsheets keep six digits of a number.
-        let per_h: f64 = rounded(rate.per_h).parse().unwrap_or(rate.per_h);
+        // No rate is known to more than six digits; the unit's division has more.
+        let per_h: f64 = format!("{:.5e}", rate.per_h).parse().unwrap_or(rate.per_h);
         FmeaCell::new(format!("{per_h:e}"), rate_evidence(sources, rate.line))
     })
 }

@@ -13,10 +13,13 @@ use servotwin_model::spec::Unit;
 pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
 
 /// The flights of a fault, or the cell with the reason why there are none.
-fn flown<'s>(
+pub(super) fn flown<'s>(
     sources: &'s FmeaSources,
-    subject: &'s FmeaSubject,
+    subject: &FmeaSubject,
 ) -> Result<OwnFlights<'s>, FmeaCell> {
+    if let Some(Err(nothing_flies)) = sources.results.map(|results| results.flown_setting()) {
+        return Err(FmeaCell::missing("not flown in this scenario", nothing_flies.to_string()));
+    }
     let Some(flights) = &sources.flights else {
         let remedy = match sources.results {
             None => {
@@ -28,7 +31,7 @@ fn flown<'s>(
         };
         return Err(FmeaCell::missing("not flown", remedy));
     };
-    let own: Vec<_> = flights.of(&subject.fault.id).collect();
+    let own = flights.of(&subject.fault.id);
     match own.is_empty() {
         true if subject.case.is_none() => Err(not_in_study("not flown")),
         true => Err(FmeaCell::missing(
@@ -50,14 +53,6 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)
         flights.setting,
         stale.unwrap_or_default()
     )
-}
-
-/// A fault's flights, if there are any.
-pub(super) fn own_flights<'s>(
-    sources: &'s FmeaSources,
-    subject: &'s FmeaSubject,
-) -> Option<OwnFlights<'s>> {
-    flown(sources, subject).ok()
 }
 
 /// The words for the quantity that follows the command: what its error is called, and its unit.
@@ -162,19 +157,19 @@ fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
 
 pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     let lanes = sources.study.units.len();
-    let Some((flights, own)) = own_flights(sources, subject) else {
+    let Ok((flights, own)) = flown(sources, subject) else {
         return subject.case.map_or_else(
             || not_in_study("not assessed"),
             |case| by_action_alone(sources.study, case),
         );
     };
     let growth = growth(flights, &own);
-    let flown = || own.iter().map(|(_, flown)| flown);
+    let each = || own.iter().map(|(_, flown)| flown);
     let inputs = SeverityInputs {
         growth,
-        lanes_off: flown().map(|own| own.lane_count()).max().unwrap_or(0),
+        lanes_off: each().map(|own| own.lane_count()).max().unwrap_or(0),
         lanes,
-        changes_mode: flown().any(|own| own.changes_mode),
+        changes_mode: each().any(|own| own.changes_mode),
     };
     let measured = match growth {
         Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),

@@ -138,9 +138,12 @@ fn numbers(flown: &FlownFault) -> [f64; 14] {
 
 impl FmeaFlights {
     /// The rows of a fault, with their numbers in the file from 1.
-    pub fn of<'s>(&'s self, fault: &'s str) -> impl Iterator<Item = (usize, &'s FlownFault)> {
+    pub fn of(&self, fault: &str) -> Vec<(usize, &FlownFault)> {
         let numbered = self.list.iter().enumerate().map(|(place, flown)| (place + 1, flown));
-        numbered.filter(move |(_, flown)| flown.fault == fault && flown.failure.is_empty())
+        let own = |(_, flown): &(usize, &FlownFault)| {
+            flown.fault == fault && flown.failure.is_empty()
+        };
+        numbered.filter(own).collect()
     }
 
     /// The healthy flight.
@@ -148,7 +151,7 @@ impl FmeaFlights {
         self.list.first().filter(|flown| flown.intensity == 0.0)
     }
 
-    /// Reads the stored flights of a folder; `None` without any.
+    /// Reads the stored flights of a folder; `None` without any in the quoted scenario.
     ///
     /// # Errors
     /// The file is damaged.
@@ -166,12 +169,9 @@ impl FmeaFlights {
             Some(basis) => results.basis.changes_since(&basis),
             None => Some("their model is not recorded".into()),
         };
-        let (setting, wanted) = (one("setting")?, results.flown_setting().name());
-        let other = || {
-            (setting != wanted).then(|| format!("the scenario changed from {setting} to {wanted}"))
-        };
-        let stale = stale.or_else(other);
-        Ok(Some(FmeaFlights { list, case: one("case")?, setting, stale }))
+        let setting = one("setting")?;
+        let own = FmeaFlights { list, case: one("case")?, setting, stale };
+        Ok(Some(own).filter(|own| own.setting == results.setting.name()))
     }
 
     /// Whether all of these faults were flown, or tried.
@@ -182,14 +182,14 @@ impl FmeaFlights {
     /// Flies faults of the study's system and stores the flights.
     ///
     /// # Errors
-    /// There is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
+    /// Nothing flies in the scenario; there is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
     pub fn fly(
         results: &StudyResultsFolder,
         plan: &FlightPlan,
         faults: &[String],
         workers: Workers,
     ) -> Result<Self, SafetyError> {
-        let setting = results.flown_setting();
+        let setting = results.flown_setting()?;
         let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
         let specimen = setting.has_tolerances().then_some(0);
         let study = &results.study;

@@ -81,9 +81,9 @@ fn read_rates(study: &Study, path: Option<&Path>) -> Result<Option<FailureRates>
     path.map(|path| FailureRates::read(path, &rated_faults(study))).transpose()
 }
 
-/// Whether a folder has a diagnoser to fly with.
+/// Whether a folder has a diagnoser to fly with in the quoted scenario.
 pub fn can_fly(results: &StudyResultsFolder) -> bool {
-    results.folder.diagnoser(results.flown_setting()).exists()
+    results.flown_setting().is_ok_and(|setting| results.folder.diagnoser(setting).exists())
 }
 
 fn flown(
