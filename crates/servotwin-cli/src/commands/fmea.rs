@@ -58,7 +58,7 @@ impl Options {
     pub fn paths(&self) -> Paths {
         // The formats of a sheet are checked with a message of their own.
         let paths = Paths::default().read("--rates", &self.rates);
-        paths.write("--out", Format::Folder, &self.out)
+        paths.write("--out", Format::Any, &self.out)
     }
 }
 

@@ -200,9 +200,8 @@ fn median_in_words(median: &MedianTime) -> String {
 }
 
 pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let own = flown(sources, subject).map(|own| {
-        FmeaCell::new(reported_in_words(&own), flight_evidence(own.0, &own.1))
-    });
+    let own = flown(sources, subject)
+        .map(|own| FmeaCell::new(reported_in_words(&own), flight_evidence(own.0, &own.1)));
     match (smallest_in_bands(sources, subject), own) {
         (Ok(bands), Ok(own)) => FmeaCell::new(
             format!("{}; {}", bands.text, own.text),

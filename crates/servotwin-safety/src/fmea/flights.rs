@@ -140,9 +140,8 @@ impl FmeaFlights {
     /// The rows of a fault, with their numbers in the file from 1.
     pub fn of(&self, fault: &str) -> Vec<(usize, &FlownFault)> {
         let numbered = self.list.iter().enumerate().map(|(place, flown)| (place + 1, flown));
-        let own = |(_, flown): &(usize, &FlownFault)| {
-            flown.fault == fault && flown.failure.is_empty()
-        };
+        let own =
+            |(_, flown): &(usize, &FlownFault)| flown.fault == fault && flown.failure.is_empty();
         numbered.filter(own).collect()
     }
 
