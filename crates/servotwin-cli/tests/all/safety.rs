@@ -162,6 +162,40 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     drop(folder);
 }
 
+#[test]
+fn a_sheet_quotes_flights_of_its_own_scenario() {
+    let (folder, out, rates) = flown("fmea-scenario");
+    succeeds(&["fmea", &out]);
+    // A diagnoser stands for results of the scenario.
+    let diagnoser = |scenario: &str| Path::new(&out).join(format!("diagnoser-{scenario}.json"));
+    fs::copy(diagnoser("noise"), diagnoser("ideal")).unwrap();
+    let fault = "actuator_1.servo_valve.bias_positive";
+    let sheet = |scenario: &str| {
+        let path = folder.file(&format!("{scenario}.csv"));
+        succeeds(&["fmea", &out, "--no-flights", "--setting", scenario, "--out", &path]);
+        texts::read(Path::new(&path)).unwrap()
+    };
+    let (noise, ideal) = (sheet("noise"), sheet("ideal"));
+    assert_eq!(cell(&noise, fault, "effect_on_system"), "not flown");
+    let judged = cell(&noise, fault, "evidence: isolation");
+    assert!(judged.starts_with("flights.json merits noise kinds"), "{judged}");
+    for column in ["effect_on_actuator", "detection_latency", "isolation", "diagnostic_coverage"] {
+        assert_eq!(cell(&ideal, fault, column), "not flown in this scenario", "{column}");
+    }
+    for row in &ideal.rows {
+        assert!(row.cells.iter().all(|cell| !cell.contains("flights.json")), "{:?}", row.cells);
+    }
+    let told = fails(&["worst-case", &out, "--setting", "ideal"], 2);
+    assert!(told.contains("nothing flies in the scenario 'ideal'"), "{told}");
+    let trees =
+        [&["faulttree", &out, "--rates", &rates, "--setting", "ideal"][..], &HOURS].concat();
+    let told = fails(&trees, 2);
+    assert!(
+        told.contains("no results of the scenario 'ideal'; there are: noise, realistic"),
+        "{told}"
+    );
+}
+
 /// A number as a program for sheets shows and saves it, with some digits, in English or with a decimal comma; other texts
 /// as they are. Excel saves what a column of its usual width shows, 1.85E-06; LibreOffice up to six digits and more.
 fn as_shown(cell: &str, (digits, has_comma): (usize, bool)) -> String {

@@ -1,7 +1,7 @@
 //! Cells about detection and isolation, from the campaign, the evaluation and flights.
 
 use super::cell::{FmeaCell, rate_in_words, span_in_words};
-use super::effects::{OwnFlights, flight_evidence, flown};
+use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::flights::FlownFault;
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
@@ -15,14 +15,10 @@ use servotwin_model::program::FaultAt;
 /// The most sensors that a cell names.
 const MAX_SENSORS: usize = 5;
 
-/// The remedy where a campaign is missing.
-const NO_RUNS: &str =
-    "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'";
-
 fn runs<'s>(sources: &'s FmeaSources, subject: &FmeaSubject) -> Result<&'s ResidualRuns, FmeaCell> {
     match (&sources.runs, subject.case) {
         (_, None) => Err(not_in_study("not in the campaign")),
-        (None, _) => Err(FmeaCell::missing("not simulated", NO_RUNS)),
+        (None, _) => Err(FmeaCell::missing("not simulated", NO_RESULTS)),
         (Some(runs), _) if runs.of(&subject.fault.id).is_empty() => Err(FmeaCell::missing(
             "not simulated",
             format!("{}: no completed run of this fault", runs.file),
@@ -45,7 +41,7 @@ fn evaluated<'s>(
             "no evaluation.json: 'servotwin evaluate FOLDER' writes it",
         )
     };
-    let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RUNS))?;
+    let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RESULTS))?;
     let result = results.evaluated().ok_or_else(missing)?;
     Ok((result, format!("evaluation.json {}", result.subject.name())))
 }
@@ -305,10 +301,7 @@ impl RightActions {
         }
         let (flights, own) = flown(sources, subject)?;
         if subject.case.is_none() {
-            return Err(FmeaCell::new(
-                format!("no class of the study has a right action for it: {}", answers(&own)),
-                flight_evidence(flights, &own),
-            ));
+            return Err(not_in_study("no right action to compare with"));
         }
         let right = own.iter().filter(|(_, flown)| flown.is_right).count() as u64;
         let alarmed = flights.healthy().is_some_and(|flown| !flown.action.is_empty());
@@ -328,15 +321,6 @@ impl RightActions {
         let above = self.of_all.share.unwrap_or(0.0) - by_chance;
         if above > 0.0 { above / (1.0 - by_chance) } else { 0.0 }
     }
-}
-
-/// The first action of every own flight, in words.
-fn answers(own: &[(usize, &FlownFault)]) -> String {
-    let answer = |(_, flown): &(usize, &FlownFault)| match flown.action.as_str() {
-        "" => format!("no action at {}", flown.intensity),
-        action => format!("first action {action} at {}", flown.intensity),
-    };
-    own.iter().map(answer).collect::<Vec<_>>().join(", ")
 }
 
 pub(super) fn isolation(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {

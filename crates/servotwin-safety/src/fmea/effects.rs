@@ -1,7 +1,8 @@
 //! Effects on the actuator and on the system, and the severity, from closed-loop flights.
 
+use super::can_fly;
 use super::cell::{FmeaCell, span_in_words};
-use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
 use super::flights::{FILE, FlownFault, FmeaFlights};
 use super::severity::{SeverityInputs, level};
 use servotwin::flight::tracking::{TrackedQuantities, command_unit};
@@ -11,6 +12,10 @@ use servotwin_model::spec::Unit;
 
 /// All flights, and those of a fault with their rows in the file.
 pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
+
+/// The remedy where a folder with results is missing.
+pub(super) const NO_RESULTS: &str =
+    "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'";
 
 /// The flights of a fault, or the cell with the reason why there are none.
 pub(super) fn flown<'s>(
@@ -22,12 +27,11 @@ pub(super) fn flown<'s>(
     }
     let Some(flights) = &sources.flights else {
         let remedy = match sources.results {
-            None => {
-                "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'"
+            None => NO_RESULTS,
+            Some(results) if can_fly(results) => {
+                "no flights of this scenario: 'servotwin fmea FOLDER'"
             }
-            Some(_) => {
-                "no flights of this folder: it has no diagnoser ('servotwin flights FOLDER --out FOLDER' learns one)"
-            }
+            Some(_) => "no diagnoser of this scenario: 'servotwin flights FOLDER --out FOLDER'",
         };
         return Err(FmeaCell::missing("not flown", remedy));
     };
@@ -53,6 +57,15 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)
         flights.setting,
         stale.unwrap_or_default()
     )
+}
+
+/// The first action of every own flight, in words.
+pub(super) fn answers(own: &[(usize, &FlownFault)]) -> String {
+    let answer = |(_, flown): &(usize, &FlownFault)| match flown.action.as_str() {
+        "" => format!("no action at {}", flown.intensity),
+        action => format!("first action {action} at {}", flown.intensity),
+    };
+    own.iter().map(answer).collect::<Vec<_>>().join(", ")
 }
 
 /// The words for the quantity that follows the command: what its error is called, and its unit.
@@ -81,24 +94,32 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
         Err(cell) => return cell,
     };
     let evidence = flight_evidence(flights, &own);
-    let mut parts = vec![];
-    let travel = own.iter().map(|(_, flown)| flown.travel_difference_m * 1e3);
-    parts.extend(span_in_words(travel, "mm").map(|span| format!("piston by up to {span}")));
-    // A rod that carries outer loads alone has the same force in every flight, which is no effect.
-    let forces = own.iter().map(|(_, flown)| flown.force_difference_n / 1e3);
-    let forces = forces.filter(|force| *force > 0.0);
-    parts.extend(span_in_words(forces, "kN").map(|span| format!("rod force by up to {span}")));
-    match parts.is_empty() {
-        true => FmeaCell::missing("not measured: the actuator has no piston", evidence),
-        false => FmeaCell::new(
-            format!(
-                "differs from the healthy flight: {} (intensities {})",
-                parts.join(", "),
-                intensities(&own)
-            ),
-            evidence,
-        ),
+    let flown = |of: fn(&FlownFault) -> f64| own.iter().map(move |(_, flown)| of(flown));
+    if flown(|flown| flown.travel_difference_m).all(f64::is_nan) {
+        let reason = match actuator_of(sources.study, &subject.fault.id) {
+            None => "not measured: the component belongs to no single actuator",
+            Some(_) => "not measured: the actuator has no piston",
+        };
+        return FmeaCell::missing(reason, evidence);
     }
+    // A rod that carries outer loads alone has the same force in every flight, which is no effect.
+    let span = |of, unit| span_in_words(flown(of).filter(|effect| *effect > 0.0), unit);
+    let travel = span(|flown| flown.travel_difference_m * 1e3, "mm");
+    let force = span(|flown| flown.force_difference_n / 1e3, "kN");
+    let parts = [
+        travel.map(|span| format!("piston by up to {span}")),
+        force.map(|span| format!("rod force by up to {span}")),
+    ];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let intensities = intensities(&own);
+    let text = match parts.is_empty() {
+        true => format!("does not differ from the healthy flight (intensities {intensities})"),
+        false => format!(
+            "differs from the healthy flight: {} (intensities {intensities})",
+            parts.join(", ")
+        ),
+    };
+    FmeaCell::new(text, evidence)
 }
 
 fn intensities(own: &[(usize, &FlownFault)]) -> String {

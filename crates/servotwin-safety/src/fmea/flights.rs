@@ -4,6 +4,7 @@
 //! The flights are stored in `safety/fmea-flights.csv` with the basis of their diagnoser, so a sheet is filled again
 //! without flying. One healthy flight per file is the reference.
 
+use super::fields::actuator_of;
 use crate::error::SafetyError;
 use crate::results::{EvidenceBasis, FOLDER, StudyResultsFolder};
 use servotwin::files::create_folder;
@@ -289,16 +290,10 @@ impl FlyingFault {
     fn of(study: &Study, id: &str) -> Option<Self> {
         let (component, fault) = study.system.program.find_fault(id)?;
         let case = study.faults.iter().find(|case| case.id == id);
-        let has_it = |unit: &&String| !unit.is_empty() && id.starts_with(&format!("{unit}."));
-        let unit = match study.units.iter().find(has_it) {
-            Some(unit) => unit.clone(),
-            None if study.units.len() == 1 => study.units[0].clone(),
-            None => "shared".into(),
-        };
         Some(FlyingFault {
             id: id.into(),
             at: FaultAt { component, fault, intensity: 1.0 },
-            unit,
+            unit: actuator_of(study, id).unwrap_or("shared").into(),
             action: case.map(|case| study.classes[case.class].command.clone()),
         })
     }
@@ -455,7 +450,7 @@ impl FlownFault {
         self.lanes_off.split_whitespace().count()
     }
 
-    fn empty() -> Self {
+    pub(super) fn empty() -> Self {
         FlownFault {
             fault: String::new(),
             intensity: 0.0,
