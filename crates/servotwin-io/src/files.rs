@@ -358,6 +358,8 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     let path = path.as_ref();
     fs::create_dir_all(path).map_err(|cause| match cause.kind() {
         io::ErrorKind::AlreadyExists => FileError::NotFolder { path: path.to_path_buf() },
+        // Missing parents are made, so a file system such as /proc makes none.
+        io::ErrorKind::NotFound => FileError::ReadOnly { path: path.to_path_buf() },
         _ => FileError::from_io(path, cause),
     })
 }

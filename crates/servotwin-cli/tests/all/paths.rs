@@ -1,7 +1,8 @@
 //! No result takes the place of what it was made from, of another result, or the name of another kind of file.
 
-use super::{Folder, SPRING, servotwin, stderr};
+use super::{Folder, SPRING, fails, servotwin, stderr};
 use std::fs;
+use std::process::Command;
 
 /// A folder with files that commands read. They are refused before they would find that these are no logs.
 fn inputs(name: &str) -> Folder {
@@ -107,7 +108,7 @@ fn a_limit_on_the_size_of_files_is_reported() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_device_or_a_pipe_is_no_document_no_model_and_no_log() {
-    let folder = Folder::new("devices");
+    let folder = Folder::new("no-documents");
     let [log, pipe, table] = ["log.csv", "pipe", "f.csv"].map(|name| folder.file(name));
     fs::write(&log, "time_s,command_m,p_a_pa,p_b_pa,x_p_m\n0,0,0,0,0\n1,0,0,0,0\n").unwrap();
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -147,7 +148,9 @@ fn a_place_that_takes_no_file_is_named_before_the_run() {
         (&folder.file("none/x.html"), "the folder"),
         (&format!("{page}/x.html"), "a part of this path is a file"),
     ] {
-        let told = fails(&["serve", "--html", path], 1);
+        let told = fails(&["serve", "--replay", "none.session", "--html", path], 1);
         assert!(told.contains(path) && told.contains(problem), "{told}");
     }
+    let told = fails(&["study", "spring_actuator", "--out", "/proc/results"], 1);
+    assert!(told.contains("/proc/results: read-only, it cannot be written"), "{told}");
 }
