@@ -249,7 +249,7 @@ fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
             let hidden: Vec<String> = hidden
                 .map(|seen| {
                     format!(
-                        "{} ({} of {})",
+                        "{} (in {} of {} tests)",
                         spoken(seen.kind),
                         seen.rate.of - seen.rate.count,
                         seen.rate.of
@@ -257,7 +257,7 @@ fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
                 })
                 .collect();
             if !hidden.is_empty() {
-                text += &format!("; never detected: {}", named(hidden, "kinds"));
+                text += &format!("; not detected: {}", named(hidden, "kinds"));
             }
         }
         let wrong = evaluation.headline().filter(|_| measure.title.starts_with("wrong"));

@@ -5,6 +5,7 @@ use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
+use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::outcome::Needed;
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
 
@@ -51,7 +52,7 @@ pub fn write(material: &Material, page: &mut Page) {
                     true => format!(
                         " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).{}",
                         words.switched_off(),
-                        at_most(wrong, of),
+                        at_most(Rate::new(wrong, of)),
                         behind_wrong_sensor(merit, words)
                     ),
                     false => String::new(),
