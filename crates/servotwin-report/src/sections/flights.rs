@@ -9,7 +9,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
 };
-use servotwin::evaluation::metrics::Rate;
+use servotwin::evaluation::metrics::{Rate, poisson_mean};
 use servotwin::flight::fitted_twins::CalibrationRecords;
 use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
 use servotwin::flight::measure::{self, Measure};
@@ -336,15 +336,15 @@ impl SettingLimits<'_> {
         if healthy.hours <= 0.0 {
             return;
         }
-        let most = match healthy.shutdowns {
-            0 => format!("\nat most {} per hour (95 %)", number(MOST_OF_NONE / healthy.hours)),
-            _ => String::new(),
-        };
+        let most = number(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
         let (unit, off) = (self.words.unit(), self.words.switched_off());
         self.push(
             format!("a healthy {unit} {off}, nothing being wrong"),
             "0".into(),
-            format!("{} in {:.1} h{most}", healthy.shutdowns, healthy.hours),
+            format!(
+                "{} in {:.1} h\nat most {most} per hour (95 %)",
+                healthy.shutdowns, healthy.hours
+            ),
             none_allowed(healthy.shutdowns, 0.0),
         );
     }
@@ -445,9 +445,6 @@ const MISSED: &str = "missed";
 const PROBABLY_MISSED: &str = "missed, within the interval";
 const NOT_SHOWN: &str = "not shown: too few";
 const NONE_SEEN: &str = "none seen";
-
-/// The upper end of the one-sided 95 % interval of a count of zero events (Poisson): -ln 0.05.
-const MOST_OF_NONE: f64 = 2.995_732_273_553_991;
 
 fn none_allowed(count: u64, limit: f64) -> &'static str {
     match count {
