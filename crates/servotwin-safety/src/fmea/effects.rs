@@ -88,6 +88,12 @@ fn is_aircraft(study: &Study) -> bool {
     kinds.any(|kind| kind == "aerodynamic_load")
 }
 
+/// The least differences from the healthy flight that are an effect. Below them are the errors of the solver, whose steps
+/// begin anew at the onset: at most 6e-10 m and 5e-3 N in the flights of the aileron, whose smallest effects are 6e-7 m and
+/// 6 N.
+const MIN_TRAVEL_M: f64 = 1e-8;
+const MIN_FORCE_N: f64 = 0.1;
+
 pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     let (flights, own) = match flown(sources, subject) {
         Ok(found) => found,
@@ -102,10 +108,14 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
         };
         return FmeaCell::missing(reason, evidence);
     }
-    // A rod that carries outer loads alone has the same force in every flight, which is no effect.
-    let span = |of, unit| span_in_words(flown(of).filter(|effect| *effect > 0.0), unit);
-    let travel = span(|flown| flown.travel_difference_m * 1e3, "mm");
-    let force = span(|flown| flown.force_difference_n / 1e3, "kN");
+    let span = |of, (unit, factor), least: f64| {
+        span_in_words(
+            flown(of).filter(|effect| *effect >= least).map(|effect| effect * factor),
+            unit,
+        )
+    };
+    let travel = span(|flown| flown.travel_difference_m, ("mm", 1e3), MIN_TRAVEL_M);
+    let force = span(|flown| flown.force_difference_n, ("kN", 1e-3), MIN_FORCE_N);
     let parts = [
         travel.map(|span| format!("piston by up to {span}")),
         force.map(|span| format!("rod force by up to {span}")),

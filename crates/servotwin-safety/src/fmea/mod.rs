@@ -213,8 +213,9 @@ mod tests {
         let silent = FlownFault {
             fault: unlisted.into(),
             intensity: 0.5,
-            travel_difference_m: 0.0,
-            force_difference_n: 0.0,
+            // What a solver's steps differ by.
+            travel_difference_m: 6e-10,
+            force_difference_n: 5e-3,
             ..FlownFault::empty()
         };
         let list = vec![healthy, silent, shut_down(unlisted, 1.0, 0.7), shut_down(fault, 1.0, 0.7)];
