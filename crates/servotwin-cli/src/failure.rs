@@ -337,7 +337,8 @@ fn of_safety(error: &SafetyError) -> u8 {
         | SafetyError::NoSensor { .. }
         | SafetyError::TooManySensors { .. }
         | SafetyError::FindingLine { .. }
-        | SafetyError::NoScenario { .. } => 2,
+        | SafetyError::NoScenario { .. }
+        | SafetyError::NoFlights { .. } => 2,
         SafetyError::Flight { .. } | SafetyError::NotReproduced { .. } => 1,
         SafetyError::File(error) => of_file(error),
         SafetyError::Table(error) => of_table(error),

@@ -24,10 +24,8 @@ pub enum Format {
     Figure,
     /// One fixed format. The name has one of these extensions, or none.
     Only(&'static [&'static str]),
-    /// A file in servotwin's own format, with any extension.
+    /// A file with any extension, or one whose command checks it.
     Any,
-    /// A folder, or a file whose command checks it.
-    Folder,
 }
 
 impl Format {
@@ -133,8 +131,7 @@ impl Paths {
             .iter()
             .try_for_each(|(written, format)| format.check(written.option, &written.path))?;
         // Nobody waits hours for a result that cannot be written.
-        let files = before.iter().filter(|(_, format)| *format != Format::Folder);
-        files.into_iter().try_for_each(|(written, _)| Ok(check_writable(&written.path)?))
+        before.iter().try_for_each(|(written, _)| Ok(check_writable(&written.path)?))
     }
 }
 

@@ -53,9 +53,9 @@ pub enum FileError {
     /// The operating system limits the size of files.
     #[error("{path}: the file would exceed the limit of size for this process (ulimit -f)")]
     SizeLimit { path: PathBuf },
-    /// The path names a device where a file is needed.
-    #[error("{path}: this is a device, a file is needed")]
-    Device { path: PathBuf },
+    /// The path names a device or a pipe where a regular file is needed.
+    #[error("{path}: this is a {what}, a regular file is needed")]
+    NotRegular { path: PathBuf, what: &'static str },
     /// The file is longer than such a file can be.
     #[error("{path}: longer than {} MiB, the limit for such a file", limit >> 20)]
     TooLong { path: PathBuf, limit: u64 },
@@ -95,7 +95,7 @@ impl FileError {
             | FileError::NotText { path, .. }
             | FileError::Altered { path, .. }
             | FileError::SizeLimit { path }
-            | FileError::Device { path }
+            | FileError::NotRegular { path, .. }
             | FileError::TooLong { path, .. }
             | FileError::System { path, .. } => path,
         }
@@ -151,6 +151,10 @@ impl AtomicFile {
         let temporary = temporary_name(&target);
         let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
         let file = file.map_err(|cause| match cause.kind() {
+            // A file system such as /proc has the folder and takes no new file.
+            io::ErrorKind::NotFound if folder_of(&target).is_dir() => {
+                FileError::ReadOnly { path: target.clone() }
+            }
             io::ErrorKind::NotFound => FileError::MissingFolder { path: target.clone() },
             _ => FileError::from_io(&target, cause),
         })?;
@@ -266,27 +270,32 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<(), FileError> {
     }
 }
 
-/// Opens a file for reading. A device is refused: it may have no end.
+/// Opens a regular file for reading. A device may have no end, and a pipe may have no beginning.
 pub fn open(path: impl AsRef<Path>) -> Result<File, FileError> {
     let path = path.as_ref();
-    let file = File::open(path).map_err(|cause| FileError::from_io(path, cause))?;
-    match file.metadata() {
-        Ok(data) if is_device(data.file_type()) => {
-            Err(FileError::Device { path: path.to_path_buf() })
+    // The opening of a pipe waits for its writer, so its kind is asked first.
+    match fs::metadata(path) {
+        Ok(data) if !data.is_file() && !data.is_dir() => {
+            let what = kind_in_words(data.file_type());
+            Err(FileError::NotRegular { path: path.to_path_buf(), what })
         }
-        _ => Ok(file),
+        _ => File::open(path).map_err(|cause| FileError::from_io(path, cause)),
     }
 }
 
-#[cfg(unix)]
-fn is_device(kind: fs::FileType) -> bool {
-    use std::os::unix::fs::FileTypeExt;
-    kind.is_char_device() || kind.is_block_device()
-}
-
-#[cfg(not(unix))]
-fn is_device(_: fs::FileType) -> bool {
-    false
+/// The word for an entry of a folder that is no regular file.
+pub fn kind_in_words(kind: fs::FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return "named pipe";
+        }
+        if kind.is_socket() {
+            return "socket";
+        }
+    }
+    if kind.is_dir() { "folder" } else { "device" }
 }
 
 /// The most bytes of a file that is read whole: the largest models have a tenth of it.
@@ -349,6 +358,8 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     let path = path.as_ref();
     fs::create_dir_all(path).map_err(|cause| match cause.kind() {
         io::ErrorKind::AlreadyExists => FileError::NotFolder { path: path.to_path_buf() },
+        // Missing parents are made, so a file system such as /proc makes none.
+        io::ErrorKind::NotFound => FileError::ReadOnly { path: path.to_path_buf() },
         _ => FileError::from_io(path, cause),
     })
 }

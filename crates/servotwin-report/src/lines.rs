@@ -117,8 +117,10 @@ pub fn flown_ranges(study: &Study) -> Option<String> {
     let own = ranges.iter().filter(|(name, _)| !other(name)).map(|(name, [low, high])| {
         let short = study.units.first().and_then(|unit| name.strip_prefix(&format!("{unit}.")));
         let unit = study.system.unit_of(name);
+        let short = short.unwrap_or(name);
+        let stem = short.strip_suffix(unit.suffix()).unwrap_or(short);
         let low = Shown::of(unit, *high).value(*low);
-        format!("{} {} … {}", spoken(short.unwrap_or(name)), number(low), shown(*high, unit))
+        format!("{} {} … {}", spoken(stem), number(low), shown(*high, unit))
     });
     let own: Vec<String> = own.collect();
     (!own.is_empty()).then(|| own.join(", "))

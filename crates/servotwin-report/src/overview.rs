@@ -218,8 +218,9 @@ fn weakest(material: &Material, result: &SubjectResult) -> String {
 
 /// One sentence about how to make the fault visible.
 fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
-    let perfect =
-        material.results.of(Subject::Noise).filter(|perfect| perfect.subject != result.subject);
+    // Only specimens that differ from their twin have something to fit.
+    let has_tolerances = result.subject.setting() == Setting::Realistic;
+    let perfect = material.results.of(Subject::Noise).filter(|_| has_tolerances);
     let of_perfect = perfect.and_then(|perfect| {
         let all = seen(material, perfect);
         all.into_iter().find(|seen| seen.kind == weak.kind).map(|seen| seen.rate)
@@ -227,12 +228,11 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
     // Different bands detect differently, so only a difference beyond both intervals counts.
     if let Some(rate) = of_perfect.filter(|rate| rate.low > weak.rate.high) {
         let measure = match Setting::Fitted.is_possible(material.study) {
-            true => "; servotwin study --fitted measures the gain",
+            true => "; servotwin study --fitted measures what twins fitted to their specimens show",
             false => "",
         };
         return format!(
-            "In the scenario noise, without tolerances and with its own bands, it is detected in {}: a twin fitted \
-             to its specimen (servotwin fit) may show it{measure}.",
+            "In the scenario noise, without tolerances and with its own bands, it is detected in {}{measure}.",
             percent(rate.share)
         );
     }

@@ -129,7 +129,10 @@ impl Vocabulary {
     pub fn describe_measure(&self, measure: &Measure, limits_s: &[f64]) -> [String; 2] {
         let mut limits: Vec<String> = limits_s.iter().map(|&limit| chosen(limit)).collect();
         limits.dedup();
-        let limit = format!("{} s", limits.join(" or "));
+        let limit = match limits.as_slice() {
+            [one] => format!("{one} s"),
+            _ => "the limit".into(),
+        };
         [measure.sentence, measure.of.words].map(|text| {
             text.replace("{action}", &self.action())
                 .replace("{off}", &self.off())

@@ -384,3 +384,24 @@ fn the_first_screen_has_figures_with_counts_and_targets_and_the_weakest_faults()
     assert_eq!(first.matches("<i style=").count(), 4);
     assert!(first.contains("intensity 0.25: 0 of 2 detected"));
 }
+
+#[test]
+fn only_specimens_with_tolerances_are_compared_with_those_without() {
+    let study = Study::parse(PRESS, "studies/press_axis.toml").unwrap();
+    let subject = |subject: Subject, detected: u64| {
+        let mut evaluation = evaluation();
+        evaluation.detection.curves[1].points = vec![(1.0, Rate::new(detected, 40))];
+        evaluation.detection.detected = Rate::new(40 + detected, 80);
+        let settings = servotwin::evaluation::EvaluationSettings::default();
+        SubjectResult::new(subject, &study, settings, evaluation)
+    };
+    let subjects = [(Subject::Ideal, 4), (Subject::Noise, 36), (Subject::Realistic, 4)];
+    let subjects = subjects.map(|(which, detected)| subject(which, detected));
+    let results = Results::new(&study, subjects.to_vec());
+    let html = render(&results_alone(&study, &results, &manifest())).0;
+    let first = html.split("<nav").next().unwrap();
+    let weakest: Vec<&str> = first.split("<ol class=\"weakest\">").skip(1).collect();
+    let quotes_noise = weakest.iter().map(|tab| tab.contains("In the scenario noise"));
+    assert_eq!(quotes_noise.collect::<Vec<_>>(), [false, false, true], "{weakest:?}");
+    assert!(!html.contains("may show"), "what was not measured is not said");
+}

@@ -36,9 +36,12 @@ pub enum SafetyError {
          STUDY --out {folder}' writes one"
     )]
     NoManifest { folder: PathBuf },
-    /// The results in the folder do not have the wanted scenario.
-    #[error("{folder}: there are no results of the scenario '{given}'; there are: {}", .known.join(", "))]
-    NoScenario { folder: PathBuf, given: String, known: Vec<String> },
+    /// The folder, or a file of it, has no results of the wanted scenario.
+    #[error("{path}: there are no results of the scenario '{given}'; there are: {}", .known.join(", "))]
+    NoScenario { path: PathBuf, given: String, known: Vec<String> },
+    /// Nothing flies in the wanted scenario.
+    #[error("nothing flies in the scenario '{given}'; flights have the scenarios {}: choose one with --setting", .known.join(", "))]
+    NoFlights { given: &'static str, known: [&'static str; 2] },
     /// A sheet or a table of rates lacks a column.
     #[error("{path}: there is no column '{column}'; needed are: {}", .needed.join(", "))]
     NoColumn { path: PathBuf, column: String, needed: Vec<String> },

@@ -1,8 +1,6 @@
 //! Exact intervals of counts.
 
-use servotwin_learning::metrics::{
-    binomial_tail, clopper_pearson_upper, find_share, poisson_at_most,
-};
+use servotwin_learning::metrics::{binomial_tail, clopper_pearson_upper, find_share, poisson_mean};
 
 /// A quantity that was counted: its estimate and the ends of its interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -39,17 +37,8 @@ pub fn clopper_pearson(count: u64, of: u64, confidence: f64) -> CountedValue {
 /// Source: Garwood, Biometrika 28, 1936.
 pub fn poisson_rate_per_h(count: u64, hours: f64, confidence: f64) -> CountedValue {
     let tail = 0.5 * (1.0 - confidence);
-    let mean = |events: u64, at_most: f64| {
-        // The probability of at most so many events falls as the mean grows.
-        let (mut low, mut high) = (0.0, 20.0 + 6.0 * events as f64);
-        for _ in 0..100 {
-            let middle = 0.5 * (low + high);
-            if poisson_at_most(events, middle) > at_most { low = middle } else { high = middle }
-        }
-        high
-    };
-    let low = if count == 0 { 0.0 } else { mean(count - 1, 1.0 - tail) };
-    let high = mean(count, tail);
+    let low = if count == 0 { 0.0 } else { poisson_mean(count - 1, 1.0 - tail) };
+    let high = poisson_mean(count, tail);
     CountedValue { point: count as f64 / hours, low: low / hours, high: high / hours }
 }
 

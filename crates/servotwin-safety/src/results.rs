@@ -115,25 +115,40 @@ impl StudyResultsFolder {
         self.evaluation.as_ref()?.of(Subject::of(self.setting))
     }
 
-    /// The judged flights of the quoted scenario, or else of the last one that was flown.
+    /// The judged flights of the quoted scenario.
     pub fn flown(&self) -> Option<&FlightMetrics> {
         let merits = &self.flights.as_ref()?.merits;
-        let own = merits.iter().find(|merit| merit.setting == self.setting.name());
-        own.or(merits.last())
+        merits.iter().find(|merit| merit.setting == self.setting.name())
     }
 
     /// The judged flights, which the trees need.
     ///
     /// # Errors
-    /// No flights were judged.
+    /// No flights were judged, or none in the quoted scenario.
     pub fn flown_or_missing(&self) -> Result<&FlightMetrics, SafetyError> {
         let path = self.folder.flights();
-        self.flown().ok_or_else(|| JobError::Missing { path, stage: "flights" }.into())
+        let Some(flights) = &self.flights else {
+            return Err(JobError::Missing { path, stage: "flights" }.into());
+        };
+        self.flown().ok_or_else(|| SafetyError::NoScenario {
+            path,
+            given: self.setting.name().into(),
+            known: flights.merits.iter().map(|merit| merit.setting.clone()).collect(),
+        })
     }
 
-    /// The scenario of the diagnoser that flies: the quoted one, or else the nearest with flights.
-    pub fn flown_setting(&self) -> Setting {
-        if self.setting.has_tolerances() { Setting::Realistic } else { Setting::Noise }
+    /// The scenario of the diagnoser that flies, which is the quoted one.
+    ///
+    /// # Errors
+    /// Nothing flies in the quoted scenario.
+    pub fn flown_setting(&self) -> Result<Setting, SafetyError> {
+        match flights::SETTINGS.contains(&self.setting) {
+            true => Ok(self.setting),
+            false => Err(SafetyError::NoFlights {
+                given: self.setting.name(),
+                known: flights::SETTINGS.map(Setting::name),
+            }),
+        }
     }
 
     /// Whether a figure of the report is there; its name relative to the folder.
@@ -149,7 +164,7 @@ fn setting(folder: &Folder, wanted: Option<Setting>) -> Result<Setting, SafetyEr
     let known: Vec<Setting> = Setting::ALL.into_iter().filter(has_any).collect();
     match wanted {
         Some(setting) if !known.contains(&setting) => Err(SafetyError::NoScenario {
-            folder: folder.path().into(),
+            path: folder.path().into(),
             given: setting.name().into(),
             known: known.iter().map(|known| known.name().to_owned()).collect(),
         }),

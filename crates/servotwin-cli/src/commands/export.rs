@@ -113,7 +113,7 @@ impl Options {
             }
             Target::Fmu(options) => Paths::default()
                 .read("the diagnoser", options.model.clone())
-                .write("--out", Format::Folder, &options.out),
+                .write("--out", Format::Any, &options.out),
         }
     }
 }

@@ -10,7 +10,7 @@ use serde_json::json;
 use servotwin::files::create_folder;
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Among, Folder};
-use servotwin::study::Study;
+use servotwin::study::{Setting, Study};
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::FmeaSheet;
 use servotwin_safety::fmea::{self, FlyFaults, WeightedCoverage, format, weighted_coverage};
@@ -58,7 +58,7 @@ impl Options {
     pub fn paths(&self) -> Paths {
         // The formats of a sheet are checked with a message of their own.
         let paths = Paths::default().read("--rates", &self.rates);
-        paths.write("--out", Format::Folder, &self.out)
+        paths.write("--out", Format::Any, &self.out)
     }
 }
 
@@ -84,8 +84,11 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
         (_, true) => FlyFaults::All,
         _ => FlyFaults::Listed,
     };
-    if fly != FlyFaults::Never && !fmea::can_fly(&results) {
-        learn(options, &results, global)?;
+    if fly != FlyFaults::Never
+        && !fmea::can_fly(&results)
+        && let Ok(setting) = results.flown_setting()
+    {
+        learn(options, &results, setting, global)?;
         // The basis names the diagnoser, too.
         results = StudyResultsFolder::open(folder.clone(), wanted)?;
     }
@@ -97,8 +100,13 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// Learns the diagnoser that a folder lacks, as `servotwin fly` does.
-fn learn(options: &Options, results: &StudyResultsFolder, global: Global) -> Result<(), Failure> {
-    let (folder, setting) = (&results.folder, results.flown_setting());
+fn learn(
+    options: &Options,
+    results: &StudyResultsFolder,
+    setting: Setting,
+    global: Global,
+) -> Result<(), Failure> {
+    let folder = &results.folder;
     if results.study.flights.is_none() {
         note(global, "not flown: the study has no [flights] to learn a diagnoser from");
         return Ok(());

@@ -1,9 +1,8 @@
 //! Finds the logs in a folder: regular files with the extension of a table.
 
 use crate::failure::Failure;
-use servotwin::files::FileError;
+use servotwin::files::{FileError, kind_in_words};
 use servotwin_watch::intake;
-use std::fs::FileType;
 use std::path::{Path, PathBuf};
 
 /// The logs of a folder in the order of their names, in which numbers count as numbers, and the entries with such a name
@@ -49,7 +48,7 @@ impl LogFolder {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         match std::fs::metadata(&path) {
             Ok(known) if known.is_file() => self.paths.push(path),
-            Ok(known) => self.skipped.push((name, words(known.file_type()))),
+            Ok(known) => self.skipped.push((name, kind_in_words(known.file_type()))),
             Err(_) if path.is_symlink() => self.skipped.push((name, "broken link")),
             Err(_) => self.skipped.push((name, "cannot be read")),
         }
@@ -81,24 +80,6 @@ fn order(name: &str) -> (Vec<(String, u128)>, String) {
         rest = behind;
     }
     (parts, name.to_owned())
-}
-
-/// The word for an entry that is not a regular file.
-fn words(kind: FileType) -> &'static str {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::FileTypeExt;
-        if kind.is_fifo() {
-            return "named pipe";
-        }
-        if kind.is_socket() {
-            return "socket";
-        }
-        if kind.is_block_device() || kind.is_char_device() {
-            return "device";
-        }
-    }
-    if kind.is_dir() { "folder" } else { "no regular file" }
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! No result takes the place of what it was made from, of another result, or the name of another kind of file.
 
-use super::{Folder, SPRING, servotwin, stderr};
+use super::{Folder, SPRING, fails, servotwin, stderr};
 use std::fs;
+use std::process::Command;
 
 /// A folder with files that commands read. They are refused before they would find that these are no logs.
 fn inputs(name: &str) -> Folder {
@@ -106,22 +107,50 @@ fn a_limit_on_the_size_of_files_is_reported() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_device_is_no_document_no_model_and_no_log() {
-    let folder = Folder::new("devices");
-    let log = folder.file("log.csv");
+fn a_device_or_a_pipe_is_no_document_no_model_and_no_log() {
+    let folder = Folder::new("no-documents");
+    let [log, pipe, table] = ["log.csv", "pipe", "f.csv"].map(|name| folder.file(name));
     fs::write(&log, "time_s,command_m,p_a_pa,p_b_pa,x_p_m\n0,0,0,0,0\n1,0,0,0,0\n").unwrap();
-    for arguments in [
-        &["check", "/dev/zero"][..],
-        &["describe", "/dev/zero"],
-        &["simulate", "/dev/urandom", "--duration", "1s"],
-        &["watch", &log, "--study", "press_axis", "--map", "/dev/zero"],
-        &["watch", &log, "--study", "press_axis", "--model", "/dev/zero"],
-        &["fit", "/dev/zero", "--study", "press_axis"],
-        &["features", &log, "--study", "/dev/zero", "--out", &folder.file("f.csv")],
-    ] {
-        let output = servotwin(arguments);
-        let told = stderr(&output);
-        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {told}");
-        assert!(told.contains("this is a device, a file is needed"), "{arguments:?}: {told}");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    // A writer that writes nothing: whoever opens the pipe gets an end, and the test does not hang.
+    let written = pipe.clone();
+    std::thread::spawn(move || while fs::OpenOptions::new().write(true).open(&written).is_ok() {});
+    for (file, kind) in
+        [("/dev/zero", "device"), ("/dev/tty", "device"), (pipe.as_str(), "named pipe")]
+    {
+        for arguments in [
+            &["check", file][..],
+            &["describe", file],
+            &["simulate", file, "--duration", "1s"],
+            &["watch", &log, "--study", "press_axis", "--map", file],
+            &["watch", &log, "--study", "press_axis", "--model", file],
+            &["watch", file, "--study", "press_axis"],
+            &["fit", file, "--study", "press_axis"],
+            &["features", &log, "--study", file, "--out", &table],
+        ] {
+            let output = servotwin(arguments);
+            let told = stderr(&output);
+            assert_eq!(output.status.code(), Some(3), "{arguments:?}: {told}");
+            let refusal = format!("this is a {kind}, a regular file is needed");
+            assert!(told.contains(&refusal), "{arguments:?}: {told}");
+        }
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_place_that_takes_no_file_is_named_before_the_run() {
+    let folder = Folder::new("no-place");
+    let page = folder.file("report.html");
+    fs::write(&page, "").unwrap();
+    for (path, problem) in [
+        ("/proc/x.html", "read-only, it cannot be written"),
+        (&folder.file("none/x.html"), "the folder"),
+        (&format!("{page}/x.html"), "a part of this path is a file"),
+    ] {
+        let told = fails(&["serve", "--replay", "none.session", "--html", path], 1);
+        assert!(told.contains(path) && told.contains(problem), "{told}");
+    }
+    let told = fails(&["study", "spring_actuator", "--out", "/proc/results"], 1);
+    assert!(told.contains("/proc/results: read-only, it cannot be written"), "{told}");
 }

@@ -162,15 +162,50 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     drop(folder);
 }
 
-/// A number as a program for sheets shows and saves it, in English or with a decimal comma; other texts as they are.
-fn as_shown(cell: &str, has_comma: bool) -> String {
+#[test]
+fn a_sheet_quotes_flights_of_its_own_scenario() {
+    let (folder, out, rates) = flown("fmea-scenario");
+    succeeds(&["fmea", &out]);
+    // A diagnoser stands for results of the scenario.
+    let diagnoser = |scenario: &str| Path::new(&out).join(format!("diagnoser-{scenario}.json"));
+    fs::copy(diagnoser("noise"), diagnoser("ideal")).unwrap();
+    let fault = "actuator_1.servo_valve.bias_positive";
+    let sheet = |scenario: &str| {
+        let path = folder.file(&format!("{scenario}.csv"));
+        succeeds(&["fmea", &out, "--no-flights", "--setting", scenario, "--out", &path]);
+        texts::read(Path::new(&path)).unwrap()
+    };
+    let (noise, ideal) = (sheet("noise"), sheet("ideal"));
+    assert_eq!(cell(&noise, fault, "effect_on_system"), "not flown");
+    let judged = cell(&noise, fault, "evidence: isolation");
+    assert!(judged.starts_with("flights.json merits noise kinds"), "{judged}");
+    for column in ["effect_on_actuator", "detection_latency", "isolation", "diagnostic_coverage"] {
+        assert_eq!(cell(&ideal, fault, column), "not flown in this scenario", "{column}");
+    }
+    for row in &ideal.rows {
+        assert!(row.cells.iter().all(|cell| !cell.contains("flights.json")), "{:?}", row.cells);
+    }
+    let told = fails(&["worst-case", &out, "--setting", "ideal"], 2);
+    assert!(told.contains("nothing flies in the scenario 'ideal'"), "{told}");
+    let trees =
+        [&["faulttree", &out, "--rates", &rates, "--setting", "ideal"][..], &HOURS].concat();
+    let told = fails(&trees, 2);
+    assert!(
+        told.contains("no results of the scenario 'ideal'; there are: noise, realistic"),
+        "{told}"
+    );
+}
+
+/// A number as a program for sheets shows and saves it, with some digits, in English or with a decimal comma; other texts
+/// as they are. Excel saves what a column of its usual width shows, 1.85E-06; LibreOffice up to six digits and more.
+fn as_shown(cell: &str, (digits, has_comma): (usize, bool)) -> String {
     let Ok(number) = cell.trim().parse::<f64>() else { return cell.to_owned() };
     let text = match number.abs() {
         small if small > 0.0 && small < 1e-4 => {
-            let text = format!("{number:.5E}");
-            let (digits, exponent) = text.split_once('E').unwrap();
+            let text = format!("{number:.*E}", digits - 1);
+            let (mantissa, exponent) = text.split_once('E').unwrap();
             let exponent: i32 = exponent.parse().unwrap();
-            format!("{}E-{:02}", digits.trim_end_matches('0').trim_end_matches('.'), -exponent)
+            format!("{mantissa}E-{:02}", -exponent)
         }
         _ => format!("{number}"),
     };
@@ -190,8 +225,8 @@ fn a_spreadsheet_that_only_saves_the_sheet_makes_no_cell_a_persons() {
              pump.flow_loss,55,FIT,-1+2\n"
         )
     };
-    for has_comma in [false, true] {
-        fs::write(&rates, table("120", "0.4321987")).unwrap();
+    for form in [(6, false), (6, true), (3, false), (3, true)] {
+        fs::write(&rates, table("120.2", "0.4321987")).unwrap();
         let _ = fs::remove_file(&sheet);
         succeeds(&["fmea", "press_axis", "--rates", &rates, "--out", &sheet]);
         let text = fs::read_to_string(&sheet).unwrap();
@@ -201,7 +236,7 @@ fn a_spreadsheet_that_only_saves_the_sheet_makes_no_cell_a_persons() {
         let mut saved = texts::read(Path::new(&sheet)).unwrap();
         assert_eq!(cell(&saved, "pump.flow_loss", "failure_rate_source"), "-1+2");
         let cells = saved.rows.iter_mut().flat_map(|row| &mut row.cells);
-        cells.for_each(|cell| *cell = as_shown(cell, has_comma));
+        cells.for_each(|cell| *cell = as_shown(cell, form));
         write(Path::new(&sheet), &saved);
         fs::write(&rates, table("9000", "7.7")).unwrap();
         let printed = succeeds(&["fmea", "press_axis", "--rates", &rates, "--out", &sheet]);

@@ -145,7 +145,7 @@ fn behind_a_dangling_link_the_file_appears_where_the_link_leads() {
 #[test]
 fn a_file_without_end_is_refused() {
     let message = read_text("/dev/zero").unwrap_err().to_string();
-    assert_eq!(message, "/dev/zero: this is a device, a file is needed");
+    assert_eq!(message, "/dev/zero: this is a device, a regular file is needed");
     let folder = Folder::new("endless");
     let sparse = |name: &str, length: u64| {
         fs::File::create(folder.file(name)).unwrap().set_len(length).unwrap();

@@ -9,8 +9,8 @@ mod tail;
 pub use confusion::Confusion;
 pub use median::MedianTime;
 pub use rate::{
-    Rate, Trial, binomial_tail, clopper_pearson_upper, cluster_bootstrap, find_share,
-    poisson_at_most, wilson_interval,
+    Rate, Trial, binomial_tail, clopper_pearson_upper, cluster_bootstrap, find_share, poisson_mean,
+    wilson_interval,
 };
 pub use score::{Prediction, Score};
 pub use tail::{LEAST_EXCESSES, Tail};

@@ -121,15 +121,24 @@ pub fn clopper_pearson_upper(count: u64, of: u64, confidence: f64) -> f64 {
     find_share(|share| binomial_tail(count + 1, of, share), confidence)
 }
 
-/// The probability of at most `count` events of a Poisson distribution with this mean.
-pub fn poisson_at_most(count: u64, mean: f64) -> f64 {
-    let mut term = libm::exp(-mean);
-    let mut sum = term;
-    for k in 1..=count {
-        term *= mean / k as f64;
-        sum += term;
+/// The mean of a Poisson distribution that gives at most `count` events with a probability (within 0 … 1, both
+/// excluded), by bisection.
+pub fn poisson_mean(count: u64, probability: f64) -> f64 {
+    let at_most = |mean: f64| {
+        let mut term = libm::exp(-mean);
+        let mut sum = term;
+        for k in 1..=count {
+            term *= mean / k as f64;
+            sum += term;
+        }
+        sum
+    };
+    let (mut low, mut high) = (0.0, 20.0 + 6.0 * count as f64);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if at_most(middle) > probability { low = middle } else { high = middle }
     }
-    sum
+    high
 }
 
 /// Finds the share at which a probability reaches a value, by bisection. The probability must grow with the share.

@@ -23,26 +23,20 @@ pub fn write(material: &Material, page: &mut Page) {
         let name = result.subject.name();
         page.heading(&format!("Setting: {}", result.title));
         page.text(&format!(
-                "{} of all faults leave {} at least once{}.{}",
-                rate(Some(detection.detected)),
-                match lines::learned(result) {
-                    Some(_) => "the bands learned from healthy specimens",
-                    None => words.fixed_band(),
-                },
-                match detection.detected.count < detection.detected.of {
-                    true => {
-                        "; the others are invisible to these sensors in these operating cases and are \
+            "{} of all faults leave {} at least once{}.",
+            rate(Some(detection.detected)),
+            match lines::learned(result) {
+                Some(_) => "the bands learned from healthy specimens",
+                None => words.fixed_band(),
+            },
+            match detection.detected.count < detection.detected.of {
+                true => {
+                    "; the others are invisible to these sensors in these operating cases and are \
                          not diagnosed"
-                    }
-                    false => "",
-                },
-                match result.subject.setting().has_tolerances() {
-                    true => {
-                        " Tolerances help some over the edge: the specimen is already away from the twin."
-                    }
-                    false => "",
                 }
-            ));
+                false => "",
+            },
+        ));
         let curves = curves(material, detection);
         page.figure(
             &format!("detection_{name}"),

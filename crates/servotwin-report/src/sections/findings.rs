@@ -158,7 +158,8 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
     let detected = |result: &SubjectResult| result.evaluation.detection.detected;
     let share = |rate: Rate| rate.share.unwrap_or(0.0);
     let mut acts = vec![];
-    let perfect = of(Subject::Noise).filter(|_| hardest.evaluation.bands.is_some());
+    let has_tolerances = hardest.subject.setting().has_tolerances();
+    let perfect = of(Subject::Noise).filter(|_| has_tolerances);
     if let Some(perfect) =
         perfect.filter(|perfect| detected(perfect).low > share(detected(hardest)))
     {
@@ -170,8 +171,8 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
                 rate(Some(detected(fitted)))
             ),
             None => format!(
-                "without tolerances {seen_by} leave the bands of the scenario noise: a twin that is fitted to its \
-                 specimen (servotwin fit) may show more; {}'servotwin study --fitted' measures it",
+                "without tolerances {seen_by} leave the bands of the scenario noise: {}'servotwin study --fitted' \
+                 measures what twins fitted to their specimens show",
                 match Setting::Fitted.is_possible(material.study) {
                     true => "",
                     false => "with a section [fitted] in the study ",
@@ -248,7 +249,7 @@ fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
             let hidden: Vec<String> = hidden
                 .map(|seen| {
                     format!(
-                        "{} ({} of {})",
+                        "{} (in {} of {} tests)",
                         spoken(seen.kind),
                         seen.rate.of - seen.rate.count,
                         seen.rate.of
@@ -256,7 +257,7 @@ fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
                 })
                 .collect();
             if !hidden.is_empty() {
-                text += &format!("; never detected: {}", named(hidden, "kinds"));
+                text += &format!("; not detected: {}", named(hidden, "kinds"));
             }
         }
         let wrong = evaluation.headline().filter(|_| measure.title.starts_with("wrong"));

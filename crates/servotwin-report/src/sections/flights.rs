@@ -9,7 +9,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
 };
-use servotwin::evaluation::metrics::Rate;
+use servotwin::evaluation::metrics::{Rate, poisson_mean};
 use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
 use servotwin::flight::measure::{self, Measure};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
@@ -47,8 +47,11 @@ pub fn write(material: &Material, page: &mut Page) {
     page.note(&sizes(results, material.study, words));
     page.table(
         &all_measures(results, words),
-        "Every measure of these flights, with the faults in which it is counted and 95 % intervals from drawing kinds \
-         of fault at their intensities.",
+        &format!(
+            "Every measure of these flights, after the faults in which it is counted, with 95 % intervals from drawing \
+             kinds of fault at their intensities. The limit is {}.",
+            latency_limits(results)
+        ),
     );
     if let Some(sealed) = material.sealed {
         page.heading("In sealed environments");
@@ -337,15 +340,15 @@ impl SettingLimits<'_> {
         if healthy.hours <= 0.0 {
             return;
         }
-        let most = match healthy.shutdowns {
-            0 => format!("\nat most {} per hour (95 %)", number(MOST_OF_NONE / healthy.hours)),
-            _ => String::new(),
-        };
+        let most = number(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
         let (unit, off) = (self.words.unit(), self.words.switched_off());
         self.push(
             format!("a healthy {unit} {off}, nothing being wrong"),
             "0".into(),
-            format!("{} in {:.1} h{most}", healthy.shutdowns, healthy.hours),
+            format!(
+                "{} in {:.1} h\nat most {most} per hour (95 %)",
+                healthy.shutdowns, healthy.hours
+            ),
             none_allowed(healthy.shutdowns, 0.0),
         );
     }
@@ -356,20 +359,23 @@ impl SettingLimits<'_> {
         if self.words.has_several() && merit.flights > 0 {
             let title = format!("the wrong {unit} {off}, all trained faults");
             let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
-            self.wrong(title, (wrong.count, wrong.of));
+            self.wrong(title, wrong);
         }
         let is_own = |other: &&UnseenFaultMetrics| other.setting == merit.setting;
         let Some(unseen) = self.results.foreign.iter().find(is_own) else {
             return;
         };
         let never_trained = format!("a healthy {unit} {off}, faults never trained on");
-        self.wrong(never_trained, unseen.shutdowns_healthy());
+        let (wrong, of) = unseen.shutdowns_healthy();
+        self.wrong(never_trained, Rate::new(wrong, of));
         let wrong_sensor = format!("a healthy {unit} {off} behind a wrong boundary sensor");
-        self.wrong(wrong_sensor, unseen.shutdowns_behind_wrong_sensor());
+        let (wrong, of) = unseen.shutdowns_behind_wrong_sensor();
+        self.wrong(wrong_sensor, Rate::new(wrong, of));
     }
 
-    /// A limit on wrong shutdowns; `of` is the number of runs.
-    fn wrong(&mut self, title: String, (wrong, of): (u64, u64)) {
+    /// A limit on wrong shutdowns in runs.
+    fn wrong(&mut self, title: String, rate: Rate) {
+        let Rate { count: wrong, of, .. } = rate;
         if of == 0 {
             return;
         }
@@ -377,7 +383,7 @@ impl SettingLimits<'_> {
         self.push(
             title,
             self.marked(chosen(limit), "wrong_shutdowns"),
-            format!("{wrong} in {of} {run}s\n{}", at_most(wrong, of)),
+            format!("{wrong} in {of} {run}s\n{}", at_most(rate)),
             none_allowed(wrong, limit),
         );
     }
@@ -388,18 +394,37 @@ fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     let merits: Vec<&FlightMetrics> =
         results.merits.iter().chain(results.of_other_plants()).collect();
     let limits_s: Vec<f64> = merits.iter().map(|merit| merit.limit_s).collect();
-    let left = ["measure", "of"].map(|head| (head.to_owned(), Alignment::Left));
+    let left = ["of", "measure"].map(|head| (head.to_owned(), Alignment::Left));
     let settings = merits.iter().map(|merit| (merit.setting.clone(), Alignment::Right));
     let mut grid = HtmlTable::new(left.into_iter().chain(settings));
+    let mut last = String::new();
     for measure in measure::ALL {
         let rates: Vec<Rate> = merits.iter().map(|merit| merit.rates.of(measure)).collect();
-        if rates.iter().any(|rate| rate.of > 0) {
-            let described = words.describe_measure(measure, &limits_s);
-            let cells = rates.iter().map(|rate| stacked(Some(*rate)));
-            grid.push(described.into_iter().chain(cells).collect());
+        if rates.iter().all(|rate| rate.of == 0) {
+            continue;
         }
+        let [sentence, faults] = words.describe_measure(measure, &limits_s);
+        let of = if faults == last { String::new() } else { faults.clone() };
+        last = faults;
+        let cells = rates.iter().map(|rate| stacked(Some(*rate)));
+        grid.push([of, sentence].into_iter().chain(cells).collect());
     }
     grid
+}
+
+/// The limits on latency in words: each with its settings.
+fn latency_limits(results: &FlightResults) -> String {
+    let mut limits: Vec<(f64, Vec<&str>)> = vec![];
+    for merit in results.merits.iter().chain(results.of_other_plants()) {
+        match limits.iter_mut().find(|(limit_s, _)| *limit_s == merit.limit_s) {
+            Some((_, settings)) => settings.push(&merit.setting),
+            None => limits.push((merit.limit_s, vec![&merit.setting])),
+        }
+    }
+    let each = limits
+        .iter()
+        .map(|(limit_s, settings)| format!("{} s in {}", chosen(*limit_s), settings.join(" and ")));
+    each.collect::<Vec<_>>().join(", ")
 }
 
 fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> HtmlTable {
@@ -425,9 +450,6 @@ const PROBABLY_MISSED: &str = "missed, within the interval";
 const NOT_SHOWN: &str = "not shown: too few";
 const NONE_SEEN: &str = "none seen";
 
-/// The upper end of the one-sided 95 % interval of a count of zero events (Poisson): -ln 0.05.
-const MOST_OF_NONE: f64 = 2.995_732_273_553_991;
-
 fn none_allowed(count: u64, limit: f64) -> &'static str {
     match count {
         0 => NONE_SEEN,
@@ -437,8 +459,7 @@ fn none_allowed(count: u64, limit: f64) -> &'static str {
 }
 
 /// The upper end of a share's interval as text.
-pub(super) fn at_most(count: u64, of: u64) -> String {
-    let rate = Rate::new(count, of);
+pub(super) fn at_most(rate: Rate) -> String {
     format!("at most {:.2} % (95 %)", 100.0 * rate.high)
 }
 
@@ -610,7 +631,7 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
             words.switched_off(),
             wrong.count,
             wrong.of,
-            at_most(wrong.count, wrong.of)
+            at_most(wrong)
         ));
     }
     let foreign = results.foreign.iter().find(|other| other.setting == merit.setting);

@@ -5,6 +5,7 @@ use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
+use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::outcome::Needed;
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
 
@@ -51,7 +52,7 @@ pub fn write(material: &Material, page: &mut Page) {
                     true => format!(
                         " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).{}",
                         words.switched_off(),
-                        at_most(wrong, of),
+                        at_most(Rate::new(wrong, of)),
                         behind_wrong_sensor(merit, words)
                     ),
                     false => String::new(),
@@ -66,7 +67,7 @@ pub fn write(material: &Material, page: &mut Page) {
     }
     let off = words.off();
     page.note(&format!(
-            "Sensible is a command that would be right for the fault as a whole: a {off} where the \
+            "The needed command is right for the fault as a whole: a {off} where the \
              {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
              and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
              and of what is healthy while a boundary sensor is wrong, which is a supply or return pressure that its twin reads. \
@@ -148,16 +149,16 @@ fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
 
 fn row(outcome: &UnseenFaultOutcome, words: &Vocabulary) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
-    let sensible = match outcome.needed {
-        Some(Needed::Shutdown) => format!("sensible: a {}", words.off()),
-        Some(Needed::NoShutdown) => format!("sensible: anything but a {}", words.off()),
-        Some(Needed::Any | Needed::ItsAction) => "sensible: any command".into(),
-        Some(Needed::Nothing) => "sensible: no command".into(),
+    let needed = match outcome.needed {
+        Some(Needed::Shutdown) => format!("needed: a {}", words.off()),
+        Some(Needed::NoShutdown) => format!("needed: anything but a {}", words.off()),
+        Some(Needed::Any | Needed::ItsAction) => "needed: any command".into(),
+        Some(Needed::Nothing) => "needed: no command".into(),
         None => String::new(),
     };
     let small = match outcome.strengths.as_str() {
-        "" => sensible,
-        strengths => format!("{strengths}; {sensible}"),
+        "" => needed,
+        strengths => format!("{strengths}; {needed}"),
     };
     let mut row =
         vec![format!("{}\n{small}", words.adapted(&outcome.title)), outcome.flights.to_string()];

@@ -140,9 +140,8 @@ fn tripping(material: &Material) -> Option<String> {
     let realistic = material.results.of(Subject::Realistic)?;
     let alarms = realistic.evaluation.false_alarms.as_ref().filter(|a| a.paper_alarms.count > 0)?;
     Some(format!(
-        "With the fixed band of ±3 % {} of faults would be detected in the realistic setting, against {} \
-         in the ideal one. Part of that is no better detection: tolerances of the specimen trip the band, \
-         as they do in {} of specimens without any fault.",
+        "{} of faults leave the fixed band of ±3 % in the scenario realistic, and {} in the scenario ideal. \
+         Tolerances alone leave it in {} of the realistic specimens without a fault.",
         percent(realistic.evaluation.paper_detection.share),
         percent(ideal.evaluation.paper_detection.share),
         rate(Some(alarms.paper_alarms)),

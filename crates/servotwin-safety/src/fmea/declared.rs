@@ -1,21 +1,17 @@
 //! Cells from declarations: the system, the catalogue, the study and the user's table of rates.
 
 use super::cell::FmeaCell;
-use super::fields::{FmeaSources, FmeaSubject, not_in_study};
-use super::sheet::rounded;
+use super::effects::{answers, flight_evidence, flown};
+use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
 use crate::rates::RatedFault;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
 use servotwin::text::spoken;
 
 pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let own =
-        sources.study.units.iter().find(|unit| {
-            !unit.is_empty() && subject.fault.component.starts_with(&format!("{unit}."))
-        });
-    let name = match own {
+    let name = match actuator_of(sources.study, &subject.fault.id) {
+        Some("") => "the only one".into(),
         Some(unit) => spoken(unit),
-        None if sources.study.units.len() == 1 => "the only one".into(),
         None => "shared".into(),
     };
     FmeaCell::new(name, "study.toml units")
@@ -55,7 +51,15 @@ pub(super) fn range(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
 }
 
 pub(super) fn action(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let Some(case) = subject.case else { return not_in_study("none: not in the study") };
+    let Some(case) = subject.case else {
+        return match flown(sources, subject) {
+            Ok((flights, own)) => FmeaCell::new(
+                format!("no class of the study names one: {}", answers(&own)),
+                flight_evidence(flights, &own),
+            ),
+            Err(_) => not_in_study("none: not in the study"),
+        };
+    };
     let study = sources.study;
     let class = &study.classes[case.class];
     let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
@@ -109,8 +113,8 @@ fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
 pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     // Without a table the cell stays empty: a rate is never invented.
     rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
-        // Spreadsheets keep six digits of a number.
-        let per_h: f64 = rounded(rate.per_h).parse().unwrap_or(rate.per_h);
+        // No rate is known to more than six digits; the unit's division has more.
+        let per_h: f64 = format!("{:.5e}", rate.per_h).parse().unwrap_or(rate.per_h);
         FmeaCell::new(format!("{per_h:e}"), rate_evidence(sources, rate.line))
     })
 }

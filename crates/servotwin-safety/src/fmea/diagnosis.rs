@@ -1,8 +1,9 @@
 //! Cells about detection and isolation, from the campaign, the evaluation and flights.
 
 use super::cell::{FmeaCell, rate_in_words, span_in_words};
-use super::effects::{flight_evidence, own_flights};
+use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use super::flights::FlownFault;
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
 use servotwin::flight::judge::KindLatency;
 use servotwin::job::results::SubjectResult;
@@ -14,18 +15,10 @@ use servotwin_model::program::FaultAt;
 /// The most sensors that a cell names.
 const MAX_SENSORS: usize = 5;
 
-/// The remedy where flights are missing.
-const NO_FLIGHTS: &str =
-    "no flights: 'servotwin flights FOLDER --out FOLDER', then 'servotwin fmea FOLDER'";
-
-/// The remedy where a campaign is missing.
-const NO_RUNS: &str =
-    "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'";
-
 fn runs<'s>(sources: &'s FmeaSources, subject: &FmeaSubject) -> Result<&'s ResidualRuns, FmeaCell> {
     match (&sources.runs, subject.case) {
-        (_, None) => Err(not_in_study("not simulated")),
-        (None, _) => Err(FmeaCell::missing("not simulated", NO_RUNS)),
+        (_, None) => Err(not_in_study("not in the campaign")),
+        (None, _) => Err(FmeaCell::missing("not simulated", NO_RESULTS)),
         (Some(runs), _) if runs.of(&subject.fault.id).is_empty() => Err(FmeaCell::missing(
             "not simulated",
             format!("{}: no completed run of this fault", runs.file),
@@ -48,7 +41,7 @@ fn evaluated<'s>(
             "no evaluation.json: 'servotwin evaluate FOLDER' writes it",
         )
     };
-    let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RUNS))?;
+    let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RESULTS))?;
     let result = results.evaluated().ok_or_else(missing)?;
     Ok((result, format!("evaluation.json {}", result.subject.name())))
 }
@@ -91,32 +84,58 @@ pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Fmea
 }
 
 pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let runs = match runs(sources, subject) {
-        Ok(runs) => runs,
-        Err(cell) => return cell,
-    };
-    let moved = runs.moved(&subject.fault.id);
-    let mut parts = vec![match moved.first() {
-        Some(first) => format!("twin residual of {} beyond its band", first.sensor),
-        None => "none in half of the strong runs".into(),
-    }];
-    let mut evidence = runs.file.clone();
-    if let Some(flights) = sources.results.and_then(|results| results.flights.as_ref()) {
+    let (mut parts, mut evidence) = (vec![], vec![]);
+    let (runs, own) = (runs(sources, subject), flown(sources, subject));
+    if let Ok(runs) = &runs {
+        parts.push(match runs.moved(&subject.fault.id).first() {
+            Some(first) => format!("twin residual of {} beyond its band", first.sensor),
+            None => "no residual in half of the strong runs".into(),
+        });
+        evidence.push(runs.file.clone());
+    }
+    let judged = sources.results.filter(|results| results.flown().is_some());
+    if let Some(flights) = judged.and_then(|results| results.flights.as_ref()) {
         let windows: Vec<String> = flights.windows_s.iter().map(|s| format!("{s} s")).collect();
         parts.push(format!(
             "trees and committee on windows of {}, evidence accumulated until the alarm",
             windows.join(" and ")
         ));
-        evidence += "; flights.json windows_s";
+        evidence.push("flights.json windows_s".into());
     }
-    FmeaCell::new(parts.join("; "), evidence)
+    if let Ok(own) = &own {
+        parts.push(reported_in_words(own));
+        evidence.push(flight_evidence(own.0, &own.1));
+    }
+    match (runs, own) {
+        (Err(not_run), Err(_)) => not_run,
+        _ => FmeaCell::new(parts.join("; "), evidence.join("; ")),
+    }
+}
+
+/// The intensities at which the own flights reported the fault.
+fn reported_in_words((_, own): &OwnFlights) -> String {
+    let reported: Vec<String> = own
+        .iter()
+        .filter(|(_, flown)| flown.report_s.is_finite())
+        .map(|(_, flown)| flown.intensity.to_string())
+        .collect();
+    match reported.is_empty() {
+        true => format!("reported in 0 of {} own flights", own.len()),
+        false => format!(
+            "reported in {} of {} own flights (intensity {})",
+            reported.len(),
+            own.len(),
+            reported.join(", ")
+        ),
+    }
 }
 
 pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     let (mut parts, mut evidence) = (vec![], vec![]);
-    if let Some((flights, own)) = own_flights(sources, subject) {
+    let own = flown(sources, subject);
+    if let Ok((flights, own)) = &own {
         let count = own.len();
-        let event = |name: &str, of: fn(&super::flights::FlownFault) -> f64| {
+        let event = |name: &str, of: fn(&FlownFault) -> f64| {
             let happened = own.iter().filter(|(_, flown)| of(flown).is_finite()).count();
             match span_in_words(own.iter().map(|(_, flown)| of(flown)), "s") {
                 Some(span) => format!("{name} after {span} in {happened} of {count} own flights"),
@@ -125,7 +144,7 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
         };
         parts.push(event("reported", |flown| flown.report_s));
         parts.push(event("action", |flown| flown.action_s));
-        evidence.push(flight_evidence(flights, &own));
+        evidence.push(flight_evidence(flights, own));
     }
     match kind_latencies(sources, subject) {
         Some((judged, place)) => {
@@ -136,10 +155,9 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
             evidence.push("no judged latencies: 'servotwin flights FOLDER --out FOLDER'".into())
         }
     }
-    match parts.is_empty() {
-        true if subject.case.is_none() => not_in_study("not flown"),
-        true => FmeaCell::missing("not flown", evidence.join("; ")),
-        false => FmeaCell::new(parts.join("; "), evidence.join("; ")),
+    match own {
+        Err(not_flown) if parts.is_empty() => not_flown,
+        _ => FmeaCell::new(parts.join("; "), evidence.join("; ")),
     }
 }
 
@@ -178,17 +196,27 @@ fn median_in_words(median: &MedianTime) -> String {
 }
 
 pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let (result, place) = match evaluated(sources, subject) {
-        Ok(found) => found,
-        Err(cell) => return cell,
-    };
+    let own = flown(sources, subject)
+        .map(|own| FmeaCell::new(reported_in_words(&own), flight_evidence(own.0, &own.1)));
+    match (smallest_in_bands(sources, subject), own) {
+        (Ok(bands), Ok(own)) => FmeaCell::new(
+            format!("{}; {}", bands.text, own.text),
+            format!("{}; {}", bands.evidence, own.evidence),
+        ),
+        (Ok(known), Err(_)) | (Err(_), Ok(known)) | (Err(known), Err(_)) => known,
+    }
+}
+
+/// The least intensity from which on a residual of the campaign leaves its band.
+fn smallest_in_bands(sources: &FmeaSources, subject: &FmeaSubject) -> Result<FmeaCell, FmeaCell> {
+    let (result, place) = evaluated(sources, subject)?;
     let least = result.evaluation.detection.least.iter().enumerate();
     let own: Vec<_> = least.filter(|(_, least)| least.fault == subject.fault.id).collect();
     let Some((first, _)) = own.first() else {
-        return FmeaCell::missing(
+        return Err(FmeaCell::missing(
             "not evaluated",
             format!("{place} detection.least: no entry of this fault"),
-        );
+        ));
     };
     let figure = sources.results.and_then(|results| {
         results.figure(&format!("least_intensity_{}.svg", result.subject.name()))
@@ -200,12 +228,12 @@ pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
         figure.map_or(String::new(), |figure| format!(", {figure}"))
     );
     let found: Vec<f64> = own.iter().filter_map(|(_, least)| least.intensity).collect();
-    let (detected, of) = (found.len(), own.len());
+    let (visible, of) = (found.len(), own.len());
+    let unseen = |count: usize| {
+        format!("not visible in bands at the largest intensity in {count} of {of} cases")
+    };
     let Some(largest) = found.iter().copied().reduce(f64::max) else {
-        return FmeaCell::new(
-            format!("not detected at the largest intensity in {of} of {of} cases"),
-            evidence,
-        );
+        return Ok(FmeaCell::new(unseen(of), evidence));
     };
     let tested = sources.study.faults.iter().filter(|case| case.id == subject.fault.id);
     let least = tested.map(|case| case.at.intensity).fold(f64::INFINITY, f64::min);
@@ -213,17 +241,17 @@ pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
     let bound = |intensity: f64| if intensity <= least + 1e-9 { "≤ " } else { "" };
     let below = bound(found.iter().copied().fold(largest, f64::min));
     let span = span_in_words(found.into_iter(), "").unwrap_or_default();
-    let missed = match of - detected {
+    let missed = match of - visible {
         0 => String::new(),
-        missed => format!("; not detected at the largest intensity in {missed} of {of} cases"),
+        missed => format!("; {}", unseen(missed)),
     };
     let text = format!(
-        "intensity {below}{} in {detected} of {of} cases ({} at {}{largest}){missed}",
+        "visible in bands from intensity {below}{} on in {visible} of {of} cases ({} at {}{largest}){missed}",
         span.trim(),
         physical(sources, subject, largest),
         bound(largest)
     );
-    FmeaCell::new(text, evidence)
+    Ok(FmeaCell::new(text, evidence))
 }
 
 /// The parameter of a fault at an intensity, with its name and unit.
@@ -255,13 +283,15 @@ struct RightActions {
 }
 
 impl RightActions {
-    fn of(sources: &FmeaSources, subject: &FmeaSubject) -> Option<Self> {
+    /// The counts, or the cell with the reason why there are none.
+    fn of(sources: &FmeaSources, subject: &FmeaSubject) -> Result<Self, FmeaCell> {
         if let Some((own, evidence)) = kind_latencies(sources, subject)
             && let Some(all) = own.first()
+            && let Some(metrics) = sources.results.and_then(|results| results.flown())
         {
-            let [flown, with_alarm] = sources.results?.flown()?.healthy.flights;
+            let [flown, with_alarm] = metrics.healthy.flights;
             let (right, visible) = (all.isolation.events, all.detection.events);
-            return Some(RightActions {
+            return Ok(RightActions {
                 of_all: Rate::new(right, all.isolation.of),
                 of_visible: Some(Rate::new(right, visible)),
                 false_alarms: Rate::new(with_alarm, flown),
@@ -269,10 +299,13 @@ impl RightActions {
                 evidence,
             });
         }
-        let (flights, own) = own_flights(sources, subject)?;
+        let (flights, own) = flown(sources, subject)?;
+        if subject.case.is_none() {
+            return Err(not_in_study("no right action to compare with"));
+        }
         let right = own.iter().filter(|(_, flown)| flown.is_right).count() as u64;
         let alarmed = flights.healthy().is_some_and(|flown| !flown.action.is_empty());
-        Some(RightActions {
+        Ok(RightActions {
             of_all: Rate::new(right, own.len() as u64),
             of_visible: None,
             false_alarms: Rate::new(u64::from(alarmed), u64::from(flights.healthy().is_some())),
@@ -281,26 +314,19 @@ impl RightActions {
         })
     }
 
-    /// The cell without any flight.
-    fn missing(subject: &FmeaSubject) -> FmeaCell {
-        match subject.case {
-            None => not_in_study("not flown"),
-            Some(_) => FmeaCell::missing("not flown", NO_FLIGHTS),
-        }
-    }
-
     /// The share of faults with the right action above the share of false alarms: of the faults that no false alarm
     /// would have answered, those that are answered.
-    fn coverage(&self) -> Option<f64> {
+    fn coverage(&self) -> f64 {
         let by_chance = self.false_alarms.share.unwrap_or(0.0);
-        let above = self.of_all.share? - by_chance;
-        Some(if above > 0.0 { above / (1.0 - by_chance) } else { 0.0 })
+        let above = self.of_all.share.unwrap_or(0.0) - by_chance;
+        if above > 0.0 { above / (1.0 - by_chance) } else { 0.0 }
     }
 }
 
 pub(super) fn isolation(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let Some(right) = RightActions::of(sources, subject).filter(|_| subject.case.is_some()) else {
-        return RightActions::missing(subject);
+    let right = match RightActions::of(sources, subject) {
+        Ok(right) => right,
+        Err(cell) => return cell,
     };
     let (rate, which) = match &right.of_visible {
         Some(rate) => (rate, "in which it is visible"),
@@ -353,14 +379,14 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fme
 }
 
 pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let right = RightActions::of(sources, subject).filter(|_| subject.case.is_some());
-    let Some((coverage, right)) = right.and_then(|own| Some((own.coverage()?, own))) else {
-        return RightActions::missing(subject);
+    let right = match RightActions::of(sources, subject) {
+        Ok(right) => right,
+        Err(cell) => return cell,
     };
     FmeaCell::new(
         format!(
             "{:.1} % above false alarms: right action in {}, {}; an action without a fault in {}",
-            100.0 * coverage,
+            100.0 * right.coverage(),
             rate_in_words(&right.of_all),
             right.flights,
             rate_in_words(&right.false_alarms)
@@ -371,5 +397,5 @@ pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
 
 /// The diagnostic coverage of a fault as a number.
 pub fn coverage_share(sources: &FmeaSources, subject: &FmeaSubject) -> Option<f64> {
-    RightActions::of(sources, subject)?.coverage()
+    RightActions::of(sources, subject).ok().map(|right| right.coverage())
 }

@@ -1,7 +1,8 @@
 //! Effects on the actuator and on the system, and the severity, from closed-loop flights.
 
+use super::can_fly;
 use super::cell::{FmeaCell, span_in_words};
-use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
 use super::flights::{FILE, FlownFault, FmeaFlights};
 use super::severity::{SeverityInputs, level};
 use servotwin::flight::tracking::{TrackedQuantities, command_unit};
@@ -12,23 +13,29 @@ use servotwin_model::spec::Unit;
 /// All flights, and those of a fault with their rows in the file.
 pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
 
+/// The remedy where a folder with results is missing.
+pub(super) const NO_RESULTS: &str =
+    "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'";
+
 /// The flights of a fault, or the cell with the reason why there are none.
-fn flown<'s>(
+pub(super) fn flown<'s>(
     sources: &'s FmeaSources,
-    subject: &'s FmeaSubject,
+    subject: &FmeaSubject,
 ) -> Result<OwnFlights<'s>, FmeaCell> {
+    if let Some(Err(nothing_flies)) = sources.results.map(|results| results.flown_setting()) {
+        return Err(FmeaCell::missing("not flown in this scenario", nothing_flies.to_string()));
+    }
     let Some(flights) = &sources.flights else {
         let remedy = match sources.results {
-            None => {
-                "no results: 'servotwin study STUDY --out FOLDER', then 'servotwin fmea FOLDER'"
+            None => NO_RESULTS,
+            Some(results) if can_fly(results) => {
+                "no flights of this scenario: 'servotwin fmea FOLDER'"
             }
-            Some(_) => {
-                "no flights of this folder: it has no diagnoser ('servotwin flights FOLDER --out FOLDER' learns one)"
-            }
+            Some(_) => "no diagnoser of this scenario: 'servotwin flights FOLDER --out FOLDER'",
         };
         return Err(FmeaCell::missing("not flown", remedy));
     };
-    let own: Vec<_> = flights.of(&subject.fault.id).collect();
+    let own = flights.of(&subject.fault.id);
     match own.is_empty() {
         true if subject.case.is_none() => Err(not_in_study("not flown")),
         true => Err(FmeaCell::missing(
@@ -52,12 +59,13 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)
     )
 }
 
-/// A fault's flights, if there are any.
-pub(super) fn own_flights<'s>(
-    sources: &'s FmeaSources,
-    subject: &'s FmeaSubject,
-) -> Option<OwnFlights<'s>> {
-    flown(sources, subject).ok()
+/// The first action of every own flight, in words.
+pub(super) fn answers(own: &[(usize, &FlownFault)]) -> String {
+    let answer = |(_, flown): &(usize, &FlownFault)| match flown.action.as_str() {
+        "" => format!("no action at {}", flown.intensity),
+        action => format!("first action {action} at {}", flown.intensity),
+    };
+    own.iter().map(answer).collect::<Vec<_>>().join(", ")
 }
 
 /// The words for the quantity that follows the command: what its error is called, and its unit.
@@ -80,30 +88,48 @@ fn is_aircraft(study: &Study) -> bool {
     kinds.any(|kind| kind == "aerodynamic_load")
 }
 
+/// The least differences from the healthy flight that are an effect. Below them are the errors of the solver, whose steps
+/// begin anew at the onset: at most 6e-10 m and 5e-3 N in the flights of the aileron, whose smallest effects are 6e-7 m and
+/// 6 N.
+const MIN_TRAVEL_M: f64 = 1e-8;
+const MIN_FORCE_N: f64 = 0.1;
+
 pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     let (flights, own) = match flown(sources, subject) {
         Ok(found) => found,
         Err(cell) => return cell,
     };
     let evidence = flight_evidence(flights, &own);
-    let mut parts = vec![];
-    let travel = own.iter().map(|(_, flown)| flown.travel_difference_m * 1e3);
-    parts.extend(span_in_words(travel, "mm").map(|span| format!("piston by up to {span}")));
-    // A rod that carries outer loads alone has the same force in every flight, which is no effect.
-    let forces = own.iter().map(|(_, flown)| flown.force_difference_n / 1e3);
-    let forces = forces.filter(|force| *force > 0.0);
-    parts.extend(span_in_words(forces, "kN").map(|span| format!("rod force by up to {span}")));
-    match parts.is_empty() {
-        true => FmeaCell::missing("not measured: the actuator has no piston", evidence),
-        false => FmeaCell::new(
-            format!(
-                "differs from the healthy flight: {} (intensities {})",
-                parts.join(", "),
-                intensities(&own)
-            ),
-            evidence,
-        ),
+    let flown = |of: fn(&FlownFault) -> f64| own.iter().map(move |(_, flown)| of(flown));
+    if flown(|flown| flown.travel_difference_m).all(f64::is_nan) {
+        let reason = match actuator_of(sources.study, &subject.fault.id) {
+            None => "not measured: the component belongs to no single actuator",
+            Some(_) => "not measured: the actuator has no piston",
+        };
+        return FmeaCell::missing(reason, evidence);
     }
+    let span = |of, (unit, factor), least: f64| {
+        span_in_words(
+            flown(of).filter(|effect| *effect >= least).map(|effect| effect * factor),
+            unit,
+        )
+    };
+    let travel = span(|flown| flown.travel_difference_m, ("mm", 1e3), MIN_TRAVEL_M);
+    let force = span(|flown| flown.force_difference_n, ("kN", 1e-3), MIN_FORCE_N);
+    let parts = [
+        travel.map(|span| format!("piston by up to {span}")),
+        force.map(|span| format!("rod force by up to {span}")),
+    ];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let intensities = intensities(&own);
+    let text = match parts.is_empty() {
+        true => format!("does not differ from the healthy flight (intensities {intensities})"),
+        false => format!(
+            "differs from the healthy flight: {} (intensities {intensities})",
+            parts.join(", ")
+        ),
+    };
+    FmeaCell::new(text, evidence)
 }
 
 fn intensities(own: &[(usize, &FlownFault)]) -> String {
@@ -162,19 +188,19 @@ fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
 
 pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     let lanes = sources.study.units.len();
-    let Some((flights, own)) = own_flights(sources, subject) else {
+    let Ok((flights, own)) = flown(sources, subject) else {
         return subject.case.map_or_else(
             || not_in_study("not assessed"),
             |case| by_action_alone(sources.study, case),
         );
     };
     let growth = growth(flights, &own);
-    let flown = || own.iter().map(|(_, flown)| flown);
+    let each = || own.iter().map(|(_, flown)| flown);
     let inputs = SeverityInputs {
         growth,
-        lanes_off: flown().map(|own| own.lane_count()).max().unwrap_or(0),
+        lanes_off: each().map(|own| own.lane_count()).max().unwrap_or(0),
         lanes,
-        changes_mode: flown().any(|own| own.changes_mode),
+        changes_mode: each().any(|own| own.changes_mode),
     };
     let measured = match growth {
         Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),

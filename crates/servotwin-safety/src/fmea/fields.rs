@@ -117,11 +117,22 @@ pub fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
     listed.into_iter().chain(others).map(row).collect()
 }
 
+/// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
+pub(super) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
+    if let [only] = study.units.as_slice() {
+        return Some(only);
+    }
+    let has_it = |unit: &&String| {
+        fault.strip_prefix(unit.as_str()).is_some_and(|rest| rest.starts_with('.'))
+    };
+    study.units.iter().find(has_it).map(String::as_str)
+}
+
 /// A fault's name without its actuator.
 pub fn kind_of(study: &Study, fault: &str) -> String {
-    let units = study.units.iter().filter(|unit| !unit.is_empty());
-    let mut own = units.filter_map(|unit| fault.strip_prefix(&format!("{unit}.")));
-    own.next().unwrap_or(fault).to_owned()
+    let own =
+        actuator_of(study, fault).and_then(|unit| fault.strip_prefix(unit)?.strip_prefix('.'));
+    own.unwrap_or(fault).to_owned()
 }
 
 /// What a cell shows for a fault that no class of the study lists.

@@ -4,6 +4,7 @@
 //! The flights are stored in `safety/fmea-flights.csv` with the basis of their diagnoser, so a sheet is filled again
 //! without flying. One healthy flight per file is the reference.
 
+use super::fields::actuator_of;
 use crate::error::SafetyError;
 use crate::results::{EvidenceBasis, FOLDER, StudyResultsFolder};
 use servotwin::files::create_folder;
@@ -133,9 +134,11 @@ fn numbers(flown: &FlownFault) -> [f64; 14] {
 
 impl FmeaFlights {
     /// The rows of a fault, with their numbers in the file from 1.
-    pub fn of<'s>(&'s self, fault: &'s str) -> impl Iterator<Item = (usize, &'s FlownFault)> {
+    pub fn of(&self, fault: &str) -> Vec<(usize, &FlownFault)> {
         let numbered = self.list.iter().enumerate().map(|(place, flown)| (place + 1, flown));
-        numbered.filter(move |(_, flown)| flown.fault == fault && flown.failure.is_empty())
+        let own =
+            |(_, flown): &(usize, &FlownFault)| flown.fault == fault && flown.failure.is_empty();
+        numbered.filter(own).collect()
     }
 
     /// The healthy flight.
@@ -143,7 +146,7 @@ impl FmeaFlights {
         self.list.first().filter(|flown| flown.intensity == 0.0)
     }
 
-    /// Reads the stored flights of a folder; `None` without any.
+    /// Reads the stored flights of a folder; `None` without any in the quoted scenario.
     ///
     /// # Errors
     /// The file is damaged.
@@ -161,12 +164,9 @@ impl FmeaFlights {
             Some(basis) => results.basis.changes_since(&basis),
             None => Some("their model is not recorded".into()),
         };
-        let (setting, wanted) = (one("setting")?, results.flown_setting().name());
-        let other = || {
-            (setting != wanted).then(|| format!("the scenario changed from {setting} to {wanted}"))
-        };
-        let stale = stale.or_else(other);
-        Ok(Some(FmeaFlights { list, case: one("case")?, setting, stale }))
+        let setting = one("setting")?;
+        let own = FmeaFlights { list, case: one("case")?, setting, stale };
+        Ok(Some(own).filter(|own| own.setting == results.setting.name()))
     }
 
     /// Whether all of these faults were flown, or tried.
@@ -177,14 +177,14 @@ impl FmeaFlights {
     /// Flies faults of the study's system and stores the flights.
     ///
     /// # Errors
-    /// There is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
+    /// Nothing flies in the scenario; there is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
     pub fn fly(
         results: &StudyResultsFolder,
         plan: &FlightPlan,
         faults: &[String],
         workers: Workers,
     ) -> Result<Self, SafetyError> {
-        let setting = results.flown_setting();
+        let setting = results.flown_setting()?;
         let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
         let specimen = setting.has_tolerances().then_some(0);
         let study = &results.study;
@@ -285,16 +285,10 @@ impl FlyingFault {
     fn of(study: &Study, id: &str) -> Option<Self> {
         let (component, fault) = study.system.program.find_fault(id)?;
         let case = study.faults.iter().find(|case| case.id == id);
-        let has_it = |unit: &&String| !unit.is_empty() && id.starts_with(&format!("{unit}."));
-        let unit = match study.units.iter().find(has_it) {
-            Some(unit) => unit.clone(),
-            None if study.units.len() == 1 => study.units[0].clone(),
-            None => "shared".into(),
-        };
         Some(FlyingFault {
             id: id.into(),
             at: FaultAt { component, fault, intensity: 1.0 },
-            unit,
+            unit: actuator_of(study, id).unwrap_or("shared").into(),
             action: case.map(|case| study.classes[case.class].command.clone()),
         })
     }
@@ -451,7 +445,7 @@ impl FlownFault {
         self.lanes_off.split_whitespace().count()
     }
 
-    fn empty() -> Self {
+    pub(super) fn empty() -> Self {
         FlownFault {
             fault: String::new(),
             intensity: 0.0,

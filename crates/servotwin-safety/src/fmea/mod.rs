@@ -81,9 +81,9 @@ fn read_rates(study: &Study, path: Option<&Path>) -> Result<Option<FailureRates>
     path.map(|path| FailureRates::read(path, &rated_faults(study))).transpose()
 }
 
-/// Whether a folder has a diagnoser to fly with.
+/// Whether a folder has a diagnoser to fly with in the quoted scenario.
 pub fn can_fly(results: &StudyResultsFolder) -> bool {
-    results.folder.diagnoser(results.flown_setting()).exists()
+    results.flown_setting().is_ok_and(|setting| results.folder.diagnoser(setting).exists())
 }
 
 fn flown(
@@ -162,6 +162,7 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
 #[cfg(test)]
 mod tests {
     use super::fields::FIELDS;
+    use super::flights::FlownFault;
     use super::*;
 
     fn cell(sheet: &FmeaSheet, fault: &str, name: &str) -> String {
@@ -190,6 +191,66 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_row_of_a_fault_that_no_class_lists_follows_from_its_flights() {
+        let study = Study::default();
+        let fault = "actuator_1.servo_valve.gain_low";
+        let unlisted = "actuator_1.servo_valve.wear_pa";
+        assert!(study.faults.iter().all(|case| case.id != unlisted));
+        let healthy = FlownFault { fault: "healthy".into(), ..FlownFault::empty() };
+        let shut_down = |fault: &str, intensity, action_s| FlownFault {
+            fault: fault.into(),
+            intensity,
+            report_s: 0.5,
+            action_s,
+            action: "shut_down actuator_1".into(),
+            lanes_off: "actuator_1".into(),
+            travel_difference_m: 0.0,
+            ..FlownFault::empty()
+        };
+        let silent = FlownFault {
+            fault: unlisted.into(),
+            intensity: 0.5,
+            // What a solver's steps differ by.
+            travel_difference_m: 6e-10,
+            force_difference_n: 5e-3,
+            ..FlownFault::empty()
+        };
+        let list = vec![healthy, silent, shut_down(unlisted, 1.0, 0.7), shut_down(fault, 1.0, 0.7)];
+        let (case, setting) = ("S1/50".into(), "realistic".into());
+        let flights = Some(FmeaFlights { list, case, setting, stale: None });
+        let sources = FmeaSources { flights, ..declared_sources(&study, None).unwrap() };
+        let sheet = sheet(&sources, None).unwrap();
+        for (field, text) in [
+            ("local_effect", "not in the campaign"),
+            ("effect_on_actuator", "does not differ from the healthy flight (intensities 0.5, 1)"),
+            ("detection_means", "reported in 1 of 2 own flights (intensity 1)"),
+            (
+                "detection_latency",
+                "reported after 0.5 s in 1 of 2 own flights; action after 0.7 s in 1 of 2 own flights",
+            ),
+            ("smallest_detectable", "reported in 1 of 2 own flights (intensity 1)"),
+            ("isolation", "no right action to compare with"),
+            (
+                "action",
+                "no class of the study names one: no action at 0.5, first action shut_down actuator_1 at 1",
+            ),
+            ("severity", "S3: 1 of 2 lanes switched off"),
+            ("diagnostic_coverage", "no right action to compare with"),
+        ] {
+            assert_eq!(cell(&sheet, unlisted, field), text, "{field}");
+        }
+        // The number says what its cell says.
+        let list = study.system.fault_list();
+        let coverage = |id: &str| {
+            let fault = list.iter().find(|own| own.id == id).unwrap();
+            diagnosis::coverage_share(&sources, &FmeaSubject::of(&study, fault))
+        };
+        assert_eq!([coverage(unlisted), coverage(fault)], [None, Some(0.0)]);
+        // Of the other actuator's fault there are no flights.
+        assert_eq!(cell(&sheet, "actuator_2.servo_valve.gain_low", "isolation"), "not flown");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The sheet: generated cells, those that people filled in, and how both survive the next generation.
 //!
-//! Every row carries a *seal*: a short hash of every generated cell. A cell whose text no longer fits its hash was changed
-//! by a person. It keeps its text, and the column `filled_by_person` names it. A person's cell that is emptied is
+//! Every row carries a *seal*: a short hash of every generated cell, and of a number the number itself. A cell that no
+//! longer fits its part of the seal was changed by a person. It keeps its text, and the column `filled_by_person` names it. A person's cell that is emptied is
 //! generated again. So a sheet needs no file beside it and may travel. A program that only opens and saves the sheet changes
 //! no hash, although it writes numbers in its own form and may know Windows-1252 alone.
 //!
@@ -32,7 +32,7 @@ pub const SEAL: &str = "seal";
 pub const EVIDENCE: &str = "evidence: ";
 
 /// The version of the seal: it changes with [`FIELDS`] and with what is hashed.
-const SEAL_VERSION: &str = "2";
+const SEAL_VERSION: &str = "3";
 /// Digits of a hash in a seal.
 const SEAL_DIGITS: usize = 6;
 /// What a person writes into the status to accept a row for the present evidence.
@@ -87,34 +87,49 @@ struct EarlierRow {
     others: Vec<String>,
 }
 
-/// The hash of a text.
+/// The hash of a text. A program for sheets that only saves it may change its spaces.
 fn hash(text: &str) -> String {
-    sha256_of_text(&canonical(text))[..SEAL_DIGITS].to_owned()
-}
-
-/// What of a text survives a program for sheets that only saves it: spaces may change, and a number may come back with
-/// a decimal comma, in another form, and with six digits.
-fn canonical(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    match text.replacen(',', ".", 1).parse::<f64>() {
-        Ok(number) if number.is_finite() => rounded(number),
-        _ => text,
-    }
+    sha256_of_text(&text)[..SEAL_DIGITS].to_owned()
 }
 
-/// A number with the six digits that a program for sheets keeps.
-pub(super) fn rounded(number: f64) -> String {
-    format!("{number:.5e}")
-}
-
-/// The seal of a generated text: its hash, and the hash of what Windows-1252 makes of it if that differs.
+/// The seal of a generated text: a number as it is, behind `=`; of another text its hash, and the hash of what
+/// Windows-1252 makes of it if that differs.
 fn seal_of(text: &str) -> String {
+    if text.parse::<f64>().is_ok() {
+        return format!("={text}");
+    }
     let replaced: String =
         text.chars().map(|letter| if is_latin(letter) { letter } else { '?' }).collect();
     match replaced == text {
         true => hash(text),
         false => format!("{}/{}", hash(text), hash(&replaced)),
     }
+}
+
+/// Whether a text is what a seal was made of, perhaps in the form in which a program for sheets saved it.
+fn is_sealed(text: &str, seal: &str) -> bool {
+    match seal.strip_prefix('=').and_then(|number| number.parse().ok()) {
+        Some(number) => is_form_of(text, number),
+        None => seal.split('/').any(|own| own == hash(text)),
+    }
+}
+
+/// The fewest digits of a rounded number: programs for sheets show two behind the point, as in 1.85E-06. One with fewer
+/// that is not equal is a person's estimate.
+const MIN_SHOWN_DIGITS: usize = 3;
+
+/// Whether a text is a number, perhaps with a decimal comma, rounded to the digits that the text has.
+fn is_form_of(text: &str, number: f64) -> bool {
+    let text = text.trim().replacen(',', ".", 1).to_ascii_lowercase();
+    let Ok(written) = text.parse::<f64>() else { return false };
+    let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let decimals = mantissa.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    let digits = mantissa.chars().filter(char::is_ascii_digit).skip_while(|digit| *digit == '0');
+    let last = exponent.parse().unwrap_or(0) - decimals as i32;
+    let is_rounded = digits.count() >= MIN_SHOWN_DIGITS
+        && (written - number).abs() <= 0.5 * 10_f64.powi(last) * (1.0 + 1e-6);
+    written == number || is_rounded
 }
 
 fn seal(row: &FmeaRow) -> String {
@@ -332,9 +347,8 @@ fn read_seal(path: &Path, row: &TextRow, text: &str) -> Result<Vec<String>, Safe
 impl EarlierRow {
     /// Which fields a person filled in: their text is there and not the generated one.
     fn by_person(&self) -> Vec<bool> {
-        let changed = self.texts.iter().zip(&self.seal);
-        let is_generated = |text: &str, seal: &str| seal.split('/').any(|own| own == hash(text));
-        changed.map(|(text, seal)| !text.trim().is_empty() && !is_generated(text, seal)).collect()
+        let cells = self.texts.iter().zip(&self.seal);
+        cells.map(|(text, seal)| !text.trim().is_empty() && !is_sealed(text, seal)).collect()
     }
 
     /// Whether a person filled in cells of columns of their own.

@@ -53,13 +53,13 @@ impl<'s> WorstCaseSearch<'s> {
     /// A search with what the folder already has of it.
     ///
     /// # Errors
-    /// There is no diagnoser; the study has no flights; the stored flights are damaged.
+    /// Nothing flies in the scenario; there is no diagnoser; the study has no flights; the stored flights are damaged.
     pub fn new(
         results: &'s StudyResultsFolder,
         seed: u64,
         crew: &Crew<'s>,
     ) -> Result<Self, SafetyError> {
-        let (study, setting) = (&results.study, results.flown_setting());
+        let (study, setting) = (&results.study, results.flown_setting()?);
         let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
         let session =
             Session::new(diagnoser).map_err(|error| JobError::Evaluation(error.into()))?.at_rest();

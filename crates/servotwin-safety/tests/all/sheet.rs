@@ -89,8 +89,8 @@ fn a_row_is_stale_until_a_person_confirms_it() {
 
 #[test]
 fn an_emptied_cell_is_generated_again_and_another_form_of_a_number_is_no_change() {
-    // English and German forms, with six digits or more; Windows-1252 has no arrow and no Greek letters.
-    for number in ["0.00000012345678", "1,23457E-07", "1.234568E-07", "0,000000123457"] {
+    // English and German forms, in full and rounded as a column shows them; Windows-1252 has no arrow and no Greek letters.
+    for number in ["0.000000123457", "1,23457E-07", "1.23E-07", "1,2346E-07", "0,000000123457"] {
         let mut texts = first();
         set(&mut texts, 0, "severity", "");
         set(&mut texts, 0, "failure_rate_per_h", number);
@@ -108,7 +108,12 @@ fn another_letter_or_another_number_is_a_persons() {
         ("physical_range", "area 1 … 2 m² ← λ"),
         ("physical_range", "area 1 … 2 m³ → λ"),
         ("failure_rate_per_h", "1.3e-7"),
-        ("failure_rate_per_h", "1,23E-07"),
+        ("failure_rate_per_h", "1,24E-07"),
+        ("failure_rate_per_h", "1.2346E-06"),
+        // One digit is an estimate of a person, and so are more digits than were written.
+        ("failure_rate_per_h", "1E-07"),
+        ("failure_rate_per_h", "1.234567e-7"),
+        ("failure_rate_per_h", "0.00"),
     ] {
         let mut texts = first();
         set(&mut texts, 0, column, text);

@@ -44,11 +44,48 @@ fn a_fixed_pump_needs_a_relief_valve_that_its_flow_reaches() {
     assert_one_with(&found, "the outlet of the pump 'pump' has no relief valve");
     assert_one_with(&found, "20000 bar");
     // A relief valve that opens the other way, or that never opens, is none.
-    let swapped = [("\"relief.b\"", "\"relief.c\""), ("\"relief.a\"", "\"relief.b\"")];
-    let found = of_press(&[FIXED_PUMP, swapped[0], swapped[1], ("\"relief.c\"", "\"relief.a\"")]);
+    let found = of_press(&[&REVERSED[..], &[FIXED_PUMP]].concat());
     assert_one_with(&found, "has no relief valve");
     let found = of_press(&[FIXED_PUMP, ("set_pa = 24e6", "set_pa = 1e8")]);
     assert_one_with(&found, "has no relief valve");
+}
+
+const REVERSED: [(&str, &str); 3] = [
+    ("\"relief.b\"", "\"relief.c\""),
+    ("\"relief.a\"", "\"relief.b\""),
+    ("\"relief.c\"", "\"relief.a\""),
+];
+
+#[test]
+fn a_relief_valve_of_a_compensated_pump_opens_above_its_pressure_and_the_right_way() {
+    let relief = |found: &[String]| found.iter().filter(|w| w.contains("'relief'")).count();
+    assert_eq!(relief(&of_press(&[("set_pa = 24e6", "set_pa = 21e6")])), 0);
+    let found = of_press(&[("set_pa = 24e6", "set_pa = 18e6")]);
+    assert_one_with(
+        &found,
+        "the relief valve 'relief' opens at 180 bar (relief.set_pa), below the 210 bar at which the compensator of the \
+         pump 'pump' ends its flow (pump.set_pa)",
+    );
+    for found in [of_press(&REVERSED), of_press(&[&REVERSED[..], &[FIXED_PUMP]].concat())] {
+        assert_one_with(
+            &found,
+            "the relief valve 'relief' is reversed: its port b is at the outlet",
+        );
+    }
+}
+
+#[test]
+fn a_pressure_sensor_reads_beyond_the_supply() {
+    let short = |found: &[String]| found.iter().filter(|w| w.contains("head room")).count();
+    let found = of_press(&[("full_scale_pa = 250e5", "full_scale_pa = 210e5")]);
+    assert_one_with(
+        &found,
+        "the range of 'sensor_supply' ends at 210 bar (sensor_supply.full_scale_pa) and has no head room: the supply \
+         'pump' has 210 bar",
+    );
+    // The valve lets the supply into both chambers.
+    assert_eq!(short(&found), 3, "{found:?}");
+    assert_eq!(short(&of_press(&[("full_scale_pa = 250e5", "full_scale_pa = 211e5")])), 0);
 }
 
 #[test]

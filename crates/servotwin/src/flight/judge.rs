@@ -10,7 +10,7 @@ use crate::study::Study;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
 use servotwin_learning::metrics::{
-    MedianTime, Rate, Tail, Trial, clopper_pearson_upper, poisson_at_most,
+    MedianTime, Rate, Tail, Trial, clopper_pearson_upper, poisson_mean,
 };
 use std::collections::BTreeMap;
 
@@ -156,7 +156,7 @@ impl HealthyMetrics {
             alarms,
             shutdowns,
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
-            alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
+            alarms_per_h_upper: poisson_mean(alarms, 0.05) / hours.max(f64::MIN_POSITIVE),
             visible_by_chance: sum(|row| row.visible_by_chance),
             flights: [calm.len() as u64, with_alarm as u64],
             environments: of_alarms,
@@ -409,16 +409,6 @@ pub(super) fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Lat
     })
 }
 
-/// The mean of a Poisson distribution that gives at most `count` events with a probability of 5 %.
-fn most_of_poisson(count: u64) -> f64 {
-    let (mut low, mut high) = (0.0, 10.0 + 4.0 * count as f64);
-    for _ in 0..100 {
-        let middle = 0.5 * (low + high);
-        if poisson_at_most(count, middle) > 0.05 { low = middle } else { high = middle }
-    }
-    high
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::outcome::FirstAction;
@@ -444,10 +434,10 @@ mod tests {
 
     #[test]
     fn nothing_seen_bounds_the_rate_by_three_over_the_time() {
-        assert!((most_of_poisson(0) - 2.9957).abs() < 1e-3);
+        assert!((poisson_mean(0, 0.05) - 2.9957).abs() < 1e-3);
         // From tables of the chi-squared distribution.
-        assert!((most_of_poisson(1) - 4.7439).abs() < 1e-3);
-        assert!((most_of_poisson(10) - 16.9622).abs() < 1e-3);
+        assert!((poisson_mean(1, 0.05) - 4.7439).abs() < 1e-3);
+        assert!((poisson_mean(10, 0.05) - 16.9622).abs() < 1e-3);
     }
 
     #[test]

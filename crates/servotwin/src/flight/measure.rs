@@ -70,7 +70,10 @@ pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
 pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
     name: "shutdown_missed_of_all",
     sentence: "{off} missed (of all)",
-    of: CountedFaults { counts: |row| row.needs_shutdown, ..EVERY_FAULT },
+    of: CountedFaults::new(
+        "{off} faults of all intensities, also those that never become visible",
+        |row| row.needs_shutdown,
+    ),
     holds: |row, _| !row.is_isolated(),
 };
 
@@ -176,9 +179,9 @@ pub const SILENT: Measure = Measure {
 /// All measures, in the order of pages; those of the same faults stand together.
 pub const ALL: [&Measure; 14] = [
     &RIGHT_ACTION_OF_ALL,
-    &SHUTDOWN_MISSED_OF_ALL,
     &WRONG_SHUTDOWN,
     &VISIBLE,
+    &SHUTDOWN_MISSED_OF_ALL,
     &ISOLATED_IN_TIME_OF_ALL,
     &ISOLATED_IN_TIME,
     &VISIBLE_IN_TIME,

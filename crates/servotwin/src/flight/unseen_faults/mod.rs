@@ -1,7 +1,7 @@
 //! Tests the diagnosis with faults that it was never trained on.
 //!
 //! The right name cannot be expected for an unknown fault. The requirement is that the healthy actuator stays on, and
-//! that the output is sensible: the right actuator, an unknown fault, or a wrong input of the twin.
+//! that the output makes sense: the right actuator, an unknown fault, or a wrong input of the twin.
 
 mod effect;
 mod list;
@@ -23,8 +23,9 @@ use serde::{Deserialize, Serialize};
 /// Number of flights by output; every flight counts once, by its most specific output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Words {
-    /// A sensible action against a faulty actuator was raised first.
-    pub sensible: u64,
+    /// The needed action against a faulty actuator was raised first.
+    #[serde(alias = "sensible")]
+    pub needed: u64,
     /// Another action against a faulty actuator was raised first.
     pub other_command: u64,
     /// An action against a healthy actuator was raised first.
@@ -46,7 +47,7 @@ pub struct Words {
 impl Words {
     fn count(&mut self, outcome: &FlightOutcome) {
         let word = match (outcome.first, outcome.word) {
-            (FirstAction::Right, _) => &mut self.sensible,
+            (FirstAction::Right, _) => &mut self.needed,
             (FirstAction::OtherAction, _) => &mut self.other_command,
             (FirstAction::OtherActuator, _) => &mut self.wrong_actuator,
             (FirstAction::None, Word::Actuator) => &mut self.actuator,
@@ -62,7 +63,7 @@ impl Words {
     /// Each count with its name, the best result first.
     pub fn named(&self) -> [(&'static str, u64); 9] {
         [
-            ("sensible command", self.sensible),
+            ("needed command", self.needed),
             ("other command", self.other_command),
             ("actuator", self.actuator),
             ("unknown", self.unknown),
