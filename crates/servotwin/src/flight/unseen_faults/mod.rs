@@ -24,7 +24,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Words {
     /// The needed action against a faulty actuator was raised first.
-    #[serde(alias = "sensible")]
     pub needed: u64,
     /// Another action against a faulty actuator was raised first.
     pub other_command: u64,
