@@ -185,12 +185,12 @@ pub fn learn_from_flights(
     let setting = self::setting(study, setting)?;
     let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Nobody)?;
-        let mut lessons = TrainingWindows::default();
+        let mut taken = TrainingWindows::default();
         for text in &flown {
-            lessons.add(from_text(text)?);
+            taken.add(from_text(text)?);
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        flights::learn_from(&folder, (study, full), setting, lessons, &crew)?;
+        flights::learn_from(&folder, (study, full), setting, taken, &crew)?;
         Ok(())
     })?;
     Ok(result?)

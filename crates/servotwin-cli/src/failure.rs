@@ -280,7 +280,9 @@ impl Failure {
             }
             Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
             Failure::Job(JobError::File(_) | JobError::Busy { .. }) => 1,
-            Failure::Job(JobError::OtherResults { .. } | JobError::NoFlights) => 2,
+            Failure::Job(
+                JobError::OtherResults { .. } | JobError::NoFlights | JobError::NoRun { .. },
+            ) => 2,
             Failure::Job(JobError::Evaluation(error) | JobError::Unreadable { error, .. }) => {
                 of_evaluation(error)
             }

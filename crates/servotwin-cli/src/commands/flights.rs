@@ -9,11 +9,13 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::FlightMetrics;
+use servotwin::flight::outcome;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, JobError, manifest};
+use servotwin::run::RunName;
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{
     JUDGE, MAX_ENVIRONMENTS, MISSING_SENSORS, OTHER_STRUCTURE_FITTED, UNSEEN,
@@ -48,6 +50,10 @@ pub struct Options {
     #[arg(long, value_name = "SEED", requires = "suite",
           value_parser = clap::value_parser!(u64).range(0..=999))]
     seed: Option<u64>,
+    /// Only fly one run, such as judge#17@realistic, with the diagnoser in the folder, to the bit as among all others of its
+    /// suite; print its outcome. The number is that of the table of outcomes.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["suite", "sealed", "setting"])]
+    run: Option<RunName>,
     /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
     /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
     /// output folder, before the first flight. Writes `flights-sealed.json`.
@@ -75,6 +81,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let chosen = options.chosen(&study)?;
     stop::heed();
     let folder = Folder::new(&options.study.out);
+    if let Some(name) = &options.run {
+        return one_run(options, (&folder, &study), name, global);
+    }
     let _hold = options.study.keep(&study, global)?;
     if options.sealed {
         return sealed(options, &study, &settings, global);
@@ -92,6 +101,35 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => text(&folder, &results, &study, &options.suite)?,
     })
+}
+
+/// Flies one run and describes its outcome, with the columns of the table of outcomes.
+fn one_run(
+    options: &Options,
+    (folder, study): (&Folder, &Study),
+    name: &RunName,
+    global: Global,
+) -> Result<String, Failure> {
+    let flown = outcomes::fly_run(
+        folder,
+        (study, options.study.full),
+        name,
+        workers(options.study.threads),
+    );
+    stop::check()?;
+    let flown = flown?;
+    if global.json {
+        return Ok(json(&json!(flown)));
+    }
+    let mut text = String::new();
+    for row in &flown {
+        let _ = writeln!(text, "{name}");
+        let fields = json!(row);
+        for column in outcome::table(&[]).columns() {
+            let _ = writeln!(text, "  {}: {}", column.name, fields[&column.name]);
+        }
+    }
+    Ok(text)
 }
 
 impl Options {

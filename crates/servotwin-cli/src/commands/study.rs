@@ -134,7 +134,7 @@ impl<'s> Screen<'s> {
                 let stages = || Stages::new(self.global);
                 state.stages.get_or_insert_with(stages).show(&what, *share);
             }
-            StudyEvent::FlightCampaign(_) => {
+            StudyEvent::Flown(_) => {
                 self.notes.write(&format!("flown in {:.1} s", state.end_stage()));
             }
             StudyEvent::Evaluated { results, remaining } => {

@@ -1,7 +1,7 @@
 //! Flights and the closed loop, run as users run them, on a study small enough for a test.
 
 use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
-use servotwin::flight::outcome;
+use servotwin::flight::outcome::{self, FlightOutcome};
 use servotwin::table::{self, Table};
 use std::path::Path;
 
@@ -102,6 +102,28 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let output = servotwin(&[&fly[..], &two[..2]].concat());
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("--at is given more often than --fault"));
+}
+
+#[test]
+fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
+    let folder = Folder::new("one-run");
+    let ([study, _], out) = (learned(&folder), folder.file("out"));
+    let fly = |name: &str| servotwin(&["flights", &study, "--out", &out, "--run", name, "--json"]);
+    for suite in ["judge", "unseen"] {
+        let path = folder.file(&format!("out/outcomes-{suite}-realistic.parquet"));
+        let all = outcome::from_table(&table::read(path).unwrap()).unwrap();
+        for row in [&all[1], &all[all.len() - 1]] {
+            let output = fly(&format!("{suite}#{}@realistic", row.number));
+            assert!(output.status.success(), "{}", stderr(&output));
+            let alone: Vec<FlightOutcome> = serde_json::from_str(&stdout(&output)).unwrap();
+            assert_eq!(&alone[0], row);
+        }
+    }
+    for wrong in ["judge#999@realistic", "learn#1@realistic", "judged#1@realistic"] {
+        let text = stderr(&fly(wrong));
+        assert!(text.contains("no such run") && text.contains(wrong), "{text}");
+    }
+    assert_eq!(fly("judge#1").status.code(), Some(2));
 }
 
 #[test]

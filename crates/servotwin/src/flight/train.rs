@@ -73,9 +73,9 @@ pub fn diagnoser(
 ) -> Result<Diagnoser, EvaluationError> {
     let kinds = windows::kinds(flights, setting, study.sample_period_s);
     let tables = tables.into_iter().map(|table| [(Role::Training, table)]);
-    let lessons: Vec<_> = kinds.iter().zip(tables).collect();
+    let pairs: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
-    let lengths = parallel::map(&lessons, workers, |(kind, tables)| {
+    let lengths = parallel::map(&pairs, workers, |(kind, tables)| {
         length(study, **kind, tables, pools, workers)
     });
     let lengths: Vec<LearnedLength> = lengths?.into_iter().collect::<Result<_, _>>()?;

@@ -130,8 +130,8 @@ impl TrainingWindows {
     /// The half widths of bands learned from healthy windows of a kind; `None` for too few windows.
     fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
         let healthy = self.list.iter().filter(|l| l.kind == kind && !l.is_faulty);
-        let largest = |lesson: &TrainingWindow| -> Vec<f64> {
-            let window = lesson.window(pools.len());
+        let largest = |own: &TrainingWindow| -> Vec<f64> {
+            let window = own.window(pools.len());
             (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
         };
         let largest: Vec<Vec<f64>> = healthy.map(largest).collect();
@@ -298,15 +298,15 @@ pub fn tables(
     (study, is_full): (&Study, bool),
     flights: &Flights,
     setting: Setting,
-    mut lessons: TrainingWindows,
+    mut taken: TrainingWindows,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
-    lessons.sort();
+    taken.sort();
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
     let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name, is_full));
     let mut tables = vec![];
     for kind in 0..windows::kinds(flights, setting, study.sample_period_s).len() {
-        let of: Vec<&TrainingWindow> = lessons.list.iter().filter(|l| l.kind == kind).collect();
+        let of: Vec<&TrainingWindow> = taken.list.iter().filter(|l| l.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, suites }.table(&of, workers)?);
     }
     Ok(tables)
@@ -358,13 +358,13 @@ struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    fn table(&self, lessons: &[&TrainingWindow], workers: Workers) -> Result<Table, CampaignError> {
+    fn table(&self, taken: &[&TrainingWindow], workers: Workers) -> Result<Table, CampaignError> {
         let windows: Vec<Window> =
-            lessons.iter().map(|lesson| lesson.window(self.sensors.0.len())).collect();
+            taken.iter().map(|own| own.window(self.sensors.0.len())).collect();
         let orders = self.sensors.rotations(self.study.units.len()).unwrap_or_default();
         let view = |window: &Window| seen(self.sensors, &orders, window);
         let rows = parallel::map(&windows, workers, view).map_err(|_| CampaignError::Cancelled)?;
-        let mut columns = self.labels(lessons, &windows);
+        let mut columns = self.labels(taken, &windows);
         let windows: Vec<&Window> = windows.iter().collect();
         columns.extend(largest_columns(&self.sensors.0, &windows));
         let features: Vec<_> =
@@ -373,31 +373,31 @@ impl Maker<'_> {
         Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
     }
 
-    fn labels(&self, lessons: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
+    fn labels(&self, taken: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
         let suite = |own: &TrainingWindow| {
             self.suites[usize::from(own.is_hard_negative)].expect("the suite of the window")
         };
         let flight = |own: &TrainingWindow| plan::run(self.study, suite(own), own.flight);
-        let shown = |lesson: &&TrainingWindow| match flight(lesson) {
-            Run { fault, intensity, .. } if lesson.is_faulty => Shown { fault, intensity },
+        let shown = |own: &&TrainingWindow| match flight(own) {
+            Run { fault, intensity, .. } if own.is_faulty => Shown { fault, intensity },
             _ => Shown { fault: None, intensity: 0.0 },
         };
         let case =
             |own: &&TrainingWindow| format!("{}/{:03}", suite(own).name, flight(own).environment);
-        let cases: Vec<String> = lessons.iter().map(case).collect();
+        let cases: Vec<String> = taken.iter().map(case).collect();
         let number = |name: &str, unit: &str, of: &dyn Fn(&TrainingWindow) -> f64| {
-            let numbers = lessons.iter().map(|lesson| of(lesson)).collect();
+            let numbers = taken.iter().map(|own| of(own)).collect();
             Column::new(name, unit, Values::Float(numbers))
         };
         let period_s = self.study.sample_period_s;
         let detectable = windows.iter().map(|w| w.largest_of_all() > BAND).collect();
-        let number_of = lessons.iter().map(|l| l.flight as u32).collect();
+        let number_of = taken.iter().map(|l| l.flight as u32).collect();
         let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(number_of)),
             Column::new("case", "", Values::Text(cases.clone())),
             Column::new("flown", "", Values::Text(cases)),
         ];
-        columns.extend(fault_columns(self.study, &lessons.iter().map(shown).collect::<Vec<_>>()));
+        columns.extend(fault_columns(self.study, &taken.iter().map(shown).collect::<Vec<_>>()));
         columns.extend([
             number("end_s", "s", &|l| l.at as f64 * period_s),
             number("age_s", "s", &|l| match l.is_faulty {
@@ -405,7 +405,7 @@ impl Maker<'_> {
                 false => 0.0,
             }),
             Column::new("detectable", "", Values::Flag(detectable)),
-            Column::new("failure", "", Values::Text(vec![String::new(); lessons.len()])),
+            Column::new("failure", "", Values::Text(vec![String::new(); taken.len()])),
         ]);
         columns
     }

@@ -113,15 +113,45 @@ pub(crate) fn fly_environments(
     workers: Workers,
 ) -> Result<FlownEnvironments, CampaignError> {
     if suite.is_unseen {
-        let outcomes = unseen_faults::fly(study, suite, scenario, watching, workers)?;
-        let flown =
-            FlownEnvironments { outcomes, environments: suite.environments, calibration: None };
-        return if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(flown) };
+        return fly_unseen((study, suite, scenario), watching, None, workers);
     }
-    let (others, end) = (OtherPlants::of(study, suite)?, environments.end);
-    let plants = (scenario, others.as_ref());
-    let runner = Runner::new(study, suite, plants, environments, workers)?;
+    let runs = plan::runs(study, suite, &environments);
+    let others = OtherPlants::of(study, suite)?;
+    let (plants, end) = ((scenario, others.as_ref()), environments.end);
+    let runner = Runner::of_runs(study, suite, plants, (environments, runs), workers)?;
     watch_environments(&runner, watching, end, workers, &|_| ())
+}
+
+/// Flies one run of a suite in a scenario, as among all others.
+///
+/// # Errors
+/// As [`fly_environments`].
+pub(crate) fn fly_run(
+    (study, suite, scenario): (&Study, &Suite, Setting),
+    watching: &[Watching],
+    number: usize,
+    workers: Workers,
+) -> Result<FlownEnvironments, CampaignError> {
+    if suite.is_unseen {
+        return fly_unseen((study, suite, scenario), watching, Some(number), workers);
+    }
+    let run = plan::run(study, suite, number);
+    let others = OtherPlants::of(study, suite)?;
+    let plants = (scenario, others.as_ref());
+    let environments = run.environment..run.environment + 1;
+    let runner = Runner::of_runs(study, suite, plants, (environments, vec![run]), workers)?;
+    watch_environments(&runner, watching, run.environment + 1, workers, &|_| ())
+}
+
+fn fly_unseen(
+    (study, suite, scenario): (&Study, &Suite, Setting),
+    watching: &[Watching],
+    only: Option<usize>,
+    workers: Workers,
+) -> Result<FlownEnvironments, CampaignError> {
+    let outcomes = unseen_faults::fly(study, suite, scenario, watching, only, workers)?;
+    let flown = FlownEnvironments { outcomes, environments: suite.environments, calibration: None };
+    if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(flown) }
 }
 
 fn watch_environments(

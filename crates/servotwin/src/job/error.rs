@@ -36,6 +36,11 @@ pub enum JobError {
         .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
     )]
     UnsafeInHealth { setting: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
+    /// A name of no run.
+    #[error(
+        "{name}: the study has no such run for judging; a run is suite#number@scenario, such as judge#17@realistic"
+    )]
+    NoRun { name: String },
     /// The study has no flights.
     #[error("the study has no [flights]: docs/study-format.md describes this section")]
     NoFlights,

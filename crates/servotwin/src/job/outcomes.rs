@@ -8,8 +8,9 @@ use crate::flight::watched::{self, FlownEnvironments, Watching, fly_suite};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
+use crate::run::{RunName, plan};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
-use crate::study::{Setting, Study, Suite};
+use crate::study::{Purpose, Setting, Study, Suite};
 use crate::table::{self, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
@@ -255,6 +256,30 @@ pub fn fly_environment(
     let place = (study, suite, scenario);
     let flown = watched::fly_environments(place, &watching, environment..environment + 1, workers)?;
     Ok(flown.outcomes)
+}
+
+/// Flies one run of a suite for judging with the stored diagnoser, to the bit as among all others. Returns one outcome for
+/// each diagnosis.
+///
+/// # Errors
+/// [`JobError::NoRun`]; the diagnoser is missing; a twin cannot be simulated.
+pub fn fly_run(
+    folder: &Folder,
+    (study, is_full): (&Study, bool),
+    name: &RunName,
+    workers: Workers,
+) -> Result<Vec<FlightOutcome>, JobError> {
+    let none = || JobError::NoRun { name: name.to_string() };
+    let suite = study.suite(&name.suite, is_full).ok_or_else(none)?;
+    let is_known = suite.is_unseen || name.number < plan::count(study, suite);
+    if !is_known || suite.purpose != Purpose::Test {
+        return Err(none());
+    }
+    let model = Arc::new(diagnoser(folder, name.scenario)?);
+    let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
+    let place = (study, suite, name.scenario);
+    let outcomes = watched::fly_run(place, &watching, name.number, workers)?.outcomes;
+    if outcomes.is_empty() { Err(none()) } else { Ok(outcomes) }
 }
 
 /// Writes the outcomes of all runs of a suite in a scenario.

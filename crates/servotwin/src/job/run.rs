@@ -63,7 +63,7 @@ pub enum StudyEvent<'e> {
         share: f64,
     },
     /// The flights are simulated and evaluated.
-    FlightCampaign(&'e FlightResults),
+    Flown(&'e FlightResults),
     /// Trees and boosted trees are being trained and evaluated.
     Evaluating {
         /// The task at hand.
@@ -249,7 +249,7 @@ impl<'r> StudyRun<'r> {
         let crew = Crew { workers: self.workers, progress: &progress };
         let settings = flights::settings(self.study);
         let results = flights::fly_all(&self.folder, (self.study, false), &settings, &crew)?;
-        (self.observer)(&StudyEvent::FlightCampaign(&results));
+        (self.observer)(&StudyEvent::Flown(&results));
         Ok(results)
     }
 

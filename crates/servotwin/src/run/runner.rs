@@ -226,19 +226,14 @@ impl<'s> Runner<'s> {
         let externals = self.study.system.program.externals();
         let inputs = externals.map(|slot| slot as Slot);
         let record = self.ensemble.record.iter().copied().chain(inputs).collect();
-        let longest_s = |environment: usize| {
-            let here = self.runs.iter().filter(|run| run.environment == environment);
-            here.map(|run| run.duration_s).reduce(f64::max)
-        };
-        let longest = self.runs.iter().map(|run| run.duration_s).fold(0.0, f64::max);
-        let ensemble = Ensemble { record, duration_s: longest, ..self.ensemble };
+        // Twins last as long as the longest run of the suite, so that a run has the same twin alone and among others.
+        let ensemble = Ensemble { record, duration_s: self.suite.longest_s(), ..self.ensemble };
         let twin = |number: usize| {
             let environment = self.environment(number);
             let fitted = self.fitted.get(number - self.first).map_or(&[][..], Vec::as_slice);
             Variant {
                 overrides: [&environment.parameters, fitted].concat(),
                 inputs: environment.inputs.iter().collect(),
-                duration_s: longest_s(number),
                 ..Variant::default()
             }
         };

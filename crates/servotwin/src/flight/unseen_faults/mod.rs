@@ -271,7 +271,7 @@ impl Plan {
     }
 }
 
-/// Flies the unseen faults of a suite, watched by diagnoses. Returns the outcomes.
+/// Flies the unseen faults of a suite, or one of its runs, watched by diagnoses. Returns the outcomes.
 ///
 /// # Errors
 /// A command cannot be flown, or a twin cannot be simulated.
@@ -280,9 +280,11 @@ pub(super) fn fly(
     suite: &Suite,
     scenario: Setting,
     watching: &[Watching],
+    only: Option<usize>,
     workers: Workers,
 ) -> Result<Vec<FlightOutcome>, CampaignError> {
-    let Plan { cases, runs, told } = Plan::new(study, suite)?;
+    let Plan { cases, mut runs, told } = Plan::new(study, suite)?;
+    runs.retain(|run| only.is_none_or(|number| run.number == number));
     let case = |run: &Run| &cases[run.number];
     let chosen = Chosen::default();
     let flown = Runner::chosen(study, suite, scenario, (told, runs), chosen, workers)?;

@@ -188,6 +188,7 @@ impl PointFlyer<'_> {
 pub(super) fn search_suite(study: &Study, seed: u64) -> Option<Suite> {
     let mut suite = study.suite(JUDGE, false)?.clone().with_seed(seed);
     suite.draws = "worst_case".into();
+    suite.healthy = 0;
     Some(suite)
 }
 
