@@ -294,7 +294,9 @@ fn a_study_keeps_what_was_measured_in_full_flights() {
     assert!(run(&["study"]).contains("kept what was measured in the full flights"));
     assert_eq!(read(), measured);
     // Of one setting only: the others are missed, so the small ones are flown.
-    std::fs::remove_file(Path::new(&out).join("flights.json")).unwrap();
+    for file in ["flights.json", "diagnoser-realistic.json"] {
+        std::fs::remove_file(Path::new(&out).join(file)).unwrap();
+    }
     run(&["flights", "--full", "--setting", "noise"]);
     run(&["study"]);
     let results: serde_json::Value = serde_json::from_str(&read()).unwrap();

@@ -90,6 +90,9 @@ pub fn fly_suite<E: From<CampaignError>>(
     progress: &(dyn Fn(usize, usize) + Sync),
     mut done: impl FnMut(FlownEnvironments) -> Result<(), E>,
 ) -> Result<(), E> {
+    if from >= suite.environments {
+        return Ok(());
+    }
     if suite.is_unseen {
         return done(fly_environments((study, suite, scenario), watching, 0..1, workers)?);
     }
