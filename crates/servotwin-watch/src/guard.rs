@@ -5,8 +5,10 @@
 
 use super::counts::{Irregularity, WatchCounts};
 use super::map::{Map, MapError, Trust, guess, other_raster};
+use super::plausibility::Plausibility;
 use super::source::{LogColumn, Source, SourceError};
 use super::{Observer, Watch, WatchError};
+use servotwin::beside::InputMistake;
 use servotwin::fit::RecordError;
 use servotwin::study::Study;
 use servotwin::system::System;
@@ -149,18 +151,53 @@ pub fn foreign(
     refused(log, reason)
 }
 
-/// Reads the first minute of a log beside the twin, and returns what contradicts the map, as sentences. Open the source
-/// again, and make another observer, to watch the log.
+/// Opens a log with a map, and makes a new observer for it.
+pub type Open<'o, E> =
+    dyn FnMut(&Map) -> Result<(Box<dyn Source + 'o>, Box<dyn Observer + 'o>), E> + 'o;
+
+/// The result of a trial.
+pub struct Trial {
+    /// What contradicts the map, as sentences.
+    pub contradictions: Vec<String>,
+    /// The offset of the log's clock from UTC, s, if its dates have one.
+    pub zone_s: Option<f64>,
+}
+
+/// Reads the first minute of a log beside the twin. If the twin does not follow, it is tried whether it does with the
+/// command in another unit, or exchanged with a sensor.
 ///
 /// # Errors
 /// The source cannot be read.
-pub fn trial(
+pub fn trial<E: From<WatchError>>(
+    open: &mut Open<E>,
+    map: &Map,
+    study: &Study,
+    period_s: f64,
+) -> Result<Trial, E> {
+    let system = &study.system;
+    let (mut source, mut observer) = open(map)?;
+    let (evidence, counts) = first_minute(&mut *source, map, &mut *observer, period_s)?;
+    let zone_s = source.zone_s();
+    let mut rerun = |mistake: &InputMistake| {
+        let Some(map) = map.without_mistake(study.command_input, mistake) else { return Ok(None) };
+        let (mut source, mut observer) = open(&map)?;
+        let (evidence, _) = first_minute(&mut *source, &map, &mut *observer, period_s)?;
+        Ok::<_, E>(Some(evidence.beside().clone()))
+    };
+    let mistake = evidence.input_mistake(system, map, study.command_input, &mut rerun)?;
+    let contradictions = match mistake {
+        Some(mistake) => vec![mistake],
+        None => evidence.contradictions(system, map, &counts),
+    };
+    Ok(Trial { contradictions, zone_s })
+}
+
+fn first_minute(
     source: &mut dyn Source,
     map: &Map,
     observer: &mut dyn Observer,
-    system: &System,
     period_s: f64,
-) -> Result<Vec<String>, WatchError> {
+) -> Result<(Plausibility, WatchCounts), WatchError> {
     let (stop, mut calls) = (AtomicBool::new(false), 0.0);
     let mut watch = Watch::new(source, map, observer, period_s);
     watch.run(&stop, &mut |_, _| {
@@ -168,7 +205,7 @@ pub fn trial(
         calls += 1000.0;
         stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
     })?;
-    Ok(watch.plausibility().contradictions(system, map, watch.counts()))
+    Ok((watch.plausibility().clone(), watch.counts().clone()))
 }
 
 /// The range of each input of the system that the diagnoser accepts.

@@ -12,7 +12,7 @@ use super::plausibility::coarse_in_words;
 use super::sequencer::Stamped;
 use super::source::{Address, LogRow, Read, Source, SourceError};
 use super::span::LogSpan;
-use servotwin::fit::{RecordError, TIME_UNIT};
+use servotwin::fit::{RecordError, TIME_UNIT, unit_key};
 use servotwin::recording::with_suffix;
 use servotwin::study::Study;
 use servotwin_io::moment;
@@ -202,9 +202,10 @@ fn table(
     let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
     let network = study.system.network();
     let inputs = network.inputs.iter().map(|input| input.unit);
-    let units = inputs.chain(study.system.sensors.iter().map(|sensor| sensor.unit));
+    let dimensions = inputs.chain(study.system.sensors.iter().map(|sensor| sensor.unit));
+    let mut units = vec![];
     let mut columns = vec![Column::new(TIME, "s", times_s.clone())];
-    for (channel, unit) in units.enumerate() {
+    for (channel, unit) in dimensions.enumerate() {
         let values = match (map.is_column(channel), map.constant(channel)) {
             (true, _) => {
                 let of = |sample: &Stamped| sample.values[channel];
@@ -215,7 +216,9 @@ fn table(
             (false, Some(value)) if !map.is_default(channel) => vec![value; samples.len()],
             (false, _) => continue,
         };
-        columns.push(Column::new(with_suffix(map.id(channel), unit), unit.symbol(), values));
+        let name = with_suffix(map.id(channel), unit);
+        units.push((unit_key(&name), map.unit(channel).symbol));
+        columns.push(Column::new(name, unit.symbol(), values));
     }
     let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
     let counted = match &*counts.counted {
@@ -224,6 +227,7 @@ fn table(
         _ => "line",
     };
     let table = Table::from_columns(columns)?.with_metadata(TIME_UNIT, unit_s.to_string());
+    let table = units.into_iter().fold(table, |table, (key, unit)| table.with_metadata(key, unit));
     Ok(table.with_places(counted, samples.iter().map(|sample| sample.place)))
 }
 

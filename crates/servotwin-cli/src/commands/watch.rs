@@ -116,8 +116,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let path = input.model.clone().unwrap_or_else(usual_diagnoser);
     warn_of_lacking(&map, &needed(&diagnoser, system), global);
     if !address.is_live() && !options.resume {
-        let mut trial = observer(&study, (&path, diagnoser.clone()))?;
-        input.try_log(&address, &map, &mut trial, system, global)?;
+        input.try_log(&address, &map, &study, (&path, &diagnoser), global)?;
     }
     let mut observer = observer(&study, (&path, diagnoser.clone()))?;
     let watchdog = watchdog(options, period_s)?;

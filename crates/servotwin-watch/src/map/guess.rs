@@ -15,7 +15,7 @@ use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
 use servotwin::system::System;
-use servotwin::units;
+use servotwin::units::{self, NamedUnit};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_io::moment;
 use servotwin_io::sanitize;
@@ -516,7 +516,8 @@ impl Candidate<'_> {
     /// fit.
     fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
         let known = unit.and_then(|(_, text)| units::find(text));
-        let (factor, offset) = known.map_or((1.0, 0.0), |unit| (unit.si, unit.offset));
+        let declared = known.unwrap_or_else(|| NamedUnit::of_si(target.unit));
+        let (factor, offset) = (declared.si, declared.offset);
         let (low, high) = target.range;
         let head = &self.column.head;
         let is_outside = |value: &&f64| !(low..=high).contains(&(**value * factor + offset));
@@ -537,7 +538,7 @@ impl Candidate<'_> {
             (false, true) => "reaches only",
             (false, false) => return None,
         };
-        let (_, fitting) = units::within(target.unit, largest, target.range)?;
+        let fitting = units::within(declared, largest * factor + offset, target.range)?.spoken;
         let unit = unit.map_or(units::word(target.unit), |(_, text)| text);
         Some(format!("{how} {largest} as {unit}: it would fit as {fitting}"))
     }

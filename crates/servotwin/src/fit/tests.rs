@@ -78,6 +78,7 @@ fn flown_as(
         inputs,
         sensors,
         measured,
+        units: vec![],
         left_out: vec![],
     }
 }
@@ -546,13 +547,21 @@ mod records {
         };
         let nan = of("p_a_pa", &|row, v| if row == 700 { f64::NAN } else { v });
         assert!(matches!(nan, E::NotFinite { .. }) && nan.to_string().contains("row 701"), "{nan}");
-        assert!(matches!(of("x_p_m", &|_, v| -v), E::OtherSign { all: false, .. }));
-        assert!(matches!(of("command_rad", &|_, v| -v), E::OtherSign { all: true, .. }));
-        assert!(matches!(of("p_s_pa", &|_, v| v * 1e-5), E::OtherUnit { looks_like: "bar", .. }));
-        assert!(matches!(of("x_v_m", &|_, v| v * 1e3), E::OtherUnit { looks_like: "mm", .. }));
+        assert!(
+            matches!(of("x_p_m", &|_, v| -v), E::Mistaken(said) if said.contains("the sign seems"))
+        );
+        assert!(
+            matches!(of("command_rad", &|_, v| -v), E::Mistaken(said) if said.contains("sign of the command"))
+        );
+        assert!(
+            matches!(of("p_s_pa", &|_, v| v * 1e-5), E::Mistaken(said) if said.contains("to be in bar"))
+        );
+        assert!(
+            matches!(of("x_v_m", &|_, v| v * 1e3), E::Mistaken(said) if said.contains("to be in mm"))
+        );
         assert!(matches!(
             of("command_rad", &|_, v| v.to_degrees()),
-            E::OtherUnit { looks_like: "degrees", .. }
+            E::Mistaken(said) if said.contains("to be in degrees")
         ));
         assert!(matches!(of("command_rad", &|_, _| 0.1), E::NoMotion { .. }));
         let held = record.measured[2];
