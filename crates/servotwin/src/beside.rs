@@ -27,6 +27,9 @@ const LEAST_UNEXPLAINED: f64 = 0.01;
 /// large by a share.
 const LEAST_RATIO: f64 = 0.4;
 const RATIO_ERROR: f64 = 0.3;
+/// Below this factor, and at most this share.
+const SMALL_FACTOR: f64 = 5.0;
+const UNEXPLAINED_BY_SMALL: f64 = 0.01;
 /// Signals that stand still are exchanged only if they differ by more than this share of a scale.
 const CLEAR_SHARE: f64 = 0.5;
 /// Largest error of an offset that counts as one atmosphere.
@@ -99,6 +102,12 @@ impl TwinComparison {
         let covariance = product - self.own.mean() * self.twin.mean();
         let (own, twin) = (self.own.variance(), self.twin.variance());
         (factor * factor * own - 2.0 * factor * covariance + twin).max(0.0)
+    }
+
+    /// The gain of the sensor beside the twin: the slope of the regression.
+    fn gain(&self) -> f64 {
+        let (own, twin) = (self.own.variance(), self.twin.variance());
+        0.5 * (own + twin - self.variance(1.0)) / twin
     }
 
     /// The mean square of sensor minus twin.
@@ -250,8 +259,10 @@ impl Comparisons {
         let scale = |sensor: usize| columns[sensor].sensor.scale;
         let twins = || group.iter().cycle().skip(1);
         let explains = |of: fn(&TwinComparison) -> f64| {
+            // Noise is explained by nothing.
             let part = |(&sensor, &twin): (&usize, &usize)| {
-                of(self.at(sensor, twin)) / scale(twin).powi(2)
+                let noise = columns[twin].deviation.powi(2);
+                (of(self.at(sensor, twin)) - noise).max(0.0) / scale(twin).powi(2)
             };
             let now: f64 = group.iter().zip(group).map(part).sum();
             let then: f64 = group.iter().zip(twins()).map(part).sum();
@@ -302,9 +313,12 @@ impl Comparisons {
         found.retain(|other| {
             let (beside, column) = (self.of(other.sensor), columns[other.sensor]);
             let factor = other.misread.factor();
-            match beside.moves(column.sensor.scale) {
-                true => beside.variance(factor) < OTHER_UNIT * beside.twin.variance(),
-                false => is_healthy,
+            let left = beside.variance(factor) / beside.twin.variance();
+            match (beside.moves(column.sensor.scale), factor.ln().abs() < SMALL_FACTOR.ln()) {
+                (true, false) => left < OTHER_UNIT,
+                // A fault of the actuator may move a sensor two or three times as far.
+                (true, true) => left < UNEXPLAINED_BY_SMALL && is_healthy,
+                (false, _) => is_healthy,
             }
         });
         found
@@ -327,11 +341,18 @@ impl Comparisons {
             return Some((sign, steady));
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
+        let most = |of_mean_pa: f64| (EXACTLY + 3.0 * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
+        // A gain that is too low by a few per cent shifts the level, and shrinks the motion.
+        let is_gain = |own: &TwinComparison| {
+            let of_gain = (own.gain() - 1.0) * own.twin.mean() / own.offset();
+            (of_gain - 1.0).abs() < 0.5
+        };
         let is_low = |&sensor: &usize| {
             let (own, column) = (self.of(sensor), &columns[sensor]);
             column.unit.is_proportional() == (sign < 0.0)
-                && error(sensor) < EXACTLY
+                && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
+                && !(own.moves(column.sensor.scale) && is_gain(own))
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;

@@ -2,17 +2,20 @@
 
 use crate::folder::Folder;
 use servotwin::fit::FitRecord;
+use servotwin::flight::watcher::Watcher;
 use servotwin::prelude::Simulation;
 use servotwin::study::Study;
-use servotwin::table::Table;
+use servotwin::table::{Column, Table};
 use servotwin_watch::guard::{self, IntakeError, LogPlan};
 use servotwin_watch::intake::{self, Whole};
 use servotwin_watch::map::{Map, Trust, guess};
+use servotwin_watch::shipped;
 use servotwin_watch::source::table::{TableRows, table_columns};
 use servotwin_watch::source::{Address, LogColumn, Source};
 use servotwin_watch::span::LogSpan;
 use servotwin_watch::{Finding, Observation, Observer, WatchError};
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 fn press() -> Study {
     Study::read("press_axis").unwrap()
@@ -442,7 +445,62 @@ fn a_second_time_is_one_only_with_a_raster_of_its_own() {
     }
 }
 
-/// What the trial says of each fault of a study's system, at three intensities.
+#[test]
+fn a_mistake_of_the_column_of_the_command_is_undone_by_the_twin() {
+    let study = Study::default();
+    let diagnoser = Arc::new(shipped::diagnoser(&study).unwrap());
+    let command = "noise:rms=4deg,bandwidth=1Hz,limit=15deg,seed=7";
+    let simulation = Simulation::new(&study.system).input("command", command).noise(3);
+    let healthy = simulation.run().unwrap().table().unwrap();
+    let tried = |table: &Table, unit: &str| {
+        let columns = table_columns(table);
+        let guess = guess(&columns, &study, Trust::Certain).text;
+        let text = guess.replace(
+            "command = { column = \"command_rad\", unit = \"rad\" }",
+            &format!("command = {{ column = \"command_rad\", unit = \"{unit}\" }}"),
+        );
+        let map = Map::parse(&text, "map", &study.system).unwrap();
+        let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+            let rows = TableRows::of_table("log", table, map.wanted())?;
+            let watcher = Watcher::new(&study, diagnoser.clone()).unwrap();
+            Ok((Box::new(rows), Box::new(watcher)))
+        };
+        guard::trial(&mut open, &map, &study, 0.01).unwrap().contradictions.join("; ")
+    };
+    let changed = |change: &dyn Fn(&str) -> Vec<f64>| {
+        let columns = healthy.columns().iter().map(|column| {
+            Column::new(column.name.clone(), column.unit.clone(), change(&column.name))
+        });
+        Table::from_columns(columns.collect()).unwrap()
+    };
+    let of = |name: &str| healthy.f64(name).unwrap().into_owned();
+    let scaled = |scaled: &str, factor: f64| {
+        changed(&|name| match name == scaled {
+            true => of(name).into_iter().map(|value| value * factor).collect(),
+            false => of(name),
+        })
+    };
+    assert_eq!(tried(&healthy, "rad"), "");
+    let said = tried(&healthy, "deg");
+    assert!(said.starts_with("command seems to be in rad, not degrees: the twin then"), "{said}");
+    let said = tried(&scaled("command_rad", 1f64.to_degrees()), "rad");
+    assert!(said.starts_with("command seems to be in degrees, not rad"), "{said}");
+    let exchanged = changed(&|name| match name {
+        "command_rad" => of("x_p_1_m"),
+        "x_p_1_m" => of("command_rad"),
+        name => of(name),
+    });
+    let said = tried(&exchanged, "rad");
+    assert!(said.starts_with("command and x_p_1 look exchanged"), "{said}");
+    // Nor is the gain of a faulty sensor a mistake of the command.
+    for gain in [0.5, 0.8, 1.2] {
+        assert_eq!(tried(&scaled("x_p_1_m", gain), "rad"), "", "{gain}");
+    }
+}
+
+const INTENSITIES: [f64; 7] = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
+
+/// What the trial says of each fault of a study's system, at several intensities.
 fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
     let simulation = Simulation::new(&study.system).input("command", command).noise(3);
     let twin = simulation.run().unwrap().table().unwrap();
@@ -450,12 +508,10 @@ fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
     let mut found = vec![];
     for fault in study.system.fault_list() {
         // A fault may end a simulation.
-        let Ok(runs) =
-            simulation.run_sweep(&fault.id, &[0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0])
-        else {
+        let Ok(runs) = simulation.run_sweep(&fault.id, &INTENSITIES) else {
             continue;
         };
-        for table in (0..8).filter_map(|run| runs.table_of_run(run).ok()) {
+        for table in (0..INTENSITIES.len()).filter_map(|run| runs.table_of_run(run).ok()) {
             let said = tried_table(study, &plan.map, &table, &twin);
             found.extend(said.iter().map(|text| format!("{}: {text}", fault.id)));
         }
