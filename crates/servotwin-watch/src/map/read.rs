@@ -221,6 +221,15 @@ impl<'s> Reader<'s> {
         match (get(entries, "column"), get(entries, "value")) {
             (Some(column), None) => {
                 let place = self.column(column);
+                let is_taken = |channel: &&Channel| matches!(channel.from, Origin::Column { place: other, .. } if other == place);
+                // One sensor may also give the pressure that is an input.
+                if index >= self.inputs
+                    && let Some(other) = self.channels[self.inputs..].iter().find(is_taken)
+                {
+                    let (column, other) = (self.wanted.names[place].clone(), other.id.clone());
+                    let id = id.to_owned();
+                    self.mistakes.note(at, Mistake::SameColumn { column, id, other });
+                }
                 let (factor, offset) = (factor * si, shift * si + zero);
                 self.channels[index].from = Origin::Column { place, factor, offset };
             }

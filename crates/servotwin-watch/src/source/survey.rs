@@ -116,7 +116,7 @@ pub(super) struct Sheet {
 impl Sheet {
     pub(super) fn new(names: Vec<String>, separator: u8) -> Self {
         let columns = names.into_iter().map(LogColumn::named).collect();
-        Sheet { columns, numbers: Numbers::new(separator != b','), rows: 0 }
+        Sheet { columns, numbers: Numbers::new(separator == b','), rows: 0 }
     }
 
     /// Adds a line below the header: units, values, or neither.
