@@ -4,7 +4,7 @@
 //! first minute beside the twin, and [`unjudged`] explains a log in which nothing was judged.
 
 use super::counts::{Irregularity, WatchCounts};
-use super::map::{Map, MapError, Trust, guess, other_raster};
+use super::map::{Guess, Map, MapError, Trust, guess, other_raster};
 use super::plausibility::Plausibility;
 use super::source::{LogColumn, Source, SourceError};
 use super::{Observer, Watch, WatchError};
@@ -14,8 +14,8 @@ use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_io::sanitize;
 use servotwin_io::table::TableError;
+use servotwin_io::{moment, sanitize};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How much of a log is tried before it is judged, s.
@@ -66,11 +66,33 @@ pub fn plan(
     if guess.sensors.len() == study.system.sensors.len() {
         return Err(foreign(log, columns, study, is_study_named));
     }
+    require_no_counter(log, &guess, study)?;
     let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
     let map = map.map_err(IntakeError::Map)?;
     let (warnings, notes) = guess.remarks();
     require(log, columns, &map, study)?;
     Ok(LogPlan { map, warnings, notes })
+}
+
+/// Checks that the times of a guessed map do not count rows at a rate that nobody knows.
+///
+/// # Errors
+/// They do.
+pub(crate) fn require_no_counter(
+    log: &str,
+    guess: &Guess,
+    study: &Study,
+) -> Result<(), IntakeError> {
+    let Some(name) = &guess.counter else { return Ok(()) };
+    Err(refused(
+        log,
+        format!(
+            "'{}' counts rows or milliseconds and has no unit: below [time] of a map file, which --make-map writes, \
+             rate_hz = {} instead of column counts rows, and unit = \"ms\" reads milliseconds",
+            sanitize::text(name),
+            moment::rounded(1.0 / study.sample_period_s)
+        ),
+    ))
 }
 
 /// Checks that a map has the study's command, and that its columns have one time. Without the command, the twin would
@@ -223,17 +245,30 @@ pub fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
     sensors.map(|sensor| sensor.id.as_str()).collect()
 }
 
+/// Reports channels without a value in some of the samples.
+pub fn lost_in_words(map: &Map, counts: &WatchCounts) -> Option<String> {
+    let lost = counts.missing.iter().enumerate().filter(|(_, count)| **count > 0);
+    let lost: Vec<String> =
+        lost.map(|(channel, count)| format!("{} in {count}", map.id(channel))).collect();
+    (!lost.is_empty()).then(|| format!("samples without a value: {}", lost.join(", ")))
+}
+
 /// Why a log gave no sample.
 pub fn nothing(map: &Map, counts: &WatchCounts) -> String {
     let timeless = counts.of(Irregularity::NoTime);
     match counts.frames {
         0 => "nothing stands below the names of its columns".to_owned(),
         frames if timeless.count == frames => {
-            let remedy = match (timeless.detail.contains("': "), map.wanted().dates) {
+            let text = timeless.detail.trim_matches('\'');
+            let is_time = moment::seconds(text).is_some() && !map.wanted().dates;
+            let remedy = match (timeless.detail.contains("': "), is_time) {
                 (true, _) => "",
-                (_, true) => "; dates are written as 2026-11-21T08:15:02.5",
+                (_, true) => {
+                    "; unit = \"date\" below [time] in a map file reads it, and --make-map writes it"
+                }
                 (_, false) => {
-                    "; a date needs unit = \"date\" below [time] in a map file, which --make-map writes"
+                    "; write times as numbers, 08:15:02.5 or 2026-11-21T08:15:02.5; or rate_hz with the rate of the log \
+                     instead of column below [time] of a map file counts rows"
                 }
             };
             format!("no row has a time ({}){remedy}", counts.place(timeless))

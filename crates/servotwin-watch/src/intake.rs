@@ -32,8 +32,8 @@ pub struct Whole {
     pub table: Table,
     /// The counts of rows and irregularities.
     pub counts: WatchCounts,
-    /// Columns without a known unit; they are read as SI.
-    pub assumed: Vec<String>,
+    /// What may be wrong with a map that was made from the names of the columns.
+    pub warnings: Vec<String>,
 }
 
 /// Whether a file may be a log, judged by its extension.
@@ -57,8 +57,8 @@ pub fn read(
     match map {
         Some(map) => read_mapped(&address, map, span, study, vec![]),
         None => {
-            let (map, assumed) = guessed(&address, study)?;
-            read_mapped(&address, &map, span, study, assumed)
+            let (map, warnings) = guessed(&address, study)?;
+            read_mapped(&address, &map, span, study, warnings)
         }
     }
 }
@@ -83,7 +83,7 @@ fn read_mapped(
     map: &Map,
     span: LogSpan,
     study: &Study,
-    assumed: Vec<String>,
+    warnings: Vec<String>,
 ) -> Result<Whole, IntakeError> {
     let (log, source) = (address.to_string(), open(address, map, span)?);
     if map.wanted().columns.is_empty() {
@@ -96,11 +96,11 @@ fn read_mapped(
     let end = |sample: Option<&Stamped>| sample.map_or((0, f64::NAN), |s| (s.place, s.time_s));
     match coarse_in_words(&counts, [end(samples.first()), end(samples.last())], map) {
         Some(reason) => Err(IntakeError::Refused { log, reason }),
-        None => Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed }),
+        None => Ok(Whole { table: table(&samples, &counts, map, study)?, counts, warnings }),
     }
 }
 
-/// A map guessed from the column names, and the columns without a unit.
+/// A map guessed from the column names, and what may be wrong with it.
 fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), IntakeError> {
     let guess = guess(&address.columns()?, study, Trust::Certain);
     if guess.sensors.len() == study.system.sensors.len() {
@@ -109,8 +109,10 @@ fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), Intak
     if !guess.time {
         return Err(IntakeError::Record(RecordError::NoTime));
     }
+    guard::require_no_counter(&address.to_string(), &guess, study)?;
     let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
-    Ok((map.map_err(IntakeError::Map)?, guess.assumed))
+    let (warnings, _) = guess.remarks();
+    Ok((map.map_err(IntakeError::Map)?, warnings))
 }
 
 /// Reads all samples, ordered by time.

@@ -98,7 +98,10 @@ pub fn watch_table(
             without.dedup();
             let lacking = format!("the diagnosis does without {}", without.join(", "));
             let lacking = Some(lacking).filter(|_| !without.is_empty());
-            let warnings = warnings.into_iter().chain(lacking).chain(doubts).collect();
+            let met = counts.met_in_words();
+            let lost = guard::lost_in_words(&map, &counts);
+            let warnings = warnings.into_iter().chain(lacking).chain(met).chain(lost);
+            let warnings = warnings.chain(doubts).collect();
             return Ok(TableFindings { changes: changes.0, warnings });
         }
     };

@@ -258,7 +258,7 @@ impl Setup<'_> {
         let output = match global {
             Global { json: true, .. } => format!("{}\n", totals.json(&signals)),
             Global { quiet: true, .. } => String::new(),
-            _ => text + "\n" + &totals.text(&signals),
+            _ => text + "\n" + &totals.text(map),
         };
         let counts = &totals.counts;
         if end == End::Complete && counts.judged == 0 && !options.resume {

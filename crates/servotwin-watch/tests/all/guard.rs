@@ -291,6 +291,18 @@ fn what_a_time_means_is_decided_once_from_its_text() {
     assert_eq!(east, date + 54_000.0, "on the clock of the log");
     let excel = begin(&|k| format!("{:.10}", 46_347.625 + f64::from(k) / 8_640_000.0));
     assert!((excel - date - 54_000.0).abs() < 1e-4, "{excel}");
+    assert_eq!(begin(&|k| format!("{:02}:{}", k / 6000 + 7, &clock(k, 0)[6..])), 420.0, "minutes");
+    let basic = |k| format!("20261121T{}", clock(k, 54_000).replacen(':', "", 2));
+    assert_eq!(begin(&basic), date + 54_000.0);
+    let told = timed(&folder, |k| k.to_string()).unwrap_err().to_string();
+    for part in ["'Time' counts rows or milliseconds", "rate_hz = 100 instead of column"] {
+        assert!(told.contains(part), "{told}");
+    }
+    let told = timed(&folder, |k| format!("row {k}")).unwrap_err().to_string();
+    assert!(
+        told.contains("write times as numbers, 08:15:02.5") && !told.contains("unit"),
+        "{told}"
+    );
     let told = timed(&folder, |k| format!("11/21/2026 {}", clock(k, 54_000))).unwrap_err();
     let told = told.to_string();
     assert!(

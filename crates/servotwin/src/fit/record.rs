@@ -132,8 +132,8 @@ pub enum RecordError {
     Impossible(LeftOut),
     /// Samples are not evenly spaced.
     #[error(
-        "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if only \
-         their times are inexact, rate_hz = {rate_hz} instead of column below [time] of a map file counts rows"
+        "the times jitter: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if the samples \
+         themselves are even, rate_hz = {rate_hz} instead of column below [time] of a map file counts rows"
     )]
     Uneven { place: String, time_s: f64, expected_s: f64, rate_hz: f64 },
     /// One step between samples differs from the others.
@@ -416,10 +416,9 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     } else {
         period_s
     };
-    if let Some(leap) = find_leap(table, &times_s) {
-        return Err(leap);
-    }
-    if !(moment::PERIODS_S.0..=moment::PERIODS_S.1).contains(&period_s) {
+    let step_s = usual_step(&times_s);
+    if !moment::is_period(step_s) && step_s > 0.0 {
+        let period_s = step_s;
         let unit_s = table.metadata.get(TIME_UNIT).and_then(|text| text.parse::<f64>().ok());
         let likely = moment::likely_unit(
             period_s / unit_s.unwrap_or(1.0),
@@ -427,6 +426,9 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
             units::of_times(),
         );
         return Err(RecordError::Period { period_s, likely });
+    }
+    if let Some(leap) = find_leap(table, &times_s) {
+        return Err(leap);
     }
     for (row, &time_s) in times_s.iter().enumerate() {
         let expected_s = times_s[0] + row as f64 * period_s;
@@ -442,12 +444,24 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     Ok((times_s, period_s))
 }
 
-/// The first step between samples that differs from the others.
+/// The median of the steps between samples, s.
+fn usual_step(times_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps[steps.len() / 2]
+}
+
+/// The first step between samples that differs from the others, unless the times jitter.
 fn find_leap(table: &Table, times_s: &[f64]) -> Option<RecordError> {
     let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mut sorted = steps.clone();
-    sorted.sort_by(f64::total_cmp);
-    let period_s = sorted[sorted.len() / 2];
+    let period_s = usual_step(times_s);
+    // Short steps make up for the long ones where times jitter; behind missing samples there are none.
+    let count = |is_of: &dyn Fn(f64) -> bool| steps.iter().filter(|step| is_of(**step)).count();
+    let short = count(&|step| (0.0..(1.0 - LEAP) * period_s).contains(&step));
+    let long = count(&|step| step > (1.0 + LEAP) * period_s);
+    if short > 0 && 2 * short >= long && count(&|step| step < 0.0) == 0 {
+        return None;
+    }
     let row = steps.iter().position(|step| (step - period_s).abs() > LEAP * period_s)?;
     let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name))?;
     let is_dated =

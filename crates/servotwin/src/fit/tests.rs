@@ -574,6 +574,10 @@ mod records {
             of("time_s", &|row, v| if row > 900 { v + 0.002 } else { v }),
             E::Uneven { .. }
         ));
+        // Half of the steps are too long by as much as the others are too short.
+        let jitter = of("time_s", &|row, v| v + if row % 2 == 0 { 0.008 } else { 0.0 });
+        assert!(matches!(jitter, E::Uneven { .. }) && jitter.to_string().contains("rate_hz = 100"));
+        assert!(matches!(of("time_s", &|_, v| 1e3 * v), E::Period { likely: Some(("ms", _)), .. }));
         let short = Table::from_columns(
             good.columns()
                 .iter()
